@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 import lagcli
-from lagcli.errors import NumericalError
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.errors import ModelError, NumericalError
+from lagcli.simulations.start import ModelStart, degrees_of_freedom
 
 ROD = """name: a rod of length l
 coordinates: [x, y]
@@ -56,3 +58,19 @@ def test_a_zero_row_at_the_start_is_said_with_its_line() -> None:
     assert t.status == "failed"
     assert "the constraint `rod` has no gradient there" in t.message
     assert t.message.endswith("`rod` is on line 7 of the model")
+
+
+def test_a_start_is_found_once_and_has_the_rank_of_its_constraints() -> None:
+    start = ModelStart(derive(lagcli.load_text(ROD.format(l=0.5, rod=FORMS[0]))))
+    assert start.consistent is start.consistent
+    # the nearest point of the circle
+    assert start.consistent.state.q.tolist() == pytest.approx([0.3, 0.4])
+    assert (start.freedom.rank, start.freedom.degrees) == (1, 1)
+
+
+def test_without_a_start_the_rank_is_not_known() -> None:
+    text = ROD.format(l=1, rod=FORMS[0]).replace("{guess: 0.3}", "3").replace("{guess: 0.4}", "0")
+    equations = derive(lagcli.load_text(text))
+    assert degrees_of_freedom(equations).rank is None
+    with pytest.raises(ModelError):
+        _ = ModelStart(equations).consistent

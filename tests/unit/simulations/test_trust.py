@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 import lagcli
 from lagcli.cli.app import run
 from lagcli.results import read
+from lagcli.simulations.simulation import prepare
+from lagcli.simulations.trust import Trust
+from lagcli.trajectory.samples import Samples
 
 ROOT = Path(__file__).parents[3]
 MODELS = sorted((ROOT / "models").rglob("*.yaml"))
@@ -128,3 +135,35 @@ def test_a_warning_is_kept_and_strict_is_status_3(
     assert run(["info", str(target)]) == 0
     assert "warning" in capsys.readouterr().out
     assert run([*command, "--strict", "--force"]) == 3
+
+
+ROD = """
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 1, y: 0, x': 0, y': 0}
+simulation: {t_end: 1, samples: 5, rtol: 1e-9}
+"""
+
+
+def test_trust_is_in_the_samples_alone() -> None:
+    run = prepare(lagcli.load_text(ROD))
+    blocks: list[Samples] = []
+    run.run(blocks.append)
+    columns: Any = SimpleNamespace(scale_position=np.ones(1), scale_velocity=np.ones(1))
+
+    def said(**changes: np.ndarray) -> tuple[str, ...]:
+        trust = Trust(run.system, run.start.state.p)
+        for block in blocks:
+            trust.add(replace(block, **changes))
+        return trust.warnings(run.settings, 50, columns)
+
+    assert said() == ()
+    # three times the tolerance in each of 50 steps is explained: 1.5e-7 of some 10 J
+    off = np.array([0, 0, 0, 0, 1e-6])
+    assert said(energy_balance=off) == ()
+    (warning,) = said(energy_balance=10 * off)
+    assert "the energy balance is off by 1e-05 J" in warning
+    (warning,) = said(residual_position=np.full((5, 1), 2e-9))
+    assert warning == "the constraint `rod` is violated by 2e-09 of its terms"

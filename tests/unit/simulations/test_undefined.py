@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lagcli
+from lagcli.engine.state import State
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import NumericalError
 from lagcli.model.loader import load_text
+from lagcli.simulations.undefined import undefined_expression
 
 HEAD = "coordinates: [x, y]\nparameters: {m: 1, k: 2, l: 1, z: 0}\n"
 TAIL = "initial: {x: 0, x': 0, y: 0, y': 0}\n"
@@ -136,3 +140,19 @@ def test_json_has_the_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert found["status"] == "failed"
     (entry,) = found["diagnostics"]
     assert (entry["file"], entry["line"], entry["column"]) == (str(model), 4, 6)
+
+
+@pytest.mark.parametrize(
+    ("x", "clause"),
+    [
+        (-1.0, "`log(x)` in `V` has no finite value at x = -1"),
+        (0.5, "`sqrt(x - 1)` in the force on `y` has no"),
+        (1.0, "the derivative of `sqrt(x - 1)`"),
+    ],
+)
+def test_any_state_may_be_asked_about(x: float, clause: str) -> None:
+    equations = derive(load_text(HEAD + "T: x'^2 + y'^2\nV: log(x)\nQ: {y: sqrt(x - 1)}\n" + TAIL))
+    state = State(0.0, np.array([x, 0.0]), np.zeros(2), (1.0, 2.0, 1.0, 0.0))
+    found = undefined_expression(equations, state)
+    assert clause in found.clause
+    assert found.with_line.endswith("of the model)")

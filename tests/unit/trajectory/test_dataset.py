@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.trajectory.dataset import to_dataset
 
 xarray = pytest.importorskip("xarray")
 
@@ -21,7 +22,7 @@ initial: {x: 0, phi: 0, x': 1, phi': 2}
 
 def test_arrays_are_named_along_their_axes_with_units() -> None:
     run = lagcli.simulate(lagcli.load_text(MODEL), t_end=1, samples=5)
-    found = run.to_xarray()
+    found = to_dataset(run)
     np.testing.assert_array_equal(found["q"].sel(coordinate="phi"), run.q[:, 1])
     np.testing.assert_array_equal(
         found["multipliers"].sel(constraint="roll"), run.multipliers[:, 0]

@@ -10,7 +10,10 @@ import pytest
 
 import lagcli
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.trajectory.event_log import EventLog
+from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.simulation import prepare
+from lagcli.simulations.switching.event_records import event_records
+from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog
 from lagcli.trajectory.trajectory import Trajectory
 
 BALL = """
@@ -166,3 +169,9 @@ def test_records_go_round_in_every_format(tmp_path: Path) -> None:
         assert read is not None
         for column in log.records.columns:
             np.testing.assert_array_equal(read.recorded(column), log.recorded(column))
+
+
+def test_without_instants_nothing_is_recorded() -> None:
+    run = prepare(lagcli.load_text(BALL))
+    derived = DerivedColumns(run.system, run.start.state.p, run.monitor)
+    assert event_records(run.system, derived, [], []) is NOTHING_RECORDED
