@@ -233,7 +233,9 @@ class Outcome:
     and ``modes`` the modes of the switched rows at the start:
     those at a sample are those after the last entry up to its time. ``limits`` are those of the
     events of the model that record something. ``kinks`` counts how often branches of the
-    equations changed: `lagcli.engine.switching.kinks`.
+    equations changed: `lagcli.engine.switching.kinks`. ``event_changes`` are derivatives of the
+    times of ``events`` with respect to n directions, (ne, n), where the run carries them, and
+    ``notes`` say where derivatives of the motion end.
     """
 
     status: Status
@@ -249,6 +251,8 @@ class Outcome:
     modes: tuple[int, ...] = ()
     limits: list[OneSidedLimits] = field(default_factory=list)
     kinks: int = 0
+    event_changes: Array | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:

@@ -67,8 +67,8 @@ class Entries(NamedTuple):
     velocity_scale: Array
 
 
-class _Matrices:
-    """Makes matrices of the outputs of a System's tapes."""
+class Matrices:
+    """Makes matrices of the outputs of a System's tapes, at one state or at many."""
 
     def __init__(self, system: System):
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
@@ -87,6 +87,7 @@ class _Matrices:
         return flat.reshape(rows, self.nq, *values.shape[1:])
 
     def dynamics(self, out: Array, finite: bool) -> Dynamics:
+        """Return the matrices of the dynamics tape."""
         parts = self.of_dynamics.split(out)
         parts["mass_matrix"] = self.matrix(self.nq, self.mass, parts["mass_matrix"])
         parts["jacobian"] = self.matrix(self.nc, self.jacobian, parts["jacobian"])
@@ -94,6 +95,7 @@ class _Matrices:
         return Dynamics(**parts, finite=finite)
 
     def constraints(self, out: Array) -> Constraints:
+        """Return the matrices of the constraint tape."""
         parts = self.of_constraint.split(out)
         parts["jacobian"] = self.matrix(self.nc, self.jacobian, parts["jacobian"])
         return Constraints(**parts)
@@ -113,7 +115,7 @@ class Evaluator:
         self.system, self.p = system, p
         self._dynamics = ScalarTape(system.dynamics)
         self._constraint = ScalarTape(system.constraint)
-        self._matrices = _Matrices(system)
+        self._matrices = Matrices(system)
         self._holonomic = list(system.holonomic)
         self._tangent = None if system.tangent is None else ScalarTape(system.tangent.tape)
 
@@ -222,7 +224,7 @@ class Batch:
     def __init__(self, system: System, p: tuple[float, ...], t: Array, q: Array, v: Array):
         self.system, self.p, self.count = system, p, len(t)
         self._state = [t, *q.T, *v.T]
-        self._matrices = _Matrices(system)
+        self._matrices = Matrices(system)
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""

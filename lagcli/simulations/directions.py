@@ -135,6 +135,18 @@ class Directions:
         found = flat.reshape(n, 2 * nq) * self.scales[:, None]
         return StartDerivatives(found[:, :nq], found[:, nq:])
 
+    def parameters(self, values: Sequence[float]) -> Array:
+        """Return the derivatives of the parameters with respect to θ / scale, (n, np).
+
+        Parameters
+        ----------
+        values : sequence of n float
+            Of θ.
+        """
+        n = len(self.names)
+        flat = np.array(self._parameters(tuple(map(float, values))), dtype=float)
+        return flat.reshape(n, len(self.model.parameters)) * self.scales[:, None]
+
     def state(self, t: float, values: Sequence[float]) -> State:
         """Return the given initial values, fixed ones and guesses, and parameters for values of θ.
 
@@ -169,7 +181,14 @@ class Directions:
     @cached_property
     def _initial(self) -> ScalarTape:
         names = list(self.model.coordinate_names)
-        entries = [*names, *(f"{q}'" for q in names)]
+        return self._tape([*names, *(f"{q}'" for q in names)])
+
+    @cached_property
+    def _parameters(self) -> ScalarTape:
+        return self._tape(list(self.model.parameters))
+
+    def _tape(self, entries: Sequence[str]) -> ScalarTape:
+        """Return the tape of the derivatives of parameters or initial values, by direction."""
         slopes = [self._slopes(direction) for direction in self.names]
         values = [found.get(entry, se.Integer(0)) for found in slopes for entry in entries]
         return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))

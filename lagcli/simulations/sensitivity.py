@@ -26,10 +26,10 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
-from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.directions import Directions
 
 if TYPE_CHECKING:
+    from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
     from lagcli.simulations.simulation import Simulation
 
 
@@ -57,6 +57,11 @@ class SensitivityRun:
         return self.sensitivity.directions.names
 
     @property
+    def engine(self) -> str:
+        """The engine that takes the steps."""
+        return self.sensitivity.problem.engine(self.sensitivity.settings)
+
+    @property
     def no_derivatives(self) -> Derivatives:
         """Derivatives of no samples."""
         nq, nc, n = *self.sensitivity.system.counts[:2], len(self.names)
@@ -70,7 +75,8 @@ class SensitivityRun:
         progress: Callable[[float], None] | None = None,
     ) -> Outcome:
         """Integrate; see `Sensitivity.integrate`."""
-        return self.sensitivity.integrate(request, self.start, sink, progress)
+        values = self.sensitivity.directions.values.tolist()
+        return self.sensitivity.integrate(request, self.start, values, sink, progress)
 
 
 def sensitivity_run(simulation: Simulation, names: tuple[str, ...]) -> SensitivityRun:
@@ -126,30 +132,35 @@ class Sensitivity:
                 f"{settings.method} needs second derivatives for sensitivities, which are not"
                 " formed; give --method Radau for stiff motion, or auto"
             )
-        refuse_switching(equations, "sensitivities and fits")
-        self.equations, self.system = equations, system
-        if system.has_kinks:
-            self._refuse_jumps(system, settings)
+        self.equations, self.system, self.settings = equations, system, settings
         self.directions = Directions(equations.model, tuple(names))
         self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))
         self._determines: bool | None = None
         self.tangent = lower_tangent(equations, self.directions.rates)
-        self.problem = TangentProblem(
-            system, self.tangent, names, self.directions.scales, many_runs=many_runs
-        )
+        self.problem: TangentProblem | SwitchedProblem
+        if self._switches(settings):
+            from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
 
-    def _refuse_jumps(self, system: System, settings: Settings) -> None:
+            self.problem = SwitchedProblem(system, names, self.directions.scales)
+        else:
+            self.problem = TangentProblem(
+                system, self.tangent, names, self.directions.scales, many_runs=many_runs
+            )
+
+    def _switches(self, settings: Settings) -> bool:
+        """Return whether derivatives may jump: at contacts and events, and where forces jump."""
+        system = self.system
+        if system.switching is not None or not system.has_kinks:
+            return system.switching is not None
+        from lagcli.engine.switching.kinks import frozen_of
         from lagcli.simulations.switching.surfaces import jumping_names
 
-        model = self.equations.model
-        nothing, p = np.zeros(len(system.coordinates)), tuple(model.parameter_values.values())
-        names = jumping_names(system, State(settings.t_start, nothing, nothing, p))
-        if names:
-            listed = ", ".join(f"`{name}`" for name in names)
-            raise UsageError(
-                f"sensitivities and fits need forces without jumps, but one depends on the sign or"
-                f" the whole part of a function of {listed}; smooth it, as with `tanh`"
-            )
+        frozen = frozen_of(system)
+        if frozen is None:
+            return False
+        nothing, p = np.zeros(len(system.coordinates)), self.equations.model.parameter_values
+        start = State(settings.t_start, nothing, nothing, tuple(p.values()))
+        return any(kink.timed for kink in frozen.kinks) or bool(jumping_names(system, start))
 
     def start(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
         """Return the derivatives of a consistent start with respect to θ / scale.
@@ -186,11 +197,15 @@ class Sensitivity:
         self,
         request: IntegrationRequest,
         start: StartDerivatives,
+        values: Sequence[float],
         sink: Sink,
         progress: Callable[[float], None] | None = None,
     ) -> Outcome:
-        """Integrate; see `TangentProblem.integrate`."""
-        return self.problem.integrate(request, start, sink, progress)
+        """Integrate for values of θ; see `TangentProblem.integrate`."""
+        if isinstance(self.problem, TangentProblem):
+            return self.problem.integrate(request, start, sink, progress)
+        parameters = self.directions.parameters(values)
+        return self.problem.integrate(request, start, parameters, sink, progress)
 
     def consistent(self, given: State, near: ConsistentState | None = None) -> ConsistentState:
         """Return the consistent start for given values.
@@ -228,7 +243,8 @@ class Sensitivity:
         evaluator = self._evaluator.with_parameters(state.p)
         jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
         sizes = evaluator.sizes(state.t, state.q, state.v)
-        rows = (jacobian[list(system.holonomic)], jacobian)
+        held = list(system.held_at_start)
+        rows = (jacobian[[i for i in system.holonomic if i in set(held)]], jacobian[held])
         for part, fixed in zip(rows, self.directions.fixed, strict=True):
             free = ~fixed
             count = int(free.sum())

@@ -344,6 +344,8 @@ class Simulation:
         options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
         if run.methods:
             options["method"] = ", ".join(run.methods)  # what `auto` was
+        if self.sensitivity is not None:
+            options["engine"] = self.sensitivity.engine
         reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()
         tolerances = dict(zip(self.initial, reached, strict=bool(reached)))
         log: EventLog | None = None
@@ -353,7 +355,8 @@ class Simulation:
             from lagcli.simulations.contacts import true_at_start
             from lagcli.simulations.switching.event_logs import event_log
 
-            log = event_log(self.system, run, columns)
+            names = () if self.sensitivity is None else self.sensitivity.names
+            log = event_log(self.system, run, columns, names)
             warnings = true_at_start(self.system, self.start.state)
         if self.model.inputs:
             from lagcli.simulations.inputs.input_tables import input_tables
@@ -366,6 +369,7 @@ class Simulation:
                 *warnings,
                 *negative_inertia(self.system, self.start.state, self.start.rank),
                 *trust.warnings(self.settings, run.steps, columns),
+                *run.notes,
             ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,

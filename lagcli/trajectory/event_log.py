@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,6 +128,10 @@ class EventLog:
         Modes of the switched rows after the entry.
     records : EventRecords
         What the events record.
+    parameters : tuple of n str
+        Parameters and initial values with respect to which the run has derivatives.
+    dtime : (ne, n) array
+        Derivatives of the times with respect to these; NaN where there is none.
     """
 
     rows: tuple[str, ...]
@@ -144,6 +148,8 @@ class EventLog:
     work: Array
     modes: Indices
     records: EventRecords = NOTHING_RECORDED
+    parameters: tuple[str, ...] = ()
+    dtime: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -161,6 +167,8 @@ class EventLog:
         if len(set(self.rows)) < len(self.rows):
             raise ValueError("a row switches twice")
         self.records.check(len(self))
+        if self.parameters and self.dtime.shape != (len(self), len(self.parameters)):
+            raise ValueError("there is not one derivative of each time by each parameter")
 
     def recorded(self, column: str) -> tuple[Array, Array]:
         """Return a column that events record, right before and right after each entry.

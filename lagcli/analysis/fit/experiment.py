@@ -163,7 +163,7 @@ class Experiment:
         )
         blocks: list[tuple[Block, Derivatives]] = []
         try:
-            run = self.sensitivity.integrate(request, slopes, lambda *x: blocks.append(x))
+            run = self.sensitivity.integrate(request, slopes, values, lambda *x: blocks.append(x))
         except LagcliError as error:
             raise FailedRun(str(error)) from None
         if run.status != "completed":

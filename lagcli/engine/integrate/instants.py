@@ -54,6 +54,7 @@ class InstantResolution:
         self.names = run.system.constraints
         self.stop: str | None = None
         self.entries: list[EventEntry] = []
+        self.struck: ImpactOutcome | None = None  # of the last impact
 
     def resolve(self, numbers: Sequence[int], started: bool) -> Resolved:
         """Do what the functions that fell through zero ask for."""
@@ -248,12 +249,11 @@ class InstantResolution:
     def _impact(self, contacts: list[int]) -> set[int]:
         """Do the impact of contacts; return them."""
         before = self.v
-        found = self.problems.impact(self.t, self.q, before, contacts)
+        self.struck = found = self.problems.impact(self.t, self.q, before, contacts)
         drift = self.run.full.constraints(self.t, self.q, before).drift
         supplied = -float(found.impulse @ drift)
         losses = self._losses(found, contacts)
-        struck = [k for k in contacts if found.impulse[self.rows[k].row]]
-        for k in struck:
+        for k in (k for k in contacts if found.impulse[self.rows[k].row]):
             self.run.impact_times.setdefault(k, []).append(self.t)
             row = self.rows[k].row
             self._log("impact", row, before, found, loss=losses[k], supplied=supplied)

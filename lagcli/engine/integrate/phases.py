@@ -218,6 +218,22 @@ class Phases:
                 found.append(0.0 if kind == "jam" else _FORCE_NOISE * self._forces[row])
         return np.concatenate([found, np.zeros(len(self.conditions.numbers))])
 
+    def size_of(self, number: int) -> float:
+        """Return the largest size of a function of `values` so far.
+
+        Of a gap, it is what the row's largest rate would make of it during the run.
+        """
+        if number >= len(self.watched):
+            return float(self.conditions.largest[number - len(self.watched)])
+        kind, k = self.watched[number]
+        if kind in ("above", "below"):
+            assert self.branches is not None
+            return self.branches.noise(k)
+        row = self.rows[k].row
+        if kind == "gap":
+            return float(self.problems.velocity_scale[row]) * self.problems.duration
+        return float(self.problems.velocity_scale[row] if kind == "slip" else self._forces[row])
+
     def _common_slack(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array
     ) -> dict[int, float]:

@@ -28,7 +28,11 @@ def run(
         from lagcli.engine.integrate.switched_integration import SwitchedIntegration
 
         kind = SwitchedIntegration
-    integration = kind(system, request, sink, progress)
+    return run_integration(kind(system, request, sink, progress))
+
+
+def run_integration(integration: ScipyIntegration) -> Outcome:
+    """Integrate, and return how the run ended and what it took."""
     # numbers that overflow are seen by what becomes of them
     with np.errstate(all="ignore"):
         found = outcome(integration.integrate)

@@ -176,14 +176,29 @@ class SwitchedIntegration(ScipyIntegration):
             self.sample(at, y)
         return t, y
 
+    def resolution(self, t: float, y: Array) -> InstantResolution:
+        """Return what resolves an instant."""
+        return InstantResolution(self.phases, t, y)
+
     def resolve(self, t: float, y: Array, numbers: Sequence[int], started: bool) -> Array:
         """Do what happens at an instant; return the state afterwards, in its new modes."""
+        y, stop = self.pass_instant(t, y, numbers, started)
+        if stop is not None:
+            for at in self.due(t):
+                self.sample(at, y)
+            raise Stopped(stop, t)
+        return y
+
+    def pass_instant(
+        self, t: float, y: Array, numbers: Sequence[int], started: bool
+    ) -> tuple[Array, str | None]:
+        """Do what happens at an instant; return the state afterwards, and what stops the run."""
         logged, records = len(self.phases.entries), self.instants.records
         if records:
             self.instants.begin(self.row(t, y, moving=started), self.phases.parameters)
         if self.phases.branches is not None and self.sizes is not None:
             self.phases.branches.acceleration_terms = self.sizes.acceleration_terms
-        found = InstantResolution(self.phases, t, y).resolve(numbers, started)
+        found = self.resolution(t, y).resolve(numbers, started)
         if self.phases.branches is not None:
             self.kinks = self.phases.branches.crossed
         self.phases.enter(found.modes, t, *self.motion.split(found.y))
@@ -193,8 +208,4 @@ class SwitchedIntegration(ScipyIntegration):
             self.instants.end(self.row(t, found.y), self.phases.parameters)
         if self.sizes is not None:
             self.sizes.restart(t, found.y)
-        if found.stop is not None:
-            for at in self.due(t):
-                self.sample(at, found.y)
-            raise Stopped(found.stop, t)
-        return found.y
+        return found.y, found.stop

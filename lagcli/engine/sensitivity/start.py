@@ -82,10 +82,12 @@ def start_derivatives(
     system, t, q, v = evaluator.system, state.t, state.q, state.v
     s, u = given.q.copy(), given.v.copy()
     nh, nc, n = len(system.holonomic), len(system.constraints), len(s)
-    if not nc or not n:
+    held = list(system.held_at_start)
+    if not held or not n:
         return StartDerivatives(s, u)
     tape = tangent.constraint_at
-    holonomic = list(system.holonomic)
+    places = [k for k, row in enumerate(system.holonomic) if row in set(held)]
+    holonomic = [system.holonomic[k] for k in places]
     jacobian = evaluator.constraints(t, q, v).jacobian
     mass = evaluator.dynamics(t, q, v).mass_matrix
     sizes = evaluator.sizes(t, q, v)
@@ -96,10 +98,10 @@ def start_derivatives(
         first, second, third = n * nh, n * (nh + nc), n * (2 * nh + nc)
         velocity = out[first:second].reshape(n, nc) + u @ jacobian.T
         return (
-            out[:first].reshape(n, nh),
-            velocity,
-            out[second:third].reshape(n, nh),
-            out[third:].reshape(n, nc),
+            out[:first].reshape(n, nh)[:, places],
+            velocity[:, held],
+            out[second:third].reshape(n, nh)[:, places],
+            out[third:].reshape(n, nc)[:, held],
         )
 
     def correct(rows: list[int], values: Array, residual: Array, fixed: Flags) -> None:
@@ -112,13 +114,13 @@ def start_derivatives(
                     part, residual[k], mass[np.ix_(free, free)], rank, sizes=sizes[free]
                 )
 
-    if nh:
+    if holonomic:
         correct(holonomic, s, residuals()[0], fixed_q)
         position, _, scale, _ = residuals()
         _check(position, scale, holonomic, "position")
-    correct([*range(nc)], u, residuals()[1], fixed_v)
+    correct(held, u, residuals()[1], fixed_v)
     _, velocity, _, scale = residuals()
-    _check(velocity, scale, [*range(nc)], "velocity")
+    _check(velocity, scale, held, "velocity")
     return StartDerivatives(s, u)
 
 

@@ -62,6 +62,27 @@ class ImpactProblem(NamedTuple):
         )
 
 
+class ImpactStage(NamedTuple):
+    """One linear part of an impact: what its rows do while their modes stay the same.
+
+    Parameters
+    ----------
+    rows : (m,) array of int
+        The rows that take part; the others have no impulse.
+    modes : (m,) array of int
+        `RowMode` of each. Rows that hold have the velocity 0, or −e times the one before in
+        Newton's law; those that slip, the limit as their impulse; open ones none, or e times that
+        of the compression in an expansion.
+    impulse : (m,) array
+    part : "compression", "expansion" or "newton"
+    """
+
+    rows: Indices
+    modes: Indices
+    impulse: Array
+    part: Literal["compression", "expansion", "newton"]
+
+
 class ImpactResult(NamedTuple):
     """What an impact does, in each row.
 
@@ -70,11 +91,14 @@ class ImpactResult(NamedTuple):
     impulse, after : (n,) arrays
     loss : (n,) array
         Energy that the row takes, −Λ (before + after)/2, or its sum over a sequence.
+    stages : tuple of ImpactStage
+        In their order; an expansion follows its compression.
     """
 
     impulse: Array
     after: Array
     loss: Array
+    stages: tuple[ImpactStage, ...] = ()
 
 
 def resolve_impact(impact: ImpactProblem, law: ImpactLaw) -> ImpactResult | None:
@@ -91,9 +115,9 @@ def resolve_impact(impact: ImpactProblem, law: ImpactLaw) -> ImpactResult | None
     return step(impact)
 
 
-def _result(impact: ImpactProblem, impulse: Array) -> ImpactResult:
+def _result(impact: ImpactProblem, impulse: Array, stages: tuple[ImpactStage, ...]) -> ImpactResult:
     after = impact.before + impact.matrix @ impulse
-    return ImpactResult(impulse, after, -impulse * (impact.before + after) / 2)
+    return ImpactResult(impulse, after, -impulse * (impact.before + after) / 2, stages)
 
 
 def _solve(impact: ImpactProblem, offset: Array, limits: Array) -> ContactSolution | None:
@@ -108,9 +132,11 @@ def _poisson(impact: ImpactProblem) -> ImpactResult | None:
     compression = _solve(impact, impact.before, nothing)
     if compression is None:
         return None
+    every = np.arange(len(impact.before))
+    first = ImpactStage(every, compression.modes, compression.force, "compression")
     returned = np.where(_unilateral(impact), impact.restitution * compression.force, 0.0).clip(0)
     if not returned.any():
-        return _result(impact, compression.force)
+        return _result(impact, compression.force, (first,))
     # rows that hold have exactly y = 0: what follows is then larger than rounding, or zero
     offset = compression.motion + impact.matrix @ returned
     size = np.abs(impact.matrix) @ (np.abs(compression.force) + returned) + np.abs(impact.before)
@@ -118,13 +144,17 @@ def _poisson(impact: ImpactProblem) -> ImpactResult | None:
     expansion = _solve(impact, offset, impact.friction @ returned)
     if expansion is None:
         return None
-    return _result(impact, compression.force + returned + expansion.force)
+    second = ImpactStage(every, expansion.modes, returned + expansion.force, "expansion")
+    return _result(impact, first.impulse + second.impulse, (first, second))
 
 
 def _newton(impact: ImpactProblem) -> ImpactResult | None:
     shift = np.where(_unilateral(impact), impact.restitution * impact.before, 0.0)
     found = _solve(impact, impact.before + shift, np.zeros(len(shift)))
-    return None if found is None else _result(impact, found.force)
+    if found is None:
+        return None
+    stage = ImpactStage(np.arange(len(shift)), found.modes, found.force, "newton")
+    return _result(impact, found.force, (stage,))
 
 
 def _sequence(impact: ImpactProblem) -> ImpactResult | None:
@@ -163,7 +193,9 @@ def _add(
     impulse, loss = total.impulse.copy(), total.loss.copy()
     impulse[rows] += found.impulse
     loss[rows] += found.loss
-    return ImpactResult(impulse, impact.before + impact.matrix @ impulse, loss)
+    stages = tuple(stage._replace(rows=rows[stage.rows]) for stage in found.stages)
+    after = impact.before + impact.matrix @ impulse
+    return ImpactResult(impulse, after, loss, total.stages + stages)
 
 
 def _unilateral(impact: ImpactProblem) -> Flags:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 
 
 class ContactLaw(IntEnum):
@@ -84,4 +84,4 @@ class ContactSolution(NamedTuple):
 
     force: Array
     motion: Array
-    modes: Array
+    modes: Indices

@@ -22,7 +22,7 @@ from lagcli.results.reasons import check_readable
 from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 _FIXED = ("t", "name", "kind", "loss", "supplied", "work")
-_START, _MODE, _RECORDED = "start", "mode.", "recorded."
+_START, _MODE, _DTIME, _RECORDED = "start", "mode.", "dt/d", "recorded."
 _SIDES = (".before", ".after")
 
 
@@ -49,10 +49,12 @@ def events_text(
     records = log.records
     modes = (_MODE + row for row in log.rows)
     recorded = (_RECORDED + name + side for name in records.columns for side in _SIDES)
-    table.writerow([*_header(coordinates, constraints), *modes, *recorded])
+    named = (_DTIME + name for name in log.parameters)
+    table.writerow([*_header(coordinates, constraints), *modes, *named, *recorded])
     blank = ["nan"] * (3 + 3 * len(coordinates) + len(constraints))
     nothing = [""] * (2 * len(records.columns))
-    table.writerow([_number(t_start), "", _START, *blank, *_words(log.start), *nothing])
+    none = ["nan"] * len(log.parameters)
+    table.writerow([_number(t_start), "", _START, *blank, *_words(log.start), *none, *nothing])
     both = np.stack([records.before, records.after], axis=2)
     both = both.reshape(len(records.entry), 2 * len(records.columns))
     written = dict(zip(records.entry.tolist(), both.tolist(), strict=True))
@@ -62,7 +64,9 @@ def events_text(
         zip(log.time.tolist(), log.names, log.kinds, numbers.tolist(), log.modes, strict=True)
     ):
         limits = map(_number, written[i]) if i in written else nothing
-        table.writerow([_number(time), name, kind, *map(_number, values), *_words(after), *limits])
+        start = [_number(time), name, kind, *map(_number, values), *_words(after)]
+        slopes = map(_number, log.dtime[i].tolist() if log.parameters else ())
+        table.writerow([*start, *slopes, *limits])
     return text.getvalue().encode()
 
 
@@ -131,10 +135,11 @@ def _log(
 ) -> EventLog:
     known = _header(coordinates, constraints)
     rest = [x for x in header[len(known) :] if x.startswith(_MODE)]
-    recorded = header[len(known) + len(rest) :]
+    named = [x for x in header[len(known) + len(rest) :] if x.startswith(_DTIME)]
+    recorded = header[len(known) + len(rest) + len(named) :]
     columns = [x.removeprefix(_RECORDED).removesuffix(_SIDES[0]) for x in recorded[::2]]
     sides = [_RECORDED + name + side for name in columns for side in _SIDES]
-    if header != [*known, *rest, *sides]:
+    if header != [*known, *rest, *named, *sides]:
         raise ValueError("its columns are not those of this model")
     for number, line in enumerate(lines, 2):
         if len(line) != len(header):
@@ -148,6 +153,8 @@ def _log(
     first = len(known) + len(rest)
     modes = np.array([_places(x[len(known) : first]) for x in lines], dtype=np.intp)
     modes = modes.reshape(len(lines), len(rest))
+    last = first + len(named)
+    dtime = _numbers(chain.from_iterable(x[first:last] for x in entries))
     time, loss, supplied, work = values[:, :4].T.copy()
     q, before, after, impulse = np.split(values[:, 4:], [nq, 2 * nq, 3 * nq], axis=1)
     log = EventLog(
@@ -164,7 +171,9 @@ def _log(
         supplied=supplied,
         work=work,
         modes=modes[1:],
-        records=_records(columns, [x[first:] for x in entries]),
+        records=_records(columns, [x[last:] for x in entries]),
+        parameters=tuple(x.removeprefix(_DTIME) for x in named),
+        dtime=dtime.reshape(len(entries), len(named)) if named else np.empty((0, 0)),
     )
     log.check()
     return log

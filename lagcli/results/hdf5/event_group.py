@@ -21,7 +21,7 @@ from lagcli.results.hdf5.container import (
 from lagcli.results.hdf5.structure import group, numbers, read_texts
 from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
-GROUP = "events"
+GROUP, _DTIME = "events", "dtime"
 _MODES = ", ".join(f"{number} {name}" for number, name in enumerate(MODES))
 
 #: Arrays of numbers: dataset, field of `EventLog`, axis after the event's, description, unit.
@@ -50,7 +50,7 @@ def write_events(
     time : (nt,) array
         Of the samples.
     axes : mapping of str to dataset
-        ``time``, ``coordinate`` and ``constraint`` of the file.
+        ``time``, ``coordinate`` and ``constraint`` of the file, and ``parameter`` if it has that.
     """
     place = root.create_group(GROUP)
 
@@ -79,6 +79,11 @@ def write_events(
     ):
         described(name, add_indices(place, name, modes), along, f"modes of the rows: {_MODES}", "1")
 
+    if log.parameters:
+        slopes = add_array(place, _DTIME, log.dtime)
+        described(
+            _DTIME, slopes, [event, axes["parameter"]], "derivatives of the times", "s per unit"
+        )
     if log.records.columns:
         _write_records(place, log, event)
 
@@ -107,8 +112,12 @@ def _write_records(place: h5py.Group, log: EventLog, event: Any) -> None:
             attach_axes(dataset, [entry, column])
 
 
-def read_events(root: h5py.Group, coordinates: int, constraints: int) -> EventLog:
+def read_events(
+    root: h5py.Group, coordinates: int, constraints: int, parameters: tuple[str, ...] = ()
+) -> EventLog:
     """Return the log of a file with so many coordinates and constraints.
+
+    ``parameters`` are those of the derivatives.
 
     Raises
     ------
@@ -134,6 +143,8 @@ def read_events(root: h5py.Group, coordinates: int, constraints: int) -> EventLo
         kinds=kinds,
         modes=_modes(place, "mode_after", (count, len(rows))),
         records=_records(place) if "column" in place else NOTHING_RECORDED,
+        parameters=parameters if _DTIME in place else (),
+        dtime=numbers(place, _DTIME)[()] if _DTIME in place else np.empty((0, 0)),
         **arrays,
     )
     log.check()

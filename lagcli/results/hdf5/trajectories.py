@@ -311,7 +311,8 @@ class Hdf5Reader:
             return None
         from lagcli.results.hdf5.event_group import read_events
 
-        return read_events(self._root, len(self.coordinates), len(self.constraints))
+        counts = len(self.coordinates), len(self.constraints)
+        return read_events(self._root, *counts, self.sensitivity)
 
     def _read_terms(self) -> Terms:
         constraint, coordinate = (

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.engine.contract import Outcome
 from lagcli.engine.system import System
 from lagcli.simulations.derived import DerivedColumns
@@ -11,7 +14,10 @@ from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog
 
 
 def event_log(
-    system: System, outcome: Outcome, derived: DerivedColumns | None = None
+    system: System,
+    outcome: Outcome,
+    derived: DerivedColumns | None = None,
+    names: tuple[str, ...] = (),
 ) -> EventLog | None:
     """Return the log of a run; None of a System in which nothing switches.
 
@@ -21,6 +27,8 @@ def event_log(
     outcome : Outcome
     derived : DerivedColumns, optional
         That has completed the samples; without it, the log lacks what events record.
+    names : tuple of n str, optional
+        Parameters and initial values with respect to which the run has derivatives.
     """
     switching = system.switching
     if switching is None:
@@ -57,4 +65,12 @@ def event_log(
         work=np.array([e.work for e in entries], dtype=float),
         modes=np.array([e.modes for e in entries], dtype=np.intp).reshape(count, ns),
         records=records,
+        parameters=names,
+        dtime=_dtime(outcome, order) if names else np.empty((0, 0)),
     )
+
+
+def _dtime(outcome: Outcome, order: Sequence[int]) -> Array:
+    """Return derivatives of the times of entries in an order."""
+    assert outcome.event_changes is not None
+    return outcome.event_changes[np.array(order, dtype=np.intp)]

@@ -28,6 +28,8 @@ class Conditions:
         Of each condition: −1 not true, 1 true, 0 neither certainly.
     counts : list of int
         How often each rule has fired.
+    largest : (n,) array
+        The largest magnitude of each condition so far.
     """
 
     def __init__(self, rules: Sequence[EventRule]):
@@ -36,7 +38,7 @@ class Conditions:
         self._of = [rules[k].condition or 0 for k in self.numbers]
         self.side: Numbers = np.zeros(len(self.numbers), dtype=int)
         self.counts = [0] * len(rules)
-        self._largest = np.zeros(len(self.numbers))
+        self.largest = np.zeros(len(self.numbers))
 
     def values(self, conditions: Array) -> Array:
         """Return the functions of the rules that have conditions, from those of all conditions."""
@@ -50,8 +52,8 @@ class Conditions:
     def follow(self, values: Array) -> bool:
         """Take values where nothing fires into account; return whether a side changes."""
         before = self.side
-        self._largest = np.fmax(self._largest, np.abs(values))
-        clear = np.abs(values) > _REARMED * self._largest
+        self.largest = np.fmax(self.largest, np.abs(values))
+        clear = np.abs(values) > _REARMED * self.largest
         self.side = np.where(clear & ((self.side != -1) | self._either), np.sign(values), self.side)
         return bool((self.side != before).any())
 

@@ -15,7 +15,12 @@ from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import least_scales
 from lagcli.engine.switching.contacts import contact_motions
-from lagcli.engine.switching.impacts import ImpactLaw, ImpactProblem, resolve_impact
+from lagcli.engine.switching.impacts import (
+    ImpactLaw,
+    ImpactProblem,
+    ImpactStage,
+    resolve_impact,
+)
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.reference.coupling import Coupling
 from lagcli.engine.switching.reference.held import HeldEvaluator
@@ -38,11 +43,23 @@ _GAIN = 1e-9
 
 
 class ImpactOutcome(NamedTuple):
-    """What an impact does: v afterwards, impulses and losses of all constraints."""
+    """What an impact does: v afterwards, impulses and losses of all constraints.
+
+    Parameters
+    ----------
+    v : (nq,) array
+    impulse, loss : (nc,) arrays
+    bilateral : list of int
+        Constraints that take part and hold whatever happens, but for those that limit friction.
+    stages : tuple of ImpactStage
+        Its linear parts; their rows are constraints here.
+    """
 
     v: Array
     impulse: Array
     loss: Array
+    bilateral: list[int]
+    stages: tuple[ImpactStage, ...]
 
 
 class NextModes(NamedTuple):
@@ -225,7 +242,10 @@ class InstantProblems:
         forces = signs * found.impulse
         impulse[rows], loss[rows] = forces, found.loss
         impulse[coupling.bilateral] += coupling.along_bilateral @ forces
-        return ImpactOutcome(v + coupling.along_q @ forces, impulse, loss)
+        numbers = np.array(rows, dtype=np.intp)
+        stages = tuple(stage._replace(rows=numbers[stage.rows]) for stage in found.stages)
+        after = v + coupling.along_q @ forces
+        return ImpactOutcome(after, impulse, loss, coupling.bilateral, stages)
 
     # accelerations
 

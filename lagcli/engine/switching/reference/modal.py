@@ -47,6 +47,10 @@ class ModalMotion(Index1):
     margin : float
         Determinant of Newton's iteration at the last state: 1 without friction; the motion is
         determined as long as it does not vanish.
+    slipping, limit_of : (n,) arrays of int
+        Constraints that slip, and the numbers of their limits.
+    against : (n,) array
+        1 or −1: λ of each of them over its limit.
     """
 
     def __init__(
@@ -59,8 +63,8 @@ class ModalMotion(Index1):
         switched = tapes.switching.rows
         slipping = [r for r, mode in zip(switched, modes, strict=True) if RowMode(mode).slips]
         self.slipping = np.array([r.row for r in slipping], dtype=np.intp)
-        self._limit_of = np.array([r.limit for r in slipping], dtype=np.intp)
-        self._against = np.array(
+        self.limit_of = np.array([r.limit for r in slipping], dtype=np.intp)
+        self.against = np.array(
             [-1.0 if mode == RowMode.FORWARD else 1.0 for mode in modes if RowMode(mode).slips]
         )
         self.cones = [r for r, mode in zip(switched, modes, strict=True) if mode == RowMode.HOLDS]
@@ -124,10 +128,8 @@ class ModalMotion(Index1):
             for _ in range(_ITERATIONS):
                 inputs = self.inputs(t, q, v, a, multipliers)
                 limits, reactive = self.tapes.limits(inputs), self.tapes.forces(inputs)
-                found = np.concatenate(
-                    [self._against * limits.kinetic[self._limit_of], reactive[0]]
-                )
-                slopes[:ns] = self._against[:, None] * limits.kinetic_slopes[self._limit_of]
+                found = np.concatenate([self.against * limits.kinetic[self.limit_of], reactive[0]])
+                slopes[:ns] = self.against[:, None] * limits.kinetic_slopes[self.limit_of]
                 slopes[ns:] = reactive.slopes
                 newton = np.eye(ns + nf) - slopes @ along
                 try:
@@ -170,8 +172,8 @@ class ModalMotion(Index1):
         free[self.rows] = parts.dependent / parts.scale[:, None]
         if not len(self.slipping):
             return free
-        slopes = self.tapes.limits(inputs).kinetic_slopes[self._limit_of]
-        free[self.slipping] = self._against[:, None] * (slopes @ free)
+        slopes = self.tapes.limits(inputs).kinetic_slopes[self.limit_of]
+        free[self.slipping] = self.against[:, None] * (slopes @ free)
         at = full.jacobian[self.slipping]
         _, s, vt = np.linalg.svd(at.T @ free[self.slipping], full_matrices=True)
         size = np.abs(at).max() * np.abs(free).max(initial=0.0)

@@ -1,0 +1,127 @@
+"""Changes of a state in several directions, and what tapes make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.evaluator import Constraints, Dynamics, Matrices
+from lagcli.engine.switching.kinks import FrozenSystem
+from lagcli.engine.system import System
+from lagcli.engine.tape.differentiation import directional
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.tape import Tape
+
+
+class Change(NamedTuple):
+    """Changes of time, state and parameters in n directions.
+
+    Parameters
+    ----------
+    t : (n,) array
+    q, v : (nq, n) arrays
+    p : (np, n) array
+        Of the System's parameters, branches included: these are 0.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    p: Array
+
+    @property
+    def directions(self) -> int:
+        """The number of directions."""
+        return len(self.t)
+
+    def beside(self, other: Change) -> Change:
+        """Return the directions of this and of another change."""
+        return Change(*(np.concatenate(x, axis=-1) for x in zip(self, other, strict=True)))
+
+    def moved(self, time: Array, v: Array, a: Array) -> Change:
+        """Return the change where, besides, the motion goes on for a time in each direction.
+
+        Parameters
+        ----------
+        time : (n,) array
+            s.
+        v, a : (nq,) arrays
+        """
+        return Change(self.t + time, self.q + np.outer(v, time), self.v + np.outer(a, time), self.p)
+
+    def inputs(self, extra: Sequence[Array] = ()) -> Array:
+        """Return the changes of a tape's inputs (t, q, v, extra, parameters), one row each."""
+        return np.concatenate([self.t[None], self.q, self.v, *extra, self.p])
+
+
+class DirectionalSystem:
+    """The directional derivatives of a System's tapes; each is formed when it is first asked for.
+
+    Parameters
+    ----------
+    system : System
+        With ``switching``.
+    frozen : FrozenSystem, optional
+        Which it is the System of.
+    """
+
+    def __init__(self, system: System, frozen: FrozenSystem | None):
+        assert system.switching is not None
+        s = system.switching
+        self.system, self.switching = system, s
+        self.matrices = Matrices(system)
+        self._tapes: dict[str, Tape | None] = {
+            "dynamics": system.dynamics,
+            "constraint": system.constraint,
+            "limits": s.limits,
+            "impact": s.impact,
+            "forces": s.forces,
+            "actions": s.actions,
+            "conditions": system.events,
+            "force_conditions": s.force_conditions,
+            "kinks": None if frozen is None else frozen.functions,
+        }
+        self._formed: dict[str, ScalarTape] = {}
+        self._pieces: list[float] | None = None
+
+    def hold(self, t: float) -> None:
+        """Take the pieces that known functions of time have from a time on, from now on."""
+        self._pieces = self.system.functions.pieces_at(t)
+        for tape in self._formed.values():
+            tape.hold(self._pieces)
+
+    def along(self, name: str, inputs: Sequence[float], changes: Array) -> Array:
+        """Return derivatives of a tape's outputs along directions.
+
+        Parameters
+        ----------
+        name : str
+            A tape of ``System`` or ``Switching``: "dynamics", "constraint", "limits", "impact",
+            "forces", "actions", "conditions", "force_conditions" or "kinks".
+        inputs : sequence of float
+        changes : (inputs, n) array
+
+        Returns
+        -------
+        (outputs, n) array
+        """
+        tape = self._tapes[name]
+        if tape is None:
+            return np.zeros((0, changes.shape[1]))
+        if name not in self._formed:
+            self._formed[name] = ScalarTape(directional(tape))
+            self._formed[name].hold(self._pieces)
+        formed = self._formed[name]
+        found = [formed((*inputs, *x)) for x in changes.T.tolist()]
+        return np.array(found, dtype=float).reshape(len(found), len(tape.outputs)).T
+
+    def dynamics(self, inputs: Sequence[float], change: Change) -> Dynamics:
+        """Return derivatives of M, f, B, γ and the power; the last axis is that of directions."""
+        return self.matrices.dynamics(self.along("dynamics", inputs, change.inputs()), True)
+
+    def constraints(self, inputs: Sequence[float], change: Change) -> Constraints:
+        """Return derivatives of φ, B and b_0; the last axis is that of directions."""
+        return self.matrices.constraints(self.along("constraint", inputs, change.inputs()))

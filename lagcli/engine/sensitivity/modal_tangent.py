@@ -1,0 +1,113 @@
+"""Derivatives of accelerations and multipliers in a mode.
+
+With G = f − M a + Bᵀλ and Γ = γ − B a at fixed a and λ,
+
+    M δa − Bᵀδλ − δF = δG,  B δa = δΓ of rows that hold,
+    δλ = ∓ δ(limit) of rows that slip,  δλ = 0 of open rows,
+
+where the forces F that depend on λ, and the limits, change with λ besides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
+from lagcli.engine.switching.reference.modal import ModalMotion
+
+#: Of the largest singular value: what redundant rows leave undetermined.
+_REDUNDANT = 1e-11
+
+
+class MotionChange(NamedTuple):
+    """a and λ at a state, (nq,) and (nc,), and their derivatives, (nq, n) and (nc, n)."""
+
+    a: Array
+    multipliers: Array
+    da: Array
+    dmultipliers: Array
+
+
+def motion_change(
+    system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
+) -> MotionChange:
+    """Return the derivatives of accelerations and multipliers along directions.
+
+    Parameters
+    ----------
+    system : DirectionalSystem
+    motion : ModalMotion
+        In the mode.
+    t : float
+        s.
+    q, v : (nq,) arrays
+    change : Change
+
+    Returns
+    -------
+    MotionChange
+        Of redundant rows, δλ is the one of least norm.
+    """
+    a, multipliers, _ = motion.on_branches(t, q, v)
+    p = motion.full.p
+    state, n = (t, *q.tolist(), *v.tolist(), *p), change.directions
+    d, changed = motion.full.dynamics(t, q, v), system.dynamics(state, change)
+    nq, nc = len(q), len(multipliers)
+    force = changed.forcing - np.einsum("ijn,j->in", changed.mass_matrix, a)
+    force += np.einsum("ijn,i->jn", changed.jacobian, multipliers)
+    rhs = (changed.rhs - np.einsum("ijn,j->in", changed.jacobian, a))[motion.rows]
+    rows, slipping = motion.rows, motion.slipping
+    nh, ns = len(rows), len(slipping)
+    coordinates = list(system.switching.force_coordinates)
+    nf = len(coordinates)
+    # unknowns: δa, δλ of rows that hold, of rows that slip, δF
+    size = nq + nh + ns + nf
+    matrix, right = np.zeros((size, size)), np.zeros((size, n))
+    matrix[:nq, :nq] = d.mass_matrix
+    matrix[:nq, nq : nq + nh] = -d.jacobian[rows].T
+    matrix[nq : nq + nh, :nq] = d.jacobian[rows]
+    right[:nq], right[nq : nq + nh] = force, rhs
+    acting = np.concatenate([rows, slipping])
+    if ns + nf:
+        inputs = motion.inputs(t, q, v, a, multipliers)
+        explicit = change.inputs([np.zeros((nq + nc, n))])
+        at, first = slice(nq + nh, nq + nh + ns), nq + nh + ns
+        matrix[:nq, at] = -d.jacobian[slipping].T
+        matrix[coordinates, first + np.arange(nf)] = -1.0
+        matrix[nq + nh :, nq + nh :] = np.eye(ns + nf)
+        if ns:
+            against, limits = motion.against[:, None], motion.tapes.limits(inputs)
+            slopes = against * limits.kinetic_slopes[motion.limit_of]
+            matrix[at, nq : nq + nh + ns] -= slopes[:, acting]
+            kinetic = motion.tapes.limited + motion.limit_of
+            right[at] = against * system.along("limits", inputs, explicit)[kinetic]
+        if nf:
+            slopes = motion.tapes.forces(inputs).slopes
+            matrix[first:, nq : nq + nh + ns] -= slopes[:, acting]
+            right[first:] = system.along("forces", inputs, explicit)[:nf]
+    found = solve(matrix, right, motion.redundant)
+    dmultipliers = np.zeros((nc, n))
+    dmultipliers[acting] = found[nq : nq + nh + ns]
+    return MotionChange(a, multipliers, found[:nq], dmultipliers)
+
+
+def solve(matrix: Array, right: Array, redundant: bool) -> Array:
+    """Return the solution of a linear system, of redundant rows one of least norm.
+
+    Columns with NaN have NaN, and no other column has.
+    """
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    scale = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 1.0)
+    scaled = scale[:, None] * matrix * scale
+    lengths = np.abs(scaled).max(axis=1, initial=0.0)
+    rows = np.where(lengths > 0, 1 / np.where(lengths > 0, lengths, 1.0), 1.0)
+    scaled, values = rows[:, None] * scaled, (rows * scale)[:, None] * right
+    if not redundant:
+        try:
+            return scale[:, None] * np.linalg.solve(scaled, values)
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray(scale[:, None] * (np.linalg.pinv(scaled, rcond=_REDUNDANT) @ values))

@@ -1,0 +1,171 @@
+"""Derivatives of the times of instants.
+
+Where a function g(q, v, t, p) of the motion vanishes, its time changes by
+
+    dt*/dθ = −(g_x S + g_θ) / (g_x f + g_t).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.integrate.phases import Phases
+from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
+from lagcli.engine.sensitivity.modal_tangent import motion_change
+
+#: Of the rate at which a function would change by its size during the run: one that touches zero.
+_GRAZES = 1e-6
+#: Of their size: times that change alike. Of the run: changes that count as none.
+_ALIKE, _NONE = 1e-6, 1e-9
+
+
+class InstantTime(NamedTuple):
+    """How the time of an instant changes.
+
+    Parameters
+    ----------
+    change : (n,) array
+        s; NaN in directions in which it has no derivative.
+    of_events : dict of int to (n,) array
+        The same of each event of the model whose condition has become true.
+    reason : str
+        Why there is none; empty where there is.
+    """
+
+    change: Array
+    of_events: dict[int, Array]
+    reason: str
+
+
+def instant_time(
+    system: DirectionalSystem,
+    run: Phases,
+    numbers: Sequence[int],
+    t: float,
+    q: Array,
+    v: Array,
+    change: Change,
+    span: float,
+) -> InstantTime:
+    """Return how the time changes at which functions that are watched vanish.
+
+    Parameters
+    ----------
+    system : DirectionalSystem
+    run : Phases
+        In the modes before.
+    numbers : sequence of int
+        Of the functions, as in ``Phases.values``.
+    t : float
+        s.
+    q, v : (nq,) arrays
+    change : Change
+        Of the state at a fixed time.
+    span : float
+        Of the run, s.
+    """
+    n, a = change.directions, run.motion.accelerations(t, q, v)[0]
+    along = Change(np.ones(1), v[:, None], a[:, None], np.zeros((len(change.p), 1)))
+    slopes = _slopes(system, run, numbers, t, q, v, change.beside(along))
+    times, of_events = np.zeros((len(numbers), n)), dict[int, Array]()
+    grazing = list[int]()
+    decisive = [k for k, number in enumerate(numbers) if _decides(run, number)]
+    for k, number in enumerate(numbers):
+        rate, size = slopes[k, n], run.size_of(number)
+        if abs(rate) * span <= _GRAZES * size:
+            still = np.abs(slopes[k, :n]) <= _GRAZES * _NONE * size
+            times[k] = np.where(still, 0.0, np.nan)
+            if k in decisive and not still.all():
+                grazing.append(k)
+        else:
+            times[k] = -slopes[k, :n] / rate
+        if number >= len(run.watched):
+            of_events[run.conditions.numbers[number - len(run.watched)]] = times[k]
+    if not decisive:
+        return InstantTime(times[0] if len(numbers) else np.zeros(n), of_events, "")
+    found, reason = times[decisive[0]], ""
+    names = list(dict.fromkeys(_name(run, numbers[k]) for k in decisive))
+    if grazing:
+        reason = f"{_name(run, numbers[grazing[0]])} is only touched, without a rate, and the time"
+        reason += " has no derivative"
+        found = np.where(np.isnan(times[decisive]).any(axis=0), np.nan, found)
+    apart = np.ptp(times[decisive], axis=0)
+    apart = apart > _ALIKE * np.abs(times[decisive]).max(axis=0) + _NONE * span
+    if apart.any():
+        reason = f"{' and '.join(names)} come at once, and their order decides what follows"
+        found = np.where(apart, np.nan, found)
+    return InstantTime(found, of_events, reason)
+
+
+def _decides(run: Phases, number: int) -> bool:
+    """Return whether what happens at a function changes the motion."""
+    if number < len(run.watched):
+        return True
+    rule = run.switching.events[run.conditions.numbers[number - len(run.watched)]]
+    return bool(rule.targets or rule.impulses or rule.release or rule.engage or rule.stop)
+
+
+def _name(run: Phases, number: int) -> str:
+    """Return how messages name what vanishes."""
+    if number >= len(run.watched):
+        rule = run.conditions.numbers[number - len(run.watched)]
+        return f"`{run.switching.events[rule].name}`"
+    kind, k = run.watched[number]
+    if kind not in ("above", "below"):
+        return f"`{run.system.constraints[run.rows[k].row]}`"
+    assert run.branches is not None
+    names = run.branches.kinks[k].names or ("t",)
+    return "the kink of a function of " + ", ".join(f"`{name}`" for name in names)
+
+
+def _slopes(
+    system: DirectionalSystem,
+    run: Phases,
+    numbers: Sequence[int],
+    t: float,
+    q: Array,
+    v: Array,
+    change: Change,
+) -> Array:
+    """Return derivatives of watched functions, (len(numbers), n)."""
+    state = (t, *q.tolist(), *v.tolist(), *run.full.p)
+    c, n = run.full.constraints(t, q, v), change.directions
+    constraints = system.constraints(state, change)
+    velocity = np.einsum("ijn,j->in", constraints.jacobian, v) + c.jacobian @ change.v
+    velocity += constraints.drift
+    reached = motion_change(system, run.motion, t, q, v, change)
+    inputs = run.motion.inputs(t, q, v, reached.a, reached.multipliers)
+    changes = change.inputs([reached.da, reached.dmultipliers])
+    kinks = system.along("kinks", state, change.inputs())
+    conditions = np.concatenate(
+        [
+            system.along("conditions", state, change.inputs()),
+            system.along("force_conditions", inputs, changes),
+        ]
+    )
+    of_limits = system.along("limits", inputs, changes)
+    found = np.zeros((len(numbers), n))
+    for i, number in enumerate(numbers):
+        if number >= len(run.watched):
+            found[i] = run.conditions.values(conditions)[number - len(run.watched)]
+            continue
+        kind, k = run.watched[number]
+        if kind in ("above", "below"):
+            found[i] = kinks[k]
+            continue
+        row = run.rows[k]
+        if kind == "gap":
+            found[i] = constraints.position[run.system.holonomic.index(row.row)]
+        elif kind == "slip":
+            found[i] = velocity[row.row]
+        elif kind == "force":
+            found[i] = reached.dmultipliers[row.row]
+        elif kind == "stick":
+            assert row.limit is not None
+            side = np.sign(reached.multipliers[row.row])
+            found[i] = of_limits[row.limit] - side * reached.dmultipliers[row.row]
+    return found

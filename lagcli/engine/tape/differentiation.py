@@ -1,0 +1,144 @@
+"""Directional derivatives of tapes, operation by operation (forward mode).
+
+Griewank & Walther, Evaluating Derivatives, 2008, chapter 3.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lagcli.engine.tape.arithmetic import Arithmetic
+from lagcli.engine.tape.operations import ARITY, OPERATIONS, Op
+from lagcli.engine.tape.tape import Builder, Tape
+
+#: Operations whose results do not change with their operands, but for jumps.
+_CONSTANT = (Op.LT, Op.LE, Op.EQ, Op.NE, Op.AND, Op.OR, Op.NOT, Op.FLOOR, Op.CEIL)
+
+
+def directional(tape: Tape) -> Tape:
+    """Return the tape of the derivatives of a tape's outputs along a direction.
+
+    Comparisons, `floor` and `ceil` count as constant: the derivative is that of the branch.
+
+    Parameters
+    ----------
+    tape : Tape
+        x → y; without inputs that are asked for apart.
+
+    Returns
+    -------
+    Tape
+        (x, x') → (∂y/∂x) x'. The pieces of known functions are no part of x.
+    """
+    assert not tape.rhs_inputs
+    given = tape.inputs - tape.functions.size
+    new = _DerivativeRules(2 * given + tape.functions.size, tape.functions.size, 0, tape.functions)
+    place = {i: i if i < given else i + given for i in range(tape.inputs)}
+    slope = {i: given + i for i in range(given)}
+    for i, x in enumerate(tape.constants, tape.inputs):
+        place[i] = new.constant(x)
+    for op, to, *rest in tape.code:
+        operands = rest[: ARITY[op]]
+        values = [place[x] for x in operands]
+        slopes = [slope.get(x, new.zero) for x in operands]
+        place[to] = new.new((op, *values))
+        if any(x != new.zero for x in slopes):
+            slope[to] = new.slope(OPERATIONS[op], place[to], values, slopes)
+    whole = new.finish([slope.get(x, new.zero) for x in tape.outputs])
+    pruned = Builder(whole.inputs, whole.parameters, 0, whole.functions)
+    return pruned.finish(pruned.splice(whole, range(whole.inputs)))
+
+
+class _DerivativeRules(Arithmetic):
+    """The derivative of each operation."""
+
+    def slope(self, op: Op, result: int, x: list[int], dx: list[int]) -> int:
+        """Return the derivative of an operation's result.
+
+        Parameters
+        ----------
+        op : Op
+        result : int
+        x, dx : lists of int
+            The operands and their derivatives.
+        """
+        if op in _CONSTANT:
+            return self.zero
+        if op == Op.SELECT:
+            same = dx[1] == dx[2]
+            return dx[1] if same else self.emit(Op.SELECT, x[0], dx[1], dx[2])
+        if len(x) == 1:
+            return self.over(op, result, x[0], dx[0])
+        return self.of_two(op, result, x, dx)
+
+    def of_two(self, op: Op, result: int, x: list[int], dx: list[int]) -> int:
+        """Return the derivative of an operation on two numbers."""
+        a, b, da, db = *x, *dx
+        if op == Op.ADD:
+            return self.plus(da, db)
+        if op == Op.SUB:
+            return self.minus(da, db)
+        if op == Op.MUL:
+            return self.plus(self.times(da, b), self.times(a, db))
+        if op == Op.DIV:
+            return self.quotient(self.minus(da, self.times(result, db)), b)
+        if op == Op.ATAN2:
+            square = self.plus(self.times(a, a), self.times(b, b))
+            return self.quotient(self.minus(self.times(b, da), self.times(a, db)), square)
+        assert op == Op.POW, op.name
+        found = self.zero
+        if da != self.zero:
+            lower = self.emit(Op.POW, a, self.minus(b, self.one))
+            found = self.times(self.times(b, lower), da)
+        if db != self.zero:
+            found = self.plus(found, self.times(self.times(result, self.emit(Op.LOG, a)), db))
+        return found
+
+    def over(self, op: Op, y: int, a: int, da: int) -> int:
+        """Return the derivative of a function of one number."""
+        one, square = self.one, self.times
+        if op == Op.NEG:
+            return self.negative(da)
+        if op == Op.ABS:
+            below = self.emit(Op.LT, a, self.zero)
+            return self.emit(Op.SELECT, below, self.negative(da), da)
+        if op == Op.SQRT:
+            return self.quotient(da, self.times(self.constant(2.0), y))
+        if op == Op.LOG:
+            return self.quotient(da, a)
+        if op in (Op.ASIN, Op.ACOS):
+            found = self.quotient(da, self.emit(Op.SQRT, self.minus(one, square(a, a))))
+            return found if op == Op.ASIN else self.negative(found)
+        if op == Op.ATAN:
+            return self.quotient(da, self.plus(one, square(a, a)))
+        if op == Op.ATANH:
+            return self.quotient(da, self.minus(one, square(a, a)))
+        if op in (Op.ASINH, Op.ACOSH):
+            sign = self.plus if op == Op.ASINH else self.minus
+            return self.quotient(da, self.emit(Op.SQRT, sign(square(a, a), one)))
+        return self.times(self.factor(op, y, a), da)
+
+    def factor(self, op: Op, y: int, a: int) -> int:
+        """Return the derivative of a function that has it without a quotient."""
+        if op == Op.EXP:
+            return y
+        if op == Op.SIN:
+            return self.emit(Op.COS, a)
+        if op == Op.COS:
+            return self.negative(self.emit(Op.SIN, a))
+        if op == Op.TAN:
+            return self.plus(self.one, self.times(y, y))
+        if op == Op.SINH:
+            return self.emit(Op.COSH, a)
+        if op == Op.COSH:
+            return self.emit(Op.SINH, a)
+        if op == Op.TANH:
+            return self.minus(self.one, self.times(y, y))
+        assert op in (Op.ERF, Op.ERFC), op.name
+        bell = self.emit(Op.EXP, self.negative(self.times(a, a)))
+        scale = 2 / math.sqrt(math.pi)
+        return self.times(self.constant(scale if op == Op.ERF else -scale), bell)
+
+    def quotient(self, a: int, b: int) -> int:
+        """Return a / b."""
+        return self.zero if a == self.zero else self.emit(Op.DIV, a, b)
