@@ -67,7 +67,7 @@ class Entries(NamedTuple):
     velocity_scale: Array
 
 
-class Matrices:
+class TapeMatrices:
     """Makes matrices of the outputs of a System's tapes, at one state or at many."""
 
     def __init__(self, system: System):
@@ -115,7 +115,7 @@ class Evaluator:
         self.system, self.p = system, p
         self._dynamics = ScalarTape(system.dynamics)
         self._constraint = ScalarTape(system.constraint)
-        self._matrices = Matrices(system)
+        self._matrices = TapeMatrices(system)
         self._holonomic = list(system.holonomic)
         self._tangent = None if system.tangent is None else ScalarTape(system.tangent.tape)
 
@@ -224,7 +224,7 @@ class Batch:
     def __init__(self, system: System, p: tuple[float, ...], t: Array, q: Array, v: Array):
         self.system, self.p, self.count = system, p, len(t)
         self._state = [t, *q.T, *v.T]
-        self._matrices = Matrices(system)
+        self._matrices = TapeMatrices(system)
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.evaluator import Constraints, Dynamics, Matrices
+from lagcli.engine.evaluator import Constraints, Dynamics, TapeMatrices
 from lagcli.engine.switching.kinks import FrozenSystem
 from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
@@ -72,7 +72,7 @@ class DirectionalSystem:
         assert system.switching is not None
         s = system.switching
         self.system, self.switching = system, s
-        self.matrices = Matrices(system)
+        self.matrices = TapeMatrices(system)
         self._tapes: dict[str, Tape | None] = {
             "dynamics": system.dynamics,
             "constraint": system.constraint,

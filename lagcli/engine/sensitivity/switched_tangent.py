@@ -263,12 +263,12 @@ class SwitchedTangent(SwitchedIntegration):
             self.changes = found.change.moved(-time.change, after_v, after_a)._replace(
                 t=np.zeros(n)
             )
-        self._check_rows(t, after_q, after_v, reasons, started)
         if any(x.occurrence == "rest" for x in run.entries[logged:]):
             name = next(x for x in run.entries[logged:] if x.occurrence == "rest").which
             self._lose(
                 f"infinitely many impacts of `{self.system.constraints[name]}` end there", reasons
             )
+        self._check_rows(t, after_q, after_v, reasons, started)
         branches = self.phases.branches
         if branches is not None and branches.slides is not None:
             names = ", ".join(f"`{x}`" for x in branches.kinks[branches.slides].names)

@@ -60,13 +60,10 @@ def test_conditions_that_hold_at_the_start_are_named() -> None:
     assert note.startswith("the condition of event `there` holds at the start")
 
 
-@pytest.mark.parametrize("what", ["sensitivity", "linearize", "modes", "equilibrium"])
+@pytest.mark.parametrize("what", ["linearize", "modes", "equilibrium"])
 def test_analyses_of_what_always_holds_refuse_contacts(what: str) -> None:
     model = lagcli.load_text(BALL)
-    if what == "sensitivity":
-        analysis = partial(lagcli.simulate, model, sensitivity=["m"])
-    else:
-        analysis = partial(getattr(lagcli, what), model)
+    analysis = partial(getattr(lagcli, what), model)
     with pytest.raises(UsageError, match="need constraints that hold at all times, but `floor`"):
         analysis()
 
