@@ -77,20 +77,25 @@ def _events(log: EventLog, time: Array) -> dict[str, Any]:
         "recorded_before": (("recorded", "column"), records.before),
         "recorded_after": (("recorded", "column"), records.after),
     }
-    return (recorded if records.columns else {}) | {
-        "mode": (("time", "row"), log.modes_at(time), {"flag_meanings": " ".join(MODES)}),
-        "event_time": (("event",), log.time, {"units": "s"}),
-        "event_name": (("event",), list(log.names)),
-        "event_kind": (("event",), list(log.kinds)),
-        "event_q": (("event", "coordinate"), log.q),
-        "event_velocity_before": (("event", "coordinate"), log.before),
-        "event_velocity_after": (("event", "coordinate"), log.after),
-        "event_impulse": (("event", "constraint"), log.impulse),
-        "event_loss": (("event",), log.loss, {"units": "J"}),
-        "event_supplied": (("event",), log.supplied, {"units": "J"}),
-        "event_work": (("event",), log.work, {"units": "J"}),
-        "event_mode": (("event", "row"), log.modes, {"flag_meanings": " ".join(MODES)}),
-    }
+    slopes = {"event_dtime": (("event", "parameter"), log.dtime)}
+    return (
+        (recorded if records.columns else {})
+        | (slopes if log.parameters else {})
+        | {
+            "mode": (("time", "row"), log.modes_at(time), {"flag_meanings": " ".join(MODES)}),
+            "event_time": (("event",), log.time, {"units": "s"}),
+            "event_name": (("event",), list(log.names)),
+            "event_kind": (("event",), list(log.kinds)),
+            "event_q": (("event", "coordinate"), log.q),
+            "event_velocity_before": (("event", "coordinate"), log.before),
+            "event_velocity_after": (("event", "coordinate"), log.after),
+            "event_impulse": (("event", "constraint"), log.impulse),
+            "event_loss": (("event",), log.loss, {"units": "J"}),
+            "event_supplied": (("event",), log.supplied, {"units": "J"}),
+            "event_work": (("event",), log.work, {"units": "J"}),
+            "event_mode": (("event", "row"), log.modes, {"flag_meanings": " ".join(MODES)}),
+        }
+    )
 
 
 def _units(along: Sequence[str | None]) -> dict[str, str]:

@@ -193,6 +193,47 @@ initial: {x: a, x': 0}
 """
 
 
+BALL = """
+coordinates: [y]
+parameters: {g: 9.81, e: 0.6, h: 1}
+T: y'^2/2
+V: g*y
+constraints: {floor: {expr: y >= 0, restitution: e}}
+initial: {y: h, y': 0}
+fit:
+  data: {file: run.csv}
+  observe: {y: {sigma: 5e-3}}
+  parameters: {e: {min: 0.1, max: 0.99}, h: {min: 0.2}}
+"""
+
+
+def test_the_restitution_of_a_ball_from_noisy_heights(tmp_path: Path) -> None:
+    run = lagcli.simulate(
+        lagcli.load_text(BALL, set={"e": "0.72", "h": "1.1"}), t_end=1.5, samples=61
+    )
+    assert run.events is not None
+    assert run.events.counts() == {"floor": {"impact": 2}}
+    y = run.q[:, 0] + 5e-3 * np.random.default_rng(3).normal(size=61)
+    lines = (f"{a!r},{b!r}" for a, b in zip(run.time.tolist(), y.tolist(), strict=True))
+    (tmp_path / "run.csv").write_text("t,y\n" + "\n".join(lines))
+    found = lagcli.fit(lagcli.load_text(BALL, str(tmp_path / "model.yaml")))
+    assert found.converged
+    scores = (found.values - [0.72, 1.1]) / found.standard_errors
+    assert np.abs(scores).max() < 3.5
+    assert found.standard_errors.max() < 3e-3
+    # 59 ± 3.5 √118
+    assert abs(found.chi_square - 59) < 38
+
+
+def test_what_an_event_sets_is_not_observed(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("t,e\n0,1\n1,2\n2,3\n")
+    text = BALL.replace("y: {sigma: 5e-3}", "e*y: {column: e, sigma: 5e-3}").replace(
+        "initial:", "events: {later: {when: t >= 0.5, set: {e: 0.3}}}\ninitial:"
+    )
+    with pytest.raises(UsageError, match="depends on `e`, which an event sets"):
+        lagcli.fit(lagcli.load_text(text, str(tmp_path / "model.yaml")))
+
+
 def test_a_failed_run_is_never_a_fit(tmp_path: Path) -> None:
     """Beyond a = 1 nothing runs; the data ask for 1.2. A residual of 0 there would win."""
     times = np.linspace(0, 1, 21)

@@ -92,11 +92,11 @@ class Experiment:
         times = tuple(data.times.tolist())
         self.settings = settings.replace(times=times, samples=None, dt=None, t_end=times[-1])
         check_input_range(self.model, settings.t_start, times[-1])
+        expressions = _expressions(equations, observed)
+        _refuse_changed(equations.model, expressions)
         self.sensitivity = Sensitivity(equations, system, self.settings, names, many_runs=True)
         self.directions = self.sensitivity.directions
-        self.values, self.slopes = lower_observed(
-            equations, _expressions(equations, observed), self.directions.rates
-        )
+        self.values, self.slopes = lower_observed(equations, expressions, self.directions.rates)
         self.measured = np.isfinite(data.values)
         self._near: ConsistentState | None = None  # the start of the last run
         self.sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, 1.0)
@@ -213,6 +213,18 @@ def experiments_of(
         equations, system = replace(alike[0], model=model), alike[1]
         found.append(Experiment(equations, system, chosen, model.fit.observed, names, measured))
     return found
+
+
+def _refuse_changed(model: Model, expressions: Sequence[se.Basic]) -> None:
+    """Refuse observed quantities that depend on parameters to which events give values."""
+    changed = {name for event in model.events for name in event.action.set} & {*model.parameters}
+    for expression in expressions:
+        names = sorted(changed & {symbol.name for symbol in expression.free_symbols})
+        if names:
+            raise UsageError(
+                f"an observed quantity depends on `{names[0]}`, which an event sets; observe"
+                " coordinates, velocities or multipliers, or leave that event out"
+            )
 
 
 def _alike(first: Model, second: Model) -> bool:

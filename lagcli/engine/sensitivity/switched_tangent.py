@@ -16,6 +16,7 @@ from scipy import integrate
 from scipy.integrate import OdeSolver
 
 from lagcli.arrays import Array, Flags
+from lagcli.engine.constraints.singular import Ahead
 from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.switched_integration import SwitchedIntegration
@@ -217,6 +218,13 @@ class SwitchedTangent(SwitchedIntegration):
         held = self.phases.motion.rows.tolist()
         change = positions_on(self.directional, self.phases, t, q, v, change, held)
         return velocities_on(self.directional, self.phases, t, q, v, change, held)
+
+    def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
+        """Go through a singular configuration, beyond which there are no derivatives."""
+        before, reasons = self._live, list[str]()
+        self._lose("the motion passes through a singular configuration", reasons)
+        self._note(ahead.time, before, reasons)
+        return super().pass_singular(ahead)
 
     # instants
 

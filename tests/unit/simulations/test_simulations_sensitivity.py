@@ -66,10 +66,18 @@ def test_fixed_values_that_hold_for_one_value_alone() -> None:
     assert "name other quantities than `" in error.value.diagnostics[0].help
 
 
-def test_forces_that_jump_have_no_derivatives() -> None:
-    with pytest.raises(UsageError, match="forces without jumps"):
-        derivatives(("F",), force="F*floor(x)")
-    derivatives(("F",), force="F*abs(x)")  # a kink is no jump
+@pytest.mark.parametrize(
+    ("force", "engine"),
+    [
+        ("F*abs(x)", "compiled"),  # a kink is no jump
+        ("F*floor(x)", "scipy"),
+        ('"if(t < F, 1, 0)"', "scipy"),
+    ],
+)
+def test_where_forces_jump_the_reference_engine_takes_the_steps(force: str, engine: str) -> None:
+    run, _ = derivatives(("F",), force=force)
+    assert run.sensitivity is not None
+    assert run.sensitivity.engine == engine
 
 
 def test_methods_that_need_exact_jacobians_are_refused() -> None:
