@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,16 @@ import numpy as np
 from lagcli.analysis.compare.comparison import ComparedRun, FormulationComparison
 from lagcli.analysis.compare.two_models import ModelComparison, QuantityDifference
 from lagcli.analysis.text import WIDTH
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.model.model import Model
 from lagcli.results.listing import wrapped
 from lagcli.trajectory.samples import Samples
+from lagcli.trajectory.trajectory import Trajectory
 
 _FORMULATIONS = {"ggl": "GGL", "maggi": "Maggi", "second": "second kind"}
 #: Points of a curve in a file.
 _POINTS = 400
+_CURVES = 12  # multipliers of two models whose curves a file has: those that differ most
 _SHOWN = 12  # names in a line
 #: Of the size: a difference below it is a rounding error.
 _ROUNDING = 1e-13
@@ -66,7 +68,7 @@ def _curves(run: ComparedRun, exact: Samples) -> dict[str, list[float]]:
     if samples is None or not len(samples.time):
         return {"time": [], "residual": [], "energy": [], "q": []}
     count = min(len(samples.time), len(exact.time))
-    chosen = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
+    chosen = _thinned(count)
     levels = [samples.residual_position, samples.residual_velocity]
     residual = np.nan_to_num(np.abs(np.hstack(levels))).max(axis=1, initial=0.0)
     off = np.abs(samples.q[:count] - exact.q[:count]).max(axis=1, initial=0.0)
@@ -94,7 +96,37 @@ def describe_models(comparison: ModelComparison, first: Model, second: Model) ->
         "outputs": [_difference(x) for x in comparison.outputs],
         "only_first": list(comparison.only_first),
         "only_second": list(comparison.only_second),
+        "curves": _both(comparison),
     }
+
+
+def _both(comparison: ModelComparison) -> dict[str, Any]:
+    """Return the largest difference of the coordinates, and both models' λ, over the time."""
+    first, second = comparison.first, comparison.second
+    count = min(len(first.time), len(second.time))
+    chosen = _thinned(count)
+
+    def columns(run: Trajectory, field: str, axis: str, names: Sequence[str]) -> Array:
+        places = [getattr(run, axis).index(name) for name in names]
+        return np.asarray(getattr(run, field)[chosen][:, places])
+
+    q = [x.name for x in comparison.coordinates]
+    most = sorted(comparison.multipliers, key=lambda x: -x.difference)[:_CURVES]
+    constraints = [x.name for x in comparison.multipliers if x in most]
+    off = columns(second, "q", "coordinates", q) - columns(first, "q", "coordinates", q)
+    one, other = (columns(x, "multipliers", "constraints", constraints) for x in (first, second))
+    return {
+        "time": first.time[chosen].tolist(),
+        "q": np.abs(off).max(axis=1, initial=0.0).tolist(),
+        "multipliers": {
+            name: {"first": one[:, i].tolist(), "second": other[:, i].tolist()}
+            for i, name in enumerate(constraints)
+        },
+    }
+
+
+def _thinned(count: int) -> Indices:
+    return np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
 
 
 def _difference(x: QuantityDifference) -> dict[str, Any]:

@@ -15,18 +15,26 @@ def report(
     ],
     title: Annotated[str | None, typer.Option(help="Title, instead of the model's name.")] = None,
     model: ViewModel = None,
+    modes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ABOUT",
+            help="Of a run: add the modes of its model about its start, the equilibrium next to it,"
+            " or its state at a time: --modes start, equilibrium or 1.5.",
+        ),
+    ] = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a report of a run or an analysis.
 
     The report is one self-contained HTML file. It can be opened without a network, sent, or
-    printed. A failed run is shown up to its last sample and marked. Files of equilibrium,
+    printed. A failed run is shown up to its last sample and marked. Files of sweep, equilibrium,
     linearize, modes, compare and fit have a report of their results.
     """
     from lagcli.pictures.report import report as make
 
-    made = make(file, output, title=title, model=model, force=force)
+    made = make(file, output, title=title, model=model, modes=modes, force=force)
     print_notes(made.notes)
     if not quiet:
         tell(made.summary)

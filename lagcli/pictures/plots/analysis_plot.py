@@ -15,6 +15,7 @@ from lagcli.pictures.plots.figure_file import FigureTarget
 
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # panels that are drawn where none is named
+_MULTIPLIERS = 6  # of two models, that are drawn
 _MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
 #: Curves of a comparison, and the labels of their axes; SI.
 _COMPARED = {
@@ -66,6 +67,12 @@ def plot_analysis(
             raise UsageError("a comparison is plotted whole; give no names")
         with target.figure((_WIDTH, _PANEL * len(_COMPARED) + 1.2), title) as figure:
             _draw_comparison(figure, content)
+    elif content["command"] == "compare":
+        if names:
+            raise UsageError("a comparison is plotted whole; give no names")
+        shown = list(content["curves"]["multipliers"])[:_MULTIPLIERS]
+        with target.figure((_WIDTH, _PANEL * (1 + len(shown)) + 0.4), title) as figure:
+            _draw_models(figure, content, shown, units or {})
     elif content["command"] == "modes":
         if names:
             raise UsageError("a spectrum is plotted whole; give no names")
@@ -99,6 +106,28 @@ def _draw_comparison(figure: Any, content: Mapping[str, Any]) -> None:
         ax.margins(x=0)
     axes[-1].set_xlabel("t [s]")
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize="small")
+
+
+def _draw_models(
+    figure: Any, content: Mapping[str, Any], shown: Sequence[str], units: Mapping[str, str]
+) -> None:
+    """Draw the difference of the coordinates of two models, and the multipliers of both."""
+    curves = content["curves"]
+    axes = np.atleast_1d(figure.subplots(1 + len(shown), 1, sharex=True))
+    off = np.asarray(curves["q"], float)
+    axes[0].plot(curves["time"], np.where(off > 0, off, np.nan), lw=1.0, color=style.PALETTE[2])
+    axes[0].set_yscale("log")
+    axes[0].set_ylabel(_COMPARED["q"])
+    for ax, name in zip(axes[1:], shown, strict=True):
+        for number, (side, model) in enumerate((("first", "model"), ("second", "other"))):
+            look = {"color": style.PALETTE[number], "ls": ("-", (0, (4, 2)))[number]}
+            values = curves["multipliers"][name][side]
+            ax.plot(curves["time"], values, lw=1.2, label=content[model], **look)
+        ax.set_ylabel(_label(f"lambda.{name}", units))
+        ax.legend(loc="best", fontsize="small")
+    for ax in axes:
+        ax.margins(x=0)
+    axes[-1].set_xlabel("t [s]")
 
 
 def _series(branch: Mapping[str, Any]) -> dict[str, Sequence[float]]:

@@ -107,7 +107,15 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
 
 
 class FigureTarget(Protocol):
-    """What a plot is drawn to."""
+    """What a plot is drawn to: a format, one of `FORMATS`, and its dots per inch."""
+
+    @property
+    def kind(self) -> str:
+        """The format."""
+
+    @property
+    def dpi(self) -> float:
+        """Dots per inch."""
 
     def figure(self, size: tuple[float, float], title: str) -> AbstractContextManager[Any]:
         """Make a figure, which is kept when the block ends well."""

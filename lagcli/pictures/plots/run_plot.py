@@ -15,7 +15,7 @@ from lagcli.pictures.plots import style
 from lagcli.pictures.plots.bands import half_widths, read_bands
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.differences import labels_of
-from lagcli.pictures.plots.figure_file import FigureFile
+from lagcli.pictures.plots.figure_file import FigureTarget
 from lagcli.pictures.plots.panels import Panel, asked, split_by_scale, usual
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
@@ -38,7 +38,7 @@ Values = Mapping[str, Array]
 
 
 def plot_runs(
-    runs: Sequence[RunFile], names: Sequence[str], target: FigureFile, bands: Sequence[str] = ()
+    runs: Sequence[RunFile], names: Sequence[str], target: FigureTarget, bands: Sequence[str] = ()
 ) -> None:
     """Plot runs to a file.
 
@@ -49,7 +49,7 @@ def plot_runs(
     names : sequence of str
         What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers
         and energies.
-    target : FigureFile
+    target : FigureTarget
         By default as wide as a page, with the model's name.
     bands : sequence of str
         As for `lagcli.plot`.

@@ -16,7 +16,7 @@ from lagcli.model.loader import load_text
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import look_of_value, pretty_unit
-from lagcli.pictures.plots.figure_file import FigureFile
+from lagcli.pictures.plots.figure_file import FigureTarget
 from lagcli.pictures.plots.ticks import drawable, plain_ticks
 from lagcli.pictures.plots.tornado import draw_tornado, effects
 from lagcli.results.layout import NOT_STATED
@@ -31,7 +31,7 @@ _EMPTY = "no value: the row failed, or the measure has none"
 _USUAL = 6  # measures that are drawn where none is named
 _GREY, _NOTE = "#8C8C8C", "#595959"
 #: What asks for a tornado chart of a measure.
-_TORNADO = "tornado:"
+TORNADO = "tornado:"
 
 
 class PlottedQuantity(NamedTuple):
@@ -98,7 +98,7 @@ class PlottedTable:
 
     def knows(self, name: str) -> bool:
         """Whether a name, or a pair or triple of names, is made of the columns of the file."""
-        plain = name.removeprefix(_TORNADO)
+        plain = name.removeprefix(TORNADO)
         return plain in self._every or all(part.strip() in self._every for part in plain.split(":"))
 
     def find(self, name: str) -> PlottedQuantity:
@@ -158,7 +158,7 @@ class _Panel(NamedTuple):
         return _MAP if len(self.over) == 2 else _CURVE
 
 
-def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) -> None:
+def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) -> None:
     """Plot measures of a sweep to a file.
 
     Parameters
@@ -169,7 +169,7 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
         for a map over m and l; ``tornado:peak`` for the effects of all that was varied. By default
         all measures, if they are few. A map has rows of one value of what else was varied: of few
         values, each has its map.
-    target : FigureFile
+    target : FigureTarget
 
     Raises
     ------
@@ -198,8 +198,8 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
 
 def _asked(table: PlottedTable, name: str) -> list[_Panel]:
     """Return the panels that a name asks for."""
-    if name.startswith(_TORNADO):
-        return [_Panel(table.find(name.removeprefix(_TORNADO)), ())]
+    if name.startswith(TORNADO):
+        return [_Panel(table.find(name.removeprefix(TORNADO)), ())]
     parts = [name] if name in (q.name for q in table.measures) else name.split(":")
     *over, value = [table.find(part) for part in parts]
     if len(over) > 2:
@@ -222,7 +222,7 @@ def _asked(table: PlottedTable, name: str) -> list[_Panel]:
         raise UsageError(
             f"{table.path}: {listed} varied too, with {len(told)} combinations of values: one map"
             f" does not show `{value.name}`; draw {a.name}:{value.name}, {b.name}:{value.name}, or"
-            f" {_TORNADO}{value.name}"
+            f" {TORNADO}{value.name}"
         )
     return [_Panel(value, tuple(over), combinations == i, text) for i, text in enumerate(told)]
 

@@ -48,12 +48,14 @@ def report(
     *,
     title: str | None = None,
     model: str | None = None,
+    modes: str | None = None,
     force: bool = False,
 ) -> Report:
     """Write the report of a run: equations, animation, plots and figures on one HTML page.
 
-    Of a file of an analysis (equilibria, branches, modes, linear models, comparisons, fits), the
-    page has what was found, in tables and plots, and the equations; its plots need matplotlib.
+    Of a sweep or a file of an analysis (equilibria, branches, modes, linear models, comparisons,
+    fits), the page has what was found, in tables and plots, and the equations; its plots need
+    matplotlib.
 
     The page fetches nothing, and is below 6 MB whatever the number of samples: long runs are
     thinned for the plots. Of every curve the least and the largest value of each of some hundred
@@ -62,14 +64,17 @@ def report(
     Parameters
     ----------
     source : path or Trajectory
-        A result file that holds its model (HDF5, or CSV with its sidecar), a file of an analysis
-        (HDF5), or a run in memory.
+        A result file that holds its model (HDF5, or CSV with its sidecar), a file of a sweep or
+        an analysis (HDF5), or a run in memory.
     output : path
         The page, ``.html``.
     title : str, optional
         In place of the model's name.
     model : path, optional
         A model file in place of the text that the result holds: the same model, with another view.
+    modes : str, optional
+        Of a run: add the modes of its model about its ``start``, the ``equilibrium`` next to it, or
+        its state at a time, s; their plot needs matplotlib.
     force : bool
         Replace an existing file.
 
@@ -100,17 +105,19 @@ def report(
         )
     check_writable(output, force)
     kind = file_kind(source)
-    if kind not in (KIND, "sweep"):
+    if kind != KIND:
         from lagcli.pictures.report.analysis_page import analysis_page
 
         if model is not None:
             raise UsageError("--model is for runs; a file of an analysis contains its model")
+        if modes is not None:
+            raise UsageError(f"--modes is for runs; {os.fspath(source)} is a file of {kind}")  # type: ignore[arg-type]
         page = analysis_page(os.fspath(source), kind, title).encode()  # type: ignore[arg-type]
         with whole_file(output, force) as file:
             file.write(page)
         return Report(output, len(page), None, ())
     run = RunFile(source, model)
-    page = assembled(run, title).encode()
+    page = assembled(run, title, modes).encode()
     with whole_file(output, force) as file:
         file.write(page)
     status, message = run.record.status, run.record.message

@@ -17,6 +17,7 @@ _DARK = {
     "#000000": "#e8e8e8",
     "#202020": "#ececec",
     "#262626": "#e8e8e8",
+    "#404040": "#a8b0b8",
     "#d9d9d9": "#343a42",
     "#8c8c8c": "#8c939b",
     "white": "#16191d",
@@ -26,6 +27,7 @@ _DARK = {
 class _HeldFigure:
     """A figure that is kept as SVG."""
 
+    kind, dpi = "svg", 100.0
     svg = ""
 
     @contextmanager

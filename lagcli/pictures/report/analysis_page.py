@@ -17,6 +17,7 @@ from lagcli.pictures.report.analysis_sections import (
     AnalysisSection,
     content_sections,
     fit_sections,
+    section_html,
 )
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.report_page import report_page
@@ -72,6 +73,11 @@ def analysis_page(path: str, kind: str, title: str | None = None) -> str:
         result = read_fit(path)
         model, found = load_text(result.model, path), fit_sections(result)
         return _assembled(model, result.parameters, found, path, kind, title)
+    if kind == "sweep":
+        from lagcli.pictures.report.sweep_sections import sweep_model, sweep_sections
+
+        model = sweep_model(path)
+        return _assembled(model, model.parameter_values, sweep_sections(path), path, kind, title)
     from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 
     content, given = read_analysis(path), read_model_text(path)
@@ -89,9 +95,6 @@ def _assembled(
     title: str | None,
 ) -> str:
     system = EquationSystem(_AnalysedModel(model, parameters), Formulas(derive(model)))
-    sections = "".join(
-        f'<section id="{x.anchor}"><h2>{escape(x.title)}</h2>{x.body}</section>' for x in found
-    )
     changed = {**model.set, **model.set_initial}
     rows = [
         ("File", escape(os.path.basename(path))),
@@ -108,6 +111,6 @@ def _assembled(
         styles=map(asset, _STYLES),
         scripts=[asset("theme.js")],
         images=True,
-        sections=sections,
+        sections="".join(map(section_html, found)),
         provenance=table("Files and versions", ["", ""], [x for x in rows if x[1]], kind="facts"),
     )

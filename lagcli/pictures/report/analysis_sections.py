@@ -36,6 +36,13 @@ class AnalysisSection(NamedTuple):
     body: str
 
 
+def section_html(section: AnalysisSection) -> str:
+    """Return a part of a page with its heading."""
+    return (
+        f'<section id="{section.anchor}"><h2>{escape(section.title)}</h2>{section.body}</section>'
+    )
+
+
 def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
     """Return the sections of a file of an analysis.
 
@@ -57,6 +64,8 @@ def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> li
             return [_equilibria(content, units)]
         case "compare" if "runs" in content:
             return _comparison(content, units)
+        case "compare":
+            return _two_models(content, units)
     return []
 
 
@@ -266,7 +275,7 @@ def _branches(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Anal
         head += [*map(_named, first["q"]), *(_named(f"lambda.{c}") for c in first["multipliers"])]
         rows = [
             [
-                escape(x.get("crossing") or x["kind"]),
+                escape(x["kind"] + (f" ({x['crossing']})" if x.get("crossing") else "")),
                 str(x["branch"]),
                 number(x["parameter"], 12),
                 "" if x["frequency"] is None else number(x["frequency"], 8),
@@ -314,6 +323,39 @@ def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[An
         partial(plot_analysis, content, (), units=units), "Residuals and differences over time"
     )
     return [AnalysisSection("runs", "Comparison", body + drawn)]
+
+
+def _two_models(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
+    rows = []
+    for part, prefix in (("coordinates", ""), ("multipliers", "lambda."), ("outputs", "")):
+        for x in content[part]:
+            name = prefix + x["name"]
+            relative = number(x["difference"] / x["size"], 2) if x["size"] else ""
+            explained = "explained by φ F" if x.get("explained") else ""
+            rows.append(
+                [
+                    _named(name), number(x["difference"], 3), _unit_of(name, units),
+                    number(x["time"]), relative, explained,
+                ]
+            )  # fmt: skip
+    names = [escape(content[x]) for x in ("model", "other")]
+    head = ["Quantity", "Largest difference", "Unit", "At time [s]", "Relative", "Remark"]
+    body = table(f"{names[0]} and {names[1]}", head, rows, numeric=(1, 3, 4))
+    ended = [s for s in content["status"] if s != "completed"]
+    body = f'<p class="status bad">{escape(", ".join(content["status"]))}</p>' * bool(ended) + body
+    if any(x["explained"] for x in content["multipliers"]):
+        body += (
+            '<p class="note">The Lagrangians differ by a multiple of the constraint, φ F, which'
+            " changes no motion and takes F from λ.</p>"
+        )
+    for name, key in zip(names, ("only_first", "only_second"), strict=True):
+        if content[key]:
+            listed = ", ".join(map(_named, content[key]))
+            body += f'<p class="note">Only in {name}: {listed}.</p>'
+    drawn = picture(
+        partial(plot_analysis, content, (), units=units), "Differences and multipliers over time"
+    )
+    return [AnalysisSection("models", "Two models", body + drawn)]
 
 
 def fit_sections(result: FitResult) -> list[AnalysisSection]:

@@ -17,6 +17,7 @@ from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, script_da
 from lagcli.pictures.plots.style import PALETTE
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.report import tables
+from lagcli.pictures.report.analysis_sections import section_html
 from lagcli.pictures.report.curves import (
     POWERS,
     RESIDUALS_TITLE,
@@ -34,7 +35,9 @@ from lagcli.pictures.report.curves import (
 )
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.event_table import events_contents, events_section
+from lagcli.pictures.report.modes_sections import modes_sections
 from lagcli.pictures.report.report_page import report_page
+from lagcli.pictures.report.sensitivity_section import sensitivity_contents, sensitivity_section
 from lagcli.pictures.report.writing import chosen
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.timing import timing
@@ -53,7 +56,7 @@ _ROWS = 24
 _ROUNDING = 1e-10
 
 
-def assembled(run: RunFile, title: str | None = None) -> str:
+def assembled(run: RunFile, title: str | None = None, modes: str | None = None) -> str:
     """Return the page of a run.
 
     Parameters
@@ -61,6 +64,8 @@ def assembled(run: RunFile, title: str | None = None) -> str:
     run : Run
     title : str, optional
         In place of the model's name.
+    modes : str, optional
+        See `lagcli.pictures.report.report`.
 
     Raises
     ------
@@ -68,6 +73,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         See `lagcli.pictures.report.report`.
     """
     model = run.model
+    asked = [] if modes is None else modes_sections(run.written_model, modes)
     recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
     system = EquationSystem(run, Formulas(derive(model), freedom=recorded))
     found = sections(run, system.names) if run.count else []
@@ -97,12 +103,14 @@ def assembled(run: RunFile, title: str | None = None) -> str:
             ("equations", "Equations"),
             *((_anchor(x.title), x.title) for x in plotted),
             *events_contents(run),
+            *sensitivity_contents(run),
+            *((x.anchor, x.title) for x in asked),
             ("system", "System"),
             ("extremes", "Extremes"),
             ("computation", "Computation"),
             ("model", "Model file"),
         ],
-        styles=map(asset, _STYLES),
+        styles=map(asset, (*_STYLES, *(["analysis.css"] if asked else []))),
         scripts=[f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)],
         layout="with-motion" if scene else "without-motion",
         status=tables.status(run),
@@ -114,6 +122,9 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         plots=_plots(plotted, run.count),
         residuals=_residual_plots(found),
         events=events_section(run),
+        sensitivities=sensitivity_section(run, system.names),
+        asked="".join(map(section_html, asked)),
+        images=bool(asked),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),

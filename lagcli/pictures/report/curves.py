@@ -143,6 +143,11 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
         ),
         Section("Outputs", "", _outputs(run, names)),
         Section(
+            "Derivatives",
+            "Of coordinates and multipliers with respect to parameters and initial values, SI.",
+            _derivatives(run, names),
+        ),
+        Section(
             "Conserved quantities",
             "Quantities that are constant during the motion; for their formulas, see System.",
             _conserved(run, names),
@@ -363,6 +368,26 @@ def _outputs(run: RunFile, names: Notation) -> list[Plot]:
         # without units, one may be a length and another a force
         return [Plot(curve.name, "", [curve]) for curve in groups[None]]
     return [_abridged(Plot("", axis_unit(symbol), curves)) for symbol, curves in groups.items()]
+
+
+def _derivatives(run: RunFile, names: Notation) -> list[Plot]:
+    """Return the plots of ∂q/∂p and ∂λ/∂p for each p, those of one unit together."""
+    plots = []
+    for place, parameter in enumerate(run.sensitivity):
+        groups: dict[str | None, list[ReportCurve]] = {}
+        columns = [ColumnName("q", "", q) for q in run.coordinates]
+        columns += [ColumnName("multipliers", c) for c in run.constraints]
+        for i, column in enumerate(columns):
+            field, j = (
+                ("dq", i) if column.coordinate else ("dmultipliers", i - len(run.coordinates))
+            )
+            name = f"d{column}/d{parameter}"
+            curve = ReportCurve(name, f"∂{label(column, names)}/∂{parameter}", field, (j, place))
+            stated = unit_of_column(column, run.record.units)
+            groups.setdefault(f"{column.quantity} {stated}", []).append(curve)
+        for curves in groups.values():
+            plots.append(_abridged(Plot(f"With respect to {parameter}", "", curves, least=0.0)))
+    return plots
 
 
 def scalar_curves(panel: str, names: Notation) -> list[ReportCurve]:
