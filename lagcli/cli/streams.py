@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
 import re
@@ -76,6 +77,16 @@ class _Bytes(io.RawIOBase):
             return len(data)
 
 
+#: Error handler of codecs: a terminal without Greek letters shows their names.
+_PLAIN = "lagcli-plain"
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    from lagcli.cli.transliteration import replacement
+
+    return replacement(error)
+
+
 def set_up() -> None:
     """Make the standard streams usable, whatever they are connected to.
 
@@ -89,6 +100,7 @@ def set_up() -> None:
         except OSError:
             # closed output stays output that fails: this file cannot be written
             os.open(os.devnull, os.O_WRONLY if number == 2 else os.O_RDONLY)
+    codecs.register_error(_PLAIN, _plain)
     sys.stdout = _opened(1, sys.stdout, _refuse)
     sys.stderr = _opened(2, sys.stderr, lambda error: None)
 
@@ -98,8 +110,7 @@ def _opened(number: int, before: Any, fail: Callable[[OSError], None]) -> io.Tex
     return _Text(
         io.BufferedWriter(stream),
         encoding=getattr(before, "encoding", None) or "utf-8",
-        # a terminal without Greek letters shows ? in their place, which beats a traceback
-        errors="replace",
+        errors=_PLAIN,
         line_buffering=number == 2 or stream.isatty(),
     )
 

@@ -24,15 +24,28 @@ SHORT = "--t-end 0.1 --samples 3"
 FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
 
 
-def shell(arguments: str, streams: str = "") -> subprocess.CompletedProcess[bytes]:
+def shell(
+    arguments: str, streams: str = "", **variables: str
+) -> subprocess.CompletedProcess[bytes]:
     """Run the program in a shell that leads its streams elsewhere."""
     return subprocess.run(
         f"{shlex.quote(sys.executable)} -m lagcli {arguments} {streams}",
         shell=True,
         capture_output=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT), **variables},
         check=False,
     )
+
+
+def test_formulas_are_readable_in_an_encoding_without_greek_letters() -> None:
+    found = shell("derive pendulum_cartesian", PYTHONIOENCODING="ascii")
+    assert found.returncode == 0
+    text = found.stdout.decode("ascii")
+    assert "  rod:  x^2 + y^2" in text
+    assert "  y:  m y'' + m g = 2 lambda y" in text
+    wrong = shell("derive slider_crank --set m=½½", PYTHONIOENCODING="cp437")
+    assert wrong.returncode == 2
+    assert b"Traceback" not in wrong.stderr
 
 
 @pytest.mark.parametrize(
