@@ -12,7 +12,7 @@ from lagcli.model.names.members import split_names
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
-Command = Callable[..., int]
+Command = Callable[..., int | None]
 
 
 def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Command], Command]:
@@ -32,7 +32,7 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
 
     def decorate(function: Command) -> Command:
         @functools.wraps(function)
-        def command(**arguments: Any) -> int:
+        def command(**arguments: Any) -> int | None:
             given = {option.name: arguments.pop(option.name) for option in options}
             return function(settings=_overrides(given), **arguments)
 

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from lagcli.cli.operating_point import check_target, print_analysis
 from lagcli.cli.options import (
     Force,
     Json,
@@ -14,10 +15,12 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.streams import print_text, tell
+from lagcli.cli.settings import with_settings
 from lagcli.errors import UsageError
+from lagcli.settings.settings import SettingsOverrides
 
 
+@with_settings("t_end", "samples")
 def compare(
     model: ModelPath,
     other: Annotated[
@@ -39,12 +42,6 @@ def compare(
         list[str] | None,
         typer.Option("--rtol", metavar="R,…", help="Relative tolerances. Repeatable."),
     ] = None,
-    t_end: Annotated[
-        float | None, typer.Option("--t-end", metavar="T", help="End time, s.")
-    ] = None,
-    samples: Annotated[
-        int | None, typer.Option("--samples", metavar="N", help="Number of samples.")
-    ] = None,
     output: Annotated[
         str | None,
         typer.Option(
@@ -56,6 +53,8 @@ def compare(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    *,
+    settings: SettingsOverrides,
     json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -72,24 +71,18 @@ def compare(
         format_comparison,
     )
     from lagcli.analysis.compare.two_models import compare_models
-    from lagcli.analysis.files import check_analysis_target, write_content
-    from lagcli.cli.summary import to_json
+    from lagcli.analysis.files import write_content
     from lagcli.model.loader import load
-    from lagcli.settings.settings import SettingsOverrides
 
-    refuse_same_file(model, output)
+    check_target(model, output, (".json", ".h5"), force)
     chosen = [_names(x) for x in (formulation, method, rtol)]
     if other is not None:
         refuse_same_file(other, output)
         if any(chosen):
             raise UsageError(
                 "--formulation, --method and --rtol are for one model; two models are compared"
-                " with the"
-                " settings of the first"
+                " with the settings of the first"
             )
-    if output is not None:
-        check_analysis_target(output, (".json", ".h5"), force)
-    settings = SettingsOverrides(t_end=t_end, samples=samples)
     parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
     loaded = load(model, parameters, initial)
     if other is None:
@@ -99,15 +92,9 @@ def compare(
     else:
         second = load(other, parameters, initial)
         content = describe_models(compare_models(loaded, second, settings), loaded, second)
-    text = format_comparison(content)
     if output is not None:
         write_content(content, {}, loaded, output, force)
-    if json:
-        print(to_json(content))
-    elif output is None:
-        print_text(text)
-    elif not quiet:
-        tell(f"{text}\n  written  {output}")
+    print_analysis(content, format_comparison(content), output, json, quiet)
 
 
 def _names(given: list[str] | None) -> list[str]:

@@ -139,7 +139,7 @@ class Equations:
         motion = self._motion
         rates = []
         for p in self.momenta:
-            row = _slopes_by_velocity(p, motion)
+            row = motion.row([p], motion.rate_columns)
             moving = [m * self.a[j] for j, m in row.items()]
             rates.append(se.Add(*moving, motion.convective(p)))
         return tuple(rates)
@@ -231,7 +231,7 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
         p = motion.sum_diff(terms[v], v)
         forces[i].append(-motion.convective(p))
         energy.append(v * p)
-        for j, m in _slopes_by_velocity(p, motion).items():
+        for j, m in motion.row([p], motion.rate_columns).items():
             mass[i][j] = mass[i].get(j, ZERO) + m
     return _Dynamics(
         [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass],
@@ -254,14 +254,6 @@ def _by_multipliers(force: Basic, multipliers: frozenset[Basic]) -> tuple[Basic,
 def _same(terms: list[Basic], others: list[Basic]) -> bool:
     """Whether two sums have the same terms."""
     return bool(se.Add(*terms) == se.Add(*others))
-
-
-def _slopes_by_velocity(p: Basic, motion: Motion) -> dict[int, Basic]:
-    """Return the nonzero ∂p/∂v_j."""
-    terms = motion.by_symbol(addends(p))
-    rates = motion.occurring(p).rates
-    row = {j: motion.sum_diff(terms[motion.v[j]], motion.v[j]) for j in rates}
-    return {j: m for j, m in row.items() if m != ZERO}
 
 
 def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:

@@ -63,6 +63,9 @@ class Motion:
         self._indices = {x: (0, i) for i, x in enumerate(q)}
         self._indices.update({x: (1, i) for i, x in enumerate(v)})
         self._indices[symbols.TIME] = (2, 0)
+        self._columns = {x: i for i, x in enumerate((*q, symbols.TIME))}
+        #: The numbers of the velocities.
+        self.rate_columns = {x: i for i, x in enumerate(v)}
         self._slopes: dict[Basic, PartialDerivatives] = {}
         self._occurring: dict[Basic, Occurrences] = {}
         self._kinked: dict[Basic, bool] = {}
@@ -109,16 +112,9 @@ class Motion:
         """Return the partial derivatives with respect to q and t."""
         found = self._slopes.get(expression)
         if found is None:
-            terms = self.by_symbol(addends(expression))
-            explicit = ZERO
-            if symbols.TIME in terms:
-                explicit = self.sum_diff(terms.pop(symbols.TIME), symbols.TIME)
-            indices = sorted(self._indices[x] for x in terms)
-            partial = {
-                i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in indices if not kind
-            }
-            found = PartialDerivatives({i: x for i, x in partial.items() if x != ZERO}, explicit)
-            self._slopes[expression] = found
+            row = self.row([expression], self._columns)
+            explicit = row.pop(len(self.q), ZERO)
+            found = self._slopes[expression] = PartialDerivatives(row, explicit)
         return found
 
     def convective(self, expression: Basic) -> Basic:

@@ -17,6 +17,7 @@ from lagcli.engine.switching.switching import RowMode
 from lagcli.engine.system import System
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
+from tests.support.switching_models import KANE
 
 G = 9.81
 METHODS = ("DOP853", "Taylor", "Rodas5P", "Radau")
@@ -207,24 +208,6 @@ initial:
 def test_cradle(law: str, after: list[float]) -> None:
     found = run(CRADLE, [0, 0.6], impacts=law)
     np.testing.assert_allclose(found.at(0.6)[1], after, atol=1e-12)
-
-
-KANE = """
-coordinates: {q1: rad, q2: rad}
-parameters: {m: 1 kg, l: 1 m, g: 9.81 m/s^2, mu: 0.5, e: 0.7, a: 20 deg, b: 30 deg}
-definitions:
-  x1: l/2*sin(q1)
-  y1: -l/2*cos(q1)
-  x2: l*sin(q1) + l/2*sin(q2)
-  y2: -l*cos(q1) - l/2*cos(q2)
-  x_P: l*sin(q1) + l*sin(q2)
-  y_P: l*(cos(a) + cos(b)) - l*cos(q1) - l*cos(q2)
-T: m/2*(x1'^2 + y1'^2 + x2'^2 + y2'^2) + m*l^2/24*(q1'^2 + q2'^2)
-V: m*g*(y1 + y2)
-constraints:
-  floor: {expr: y_P >= 0, restitution: e, friction: mu, slip: x_P'}
-initial: {q1: a, q2: b, q1': -0.1, q2': -0.2}
-"""
 
 
 def test_an_impact_at_the_start() -> None:

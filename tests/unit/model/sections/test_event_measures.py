@@ -9,25 +9,12 @@ from lagcli.errors import ModelError
 from lagcli.model.model import Model
 from lagcli.model.sections.measures import read_measures
 from lagcli.model.sections.switching.event_measures import EventMeasure
-
-MODEL = """\
-name: ball
-coordinates: {x: m, y: m}
-parameters: {m: 2 kg, g: 9.81 m/s^2}
-T: m/2*(x'^2 + y'^2)
-V: m*g*y
-constraints:
-  wall: x = 0
-  floor: {expr: y >= 0, restitution: 0.8, friction: 0.1, slip: x'}
-events:
-  late: {when: t >= 1, stop: true}
-initial: {x: 0, y: 1, x': 0, y': 0}
-"""
+from tests.support.switching_models import BALL
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return lagcli.load_text(MODEL)
+    return lagcli.load_text(BALL)
 
 
 @pytest.mark.parametrize(

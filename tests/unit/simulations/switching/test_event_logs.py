@@ -10,20 +10,7 @@ from lagcli.engine.lowering import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.switching.event_logs import event_log
-
-MODEL = """\
-name: ball
-coordinates: {x: m, y: m}
-parameters: {m: 2 kg, g: 9.81 m/s^2}
-T: m/2*(x'^2 + y'^2)
-V: m*g*y
-constraints:
-  wall: x = 0
-  floor: {expr: y >= 0, restitution: 0.8, friction: 0.1, slip: x'}
-events:
-  late: {when: t >= 1, stop: true}
-initial: {x: 0, y: 1, x': 0, y': 0}
-"""
+from tests.support.switching_models import BALL
 
 
 def entry(occurrence: str, which: int, **changes: object) -> EventEntry:
@@ -35,7 +22,7 @@ def entry(occurrence: str, which: int, **changes: object) -> EventEntry:
 
 
 def test_entries_become_a_log() -> None:
-    system = lower(derive(lagcli.load_text(MODEL)))
+    system = lower(derive(lagcli.load_text(BALL)))
     assert system.constraints == ("wall", "floor", "floor.slip")
     entries = [
         entry("impact", 1, impulse=np.array([0.0, 3.6, 0.0]), loss=0.36),
@@ -61,7 +48,7 @@ def test_entries_become_a_log() -> None:
 
 def test_entries_are_in_the_order_of_time() -> None:
     """A sequence of impacts ends later than the instant at which an event answers its last one."""
-    system = lower(derive(lagcli.load_text(MODEL)))
+    system = lower(derive(lagcli.load_text(BALL)))
     entries = [entry("impact", 1), entry("rest", 1, time=0.5 + 1e-9), entry("event", 0)]
     row = np.zeros(system.sample_layout.size)
     limits = [OneSidedLimits(2, row, row, (2.0, 9.81), (2.0, 9.81))]
@@ -74,7 +61,7 @@ def test_entries_are_in_the_order_of_time() -> None:
 
 
 def test_a_run_without_events_has_an_empty_log() -> None:
-    system = lower(derive(lagcli.load_text(MODEL)))
+    system = lower(derive(lagcli.load_text(BALL)))
     log = event_log(system, Outcome("completed", modes=(0, 0)))
     assert log is not None
     assert (len(log), log.q.shape, log.impulse.shape, log.modes.shape) == (
