@@ -42,7 +42,7 @@ def test_file_is_described_and_plotted(tmp_path: Path, capsys: pytest.CaptureFix
     assert run(["info", str(file)]) == 0
     assert capsys.readouterr().out.strip() in said
     assert run(["plot", str(file), "-o", str(picture)]) == 0
-    assert "energy imbalance" in picture.read_text()
+    assert "error of energy balance" in picture.read_text()
     assert "index1" in picture.read_text()
     capsys.readouterr()
     assert run(["compare", PENDULUM, *rows, "-o", str(file)]) == 4
