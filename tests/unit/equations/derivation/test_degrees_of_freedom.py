@@ -94,7 +94,8 @@ def test_runs_say_and_keep_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert run(short) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "1 of 4 redundant (rank of B 3, 1 degree of freedom)" in said
-    assert "1 of right_x, right_y, middle_x, middle_y follows from the others" in said
+    assert "1 of right_x, right_y, middle_x, middle_y (" in said
+    assert "parallelogram.yaml:45, 46, 47, 48) follows from the others" in said
     assert run(["info", str(tmp_path / "run.h5")]) == 0
     assert "1, rank of B 3; 1 of right_x" in " ".join(capsys.readouterr().out.split())
 
