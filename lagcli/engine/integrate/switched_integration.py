@@ -48,6 +48,7 @@ class SwitchedIntegration(ScipyIntegration):
             request = request._replace(state=self.frozen.frozen(request.state))
         super().__init__(system, request, sink, progress)
         self.entries = self.phases.entries
+        self.start_modes = tuple(int(x) for x in self.phases.modes)
         self.phases.on_parameters = self._tell_parameters
         self.instants = RecordedInstants(self.phases.switching.events)
         self.limits_of_events = self.instants.limits

@@ -36,16 +36,16 @@ def refusal(
         depth = {i: -core.contacts[0][i] for i, row in enumerate(rows) if row.sign}
         deepest = max(depth, key=lambda i: depth[i])
         return stops.sets_violation(t, names[deepest], depth[deepest])
-    if status == Status.GAINS:
-        return stops.gains_energy(t, core.gain[0], impacts, *core.gain[1:])
+    if status in (Status.GAINS, Status.NO_IMPACT):
+        contacts = [names[i] for i in core.struck if i < len(rows) and rows[i].sign]
+        if status == Status.NO_IMPACT:
+            return stops.no_impact(t, contacts)
+        return stops.gains_energy(t, contacts, core.gain[0], impacts, *core.gain[1:])
     if status in (Status.JAMMED, Status.FLOOR):
         slipping = [row for row, mode in zip(rows, core.modes, strict=False) if RowMode(mode).slips]
         if status == Status.FLOOR and not stops.jamming(core.margin, slipping):
             return None
         return stops.jams(t, split.system, slipping)
-    if status == Status.NO_IMPACT:
-        contacts = [names[i] for i in core.struck if i < len(rows) and rows[i].sign]
-        return stops.no_impact(t, contacts)
     taking, problem, motions = core.problem
     failure = stops.two_motions if motions else stops.no_motion
     return failure(t, [names[i] for i in taking], problem, motions)

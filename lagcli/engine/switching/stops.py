@@ -18,13 +18,17 @@ _SAME = 1e-9
 _JAMMING = 1e-3
 
 
-def gains_energy(t: float, energy: float, law: str, friction: bool, alike: bool) -> Stop:
+def gains_energy(
+    t: float, contacts: Sequence[str], energy: float, law: str, friction: bool, alike: bool
+) -> Stop:
     """Return the end of a run at an impact whose law gains energy.
 
     Parameters
     ----------
     t : float
         s.
+    contacts : sequence of str
+        Names of the constraints that take part.
     energy : float
         J.
     law : str
@@ -42,7 +46,7 @@ def gains_energy(t: float, energy: float, law: str, friction: bool, alike: bool)
         why = "with different coefficients of restitution"
         remedy = "give its contacts the same `restitution`"
     return Stop(
-        f"an impact would gain {energy:.4g} J ({name}{' ' * bool(why)}{why})"
+        f"an impact at {_listed(contacts)} would gain {energy:.4g} J ({name}{' ' * bool(why)}{why})"
         f" at t = {t:.9g} s: {remedy}"
     )
 
@@ -51,8 +55,12 @@ def no_impact(t: float, contacts: Sequence[str]) -> Stop:
     """Return the end of a run at an impact that has no solution."""
     return Stop(
         f"no velocities after the impact at t = {t:.9g} s satisfy the law of impacts at"
-        f" {', '.join(f'`{name}`' for name in contacts)}; choose another one with `impacts`"
+        f" {_listed(contacts)}; choose another one with `impacts`"
     )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def no_motion(

@@ -82,3 +82,22 @@ initial: {x: 0, y: 1, z: 0, x': 1, y': 0, z': 1}
     assert {"p_x", "p_z"} <= set(prepare(lagcli.load_text(smooth)).monitor.formulas)
     kicked = smooth + "events: {kick: {when: t >= 1, impulse: {z: 1}}}\n"
     assert not prepare(lagcli.load_text(kicked)).monitor.formulas
+
+
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_an_impact_at_the_start_that_is_refused_leaves_no_samples(engine: str) -> None:
+    """Kane and Levinson's double pendulum, which strikes as it starts."""
+    model = lagcli.load_text("""
+coordinates: [a, b]
+definitions: {y: cos(20 deg) + cos(30 deg) - cos(a) - cos(b)}
+T: (4/3*a'^2 + 1/3*b'^2 + cos(a - b)*a'*b')/2
+constraints:
+  floor: {expr: y >= 0, restitution: 0.7, friction: 0.5, slip: a'*cos(a) + b'*cos(b)}
+initial: {a: 20 deg, b: 30 deg, a': -0.1, b': -0.2}
+""")
+    found = lagcli.simulate(model, engine=engine, impacts="newton", t_end=0.1)
+    assert found.status == "failed"
+    assert "an impact at `floor` would gain 0.04074 J" in found.message
+    assert len(found.time) == 0
+    assert found.events is not None
+    assert found.events.names == ()

@@ -237,7 +237,8 @@ class InstantProblems:
         energy = float(np.abs(found.impulse * before).max(initial=0.0))
         if found.loss.sum() < -_GAIN * energy:
             alike = len(set(coefficients[: len(contacts)])) <= 1
-            raise gains_energy(t, -float(found.loss.sum()), self.law, bool(slopes.any()), alike)
+            gain = -float(found.loss.sum())
+            raise gains_energy(t, names, gain, self.law, bool(slopes.any()), alike)
         impulse, loss = np.zeros((2, len(self.system.constraints)))
         forces = signs * found.impulse
         impulse[rows], loss[rows] = forces, found.loss

@@ -224,7 +224,7 @@ def test_an_impact_that_gains_energy_is_refused() -> None:
     outcome = SwitchingIntegration(prepared.system, prepared.request, lambda _: None, None).run()
     assert outcome.status == "failed"
     assert outcome.message == (
-        "an impact would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
+        "an impact at `floor` would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
         " use `impacts: poisson`"
     )
 

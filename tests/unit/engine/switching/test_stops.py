@@ -11,13 +11,13 @@ ROD = np.arctan(2)
 
 
 def test_energy_gained() -> None:
-    assert str(stops.gains_energy(0.25, 0.040743904, "newton", True, True)) == (
-        "an impact would gain 0.04074 J (Newton's law with friction) at t = 0.25 s:"
+    assert str(stops.gains_energy(0.25, ["floor"], 0.040743904, "newton", True, True)) == (
+        "an impact at `floor` would gain 0.04074 J (Newton's law with friction) at t = 0.25 s:"
         " use `impacts: poisson`"
     )
-    assert str(stops.gains_energy(0.25, 0.5, "poisson", True, False)) == (
-        "an impact would gain 0.5 J (Poisson's law with different coefficients of restitution)"
-        " at t = 0.25 s: give its contacts the same `restitution`"
+    assert str(stops.gains_energy(0.25, ["left", "right"], 0.5, "poisson", True, False)) == (
+        "an impact at `left`, `right` would gain 0.5 J (Poisson's law with different coefficients"
+        " of restitution) at t = 0.25 s: give its contacts the same `restitution`"
     )
 
 

@@ -106,7 +106,7 @@ JAM = (2 / math.sqrt(3) - 0.8) / 5
         (
             KANE + "simulation: {impacts: newton}\n",
             {},
-            "an impact would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
+            "an impact at `floor` would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
             " use `impacts: poisson`",
         ),
         (

@@ -74,7 +74,7 @@ def test_an_impact_that_gains_energy_is_refused() -> None:
     found = run_contact(contact_model("kane_levinson", simulation={"impacts": "newton"}), "scipy")
     assert found.outcome.status == "failed"
     assert found.outcome.message == (
-        "an impact would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
+        "an impact at `floor` would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
         " use `impacts: poisson`"
     )
 
