@@ -17,7 +17,8 @@ from lagcli.engine.tape.tape import Tape
 if TYPE_CHECKING:
     from lagcli.engine.switching.switching import Switching
 
-_KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
+#: Operations at which a tape is not smooth.
+KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
 Pattern = tuple[tuple[int, int], ...]
 
 #: Operations of a motion and of its derivatives' right sides up to which they are one stream.
@@ -205,7 +206,7 @@ class System:
         tapes = [self.dynamics, self.constraint]
         if self.switching is not None:
             tapes += filter(None, [self.switching.limits, self.switching.forces])
-        return any(line[0] in _KINKS for tape in tapes for line in tape.code)
+        return any(line[0] in KINKS for tape in tapes for line in tape.code)
 
     @cached_property
     def counts(self) -> Counts:

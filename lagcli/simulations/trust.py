@@ -8,7 +8,8 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Batch
-from lagcli.engine.system import System
+from lagcli.engine.system import KINKS, System
+from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.settings.settings import Settings
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.samples import Samples
@@ -95,6 +96,17 @@ class Trust:
                     found = np.fmax(found, np.abs(energy - before) / _CHANGE)
         return np.where(np.isfinite(found), found, 0.0)
 
+    def _remedy(self) -> str:
+        """Return what helps against a large error of the energy balance."""
+        places = [REPORTED.index(name) for name in ("energy_kinetic", "energy_potential")]
+        energies = self.system.report.selected(places)
+        if any(op in KINKS for op, *_ in energies.code):
+            return (
+                "T or V has branches, and no force makes up for a jump of them: write them so that"
+                " both sides are equal where they meet, or give a smaller --rtol"
+            )
+        return "give a smaller --rtol"
+
     def warnings(self, settings: Settings, steps: int, columns: DerivedColumns) -> tuple[str, ...]:
         """Return why the result may not be trusted.
 
@@ -118,7 +130,7 @@ class Trust:
             share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
             found.append(
                 f"the energy balance has an error of {self.balance:.2g} J{share}, more than"
-                f" the tolerance explains ({allowed:.1g}): give a smaller --rtol"
+                f" the tolerance explains ({allowed:.1g}): {self._remedy()}"
             )
         for level, largest in self._residuals.items():
             terms = scales[level]

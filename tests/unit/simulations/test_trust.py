@@ -70,6 +70,15 @@ def test_lost_energy_is_said_of_angles_of_many_turns(rtol: float) -> None:
     assert (share > 0.01) == (rtol == 0.1)
 
 
+@pytest.mark.parametrize(
+    "energies", ['T: x\'^2/2\nV: "if(x > 0, 0.2, 0)"', 'T: "if(x > 0, 2, 1)/2*x\'^2"']
+)
+def test_energies_that_jump_are_said(energies: str) -> None:
+    text = f"coordinates: [x]\n{energies}\ninitial: {{x: -1, x': 1}}\n"
+    (warning,) = lagcli.simulate(lagcli.load_text(text), t_end=2.0).warnings
+    assert "T or V has branches, and no force makes up for a jump of them" in warning
+
+
 def test_a_coarse_absolute_tolerance_is_said() -> None:
     run = lagcli.simulate(lagcli.load_text(FAST), atol=0.1)
     assert any("energy balance has an error of" in warning for warning in run.warnings)
