@@ -115,7 +115,7 @@ class Sensitivity:
     Raises
     ------
     UsageError
-        The method needs derivatives that there are not.
+        The method needs derivatives that are not formed, or a force jumps where no step ends.
     """
 
     def __init__(
@@ -137,6 +137,8 @@ class Sensitivity:
         self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))
         self._determines: bool | None = None
         self.tangent = lower_tangent(equations, self.directions.rates)
+        if system.has_kinks:
+            self._refuse_hidden_jumps()
         self.problem: TangentProblem | SwitchedProblem
         if self._switches(settings):
             from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
@@ -145,6 +147,16 @@ class Sensitivity:
         else:
             self.problem = TangentProblem(
                 system, self.tangent, names, self.directions.scales, many_runs=many_runs
+            )
+
+    def _refuse_hidden_jumps(self) -> None:
+        from lagcli.simulations.switching.hidden_jumps import has_hidden_jumps
+
+        if has_hidden_jumps(self.system, tuple(self.equations.model.parameter_values.values())):
+            raise UsageError(
+                "sensitivities and fits need the times at which forces jump, but one jumps with a"
+                " multiplier, or beside a root, power or logarithm, where steps do not end; smooth"
+                " it, for instance with `tanh`"
             )
 
     def _switches(self, settings: Settings) -> bool:

@@ -27,8 +27,8 @@ from lagcli.engine.switching.impacts import ImpactStage
 from lagcli.engine.switching.reference.instant import ImpactOutcome
 from lagcli.engine.switching.switching import EventRule, RowMode
 
-#: Of its terms: a change of a gap at an impact that is rounding.
-_APART = 1e-6
+#: Of its terms, or of the scale of the gap: a change of a gap at an impact that is rounding.
+_APART, _NO_GAP = 1e-6, 1e-9
 #: Of the velocities: what an impact here and one of the engine may differ by.
 _ALIKE = 1e-6
 #: Of the coordinates: a move onto constraints that is rounding.
@@ -88,13 +88,16 @@ class DifferentiatedResolution(InstantResolution):
         state = self._state(q, v)
         gaps = self.system.constraints(state, self.change).position
         jacobian = self.run.full.constraints(self.t, q, v).jacobian
+        scale = self.problems.position_scale
         for k in contacts:
             row = self.rows[k].row
-            gap = gaps[self.run.system.holonomic.index(row)]
+            place = self.run.system.holonomic.index(row)
+            gap = gaps[place]
             terms = np.abs(jacobian[row]) @ np.abs(self.change.q)
             terms = terms + np.abs(jacobian[row] @ v * self.change.t)
+            apart = np.abs(gap) > np.maximum(_APART * terms, _NO_GAP * scale[place])
             self.lose(
-                np.abs(gap) > _APART * terms,
+                apart,
                 f"contacts meet at once there, `{self.names[row]}` among them, and their order"
                 " decides",
             )

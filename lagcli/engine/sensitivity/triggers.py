@@ -72,11 +72,14 @@ def instant_time(
     along = Change(np.ones(1), v[:, None], a[:, None], np.zeros((len(change.p), 1)))
     slopes = _slopes(system, run, numbers, t, q, v, change.beside(along))
     times, of_events = np.zeros((len(numbers), n)), dict[int, Array]()
-    grazing = list[int]()
+    grazing, shared = list[int](), list[int]()
     decisive = [k for k, number in enumerate(numbers) if _decides(run, number)]
     for k, number in enumerate(numbers):
         rate, size = slopes[k, n], run.size_of(number)
-        if abs(rate) * span <= _GRAZES * size:
+        if _is_shared(run, number):
+            times[k] = np.nan
+            shared.append(k)
+        elif abs(rate) * span <= _GRAZES * size:
             still = np.abs(slopes[k, :n]) <= _GRAZES * _NONE * size
             times[k] = np.where(still, 0.0, np.nan)
             if k in decisive and not still.all():
@@ -93,6 +96,10 @@ def instant_time(
         reason = f"{_name(run, numbers[grazing[0]])} is only touched, without a rate, and the time"
         reason += " has no derivative"
         found = np.where(np.isnan(times[decisive]).any(axis=0), np.nan, found)
+    if shared:
+        reason = f"{_name(run, numbers[shared[0]])} shares its force with others, so that the time"
+        reason += " has no derivative"
+        found = np.full(n, np.nan)
     apart = np.ptp(times[decisive], axis=0)
     apart = apart > _ALIKE * np.abs(times[decisive]).max(axis=0) + _NONE * span
     if apart.any():
@@ -107,6 +114,15 @@ def _decides(run: Phases, number: int) -> bool:
         return True
     rule = run.switching.events[run.conditions.numbers[number - len(run.watched)]]
     return bool(rule.targets or rule.impulses or rule.release or rule.engage or rule.stop)
+
+
+def _is_shared(run: Phases, number: int) -> bool:
+    """Return whether a mode ends by a multiplier that is not unique."""
+    return (
+        run.motion.redundant
+        and number < len(run.watched)
+        and run.watched[number].kind in ("force", "stick")
+    )
 
 
 def _name(run: Phases, number: int) -> str:

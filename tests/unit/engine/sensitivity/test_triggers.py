@@ -96,3 +96,26 @@ def test_a_gap_that_does_not_close_has_no_time(rate: float, reason: str) -> None
     assert found.reason.startswith(reason)
     expected = [0.5, 0.0] if rate else [np.nan, 0.0]
     np.testing.assert_array_equal(found.change, expected)
+
+
+def test_forces_that_are_shared_have_no_time() -> None:
+    text = """
+coordinates: [x, y, phi]
+parameters: {m: 2, g: 10, F: 8, mu: 0.3, a: 0.2}
+T: m*(x'^2 + y'^2)/2 + phi'^2/2
+V: m*g*y
+Q: {x: F*t}
+constraints:
+  left: {expr: y - a*phi >= 0, friction: {static: 1.3*mu, kinetic: mu}, slip: x'}
+  right: {expr: y + a*phi >= 0, friction: {static: 1.3*mu, kinetic: mu}, slip: x'}
+initial: {x: 0, y: 0, phi: 0, x': 0, y': 0, phi': 0}
+"""
+    found = lagcli.simulate(lagcli.load_text(text), t_end=1.2, samples=5, sensitivity=("F", "a"))
+    (note,) = found.warnings
+    # 1.3 μ m g = F t
+    assert "derivatives by `F`, `a` end at t = 0.975" in note
+    assert "`left.slip` shares its force with others" in note
+    assert found.dmultipliers is not None
+    # each bears half of m g; which corner bears the friction is open
+    np.testing.assert_allclose(found.dmultipliers[2, [0, 2]], 0.0, atol=1e-12)
+    assert np.isnan(found.dmultipliers[2, [1, 3], 0]).all()
