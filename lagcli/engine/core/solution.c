@@ -68,6 +68,15 @@ static int factor_dense(lag_run *run)
     return lag_lu(run->dense.lu, run->dense.pivots, n);
 }
 
+double lag_least_dense_pivot(const lag_run *run)
+{
+    const int n = order_of(run);
+    double least = INFINITY;
+    for (int k = 0; k < n; ++k)
+        least = fmin(least, fabs(run->dense.lu[k * n + k]));
+    return least;
+}
+
 static void solve_dense(lag_run *run, const double *right, double *x, int refined)
 {
     const int nq = run->system.nq, nc = run->system.nc, n = order_of(run);
@@ -316,9 +325,17 @@ void lag_oppose(lag_run *run, double *x)
 {
     const int nq = run->system.nq, nc = run->system.nc / run->system.blocks;
     double *all = run->solver.solution;
-    memset(all, 0, (size_t)nq * sizeof(double));
-    memcpy(all + nq, x, (size_t)nc * sizeof(double));
-    substitute(run, 0, 1, all);
+    if (lag_solving_by(run) == LAG_BY_LU) {
+        double *right = run->solver.right;
+        all = run->step.work;
+        memset(right, 0, (size_t)nq * sizeof(double));
+        memcpy(right + nq, x, (size_t)nc * sizeof(double));
+        solve_dense(run, right, all, 0);
+    } else {
+        memset(all, 0, (size_t)nq * sizeof(double));
+        memcpy(all + nq, x, (size_t)nc * sizeof(double));
+        substitute(run, 0, 1, all);
+    }
     for (int i = 0; i < nc; ++i)
         x[i] = -all[nq + i];
 }

@@ -14,12 +14,15 @@ enum lag_solution lag_solving_by(const lag_run *run);
  * unrolled factors it does not say so: the solutions are not finite then. */
 int lag_factor(lag_run *run, double t, const double *y);
 
+/* The least of the pivots of the dense factors. */
+double lag_least_dense_pivot(const lag_run *run);
+
 /* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
  * that is finite if x is. */
 double lag_correction(lag_run *run, const double *rhs, double *x);
 
-/* (B M^-1 B')^-1 x (nc of the motion) in place of x, by the last factors of the static elimination: the multipliers
- * that go with constraints' accelerations. */
+/* (B M^-1 B')^-1 x (nc of the motion) in place of x, by the last factors: the multipliers that go with constraints'
+ * accelerations. Not by those of a bordered matrix. */
 void lag_oppose(lag_run *run, double *x);
 
 /* Solve [[M, B'], [B, 0]] x = right with the last factors; both have nq + nc entries. `refined` by

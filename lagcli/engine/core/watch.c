@@ -76,6 +76,17 @@ static double least_part(lag_run *run)
     return fmin(least_part_of_factors(run), sqrt(shortest));
 }
 
+/* The same of the dense factors, whose pivots are quadratic in B too, and whose rows of B have length one. */
+static double least_part_of_dense(lag_run *run)
+{
+    const lag_system *s = &run->system;
+    double *sum = run->step.work, shortest = 1.0;
+    lag_row_squares(s, &s->dynamics, lag_first_jacobian(s), run->rows.sizes, sum);
+    for (int i = 0; i < s->nc; ++i)
+        shortest = fmin(shortest, sum[i] / (run->rows.lengths[i] * run->rows.lengths[i]));
+    return sqrt(fmin(lag_least_dense_pivot(run), shortest));
+}
+
 /* Bring x to unit length; returns the length that it had. */
 static double normalize(double *x, int n)
 {
@@ -118,6 +129,20 @@ static double least_singular(lag_run *run)
     return value;
 }
 
+/* Whether the last factors can tell how near a singular configuration is: not those of a bordered matrix. */
+static int by_factors(const lag_run *run)
+{
+    const int whole = run->rows.rank == run->system.nc && run->system.blocks == 1 && !run->switching.used;
+    return whole || lag_solving_by(run) != LAG_BY_LU;
+}
+
+/* Whether there are so many rows of B, of the motion, that they are not orthogonalized. */
+static int large(const lag_run *run)
+{
+    const int nq = run->system.nq / run->system.blocks, nc = run->system.nc / run->system.blocks;
+    return (double)nc * nc * nq > LARGE;
+}
+
 double lag_least_pivot(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
@@ -125,7 +150,7 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     const int nq = s->nq / s->blocks, nc = s->nc / s->blocks; /* of the motion, whose B is that of all blocks */
     if (run->rows.rank == 0)
         return 1.0;
-    if (lag_solving_by(run) != LAG_BY_LU && (double)nc * nc * nq > LARGE) {
+    if (by_factors(run) && large(run)) {
         lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     }
@@ -143,8 +168,11 @@ void lag_watch_step(lag_run *run)
 
 void lag_watch_stage(lag_run *run)
 {
-    /* without a static elimination every step is looked at */
-    const double part = lag_solving_by(run) != LAG_BY_LU ? least_part(run) : 0.0;
+    double part = 0.0; /* every step is looked at */
+    if (lag_solving_by(run) != LAG_BY_LU)
+        part = least_part(run);
+    else if (by_factors(run) && large(run))
+        part = least_part_of_dense(run);
     lag_cancellation *c = &run->watch.cancellation;
     c->last = part;
     c->least = fmin(c->least, part);

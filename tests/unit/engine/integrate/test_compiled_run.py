@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from pathlib import Path
 
@@ -46,9 +47,8 @@ def test_engines_agree_on_every_shipped_model(path):
         assert np.nanmax(relative, initial=0.0) <= 1e-12
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_ways_to_eliminate_agree(path, monkeypatch):
-    """Unrolled into the tape, in a loop on the same order, and densely."""
+def only_densely(monkeypatch):
+    """Let no system have an order of elimination."""
     from lagcli.engine.constraints import initial
     from lagcli.engine.integrate import prepared
     from lagcli.engine.linear import elimination
@@ -56,14 +56,22 @@ def test_ways_to_eliminate_agree(path, monkeypatch):
     def none(*_):
         raise elimination.NoElimination
 
+    for module in (initial, prepared):
+        monkeypatch.setattr(module, "order_at", none)
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_ways_to_eliminate_agree(path, monkeypatch):
+    """Unrolled into the tape, in a loop on the same order, and densely."""
+    from lagcli.engine.integrate import prepared
+
     model = lagcli.load(path)
     options = {"t_end": 0.05 * model.settings.t_end, "samples": 6, "rtol": 1e-11, "atol": 1e-12}
     monkeypatch.setattr(prepared, "SHORT", math.inf)
     runs = [lagcli.simulate(model, engine="compiled", **options)]
     monkeypatch.setattr(prepared, "MOST_UNROLLED", -1)
     runs.append(lagcli.simulate(model, engine="compiled", **options))
-    for module in (initial, prepared):
-        monkeypatch.setattr(module, "order_at", none)
+    only_densely(monkeypatch)
     runs.append(lagcli.simulate(model, engine="compiled", **options))
     for other in runs[1:]:
         assert other.status == "completed", other.message
@@ -245,3 +253,36 @@ def test_methods_of_the_compiled_engine_say_what_they_lack(monkeypatch, method, 
     monkeypatch.setattr(resolve, "compiled_available", lambda: False)
     with pytest.raises(UsageError, match=f"{method} needs the compiled engine, which was not buil"):
         lagcli.simulate(PENDULUM, method=method)
+
+
+CRANKS = """
+coordinates: [a[1..N], b[1..N]]
+parameters: {N: 22, l: 1}
+T: sum((1 + 0.1*i)/2*a[i]'^2 + b[i]'^2/3, i = 1..N)
+V: 0
+constraints:
+  first: sin(a[1]) = l*sin(b[1])
+  crank[i = 2..N]: sin(a[i]) = 3*sin(b[i])
+initial:
+  a[i = 1..N]: 0.3
+  b[1..N]: {guess: 0.1}
+  a[i = 1..N]': 1 + 0.01*i
+  b[1..N]': {guess: 0.1}
+simulation: {t_end: 2, samples: 201}
+"""
+
+
+@pytest.mark.parametrize("length", [1, 1.05])
+def test_a_large_dense_system_is_watched_by_its_factors(length, monkeypatch):
+    """With l = 1, the first crank's constraint loses its gradient where a = b = pi/2."""
+    model = lagcli.load_text(CRANKS, set={"l": length})
+    sparse = lagcli.simulate(model)
+    only_densely(monkeypatch)
+    dense = lagcli.simulate(model)
+    assert dense.status == sparse.status
+    if length == 1:
+        stated = float(re.search(r"configuration at t = ([0-9.]+) s", dense.message)[1])
+        assert stated == pytest.approx((np.pi / 2 - 0.3) / 1.01, abs=1e-6)
+    else:
+        assert dense.status == "completed"
+        np.testing.assert_allclose(dense.q, sparse.q, rtol=0, atol=1e-9)
