@@ -9,6 +9,7 @@ from typing import Any
 
 import fastjsonschema
 import pytest
+from shipped import PATHS, every_model
 
 import lagcli
 from lagcli.cli.app import COMMANDS, program, run
@@ -26,9 +27,9 @@ def schema(command: str) -> Callable[[Any], Any]:
 DERIVE = schema("derive")
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_equations_of_shipped_models_have_the_schema(path: Path) -> None:
-    equations = lagcli.derive(lagcli.load(path))
+@pytest.mark.parametrize("name", every_model())
+def test_equations_of_shipped_models_have_the_schema(name: str) -> None:
+    equations = lagcli.derive(lagcli.load(PATHS[name]))
     DERIVE(json.loads(lagcli.render(equations, format="json")))
 
 

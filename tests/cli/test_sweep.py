@@ -545,7 +545,7 @@ def killed_and_resumed(
 
 
 def test_killed_and_resumed_it_is_as_if_nothing_had_been(tmp_path: Path) -> None:
-    killed_and_resumed(tmp_path, 2, random.Random(1))
+    killed_and_resumed(tmp_path, 1, random.Random(1))
 
 
 def test_with_contacts_too(tmp_path: Path) -> None:

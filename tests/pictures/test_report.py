@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from peak_memory import peak
+from shipped import PATHS, every_model
 
 import lagcli
 from lagcli.cli.app import run as cli
@@ -93,9 +94,9 @@ def series_of(path, name):
     raise AssertionError(f"there is no curve {name}")
 
 
-@pytest.mark.parametrize("path", sorted(MODELS.rglob("*.yaml")), ids=lambda p: p.stem)
-def test_every_shipped_model(path, tmp_path):
-    model = lagcli.load(path)
+@pytest.mark.parametrize("name", every_model())
+def test_every_shipped_model(name, tmp_path):
+    model = lagcli.load(PATHS[name])
     trajectory = lagcli.simulate(model, samples=60)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

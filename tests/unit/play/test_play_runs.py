@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from patience import PATIENCE, wait_until
+from shipped import PATHS, every_model
 
 import lagcli
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
@@ -357,29 +358,29 @@ def dragged(played: Played, weights: dict[str, float], target: list[float], **mo
     return played.run(PlayRequest.parsed(message), Interruption())
 
 
-@pytest.mark.parametrize("path", EVERY, ids=lambda p: p.stem)
-def test_every_model_can_be_dragged_and_then_runs(path: Path) -> None:
+@pytest.mark.parametrize("name", every_model())
+def test_every_model_can_be_dragged_and_then_runs(name: str) -> None:
     """In the middle of a run too; the values of the page then have the body where it was."""
-    played = Played(load(path))
+    played = Played(load(PATHS[name]))
     answer = run(played, t_end="0.1")
     points = played.description()["draggable"]
-    assert points or path.stem == "clutch"
+    assert points or name == "clutch"
     for point in points[:1]:
         place = [float(x[len(x) // 2]) for x in answer["scene"]["points"][point]]
         target = [place[0] + 0.03, place[1] + 0.02, *place[2:]]
         found = dragged(played, {point: 1}, target, time=0.05)
         words = shlex.split(found["command"])[2:]
         given = {
-            name: value
+            entry: value
             for option, text in pairwise(words)
             if option == "--set-initial"
-            for name, value in [text.split("=", 1)]
+            for entry, value in [text.split("=", 1)]
         }
         assert given.keys() >= found["initial"].keys()
         after = run(played, set_initial=given, t_end="0.1")
         assert after["status"] == "completed"
-        for name, value in found["scene"]["points"].items():
-            first = [float(x[0]) for x in after["scene"]["points"][name]]
+        for place_name, value in found["scene"]["points"].items():
+            first = [float(x[0]) for x in after["scene"]["points"][place_name]]
             assert first == pytest.approx([float(x[0]) for x in value], rel=1e-9, abs=1e-9)
 
 

@@ -16,6 +16,7 @@ from pylatexenc.latexwalker import (
     LatexMathNode,
     LatexWalker,
 )
+from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation import typeset as t
@@ -77,8 +78,9 @@ def display_rows(latex: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_shipped_models(path):
+@pytest.mark.parametrize("name", every_model())
+def test_shipped_models(name):
+    path = PATHS[name]
     model = equations_of(path).model
     formula = LatexFormula(Notation(model), written_decimals(model))
     for steps in (False, True):

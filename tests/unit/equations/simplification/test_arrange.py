@@ -18,6 +18,7 @@ from formula_values import (
     size,
     value,
 )
+from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.presentation.formulas import Formulas
@@ -62,9 +63,9 @@ def assert_equal_values(equations: Equations, points: int = 2) -> None:
     assert compared > points
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_arranged_expressions_keep_their_value(path):
-    assert_equal_values(equations_of(path))
+@pytest.mark.parametrize("name", every_model())
+def test_arranged_expressions_keep_their_value(name):
+    assert_equal_values(equations_of(PATHS[name]))
 
 
 @pytest.mark.parametrize(
