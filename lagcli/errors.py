@@ -96,12 +96,12 @@ def _excerpt(loc: SourceLocation) -> list[str]:
     text = "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
     number = f"{loc.line:>5}" if loc.line else " " * 5
     before, marked = text[: column - 1], text[column - 1 : column - 1 + loc.length]
-    pad = " " * (_width(before) + column - 1 - len(before))
-    return [f"{number} | {text.rstrip()}", f"      | {pad}{'^' * max(1, _width(marked))}"]
+    pad = " " * (display_width(before) + column - 1 - len(before))
+    return [f"{number} | {text.rstrip()}", f"      | {pad}{'^' * max(1, display_width(marked))}"]
 
 
-def _width(text: str) -> int:
-    """Return the width of a text in terminal cells, to align the underline."""
+def display_width(text: str) -> int:
+    """Return the width of a text in columns: combining marks take none, wide characters two."""
     return sum(
         0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
         for c in text

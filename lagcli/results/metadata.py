@@ -93,18 +93,18 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     """
     fields: dict[str, Any] = {}
     for name in TEXTS:
-        fields[name] = _of_type(str, metadata.get(name, ""), name)
+        fields[name] = of_type(str, metadata.get(name, ""), name)
     for name in MAPPINGS:
-        fields[name] = dict(_of_type(Mapping, metadata.get(name, {}), name))
+        fields[name] = dict(of_type(Mapping, metadata.get(name, {}), name))
     for name in ("parameters", "seconds", "tolerances"):
         fields[name] = {k: from_number(v) for k, v in fields[name].items()}
     kinds = {"units": str, "counts": int, "initial_correction": list, "conserved_formulas": str}
     for name, kind in kinds.items():
         for key, value in fields[name].items():
-            _of_type(kind, value, f"{name} of {key}")
+            of_type(kind, value, f"{name} of {key}")
     fields["initial_correction"] = {k: _pair(v) for k, v in fields["initial_correction"].items()}
-    warnings = _of_type(list, metadata.get(WARNINGS, []), WARNINGS)
-    fields[WARNINGS] = tuple(_of_type(str, text, WARNINGS) for text in warnings)
+    warnings = of_type(list, metadata.get(WARNINGS, []), WARNINGS)
+    fields[WARNINGS] = tuple(of_type(str, text, WARNINGS) for text in warnings)
     if fields["status"] not in ("", *STATUSES):
         raise ValueError(f"status is {shortened(fields['status'])}")
     check_model(fields["model"], fields["model_sha256"])
@@ -131,7 +131,7 @@ def shortened(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:60]}…"
 
 
-def _of_type(kind: type, value: Any, name: str) -> Any:
+def of_type(kind: type | tuple[type, ...], value: Any, name: str) -> Any:
     """Return the value, which must be of a type; True is not a number."""
     if not isinstance(value, kind) or isinstance(value, bool):
         raise ValueError(f"{name} is {shortened(value)}")

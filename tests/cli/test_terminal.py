@@ -17,7 +17,7 @@ import pytest
 
 from lagcli.cli.app import run
 from lagcli.cli.streams import fitted, has_colour
-from lagcli.equations.render.names import display_width
+from lagcli.errors import display_width
 
 MODELS = ["slider_crank", "chain", "parallelogram", "rolling_disk"]
 

@@ -16,9 +16,8 @@ from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.reduction.elimination import (
+    solve_accelerations,
     solve_first_kind,
-    solve_maggi,
-    solve_second_kind,
 )
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.second_kind import second_kind
@@ -175,9 +174,9 @@ def test_dependent_coordinates_and_velocities(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_closed_forms(name: str) -> None:
     c = case(name)
-    found = [solve_first_kind(c.partition), solve_maggi(Maggi(c.partition))]
+    found = [solve_first_kind(c.partition), solve_accelerations(Maggi(c.partition))]
     if name in HOLONOMIC:
-        found.append(solve_second_kind(second_kind(c.partition)))
+        found.append(solve_accelerations(second_kind(c.partition)))
     for solved in found:
         if solved:
             c.check_solved(solved)

@@ -32,9 +32,8 @@ from lagcli.equations.presentation.steps import before_equations as derivation_b
 from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.equations.presentation.typeset import Node, Sum, children
 from lagcli.equations.reduction.elimination import (
+    solve_accelerations,
     solve_first_kind,
-    solve_maggi,
-    solve_second_kind,
 )
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import CoordinatePartition
@@ -149,9 +148,9 @@ def _other(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -
 
 def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -> Step:
     if kind == "second":
-        found = solve_second_kind(second_kind(p, contents.full))
+        found = solve_accelerations(second_kind(p, contents.full))
     elif kind == "maggi":
-        found = solve_maggi(Maggi(p))
+        found = solve_accelerations(Maggi(p))
     else:
         found = solve_first_kind(p)
     return solved_step(f, found, _NAMES[kind], kind == "first" and bool(p.surplus))

@@ -104,25 +104,14 @@ def _by_multipliers(
     return found
 
 
-def solve_second_kind(second: SecondKind) -> list[SolvedUnknown]:
-    """Solve the equations of the second kind for up to three accelerations; else return none."""
-    return _accelerations(second.partition, second.mass_matrix, second.forcing)
-
-
-def solve_maggi(maggi: Maggi) -> list[SolvedUnknown]:
-    """Solve Maggi's equations for up to three independent accelerations; else return none."""
-    return _accelerations(maggi.partition, maggi.mass_matrix, maggi.forcing)
-
-
-def _accelerations(
-    partition: CoordinatePartition,
-    mass_matrix: tuple[tuple[Basic, ...], ...],
-    forcing: tuple[Basic, ...],
-) -> list[SolvedUnknown]:
+def solve_accelerations(equations: SecondKind | Maggi) -> list[SolvedUnknown]:
+    """Solve for up to three independent accelerations; else return none."""
+    partition = equations.partition
     if not 0 < len(partition.independent) <= CRAMER:
         return []
     unknowns = [partition.equations.a[i] for i in partition.independent]
-    return _short(_solved([list(row) for row in mass_matrix], list(forcing), unknowns, partition))
+    matrix = [list(row) for row in equations.mass_matrix]
+    return _short(_solved(matrix, list(equations.forcing), unknowns, partition))
 
 
 def _solved(

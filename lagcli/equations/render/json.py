@@ -73,9 +73,8 @@ from lagcli.equations.presentation.switching.contacts import as_inequality
 from lagcli.equations.presentation.typeset import ZERO, Node, Symbol
 from lagcli.equations.reduction.elimination import (
     SolvedUnknown,
+    solve_accelerations,
     solve_first_kind,
-    solve_maggi,
-    solve_second_kind,
 )
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.second_kind import SecondKind, second_kind
@@ -223,10 +222,10 @@ class _JsonWriter:
             if kind == "second":
                 second = second_kind(p, contents.full)
                 found["second"] = self.second(second)
-                solved[kind] = solve_second_kind(second) if contents.solve else []
+                solved[kind] = solve_accelerations(second) if contents.solve else []
             elif kind == "maggi":
                 found["maggi"] = self.maggi(Maggi(p))
-                solved[kind] = solve_maggi(Maggi(p)) if contents.solve else []
+                solved[kind] = solve_accelerations(Maggi(p)) if contents.solve else []
             else:
                 solved[kind] = solve_first_kind(p) if contents.solve else []
         if contents.solve:

@@ -248,11 +248,3 @@ def latex_ascii(text: str) -> str:
         elif not unicodedata.combining(char):
             parts.append(f"u{ord(char):04X}")
     return "".join(parts)
-
-
-def display_width(text: str) -> int:
-    """Return the width of a text in columns: combining marks take none, wide characters two."""
-    return sum(
-        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
-        for c in text
-    )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.render.breaking import flat, lines
 from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.names import display_width
+from lagcli.errors import display_width
 from lagcli.model.model import Model
 
 NARROWEST = 40

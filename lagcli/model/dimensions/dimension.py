@@ -78,7 +78,7 @@ def product(a: Scalar, b: Scalar, exponent: Exponent = 1) -> Scalar:
         return a
     if not isinstance(a, Dimension):
         a = ONE
-    return Dimension(*(_whole(x + y * exponent) for x, y in zip(a, b, strict=True)))
+    return Dimension(*(whole(x + y * exponent) for x, y in zip(a, b, strict=True)))
 
 
 @cache
@@ -87,7 +87,8 @@ def power(a: Scalar, exponent: Exponent) -> Scalar:
     return product(ONE, a, exponent) if isinstance(a, Dimension) else a
 
 
-def _whole(x: Exponent) -> Exponent:
+def whole(x: Exponent) -> Exponent:
+    """Return an exponent as an int if it is one."""
     return int(x) if x.denominator == 1 else x
 
 

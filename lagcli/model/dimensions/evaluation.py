@@ -20,6 +20,7 @@ from lagcli.model.dimensions.dimension import (
     power,
     product,
     same,
+    whole,
 )
 from lagcli.model.dimensions.tensor_dimension import (
     ROTATION,
@@ -415,8 +416,3 @@ def is_measured(number: NumberExpr) -> bool:
 
 def _multiplied(x: Scalar, by: Scalar, exponent: Exponent) -> Scalar:
     return product(x, by, exponent)
-
-
-def whole(x: Fraction) -> Exponent:
-    """Return an exponent as an int if it is one."""
-    return int(x) if x.denominator == 1 else x

@@ -20,8 +20,8 @@ from lagcli.model.dimensions.dimension import (
     power,
     product,
     same,
+    whole,
 )
-from lagcli.model.dimensions.evaluation import whole
 from lagcli.model.dimensions.model_units import conjugate, find, text_of
 from lagcli.model.dimensions.tensor_dimension import TensorDimension, rate_of
 from lagcli.model.inputs import read_input

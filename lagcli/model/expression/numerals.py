@@ -58,3 +58,12 @@ def read_number(token: Token, following: Token) -> NumberExpr:
                 "write a decimal number",
             )
     return NumberExpr(token.start, token.end, Fraction(token.text.lower()))
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number of Python, not an expression."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

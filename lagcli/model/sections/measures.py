@@ -20,7 +20,7 @@ from lagcli.model.expression.building import build, name_errors
 from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
     CallExpr,
     IndexedSumExpr,
@@ -248,13 +248,13 @@ class _MeasureReader:
             if kind in ("max", "min") and count > 1:
                 return None
             wanted = "at(EXPRESSION, TIME)" if kind == "at" else f"{kind}(EXPRESSION)"
-            raise _error("arguments", f"`{kind}` is written {wanted}", tree)
+            raise error_at("arguments", f"`{kind}` is written {wanted}", tree)
         for below in tree.arguments:
             for part in walk(below):
                 if isinstance(part, CallExpr) and REDUCTIONS.get(part.function) == len(
                     part.arguments
                 ):
-                    raise _error(
+                    raise error_at(
                         "nested-measure",
                         f"`{part.function}` stands in the argument of `{kind}`: it is one number"
                         " along the run, not a signal",
@@ -278,13 +278,13 @@ class _MeasureReader:
     def time(self, tree: Tree) -> float:
         value = self.built(tree, self.values)
         if value.free_symbols:
-            raise _error(
+            raise error_at(
                 "bad-time", "the time of `at` is a number", tree, "write at(x, 0.5), in seconds"
             )
         try:
             return number(value)
         except ValueError:
-            raise _error("bad-time", "the time of `at` is not a finite number", tree) from None
+            raise error_at("bad-time", "the time of `at` is not a finite number", tree) from None
 
     def built(self, tree: Tree, scope: _SignalScope) -> Basic:
         errors, _ = name_errors(tree, scope)
@@ -294,16 +294,12 @@ class _MeasureReader:
         try:
             value = build(tree, scope).value
         except Broken:
-            raise _error("unknown-name", "this has no value", tree) from None
+            raise error_at("unknown-name", "this has no value", tree) from None
         for error in scope.missing.values():
             raise error
         if isinstance(value, Tensor):
-            raise _error("shape", f"a measure is a number, not {value.kind}", tree)
+            raise error_at("shape", f"a measure is a number, not {value.kind}", tree)
         return value
-
-
-def _error(kind: str, message: str, tree: Tree, help_: str | None = None) -> ExpressionError:
-    return ExpressionError(kind, message, tree.start, tree.end, help_)
 
 
 def _replaced(tree: Tree, replacement: Callable[[Tree], Tree | None]) -> Tree:

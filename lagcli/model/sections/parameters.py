@@ -15,6 +15,7 @@ from lagcli.errors import SourceLocation
 from lagcli.model.diagnostics import Broken
 from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft, Formula
+from lagcli.model.expression.numerals import is_number
 from lagcli.model.expression.quantities import (
     Quantity,
     constant,
@@ -195,7 +196,7 @@ class _ParameterReader:
         given = entry.quantities[0].unit if entry.quantities else unit_of(entry.value)
         unit = stated = entry.unit or given
         value = override_node("--set", name, self.overrides[name])
-        if not _is_number(value.value):
+        if not is_number(value.value):
             unit = None
         elif unit is not None and to_si(unit) != 1:
             self.draft.report.add(
@@ -329,14 +330,6 @@ def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, P
         name: p._replace(structural=True) if family_of(name) in found else p
         for name, p in parameters.items()
     }
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _unit(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, bool]:

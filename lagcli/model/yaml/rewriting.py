@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lagcli.errors import Diagnostic, ModelError, SourceLocation
+from lagcli.model.expression.numerals import is_number
 from lagcli.model.expression.quantities import unit_of
 from lagcli.model.expression.units import to_si
 from lagcli.model.initial_values import GUESS
@@ -262,24 +263,16 @@ def _with_unit(value_text: str, node: YamlNode) -> str:
     match = re.fullmatch(GUESS, value_text)
     if match is not None:
         return f"{{guess: {_with_unit(match[2].strip(), node)}}}"
-    if unit is None or to_si(unit) != 1 or not _is_number(value_text):
+    if unit is None or to_si(unit) != 1 or not is_number(value_text):
         return value_text
     return f"{value_text} {unit}"
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _without(value_text: str, unit: YamlNode, value: float) -> str:
     """Return a value without its unit, which is a separate field of the entry."""
     assert isinstance(unit, Scalar)
     bare = value_text.strip().removesuffix(unit.value.strip()).strip()
-    return bare if _is_number(bare) else repr(value / float(to_si(unit.value)))
+    return bare if is_number(bare) else repr(value / float(to_si(unit.value)))
 
 
 def _check(text: str, requested: Model, t_end: float | None) -> None:

@@ -22,7 +22,7 @@ from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
 from lagcli.results.layout import shared_unit, unit
-from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
+from lagcli.results.metadata import check_model, check_times, of_type, shortened, storable, to_json
 from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.sweeps.columns import COUNTS, KEPT, KIND, SCHEMA_VERSION, Column, kept_layout
 from lagcli.sweeps.row_results import STATUSES, Results
@@ -251,13 +251,13 @@ class SweepFile:
         check_model(self.facts["model"], self.facts["model_sha256"])
         self.inputs = read_inputs(self.root)
         for name, kind in _FACTS.items():
-            _checked(kind, self.facts[name], name)
+            of_type(kind, self.facts[name], name)
         for name in ("rows", "failures"):
             for key, count in self.facts[name].items():
-                _checked(int, count, f"{name} of {key}")
+                of_type(int, count, f"{name} of {key}")
         for name in ("parameters", "seconds"):
             self.facts[name] = {
-                k: float(_checked((int, float), v, f"{name} of {k}"))
+                k: float(of_type((int, float), v, f"{name} of {k}"))
                 for k, v in self.facts[name].items()
             }
         _check_plan(self.facts["sweep"])
@@ -352,22 +352,15 @@ class SweepFile:
 
 def _check_plan(sweep: dict[str, Any]) -> None:
     """Raise ValueError unless a stored plan has all fields."""
-    plan = _checked(dict, sweep.get("plan"), "the plan")
-    for text in _checked(list, plan.get("vary"), "vary"):
-        _checked(str, text, "vary")
-    for names, drawn in _checked(dict, plan.get("sample"), "sample").items():
-        missing = {"points", "kind", "seed"} - set(_checked(dict, drawn, f"sample of {names}"))
+    plan = of_type(dict, sweep.get("plan"), "the plan")
+    for text in of_type(list, plan.get("vary"), "vary"):
+        of_type(str, text, "vary")
+    for names, drawn in of_type(dict, plan.get("sample"), "sample").items():
+        missing = {"points", "kind", "seed"} - set(of_type(dict, drawn, f"sample of {names}"))
         if missing:
             raise ValueError(f"the sample of {names} has no {', '.join(sorted(missing))}")
     if not isinstance(plan.get("zip"), bool):
         raise ValueError(f"zip is {shortened(plan.get('zip'))}")
-
-
-def _checked(kind: type | tuple[type, ...], value: Any, name: str) -> Any:
-    """Return a value, which must be of a type."""
-    if not isinstance(value, kind) or isinstance(value, bool):
-        raise ValueError(f"{name} is {shortened(value)}")
-    return value
 
 
 def _column(value: Any) -> Column:

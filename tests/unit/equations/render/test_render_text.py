@@ -14,11 +14,11 @@ from lagcli.equations.presentation import typeset as t
 from lagcli.equations.render import render
 from lagcli.equations.render.breaking import Break, lines
 from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.names import Notation, display_width
+from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.render.text import render_text
 from lagcli.equations.simplification.arrange import Arranger
-from lagcli.errors import UsageError
+from lagcli.errors import UsageError, display_width
 from lagcli.model.loader import load_text
 
 
