@@ -2,7 +2,7 @@
 
 Result files, the signals of sweeps, and the curves of plots, reports and the live page follow from
 these declarations. Inside the program a column of numbers is a `ColumnName`; its text, such as
-``phi_dot``, ``lambda.guide`` or ``Qc.guide.phi``, is written and read here alone.
+``phi_dot``, ``lambda.guide`` or ``Qc.guide.phi``, is written and read only here.
 """
 
 from __future__ import annotations

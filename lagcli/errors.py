@@ -13,7 +13,7 @@ class SourceLocation(NamedTuple):
     Parameters
     ----------
     path : str
-        Name of the text for the reader: a file name, ``<stdin>`` or ``--set``.
+        Displayed name of the text: a file name, ``<stdin>`` or ``--set``.
     line, column : int
         Both count from 1; the column counts characters. Line 0 marks text without lines, such
         as the value of an option.

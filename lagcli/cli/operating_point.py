@@ -18,7 +18,7 @@ At = Annotated[
     float | None, typer.Option("--at", metavar="T", help="At the state of a run at this time, s.")
 ]
 Equilibrium = Annotated[
-    bool, typer.Option("--equilibrium", help="At the equilibrium next to the initial values.")
+    bool, typer.Option("--equilibrium", help="At the equilibrium near the initial values.")
 ]
 Steady = Annotated[
     list[str] | None,

@@ -86,7 +86,7 @@ INPUT = _mapping(
         "file": _described("CSV file, from the folder of the model", _TEXT),
         "time": _described("column of the times; by default `t`", _TEXT),
         "column": _described("column of the values; by default the name of the input", _TEXT),
-        "times": _described("times, in place of a file", _ROWS),
+        "times": _described("times, instead of a file", _ROWS),
         "values": _described("values at these times", _ROWS),
         "unit": _described("unit of the values; by default that in the column's title", _TEXT),
         "interpolation": _described(
@@ -113,9 +113,9 @@ CONSTRAINT = _mapping(
         "friction": _described(
             "coefficient of friction, or {`static`, `kinetic`}", _one_of(_SCALAR, LIMIT)
         ),
-        "slip": _described("sliding velocity that friction acts against", _SCALAR),
+        "slip": _described("sliding velocity that friction opposes", _SCALAR),
         "limit": _described(
-            "largest |λ| that a velocity constraint bears, or {`static`, `kinetic`}",
+            "largest |λ| of a velocity constraint, or {`static`, `kinetic`}",
             _one_of(_SCALAR, LIMIT),
         ),
         "active": _described("`false` for a constraint that an event engages", {"type": "boolean"}),
@@ -136,16 +136,16 @@ EVENT = _mapping(
             _one_of({"type": "boolean"}, _TEXT, _list(_TEXT)),
         ),
         "set": _described(
-            "coordinate, velocity or parameter → new value, from values of before",
+            "coordinate, velocity or parameter → new value, from the values before the event",
             {"type": "object", "additionalProperties": _EXPRESSION},
         ),
         "impulse": _described(
             "generalized impulses, like the forces `Q`",
             {"type": "object", "additionalProperties": _EXPRESSION},
         ),
-        "release": _described("constraints that cease", _one_of(_TEXT, _list(_TEXT))),
-        "engage": _described("constraints that hold from then on", _one_of(_TEXT, _list(_TEXT))),
-        "times": _described("how often it happens at most", {"type": "integer", "minimum": 1}),
+        "release": _described("constraints to deactivate", _one_of(_TEXT, _list(_TEXT))),
+        "engage": _described("constraints to activate", _one_of(_TEXT, _list(_TEXT))),
+        "times": _described("maximum number of occurrences", {"type": "integer", "minimum": 1}),
         "description": _DESCRIPTION,
     },
     "when",
@@ -314,7 +314,7 @@ MODEL = _mapping(
             _one_of(_named(_one_of(_SCALAR, OUTPUT)), _EMPTY),
         ),
         "events": _described(
-            "name → {`when`, and what it does: `stop`, `record`, `set`, `impulse`, `release`,"
+            "name → {`when`, and actions: `stop`, `record`, `set`, `impulse`, `release`,"
             " `engage`}; see [events.md](events.md)",
             _one_of(_named(EVENT), _EMPTY),
         ),
@@ -326,7 +326,7 @@ MODEL = _mapping(
             " [view.md](view.md)",
             _one_of(VIEW, _EMPTY),
         ),
-        "fit": _described("measured data and what is to be found; see [fit.md](fit.md)", FIT),
+        "fit": _described("measured data and quantities to fit; see [fit.md](fit.md)", FIT),
     },
     "coordinates",
 )

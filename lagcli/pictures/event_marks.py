@@ -62,8 +62,8 @@ def with_jumps(run: RunFile, name: str, time: Array, values: Array) -> tuple[Arr
     """Return a curve with its values right before and after each instant of the log.
 
     Coordinates and velocities are those of the log, energies jump by its losses. Accelerations and
-    forces hold the values of the samples beside the last instant between them, lest they be drawn
-    as a slope. Any other curve is as it was.
+    forces hold the values of the samples beside the last instant between them, so that no slope is
+    drawn there. Any other curve is unchanged.
 
     Parameters
     ----------

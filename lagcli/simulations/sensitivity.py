@@ -115,7 +115,7 @@ class Sensitivity:
     Raises
     ------
     UsageError
-        The method needs derivatives that are not formed, or a force jumps where no step ends.
+        The method needs derivatives that are not available, or a force jumps where no step ends.
     """
 
     def __init__(

@@ -92,7 +92,7 @@ def simulate(
     ModelError
         The fixed initial values contradict the constraints.
     NumericalError
-        There is no start: no consistent state near the guesses, no finite value there, or a
+        There is no initial state: none is consistent near the guesses, no finite value there, or a
         coordinate without inertia.
     """
     if options:
@@ -108,12 +108,12 @@ def simulate(
 
 
 def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulation:
-    """Do all that comes before the first step: settings, equations, tapes, a consistent start.
+    """Prepare a run: settings, equations, tapes, consistent initial state.
 
     Parameters
     ----------
     model, settings
-        As for `simulate`, which see for the errors too.
+        As for `simulate`, which raises the same errors.
 
     Returns
     -------
@@ -210,7 +210,7 @@ class Simulation:
         UsageError
             There is no such parameter or initial value, or the method does not suit.
         ModelError
-            The fixed initial values satisfy the constraints for the given values alone.
+            The fixed initial values satisfy the constraints only for the given values.
         """
         from lagcli.simulations.directions import direction_names
         from lagcli.simulations.sensitivity import sensitivity_run
@@ -256,7 +256,7 @@ class Simulation:
         Parameters
         ----------
         kept : bool
-            Whether all samples are to be kept in memory; otherwise they are written as they come.
+            Whether all samples are kept in memory; otherwise they are written during the run.
         """
         count = self.settings.sample_count
         rows = min(count, self._block_rows)
@@ -291,7 +291,7 @@ class Simulation:
         ----------
         sink : callable
             Takes the samples in blocks, in order: at least one, which may be empty if it is the
-            only one. What it raises ends the run and goes on to the caller.
+            only one. An exception that it raises ends the run and propagates to the caller.
         progress : callable, optional
             As for `simulate`.
         interruption : Interruption, optional

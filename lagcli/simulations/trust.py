@@ -82,7 +82,7 @@ class Trust:
         t, q, v, a = (getattr(samples, x)[some] for x in ("time", "q", "v", "a"))
         found = np.zeros(2)
         for sign in (-1, 1):
-            # no two entries alike, lest their changes cancel too
+            # no two entries are alike, so that their changes cannot cancel
             change = 1 + sign * _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
             at, rate = q * change[: q.shape[1]], v * change[q.shape[1] :]
             kinetic, potential, *_ = Batch(self.system, self.p, t, at, rate).report(

@@ -1,4 +1,4 @@
-"""Check a model: what it tells before it moves."""
+"""Analysis of a model at its initial state."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from lagcli.simulations.threads import one_thread
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What a model tells before it moves.
+    """Analysis of a model at its initial state.
 
     Parameters
     ----------
     equations : Equations
         Of the model.
     start : ConsistentState
-        The consistent start, and what it moved.
+        The consistent initial state, and the values adjusted for it.
     index : int
         The index of the differential-algebraic equations in the coordinates and multipliers: 3 with
         position constraints, 2 with velocity constraints alone, 0 without constraints.
@@ -84,7 +84,7 @@ def check(model: Model) -> Check:
     ModelError
         The fixed initial values contradict the constraints.
     NumericalError
-        There is no start: no consistent state near the guesses, no finite value there, or a
+        There is no initial state: none is consistent near the guesses, no finite value there, or a
         coordinate without inertia.
     """
     equations = derive(model)

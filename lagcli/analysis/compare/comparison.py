@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class ComparedRun:
-    """One run of a comparison, beside the reference.
+    """One run of a comparison with the reference.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class ComparedRun:
     drift_position, drift_velocity : float
         Largest residual of a constraint, relative to its terms.
     energy : float
-        Largest imbalance of the energy, relative to the largest energy of the reference.
+        Largest error of the energy balance, relative to the largest energy of the reference.
     difference_q, difference_lambda : float
         Largest difference to the reference at a sample, relative to the largest value among
         coordinates, or multipliers, of one unit. NaN for λ that the equations do not determine.
@@ -102,9 +102,9 @@ def compare(
     settings : SettingsOverrides, optional
         As for `lagcli.simulate`.
     formulations, methods : sequences of str, optional
-        See `rows_of` for what is compared without them. Beside the formulations of `simulate`
-        there are "ggl" (Gear, Gupta & Leimkuhler), "maggi" and "second" (Lagrange's equations of
-        the second kind).
+        See `rows_of` for what is compared without them. In addition to the formulations of
+        `simulate` there are "ggl" (Gear, Gupta & Leimkuhler), "maggi" and "second" (Lagrange's
+        equations of the second kind).
     rtols : sequence of float, optional
 
     Returns

@@ -54,7 +54,7 @@ class QuantityDifference:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """Runs of two models beside each other.
+    """Runs of two models, and their differences.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def follow_equilibria(
 ) -> BifurcationDiagram:
     """Follow equilibria over a parameter, with their multipliers and stability.
 
-    Pseudo-arclength continuation of R(q, λ, s) = 0 from the equilibrium next to the initial
+    Pseudo-arclength continuation of R(q, λ, s) = 0 from the equilibrium near the initial
     values. Folds, branch points and Hopf points are located to rounding errors: by the tangent's
     component along s, by the determinant of the bordered ∂R/∂(q, λ, s), and by the growth rate of
     oscillations.

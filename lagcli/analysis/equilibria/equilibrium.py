@@ -104,7 +104,7 @@ def equilibrium(
         Velocities, SI: ``{"phi'": 10}``.
     all : bool
         Look for all of them: from points of a Sobol sequence, with deflation of those that are
-        known. Coordinates with the period 2π are folded into (−π, π].
+        known. Coordinates with the period 2π are reduced to (−π, π].
     starts : int
         Number of points for ``all``.
 

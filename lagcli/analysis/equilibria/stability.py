@@ -23,7 +23,7 @@ _SYMMETRIC, _ZERO = 1e-10, 1e-11
 
 
 class Stability(NamedTuple):
-    """What the linear terms say of an equilibrium or a steady motion.
+    """Stability of an equilibrium or a steady motion by the linear terms.
 
     Parameters
     ----------
@@ -46,10 +46,10 @@ class Stability(NamedTuple):
 def stability_of(
     local: LocalEquations, operating_point: OperatingPoint, dimension: int
 ) -> Stability:
-    """Judge a point by the reduced Hessian and by the eigenvalues of the linear model.
+    """Determine stability from the reduced Hessian and the eigenvalues of the linear model.
 
     A positive definite Hessian proves stability (Lagrange, Dirichlet), also with damping (Kelvin,
-    Tait, Chetaev). Along a set of equilibria motion is neutral, which is not counted against it.
+    Tait, Chetaev). Neutral motion along a set of equilibria is not instability.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ def linearize(
     at : float, optional
         Linearize about the state of a run at this time, s.
     equilibrium : bool
-        Linearize about the equilibrium next to the initial values.
+        Linearize about the equilibrium near the initial values.
     steady : mapping of str to float, optional
         Linearize about the steady motion with these velocities (``{"phi'": 10}``), SI.
     form : "reduced" or "descriptor"
@@ -259,7 +259,7 @@ def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -
     if not operating_point.steady:
         notes.append(
             f"{name} is not an equilibrium or a steady motion: the matrices hold at this instant"
-            " only; --equilibrium finds an equilibrium next to the initial values"
+            " only; --equilibrium finds an equilibrium near the initial values"
         )
     elif form == "descriptor" and turning:
         notes.append(

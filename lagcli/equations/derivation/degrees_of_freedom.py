@@ -27,13 +27,13 @@ class DegreesOfFreedom(NamedTuple):
     Parameters
     ----------
     coordinates, constraints : int
-        k and r; of a model whose constraints come and go, those that hold at the start.
+        k and r; for a model with contacts or events, the constraints active at the start.
     rank : int or None
         Rank of B at the consistent initial state; None if there is no such state.
     redundant : tuple of RedundantSet
         Sets of dependent constraints at that state.
     held : tuple of str or None
-        The constraints that hold at the start; None where all hold always.
+        The constraints active at the start; None if all are always active.
     """
 
     coordinates: int

@@ -24,7 +24,7 @@ Row = Mapping[int, Basic]
 
 
 class ConservedQuantity(NamedTuple):
-    """I = p·ξ + F up to its sign, or τ h − p·ξ + F, which the motion leaves constant.
+    """Conserved quantity: I = ±(p·ξ + F), or τ h − p·ξ + F.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class ConservedQuantity(NamedTuple):
 
 
 class Conserved(NamedTuple):
-    """The conserved quantities of a system, as far as they were looked for.
+    """The conserved quantities found in a system.
 
     Parameters
     ----------
