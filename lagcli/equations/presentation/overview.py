@@ -249,11 +249,13 @@ def freedom_step(f: Formulas) -> Step:
     elif freedom.rank < r:
         less, subtracted = signs.rank, freedom.rank
         note = f"at the start; {held.text} = {r}"
-    sides = (
+    sides: tuple[Node, ...] = (
         sum_of([(1, all_of), (-1, less)]),
         sum_of([(1, whole(k)), (-1, whole(subtracted))]),
         whole(freedom.degrees),
     )
+    if freedom.held is not None:  # fewer than the constraints that are listed
+        sides = sides[1:]
     remark = " ".join(freedom.remarks) or None
     return Step(_FREEDOM, (Line(sides, note=note),), remark)
 
