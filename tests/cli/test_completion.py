@@ -155,4 +155,5 @@ def test_in_fish(environment, tmp_path):
     assert complete("lagcli simu") == ["simulate"]
     assert "mine.yaml" in complete("lagcli derive m")
     assert complete("lagcli simulate mine.yaml --set ta") == ["tau="]
+    assert "mine.yaml" not in complete("lagcli simulate mine.yaml --set ")  # only names
     assert complete("lagcli simulate --method Tay") == ["Taylor"]

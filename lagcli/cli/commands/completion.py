@@ -81,8 +81,13 @@ if [[ $funcstack[1] == _lagcli ]]; then _lagcli "$@"; else compdef _lagcli lagcl
 """
 _FISH = r"""function __lagcli_complete
     set -l words (commandline -opc) (commandline -ct)
-    lagcli completion fish -- $words[2..-1] 2>/dev/null
+    set -l found (lagcli completion fish -- $words[2..-1] 2>/dev/null)
+    if set -q found[1]
+        printf '%s\n' $found
+    else
+        __fish_complete_path (commandline -ct)
+    end
 end
-complete --command lagcli --keep-order --arguments '(__lagcli_complete)'
+complete --command lagcli --no-files --keep-order --arguments '(__lagcli_complete)'
 """
 _SCRIPTS = {Shell.bash: _BASH, Shell.zsh: _ZSH, Shell.fish: _FISH}

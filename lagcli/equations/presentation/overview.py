@@ -18,7 +18,7 @@ from lagcli.equations.presentation.switching.contacts import (
     is_friction,
 )
 from lagcli.equations.presentation.switching.events import events_step
-from lagcli.equations.presentation.typeset import Call, Sign, Symbol, sum_of, whole
+from lagcli.equations.presentation.typeset import Call, Node, Sign, Symbol, sum_of, whole
 from lagcli.model.expression.units import si_notation
 
 
