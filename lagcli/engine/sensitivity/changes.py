@@ -85,6 +85,7 @@ class DirectionalSystem:
             "kinks": None if frozen is None else frozen.functions,
         }
         self._formed: dict[str, ScalarTape] = {}
+        self._second: ScalarTape | None = None
         self._pieces: list[float] | None = None
 
     def hold(self, t: float) -> None:
@@ -92,6 +93,8 @@ class DirectionalSystem:
         self._pieces = self.system.functions.pieces_at(t)
         for tape in self._formed.values():
             tape.hold(self._pieces)
+        if self._second is not None:
+            self._second.hold(self._pieces)
 
     def along(self, name: str, inputs: Sequence[float], changes: Array) -> Array:
         """Return derivatives of a tape's outputs along directions.
@@ -117,6 +120,32 @@ class DirectionalSystem:
         formed = self._formed[name]
         found = [formed((*inputs, *x)) for x in changes.T.tolist()]
         return np.array(found, dtype=float).reshape(len(found), len(tape.outputs)).T
+
+    def rates_of_kinks(
+        self, inputs: Sequence[float], flow: Array, changes: Array, of_flow: Array
+    ) -> tuple[Array, Array]:
+        """Return the rates of the functions of kinks along a motion, and their derivatives.
+
+        Parameters
+        ----------
+        inputs : sequence of float
+        flow : (inputs,) array
+            The rates of the inputs along the motion.
+        changes, of_flow : (inputs, n) arrays
+            Derivatives of the inputs, and of their rates.
+
+        Returns
+        -------
+        (nk,) and (nk, n) arrays
+        """
+        if self._second is None:
+            assert self._tapes["kinks"] is not None
+            self._second = ScalarTape(directional(directional(self._tapes["kinks"])))
+            self._second.hold(self._pieces)
+        second, rates = self._second, self.along("kinks", inputs, flow[:, None])[:, 0]
+        both = np.concatenate([changes, of_flow])
+        found = [second((*inputs, *flow.tolist(), *x)) for x in both.T.tolist()]
+        return rates, np.array(found, dtype=float).reshape(len(found), len(rates)).T
 
     def dynamics(self, inputs: Sequence[float], change: Change) -> Dynamics:
         """Return derivatives of M, f, B, γ and the power; the last axis is that of directions."""

@@ -31,6 +31,70 @@ class MotionChange(NamedTuple):
     dmultipliers: Array
 
 
+class SlidingChange(NamedTuple):
+    """The motion on a surface at which forces jump, and its derivatives.
+
+    Parameters
+    ----------
+    motion : MotionChange
+        The combination of both sides.
+    dweight : (n,) array
+        Derivatives of the part of the upper side in it.
+    jump : (nq,) array
+        The upper acceleration less the lower one.
+    rate : float
+        Difference of the rates of the surface's function on both sides.
+    """
+
+    motion: MotionChange
+    dweight: Array
+    jump: Array
+    rate: float
+
+
+def sliding_change(
+    system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
+) -> SlidingChange:
+    """Return the derivatives of a motion that slides along a surface, by Filippov's rule.
+
+    The weight x of the upper side follows from ġ₀ + x (ġ₁ − ġ₀) = 0; so do its derivatives.
+
+    Parameters
+    ----------
+    system, motion, t, q, v, change
+        As for `motion_change`.
+    """
+    branches = motion.branches
+    assert branches is not None
+    assert branches.slides is not None
+    k, n = branches.slides, change.directions
+    sides, rates, slopes = list[MotionChange](), list[float](), list[Array]()
+    for upper in (True, False):
+        branches.take_side(k, upper)
+        found = _on_branches(system, motion, t, q, v, change)
+        nothing = np.zeros(len(change.p))
+        flow = np.concatenate([[1.0], v, found.a, nothing])
+        of_flow = np.concatenate([np.zeros((1, n)), change.v, found.da, np.zeros_like(change.p)])
+        inputs = (t, *q.tolist(), *v.tolist(), *motion.full.p)
+        rate, slope = system.rates_of_kinks(inputs, flow, change.inputs(), of_flow)
+        sides.append(found)
+        rates.append(float(rate[k]))
+        slopes.append(slope[k])
+    above, below = sides
+    difference = rates[0] - rates[1]
+    with np.errstate(all="ignore"):
+        x = float(np.float64(-rates[1]) / difference)
+        dx = -(slopes[1] + x * (slopes[0] - slopes[1])) / difference
+    jump, force = above.a - below.a, above.multipliers - below.multipliers
+    combined = MotionChange(
+        below.a + x * jump,
+        below.multipliers + x * force,
+        below.da + x * (above.da - below.da) + np.outer(jump, dx),
+        below.dmultipliers + x * (above.dmultipliers - below.dmultipliers) + np.outer(force, dx),
+    )
+    return SlidingChange(combined, dx, jump, difference)
+
+
 def motion_change(
     system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
 ) -> MotionChange:
@@ -51,6 +115,15 @@ def motion_change(
     MotionChange
         Of redundant rows, δλ is the one of least norm.
     """
+    if motion.branches is not None and motion.branches.slides is not None:
+        return sliding_change(system, motion, t, q, v, change).motion
+    return _on_branches(system, motion, t, q, v, change)
+
+
+def _on_branches(
+    system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
+) -> MotionChange:
+    """Return the same on the present branches, whatever surface the motion slides on."""
     a, multipliers, _ = motion.on_branches(t, q, v)
     p = motion.full.p
     state, n = (t, *q.tolist(), *v.tolist(), *p), change.directions

@@ -28,7 +28,7 @@ from lagcli.engine.sensitivity.instant_tangent import (
     velocity_changes,
 )
 from lagcli.engine.sensitivity.integration import Derivatives
-from lagcli.engine.sensitivity.modal_tangent import motion_change
+from lagcli.engine.sensitivity.modal_tangent import motion_change, sliding_change
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.sensitivity.triggers import InstantTime, instant_time
 from lagcli.engine.system import System
@@ -217,7 +217,16 @@ class SwitchedTangent(SwitchedIntegration):
         self._last_state = t, q, v
         held = self.phases.motion.rows.tolist()
         change = positions_on(self.directional, self.phases, t, q, v, change, held)
-        return velocities_on(self.directional, self.phases, t, q, v, change, held)
+        change = velocities_on(self.directional, self.phases, t, q, v, change, held)
+        branches = self.phases.branches
+        if branches is None or branches.slides is None:
+            return change
+        # on the surface on which the motion slides, by a change along the jump
+        motion = self.phases.motion
+        found = sliding_change(self.directional, motion, t, q, v, change)
+        inputs = (t, *q.tolist(), *v.tolist(), *motion.full.p)
+        gap = self.directional.along("kinks", inputs, change.inputs())[branches.slides]
+        return change._replace(v=change.v - np.outer(found.jump, gap / found.rate))
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
         """Go through a singular configuration, beyond which there are no derivatives."""
@@ -247,8 +256,7 @@ class SwitchedTangent(SwitchedIntegration):
         if started:
             left = self._on_rows(t, q, v, self._at(t))
             a = run.motion.accelerations(t, q, v)[0]
-            if run.branches is None or run.branches.slides is None:
-                time = instant_time(self.directional, run, numbers, t, q, v, left, span)
+            time = instant_time(self.directional, run, numbers, t, q, v, left, span)
         self._change = left.moved(time.change, v, a)
         logged = len(run.entries)
         y, stop = super().pass_instant(t, y, numbers, started)
@@ -277,12 +285,6 @@ class SwitchedTangent(SwitchedIntegration):
                 f"infinitely many impacts of `{self.system.constraints[name]}` end there", reasons
             )
         self._check_rows(t, after_q, after_v, reasons, started)
-        branches = self.phases.branches
-        if branches is not None and branches.slides is not None:
-            names = ", ".join(f"`{x}`" for x in branches.kinks[branches.slides].names)
-            self._lose(
-                f"the motion slides along a surface at which forces jump, of {names}", reasons
-            )
         self._note(t, before, reasons)
         return y, stop
 

@@ -15,7 +15,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
-from lagcli.engine.sensitivity.modal_tangent import motion_change
+from lagcli.engine.sensitivity.modal_tangent import motion_change, sliding_change
 
 #: Of the rate at which a function would change by its size during the run: one that touches zero.
 _GRAZES = 1e-6
@@ -138,6 +138,13 @@ def _name(run: Phases, number: int) -> str:
     return "the kink of a function of " + ", ".join(f"`{name}`" for name in names)
 
 
+def _weight(
+    system: DirectionalSystem, run: Phases, t: float, q: Array, v: Array, change: Change
+) -> Array:
+    """Return derivatives of the part of the upper side in a motion that slides."""
+    return sliding_change(system, run.motion, t, q, v, change).dweight
+
+
 def _slopes(
     system: DirectionalSystem,
     run: Phases,
@@ -171,7 +178,8 @@ def _slopes(
             continue
         kind, k = run.watched[number]
         if kind in ("above", "below"):
-            found[i] = kinks[k]
+            slides = run.branches is not None and k == run.branches.slides
+            found[i] = kinks[k] if not slides else _weight(system, run, t, q, v, change)
             continue
         row = run.rows[k]
         if kind == "gap":

@@ -104,6 +104,10 @@ class Branches:
             return 1.0 if upper else -1.0
         return float(self._bounds[k]) - (not upper) + (whole < 0)
 
+    def take_side(self, k: int, upper: bool) -> None:
+        """Take the branch above or below the surface at which a kink is."""
+        self._take({k: self._beside(k, upper)})
+
     # what is watched
 
     def watched(self) -> list[tuple[int, bool]]:
