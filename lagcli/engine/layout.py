@@ -71,7 +71,7 @@ Rest = Annotated[slice, ""]
 
 
 class SampleLayout(Layout):
-    """A sample; the inputs of a tape lie alike, with parameters after q and v or a and λ."""
+    """The layout of a sample and of a tape's inputs, where parameters follow q and v or a and λ."""
 
     t: One
     q: Coordinates

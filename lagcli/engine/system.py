@@ -107,7 +107,7 @@ class TangentBlocks(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether an unrolled elimination goes on to the derivatives, in one short stream."""
+        """Whether an unrolled elimination also gives the derivatives, in one short stream."""
         return len(self.motion.dynamics.code) + len(self.tape.code) <= _ONE_STREAM
 
 

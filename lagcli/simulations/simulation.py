@@ -224,7 +224,7 @@ class Simulation:
 
     @property
     def request(self) -> IntegrationRequest:
-        """What the engine is asked for."""
+        """The request to the engine."""
         return IntegrationRequest(
             state=self.start.state,
             rank=self.start.rank,

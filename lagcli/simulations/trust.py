@@ -1,4 +1,4 @@
-"""Whether a run's numbers bear out what its tolerance promises."""
+"""Checks of a run's energy balance and residuals against its tolerance."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def find_operating_point(
     equilibrium: bool = False,
     steady: Mapping[str, float] | None = None,
 ) -> OperatingPoint:
-    """Return the point that is asked for: by default, the start; see `linearize`.
+    """Return the requested operating point, by default the start; see `linearize`.
 
     Raises
     ------

@@ -62,7 +62,7 @@ class LocalEquations:
 
     @cached_property
     def entering(self) -> tuple[int, ...]:
-        """Coordinates on which the equations depend; along others all configurations are alike."""
+        """Coordinates on which the equations depend."""
         return tuple(j for j in range(len(self.equations.q)) if enters(self.equations, j))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The engines by name, imported when one is asked for."""
+"""The engines by name, imported on first use."""
 
 from __future__ import annotations
 

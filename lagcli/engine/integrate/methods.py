@@ -1,4 +1,4 @@
-"""Which method the compiled engine runs: the one asked for, or what suits the model's stiffness.
+"""Which method the compiled engine runs: the requested one, or one for the model's stiffness.
 
 ``auto`` starts with the explicit DOP853. Where stability, not accuracy, has limited its steps for
 a while, or its step size falls to the floor, it goes on with an implicit method; where that does

@@ -212,7 +212,7 @@ class _Unrolling(Arithmetic):
                     self.entries[entry] = value
 
     def in_order(self, places: Iterable[int]) -> list[int]:
-        """Return places in the order of their unknowns: bodies in a row are treated alike then."""
+        """Return places in the order of their unknowns: a chain's bodies have equal operations."""
         return sorted(places, key=self.plan.order.__getitem__)
 
     def solution(self, right: Sequence[int]) -> list[int]:

@@ -1,4 +1,4 @@
-"""What programs are put together from: operations on values that have no place yet."""
+"""Operations of programs, on values without a place yet."""
 
 from __future__ import annotations
 

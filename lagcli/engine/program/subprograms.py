@@ -1,4 +1,4 @@
-"""Streams read again: the part of one that some results need, and vectors taken apart."""
+"""Excerpts of streams: the operations that some results need, and scalar operations of vectors."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ class Packing:
         return self.slots.end
 
     def streams(self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]) -> list[Int32]:
-        """Return the streams of parts: all but the first are run only where they are asked for.
+        """Return the streams of parts: all but the first run on request only.
 
         Parameters
         ----------

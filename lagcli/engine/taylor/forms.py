@@ -1,4 +1,4 @@
-"""Series as numbers times others; sums and products of these.
+"""Series as multiples of others; their sums and products.
 
 Numbers that stay the same along a run are not multiplied by: a series is a number times another
 one, its base, as long as possible, and sums take the numbers in. What is added to a series changes
@@ -60,7 +60,7 @@ class SeriesForms:
         return self.whole.get(x, (self.one, x))
 
     def tail(self, x: Name) -> Form:
-        """Return a series as a number times another, their first coefficients apart."""
+        """Return a series as a multiple of another, except for the first coefficients."""
         return self.tails.get(x) or self.form(x)
 
     def scaled(self, to: Name, scale: Callable[[int], int], x: Name) -> None:
@@ -72,7 +72,7 @@ class SeriesForms:
             self.tails[to] = scale(number), base
 
     def add(self, terms: Iterable[Form], to: Name | None = None) -> Form:
-        """Make the sum of multiples of series, their first coefficients apart; ``to``: its name."""
+        """Add multiples of series, except for the first coefficients; ``to`` names the sum."""
         numbers: dict[Name, int] = {}
         for s, x in terms:
             if x != ZERO and s != self.zero:

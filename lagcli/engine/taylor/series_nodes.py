@@ -1,4 +1,4 @@
-"""What programs for power series are put together from: operations on coefficients, and names."""
+"""Operations of programs for power series, and the names and kinds of their operands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 class SeriesOp(IntEnum):
     """Operations on coefficients of order k > 0: a, b, … are series, s, t, … numbers.
 
-    `lagcli.engine.core.headers` writes the same for C.
+    `lagcli.engine.core.headers` writes them for C.
 
     Attributes
     ----------

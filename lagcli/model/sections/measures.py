@@ -1,4 +1,4 @@
-"""Measures: expressions over a run, such as ``max(abs(lambda.guide))``, taken apart.
+"""Parser of measures: expressions over a run, such as ``max(abs(lambda.guide))``.
 
 A measure is an expression of reductions. A reduction makes one number of a signal, an expression
 that varies along the run; what stands outside of reductions is the same along it. ``max`` and
@@ -71,7 +71,7 @@ class Reduction(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """A measure taken apart.
+    """A parsed measure.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def reduced(place: int) -> Basic:
 
 
 def read_measures(model: Model, texts: Sequence[tuple[str, str]]) -> tuple[Measure, ...]:
-    """Take measures apart.
+    """Parse measures.
 
     Parameters
     ----------

@@ -145,7 +145,7 @@ def opened_analysis(
         text = text_attribute(opened.root, "content")
         if text is None or (command and opened.kind != command):
             made = f"lagcli {command}" if command else "an analysis"
-            raise FileError(f"cannot read {os.fspath(path)}: it is no file of {made}")
+            raise FileError(f"cannot read {os.fspath(path)}: it is not a file of {made}")
         content = json.loads(text)
         if not isinstance(content, dict) or content.get("command") != opened.kind:
             raise ValueError("the content is not that of an analysis")

@@ -30,7 +30,7 @@ def test_content_and_arrays_come_back(tmp_path: Path) -> None:
 def test_other_files_and_damage_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     write_analysis(str(path), CONTENT, {}, {})
-    with pytest.raises(FileError, match="no file of lagcli equilibrium"):
+    with pytest.raises(FileError, match="not a file of lagcli equilibrium"):
         read_analysis(path, "equilibrium")
     with pytest.raises(FileError, match="exists"):
         write_analysis(str(path), CONTENT, {}, {})
