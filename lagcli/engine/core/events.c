@@ -5,12 +5,12 @@
 
 #include "motion.h"
 #include "project.h"
+#include "roots.h"
 #include "sample.h"
 #include "step.h"
 
 #define PARTS 8             /* of a step, at whose ends the signs are compared */
 #define EXACT 1e-14         /* of the time, or of the step: where a root is located */
-#define ITERATIONS 200
 
 static int sign_of(double x)
 {
@@ -24,13 +24,6 @@ static double value(lag_run *run, int which, double t, const double *y)
     return OUT(&run->events.tape, which);
 }
 
-/* An event's function on the last step's dense output. */
-static double value_inside(lag_run *run, int which, double t)
-{
-    lag_dense(run, t, run->samples.y);
-    return value(run, which, t, run->samples.y);
-}
-
 void lag_events_start(lag_run *run)
 {
     lag_events *e = &run->events;
@@ -42,30 +35,26 @@ void lag_events_start(lag_run *run)
     e->located = 0;
 }
 
-/* The first time at which an event's function has its new sign: regula falsi with halved ends
- * (Illinois), and a bisection where that does not halve the interval. */
+/* An event's function along the last step, positive before its new sign and negative from there on. */
+typedef struct {
+    lag_run *run;
+    int which, after;
+} along_step;
+
+static double value_inside(void *context, double t)
+{
+    const along_step *f = context;
+    lag_dense(f->run, t, f->run->samples.y);
+    return -f->after * value(f->run, f->which, t, f->run->samples.y);
+}
+
+/* The first time at which an event's function has its new sign. */
 static double locate(lag_run *run, int which, double low, double high)
 {
-    double a = value_inside(run, which, low), b = value_inside(run, which, high);
-    const int after = sign_of(b);
+    along_step f = {run, which, run->events.after[which]};
     const double exact = EXACT * fmax(fabs(high), run->step.h_old);
-    for (int i = 0; i < ITERATIONS && high - low > exact; ++i) {
-        const double width = high - low;
-        double t = i % 3 == 2 ? low + 0.5 * width : high - b * width / (b - a);
-        /* a step beyond the root, so that the interval closes from both sides */
-        t = fmin(fmax(t, low + 0.5 * exact), high - 0.5 * exact);
-        const double g = value_inside(run, which, t);
-        if (sign_of(g) == after) {
-            high = t;
-            b = g;
-            a *= 0.5;
-        } else {
-            low = t;
-            a = g;
-            b *= 0.5;
-        }
-    }
-    return high;
+    const double a = value_inside(&f, low), b = value_inside(&f, high);
+    return lag_bracketed_root(value_inside, &f, low, high, a, b, exact);
 }
 
 /* Find the first event in (since, t]. Returns whether there is one. */

@@ -214,6 +214,7 @@ cdef extern from "lagcore.h" nogil:
     lag_contact_report lag_contacts_of(lag_run *run)
     int lag_condition_happened(lag_run *run, int which)
     int lag_condition_holds(const lag_run *run, int which)
+    double lag_gap_of_none(const lag_run *run, int row)
     void lag_place(lag_run *run, const double *y)
     void lag_activate(lag_run *run, int row, int active)
     void lag_set_parameters(lag_run *run, const double *parameters)

@@ -37,3 +37,9 @@ void lag_dense(lag_run *run, double t, double *y)
 {
     run->stepped->dense(run, t, y);
 }
+
+void lag_dense_often(lag_run *run, double t, double *y)
+{
+    const lag_method *method = run->stepped;
+    (method->dense_often ? method->dense_often : method->dense)(run, t, y);
+}

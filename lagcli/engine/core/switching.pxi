@@ -176,6 +176,10 @@ cdef class SwitchingIntegrator(Integrator):
         """Let a row take part, or leave."""
         lag_activate(self.run, row, active)
 
+    def no_gap(self, int row):
+        """Return the gap of a row that counts as none."""
+        return lag_gap_of_none(self.run, row)
+
     def set_parameters(self, p):
         """Set the values of all parameters, without the branches of kinks."""
         cdef _Arguments given = _Arguments()

@@ -14,7 +14,7 @@ from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.switching.problem import ContactLaw
 from lagcli.engine.switching.reference.coupling import Coupling
 from lagcli.engine.switching.reference.instant import ImpactOutcome, NextModes
-from lagcli.engine.switching.stops import cannot_engage, endless, jams, sets_violation
+from lagcli.engine.switching.stops import check_engagement, endless, jams, sets_violation
 from lagcli.engine.switching.switching import RowMode
 
 #: Rounds at one instant after which it does not end.
@@ -179,10 +179,8 @@ class InstantResolution:
         c = self.run.full.constraints(self.t, self.q, self.v)
         place = system.holonomic.index(row)
         sign = next((r.sign for r in self.rows if r.row == row), 0)
-        gap = float(c.position[place])
-        allowed = max(self.problems.closed, 1e-9) * max(float(c.position_scale[place]), 0.0)
-        if (abs(gap) if not sign else -sign * gap) > allowed:
-            raise cannot_engage(self.t, self.names[row], gap)
+        none = self.problems.closed * float(self.problems.position_scale[place])
+        check_engagement(self.t, self.names[row], float(c.position[place]), sign, none)
 
     # contacts
 

@@ -15,9 +15,6 @@ from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 
-#: Of the size of its terms: how far φ of a constraint may be from zero as it is engaged.
-_ENGAGED = 1e-6
-
 
 class Actions:
     """Does what events ask for, and keeps how often they have happened.
@@ -149,10 +146,10 @@ class Actions:
         system = self.system
         if constraint not in system.holonomic:
             return
-        place, counts = system.holonomic.index(constraint), system.counts
-        out = self._constraint((self.core.t, *y[:-1].tolist(), *self.p))
-        gap, size = out[place], out[counts.nh + counts.nb + counts.nc + place]
-        if abs(gap) > _ENGAGED * size:
-            from lagcli.engine.switching.stops import cannot_engage
+        from lagcli.engine.switching.stops import check_engagement
 
-            raise cannot_engage(self.core.t, system.constraints[constraint], gap)
+        rows = self.switching.rows
+        k = next(k for k, row in enumerate(rows) if row.row == constraint)
+        out = self._constraint((self.core.t, *y[:-1].tolist(), *self.p))
+        gap, name = out[system.holonomic.index(constraint)], system.constraints[constraint]
+        check_engagement(self.core.t, name, gap, rows[k].sign, self.core.no_gap(k))

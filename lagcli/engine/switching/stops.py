@@ -148,9 +148,28 @@ def _way(problem: ContactProblem, names: Sequence[str], row: int, motion: Contac
     return f"it {how} (lambda = {motion.force[row]:.6g})"
 
 
-def cannot_engage(t: float, name: str, gap: float) -> Stop:
-    """Return the end of a run whose event engages a constraint that is not met."""
-    return Stop(
+def check_engagement(t: float, name: str, gap: float, sign: int, none: float) -> None:
+    """Stop a run whose event engages a holonomic constraint that is not met.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    name : str
+    gap : float
+        φ.
+    sign : int
+        As in `SwitchedRow`: a contact may be engaged while it is open.
+    none : float
+        The gap that counts as none: ``closed`` times the largest size of φ so far.
+
+    Raises
+    ------
+    Stop
+    """
+    if (-sign * gap if sign else abs(gap)) <= none:
+        return
+    raise Stop(
         f"`{name}` cannot be engaged at t = {t:.9g} s, phi = {gap:.6g}: engage it where phi = 0,"
         " or set the coordinates in the same event"
     )

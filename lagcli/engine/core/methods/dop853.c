@@ -119,22 +119,31 @@ static int step(lag_run *run)
     }
 }
 
-static void dense(lag_run *run, double t, double *y)
+/* What dense_ready says. */
+enum { NO_STAGES, ALL_STAGES, COEFFICIENTS };
+
+/* The stages of the dense output. */
+static void add_dense_stages(lag_run *run)
 {
     const int n = lag_size(&run->system), s = apart(run);
-    const double h = run->step.h_old, x = (t - run->step.t_old) / h;
-    if (!run->step.dense_ready) {
-        for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
-            double *trial = run->step.trial;
-            add_stages(run, run->step.y_old, run->step.stages, dop_a[i], i, h, trial);
-            /* undefined values cannot arise: the step around it was accepted; if they do, the
-             * sample's own check finds them */
-            if (lag_derivative(run, run->step.t_old + dop_c[i] * h, trial, run->step.stages + i * s))
-                for (int m = 0; m < n; ++m)
-                    run->step.stages[i * s + m] = NAN;
-        }
-        run->step.dense_ready = 1;
+    const double h = run->step.h_old;
+    for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
+        double *trial = run->step.trial;
+        add_stages(run, run->step.y_old, run->step.stages, dop_a[i], i, h, trial);
+        /* undefined values cannot arise: the step around it was accepted; if they do, the
+         * sample's own check finds them */
+        if (lag_derivative(run, run->step.t_old + dop_c[i] * h, trial, run->step.stages + i * s))
+            for (int m = 0; m < n; ++m)
+                run->step.stages[i * s + m] = NAN;
     }
+    run->step.dense_ready = ALL_STAGES;
+}
+
+static void dense(lag_run *run, double t, double *y)
+{
+    const double h = run->step.h_old, x = (t - run->step.t_old) / h;
+    if (!run->step.dense_ready)
+        add_dense_stages(run);
     /* x (d_0 + (1 - x) (d_1 + x (d_2 + (1 - x) (d_3 + ...)))), where d_0 is the change of y in the
      * step, d_1 and d_2 give it the slopes at the ends, and all are sums of stages */
     double weight[7] = {x}, stage[DOP_ALL_STAGES];
@@ -151,5 +160,37 @@ static void dense(lag_run *run, double t, double *y)
     add_stages(run, run->step.y_old, run->step.stages, stage, DOP_ALL_STAGES, h, y);
 }
 
-const lag_method lag_dop853 = {
-    .name = "DOP853", .order = 8.0, .uses_slope = 1, .step = step, .dense = dense};
+/* By d_0 to d_6 themselves. */
+static void dense_often(lag_run *run, double t, double *y)
+{
+    const int n = lag_size(&run->system), s = apart(run);
+    const double h = run->step.h_old, x = (t - run->step.t_old) / h, rest = 1.0 - x;
+    const double *before = run->step.y_old, *stages = run->step.stages;
+    double *d = run->step.dense;
+    if (!run->step.dense_ready)
+        add_dense_stages(run);
+    if (run->step.dense_ready != COEFFICIENTS) {
+        const double *first = stages, *last = stages + DOP_STAGES * s;
+        memset(d, 0, 7 * (size_t)n * sizeof(double));
+        add_stages(run, d, stages, dop_b, DOP_STAGES, h, d);
+        for (int m = 0; m < n; ++m) {
+            d[n + m] = h * first[m] - d[m];
+            d[2 * n + m] = d[m] - h * last[m] - d[n + m];
+        }
+        for (int i = 0; i < 4; ++i)
+            add_stages(run, d + (3 + i) * n, stages, dop_d[i], DOP_ALL_STAGES, h, d + (3 + i) * n);
+        run->step.dense_ready = COEFFICIENTS;
+    }
+    for (int m = 0; m < n; ++m) {
+        const double *c = d + m;
+        const double inner = c[3 * n] + x * (c[4 * n] + rest * (c[5 * n] + x * c[6 * n]));
+        y[m] = before[m] + x * (c[0] + rest * (c[n] + x * (c[2 * n] + rest * inner)));
+    }
+}
+
+const lag_method lag_dop853 = {.name = "DOP853",
+                               .order = 8.0,
+                               .uses_slope = 1,
+                               .step = step,
+                               .dense = dense,
+                               .dense_often = dense_often};

@@ -17,6 +17,9 @@ struct lag_method {
     /* The last step's dense output, n values. */
     void (*dense)(lag_run *run, double t, double *y);
 
+    /* The same, rounded otherwise: quick where it is asked for many times in one step. NULL: as above. */
+    void (*dense_often)(lag_run *run, double t, double *y);
+
     /* Forget the last step: the next one does not continue it. NULL where nothing is kept. */
     void (*restart)(lag_run *run);
 };

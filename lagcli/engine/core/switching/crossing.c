@@ -4,12 +4,12 @@
 #include <string.h>
 
 #include "linear/dense.h"
+#include "roots.h"
 
 #define DEGREE (NODES - 1)
 #define RESOLVED 1e-9       /* of the largest value: the last coefficients of a function that is resolved */
 #define NARROW 1e-10        /* of the interval: brackets of more than one root are not halved further */
 #define ESTIMATE 1e-15      /* of the interval: where the root of a polynomial is known */
-#define ESTIMATE_STEPS 60
 
 /* cos(k pi / 8) */
 static double cosine(int k)
@@ -132,25 +132,15 @@ static double value_at(const double *b, double x)
     return sum + power * x * b[DEGREE];
 }
 
+static double polynomial(void *context, double x)
+{
+    return value_at(*(const double **)context, x);
+}
+
 double lag_estimate_root(const double *b, double low, double high)
 {
-    double before = value_at(b, low), after = value_at(b, high);
+    const double before = value_at(b, low), after = value_at(b, high);
     if (!(before > 0.0) || !(after < 0.0))
         return 0.5 * (low + high);
-    for (int i = 0; i < ESTIMATE_STEPS && high - low > ESTIMATE; ++i) {
-        const double x = i % 8 == 7 ? 0.5 * (low + high) : high - after * (high - low) / (after - before);
-        const double value = value_at(b, x);
-        if (value == 0.0 || x <= low || x >= high)
-            return x;
-        if (value < 0.0) {
-            high = x;
-            after = value;
-            before *= 0.5;
-        } else {
-            low = x;
-            before = value;
-            after *= 0.5;
-        }
-    }
-    return 0.5 * (low + high);
+    return lag_bracketed_root(polynomial, &b, low, high, before, after, ESTIMATE);
 }

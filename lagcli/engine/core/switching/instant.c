@@ -10,9 +10,12 @@
 #include "sample.h"
 #include "sizes.h"
 #include "step.h"
+#include "switching/choice.h"
+#include "switching/collision.h"
 #include "switching/kinks.h"
 #include "switching/log.h"
 #include "switching/rows.h"
+#include "switching/search.h"
 #include "switching/settle.h"
 #include "switching/watched.h"
 
@@ -21,12 +24,8 @@
 #define BETWEEN 2.0         /* of the time between instants: a step after one; far beyond the next it is less exact */
 #define FORGOTTEN 0.1       /* of that time: what counts after a shorter one */
 #define BEYOND 10           /* gaps that count as none: what an action may not move a contact beyond */
-#define FALLS_BACK 1e-9     /* of an acceleration: a contact that has opened and closes again */
 #define TURNS 100.0         /* tolerances, and ... */
 #define TURNS_PART 1e-6     /* ... of the velocities: a change by a projection that is a jump */
-
-/* What a row has ended at this instant, which does not begin again at it. */
-enum { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
 
 /* What the program that drives the run knows of an instant. */
 enum { NOTHING_TOLD, HAPPENED_TOLD, RESOLVED_TOLD };
@@ -126,23 +125,6 @@ int lag_look_for_instant(lag_run *run)
     return note_ends(run);
 }
 
-/* Whether something approaches, or is engaged while it moves. */
-static int collides(const lag_run *run)
-{
-    const lag_switching *sw = &run->switching;
-    for (int i = 0; i < sw->rows; ++i) {
-        const double speed = lag_no_speed(sw, i);
-        if (!sw->active[i])
-            continue;
-        if (sw->law[i] == LAG_UNILATERAL && (sw->phi[i] <= lag_no_gap(sw, i) || sw->mode[i] == LAG_HOLDS)
-            && sw->psi[i] < -speed)
-            return 1;
-        if (sw->law[i] == LAG_FREE && fabs(sw->psi[i]) > speed)
-            return 1;
-    }
-    return 0;
-}
-
 /* Whether a contact is beyond its surface. */
 static int violated(const lag_run *run)
 {
@@ -151,94 +133,6 @@ static int violated(const lag_run *run)
         if (sw->active[i] && sw->law[i] == LAG_UNILATERAL && sw->phi[i] < -BEYOND * lag_no_gap(sw, i))
             return 1;
     return 0;
-}
-
-/* What is known of the rows before the accelerations: those that are closed and do not separate rest. */
-static void states_of(const lag_run *run, int *state)
-{
-    const lag_switching *sw = &run->switching;
-    for (int i = 0; i < sw->rows; ++i) {
-        state[i] = LAG_AT_REST;
-        if (sw->law[i] == LAG_UNILATERAL && (sw->ended[i] == FORCE_ENDED || sw->psi[i] > lag_no_speed(sw, i)
-                                             || (sw->phi[i] > lag_no_gap(sw, i) && sw->mode[i] != LAG_HOLDS)))
-            state[i] = LAG_APART;
-        if (sw->ended[i] == STICKING_ENDED_FORWARD)
-            state[i] = LAG_GOES_FORWARD;
-        if (sw->ended[i] == STICKING_ENDED_BACKWARD)
-            state[i] = LAG_GOES_BACKWARD;
-        if (sw->ended[i] == SLIPPING_ENDED)
-            state[i] = LAG_STOPS;
-    }
-}
-
-/* After an impact: which rows would bounce no higher than a gap that counts as none. Returns whether there
- * are any. */
-static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
-{
-    lag_switching *sw = &run->switching;
-    const double t = run->step.t, *y = run->step.y;
-    int *mode = sw->trial_mode, any = 0;
-    memset(rests, 0, (size_t)sw->rows * sizeof(int));
-    if (lag_find_rows(run, t, y))
-        return 0;
-    states_of(run, sw->state);
-    memcpy(mode, sw->mode, (size_t)sw->rows * sizeof(int));
-    if (lag_settle(run, t, y, sw->state, mode, sw->trial_force, sw->acceleration) != LAG_ONE_MOTION)
-        return 0;
-    for (int i = 0; i < sw->rows; ++i) {
-        if (sw->law[i] != LAG_UNILATERAL || !report->takes_part[i] || sw->psi[i] <= lag_no_speed(sw, i))
-            continue;
-        const double a = lag_along(run, i, sw->acceleration) - sw->gamma[i];
-        rests[i] = a < 0.0 && sw->psi[i] * sw->psi[i] <= 2.0 * -a * lag_no_gap(sw, i);
-        any |= rests[i];
-    }
-    return any;
-}
-
-/* The impact that is due. */
-static int collide(lag_run *run)
-{
-    lag_switching *sw = &run->switching;
-    const int nq = run->system.nq;
-    const double t = run->step.t;
-    double *y = run->step.y, *before = sw->start;
-    lag_impact_report report = {sw->takes_part, sw->impulse, sw->impulse + sw->rows, sw->impulse + 2 * sw->rows,
-                                0.0, 0.0, 0.0, 0, 0};
-    memcpy(before, y, (size_t)lag_size(&run->system) * sizeof(double));
-    memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
-    int found = lag_collide(run, t, y, sw->rests, &report), rest = 0;
-    if (found >= 0 && found != LAG_NO_MOTION && falls_back(run, &report, sw->rests)) {
-        rest = 1;
-        memcpy(y, before, (size_t)lag_size(&run->system) * sizeof(double));
-        found = lag_collide(run, t, y, sw->rests, &report);
-    }
-    if (found < 0)
-        return LAG_UNDEFINED;
-    if (found == LAG_NO_MOTION)
-        return LAG_NO_IMPACT;
-    sw->gained = report.gained;
-    sw->rubbed = report.rubbed;
-    sw->alike = report.alike;
-    if (report.gained > 0.0)
-        return LAG_GAINS;
-    double supplied = report.supplied;
-    for (int i = 0; i < sw->rows; ++i) {
-        sw->ended[i] = NOTHING_ENDED; /* the impact begins something new */
-        if (sw->law[i] != LAG_UNILATERAL || report.impulse[i] == 0.0)
-            continue;
-        double loss = report.loss[i], *times = sw->recent + 3 * i;
-        for (int j = 0; j < sw->rows; ++j)
-            if (sw->normal[j] == i)
-                loss += report.loss[j];
-        lag_log(run, t, LAG_IMPACT, i, before + nq, y + nq, report.all, loss, supplied);
-        supplied = 0.0;
-        times[0] = times[1];
-        times[1] = times[2];
-        times[2] = t;
-        sw->report |= sw->reported[5 * i + 4];
-        sw->came_to_rest[i] |= rest;
-    }
-    return LAG_RUNNING;
 }
 
 /* Log the changes of modes since the instant began. */
@@ -269,47 +163,6 @@ static void log_changes(lag_run *run)
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
 }
 
-/* Whether a contact that has opened would close at once: it approaches, with an acceleration that is no rounding
- * error next to its terms and to what the largest force so far does. */
-static int returns(lag_run *run, int row)
-{
-    const lag_switching *sw = &run->switching;
-    const double a = lag_along(run, row, sw->acceleration), gamma = sw->gamma[row];
-    const double by_force = sw->strength * lag_along(run, row, lag_row_response(run, row));
-    return a - gamma < -FALLS_BACK * (fabs(a) + fabs(gamma) + by_force);
-}
-
-/* The modes that follow from the accelerations; a contact that has just opened and would close at once
- * stays closed. */
-static int choose_modes(lag_run *run)
-{
-    lag_switching *sw = &run->switching;
-    const double t = run->step.t, *y = run->step.y;
-    for (int again = 0;; ++again) {
-        states_of(run, sw->state);
-        memcpy(sw->trial_mode, sw->mode, (size_t)sw->rows * sizeof(int));
-        sw->found = lag_settle(run, t, y, sw->state, sw->trial_mode, sw->trial_force, sw->acceleration);
-        if (sw->found < 0)
-            return LAG_UNDEFINED;
-        if (sw->found != LAG_ONE_MOTION)
-            return sw->found == LAG_NO_MOTION ? LAG_NO_MODE : LAG_TWO_MODES;
-        int closes = 0;
-        for (int i = 0; i < sw->rows; ++i)
-            if (sw->ended[i] == FORCE_ENDED && returns(run, i)) {
-                sw->ended[i] = NOTHING_ENDED;
-                closes = 1;
-            }
-        if (!closes || again)
-            break;
-    }
-    memcpy(sw->mode, sw->trial_mode, (size_t)sw->rows * sizeof(int));
-    memcpy(sw->force, sw->trial_force, (size_t)sw->rows * sizeof(double));
-    sw->acting = sw->nf > 0 || sw->kinks.slides >= 0;
-    for (int i = 0; i < sw->rows; ++i)
-        sw->acting |= sw->mode[i] != LAG_OPEN;
-    return LAG_RUNNING;
-}
-
 /* Take the state at which conditions are, but for those that have just changed. */
 static int update_conditions(lag_run *run)
 {
@@ -319,7 +172,9 @@ static int update_conditions(lag_run *run)
         const double value = lag_condition_value(run, c, run->step.t, run->step.y);
         if (isnan(value))
             return LAG_UNDEFINED;
-        const int holds = value >= 0.0;
+        condition->largest = fmax(condition->largest, fabs(value));
+        const int stays = condition->holds && !condition->either && value >= -lag_no_change(condition);
+        const int holds = value >= 0.0 || stays;
         if (holds == condition->holds || (condition->happened && !(sw->moved && !holds)))
             continue;
         if (sw->begun && sw->moved && holds) { /* an action has made it true */
@@ -389,21 +244,22 @@ int lag_do_instant(lag_run *run)
             return LAG_ENDLESS;
         if (lag_find_rows(run, t, y))
             return LAG_UNDEFINED;
+        lag_measure_gaps(run, t, y);
         if (sw->moved && violated(run))
             return LAG_VIOLATED;
-        if (collides(run)) {
-            status = collide(run);
+        if (lag_collides(run)) {
+            status = lag_do_collision(run);
             if (status != LAG_RUNNING)
                 return status;
             continue;
         }
         status = lag_choose_branches(run);
         if (status == LAG_RUNNING)
-            status = choose_modes(run);
+            status = lag_choose_modes(run);
         if (status == LAG_RUNNING && sw->kinks.undecided && sw->rows) { /* the forces may be others now */
             status = lag_choose_branches(run);
             if (status == LAG_RUNNING)
-                status = choose_modes(run);
+                status = lag_choose_modes(run);
         }
         memcpy(sw->start, y, (size_t)lag_size(&run->system) * sizeof(double));
         if (status == LAG_RUNNING && run->projection.active)

@@ -13,6 +13,9 @@ int lag_row_slips(const lag_switching *sw, int row);
 /* phi, psi, gamma and B of all rows. Returns 0, or 1 where they are not finite. */
 int lag_find_rows(lag_run *run, double t, const double *y);
 
+/* Take the scales of phi at a state that the motion reaches into account. */
+void lag_measure_gaps(lag_run *run, double t, const double *y);
+
 /* B x of a row, x (nq). */
 double lag_along(const lag_run *run, int row, const double *x);
 

@@ -9,6 +9,7 @@
 #include "switching/kinks.h"
 #include "switching/log.h"
 #include "switching/rows.h"
+#include "switching/settle.h"
 
 static void allocate(lag_run *run)
 {
@@ -192,6 +193,11 @@ int lag_condition_happened(lag_run *run, int which)
 int lag_condition_holds(const lag_run *run, int which)
 {
     return run->switching.condition[which].holds;
+}
+
+double lag_gap_of_none(const lag_run *run, int row)
+{
+    return lag_no_gap(&run->switching, row);
 }
 
 long lag_take_log(lag_run *run)

@@ -37,6 +37,9 @@ enum lag_watched {
     LAG_WATCH_FORCE_CONDITION, /* a function of a and lambda, too */
 };
 
+/* What a row has ended at this instant, which does not begin again at it. */
+enum lag_ended { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
+
 /* A function that is positive as long as the mode lasts. */
 typedef struct {
     enum lag_watched what;
@@ -45,7 +48,7 @@ typedef struct {
     double shift;                      /* by which it is below zero as the mode begins, by rounding */
     double noise;                      /* what is no crossing soon after that: it grows from zero */
     double value, rate;                /* at the beginning of the step */
-    int hit;                           /* whether it crosses zero at the instant */
+    int hit;                           /* whether it may cross zero in the step; whether it does at the instant */
 } lag_watched_function;
 
 /* A condition of events. */
@@ -54,6 +57,7 @@ typedef struct {
     int either;                        /* whether it happens either way */
     int time;                          /* whether it depends on t alone */
     int happened;                      /* at this instant: 1, and 2 as soon as that is known outside */
+    double largest;                    /* value so far */
 } lag_condition;
 
 /* Branches of the equations: kinks.h. */
@@ -107,7 +111,7 @@ typedef struct {
 
     /* at the state evaluated last */
     double *phi, *psi, *drift, *gamma; /* rows */
-    double *size, *speed;              /* rows: the largest scales of phi and psi so far */
+    double *size, *speed;              /* rows: the largest scales so far of phi, of psi */
     double *jacobian;                  /* rows * nq */
     double *response;                  /* (rows + nf) * (nq + nc of the system) */
     double *force;                     /* rows + nf: z */

@@ -1,13 +1,9 @@
 #include "switching/watched.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
-#include "methods/method.h"
 #include "motion.h"
-#include "step.h"
-#include "switching/crossing.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
@@ -15,16 +11,8 @@
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
 #define SOON 1e-3           /* of a step: when a function that grows is positive in spite of rounding */
-#define CLEAR 0.1           /* of a cubic's spread: where it stays above that, its function is positive */
+#define REARMED 1e-10       /* of the largest value of a condition: what it must fall below zero to be true anew */
 #define SHIFT 1e-7          /* of a step: what rates are differences over */
-#define TOGETHER 1e-12      /* of the time, or of the step: roots of one instant */
-#define EXACT 1e-14         /* of the step, beyond the rounding of the time: where a root is located */
-#define ITERATIONS 200
-#define NEAREST 4.0         /* of the error of a root: what is tried around the one of a polynomial, ... */
-#define WIDER 64.0          /* ... then so much more, ... */
-#define FARTHEST 0.01       /* ... up to this part of the bracket */
-#define HALVINGS 7          /* of a step, where values at the nodes do not determine a function */
-#define TRIES 20            /* brackets without a root, by rounding, until a function counts as positive */
 
 /* The signed value of a condition's function at the state that its tape holds. */
 static double condition_output(const lag_switching *sw, int which)
@@ -54,6 +42,11 @@ int lag_all_forces(lag_run *run, double t, const double *y)
         lag_share_forces(run, t, y);
     }
     return 0;
+}
+
+double lag_no_change(const lag_condition *condition)
+{
+    return REARMED * condition->largest;
 }
 
 double lag_condition_value(lag_run *run, int which, double t, const double *y)
@@ -130,7 +123,6 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
             break;
         case LAG_WATCH_KINK:
             value = lag_kink_distance(run, w->which, w->sign);
-            sw->kinks.size[w->which] = fmax(sw->kinks.size[w->which], lag_kink_size(run, w->which));
             break;
         case LAG_WATCH_SURFACE:
             value = w->sign > 0.0 ? sw->kinks.weight : sw->kinks.weight - 1.0;
@@ -145,9 +137,25 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
     return 0;
 }
 
+/* Keep the largest sizes of gaps and of functions of branches at a state that the motion reaches: not at
+ * one beyond an instant, where a step was only tried. */
+static void measure(lag_run *run, double t, const double *y)
+{
+    lag_switching *sw = &run->switching;
+    int kinks = 0;
+    if (sw->rows)
+        lag_measure_gaps(run, t, y);
+    for (int k = 0; k < sw->watched_count; ++k)
+        kinks |= sw->watched[k].what == LAG_WATCH_KINK;
+    if (!kinks)
+        return;
+    lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
+    for (int k = 0; k < sw->kinks.count; ++k)
+        sw->kinks.size[k] = fmax(sw->kinks.size[k], lag_kink_size(run, k));
+}
+
 /* The rates of the watched functions at (t, y), where y' is f, by a difference; `values` are there. */
-static int rates(lag_run *run, double t, const double *y, const double *f, const double *values,
-                 double *out)
+static int rates(lag_run *run, double t, const double *y, const double *f, const double *values, double *out)
 {
     lag_switching *sw = &run->switching;
     const int moving = 2 * run->system.nq;
@@ -237,6 +245,54 @@ static double rounding_of(lag_switching *sw, const lag_watched_function *w)
     }
 }
 
+int lag_watched_ends(lag_run *run, double t, const double *y, const double *f, double *values, double *slopes)
+{
+    return lag_watched_values(run, t, y, values) || rates(run, t, y, f, values, slopes);
+}
+
+void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
+{
+    lag_switching *sw = &run->switching;
+    measure(run, t, y);
+    for (int k = 0; k < sw->watched_count; ++k) {
+        lag_watched_function *w = sw->watched + k;
+        double sign = 1.0;
+        if (w->what >= LAG_WATCH_CONDITION) {
+            lag_condition *condition = sw->condition + w->which;
+            condition->largest = fmax(condition->largest, fabs(values[k]));
+            if (lag_ends_silently(sw, w) && values[k] < -lag_no_change(condition)) {
+                condition->holds = 0;
+                sign = -1.0;
+                w->sign = -w->sign;
+            }
+        }
+        w->value = fmax(sign * values[k], 0.0);
+        w->rate = sign * slopes[k];
+        w->noise = 0.0;
+    }
+    sw->since = t;
+}
+
+int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w)
+{
+    return w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].holds
+           && !sw->condition[w->which].either;
+}
+
+int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w)
+{
+    return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
+}
+
+double lag_value_at_time(lag_run *run, const lag_watched_function *w, double t)
+{
+    lag_switching *sw = &run->switching;
+    const int kink = w->what == LAG_WATCH_KINK;
+    memcpy(sw->y, run->step.y_new, (size_t)lag_size(&run->system) * sizeof(double));
+    lag_evaluate(kink ? &sw->kinks.tape : &sw->condition_tape, &run->system, t, sw->y, LAG_ALL);
+    return w->sign * (kink ? lag_kink_distance(run, w->which, w->sign) : condition_output(sw, w->which));
+}
+
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
 {
     lag_switching *sw = &run->switching;
@@ -244,8 +300,9 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     if (!sw->watched_count)
         return LAG_RUNNING;
     double *found = sw->values, *slopes = sw->node_values;
-    if (lag_watched_values(run, t, y, found) || rates(run, t, y, f, found, slopes))
+    if (lag_watched_ends(run, t, y, f, found, slopes))
         return LAG_UNDEFINED;
+    measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         const double rounding = rounding_of(sw, w);
@@ -257,257 +314,4 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     }
     sw->since = t;
     return LAG_RUNNING;
-}
-
-/* Whether a watched function depends on t alone. */
-static int is_of_time(const lag_switching *sw, const lag_watched_function *w)
-{
-    return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
-}
-
-/* A watched function inside the last step. */
-static double value_inside(lag_run *run, int k, double t)
-{
-    lag_switching *sw = &run->switching;
-    const lag_watched_function *w = sw->watched + k;
-    if (is_of_time(sw, w)) {
-        memcpy(sw->y, run->step.y_new, (size_t)lag_size(&run->system) * sizeof(double));
-        const lag_tape *tape = w->what == LAG_WATCH_TIME ? &sw->condition_tape : &sw->kinks.tape;
-        lag_evaluate(tape, &run->system, t, sw->y, LAG_ALL);
-        return w->sign * (w->what == LAG_WATCH_TIME ? condition_output(sw, w->which)
-                                                    : lag_kink_distance(run, w->which, w->sign));
-    }
-    lag_dense(run, t, sw->y);
-    return lag_watched_values(run, t, sw->y, sw->values) ? NAN : sw->values[k];
-}
-
-/* The first time at which a function is negative, between one at which it counts as positive and one at
- * which it is negative: regula falsi with halved ends (Illinois), and bisections. Functions of time alone are
- * followed to the last digit. */
-static double locate(lag_run *run, int k, double low, double high, double b)
-{
-    const int time = is_of_time(&run->switching, run->switching.watched + k);
-    const double exact = time ? 0.0 : EXACT * run->step.h_old + DBL_EPSILON * fabs(high);
-    double a = fmax(value_inside(run, k, low), 0.0);
-    if (a == 0.0)
-        a = -b;
-    for (int i = 0; i < ITERATIONS && high - low > exact; ++i) {
-        const double width = high - low;
-        double t = i % 3 == 2 || time ? low + 0.5 * width : high - b * width / (b - a);
-        if (time && (t <= low || t >= high))
-            break;
-        /* a step beyond the root, so that the interval closes from both sides */
-        if (!time)
-            t = fmin(fmax(t, low + 0.5 * exact), high - 0.5 * exact);
-        const double g = value_inside(run, k, t);
-        if (g < 0.0 || (time && g == 0.0)) {
-            high = t;
-            b = g;
-            a *= 0.5;
-        } else {
-            low = t;
-            a = g;
-            b *= 0.5;
-        }
-    }
-    return high;
-}
-
-/* The same, where the root is expected at `guess`: brackets around it are tried first. */
-static double locate_near(lag_run *run, int k, double low, double high, double b, double guess)
-{
-    const double least = EXACT * run->step.h_old + DBL_EPSILON * fabs(high), whole = high - low;
-    for (double width = NEAREST * least; width < FARTHEST * whole; width *= WIDER) {
-        const double before = guess - width, after = guess + width;
-        const double value = after < high && after > low ? value_inside(run, k, after) : b;
-        if (!(value < 0.0)) {
-            low = after;
-            continue;
-        }
-        if (after < high) {
-            high = after;
-            b = value;
-        }
-        if (!(before > low))
-            break;
-        const double earlier = value_inside(run, k, before);
-        if (!(earlier < 0.0)) {
-            low = before;
-            break;
-        }
-        high = before;
-        b = earlier;
-    }
-    return locate(run, k, low, high, b);
-}
-
-static double first_between(lag_run *run, int k, double low, double high, const double *given, int halvings);
-
-/* By the polynomial through values at the nodes of an interval. */
-static double by_polynomial(lag_run *run, int k, double low, double high, const double *values)
-{
-    const lag_switching *sw = &run->switching;
-    double bernstein[NODES], begin, end, from = 0.0;
-    for (int i = 0; i < NODES; ++i) {
-        bernstein[i] = 0.0;
-        for (int j = 0; j < NODES; ++j)
-            bernstein[i] += sw->to_bernstein[i * NODES + j] * values[j];
-    }
-    bernstein[NODES - 1] = values[NODES - 1];
-    for (int i = 0; i < TRIES && lag_first_change(bernstein, from, &begin, &end); ++i) {
-        const double after = end == 1.0 ? high : low + end * (high - low);
-        const double b = value_inside(run, k, after);
-        const int soon = after - sw->since < SOON * (run->step.t - sw->since);
-        if (b < (soon ? -sw->watched[k].noise : 0.0)) {
-            const double guess = low + lag_estimate_root(bernstein, begin, end) * (high - low);
-            return locate_near(run, k, low + begin * (high - low), after, b, guess);
-        }
-        from = end; /* it only touches zero, as far as that can be told */
-    }
-    return INFINITY;
-}
-
-/* Whether values are well above zero. */
-static int clearly_positive(const double *values)
-{
-    double least = INFINITY, most = 0.0;
-    for (int i = 0; i < NODES; ++i) {
-        least = fmin(least, values[i]);
-        most = fmax(most, values[i]);
-    }
-    return least > 0.5 * most;
-}
-
-/* The first time between two at which a function becomes negative, or infinity; `given`: its values at the
- * nodes, where they are known. */
-static double first_between(lag_run *run, int k, double low, double high, const double *given, int halvings)
-{
-    double values[NODES];
-    if (given)
-        memcpy(values, given, sizeof values);
-    else
-        for (int i = 0; i < NODES; ++i)
-            values[i] = value_inside(run, k, i == NODES - 1 ? high : low + lag_node(i) * (high - low));
-    for (int i = 0; i < NODES; ++i)
-        if (isnan(values[i]))
-            return INFINITY;
-    if (low <= run->switching.since)
-        values[0] = fmax(values[0], 0.0);
-    if (!lag_resolved(values) && halvings > 0) {
-        if (clearly_positive(values))
-            return INFINITY;
-        const double middle = 0.5 * (low + high);
-        const double before = first_between(run, k, low, middle, 0, halvings - 1);
-        return before < INFINITY ? before : first_between(run, k, middle, high, 0, halvings - 1);
-    }
-    return by_polynomial(run, k, low, high, values);
-}
-
-/* Whether a function is positive all along the last step, by its values and rates at the ends. */
-static int idle(const lag_watched_function *w, double value, double rate, double h)
-{
-    const double b[] = {w->value, w->value + h * w->rate / 3.0, value - h * rate / 3.0, value};
-    double least = b[0], most = b[0];
-    for (int i = 1; i < 4; ++i) {
-        least = fmin(least, b[i]);
-        most = fmax(most, b[i]);
-    }
-    return least > CLEAR * (most - least) && least > 0.0;
-}
-
-/* Whether nothing happens as a function becomes negative: a condition ends that happens as it begins. */
-static int ends_silently(const lag_switching *sw, const lag_watched_function *w)
-{
-    return w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].holds
-           && !sw->condition[w->which].either;
-}
-
-/* When a function first becomes negative after `since`, passing over conditions that end without anything
- * happening. */
-static double first_of(lag_run *run, int k, const double *nodes)
-{
-    lag_switching *sw = &run->switching;
-    lag_watched_function *w = sw->watched + k;
-    const double low = sw->since, found = first_between(run, k, low, run->step.t, nodes, HALVINGS);
-    if (!ends_silently(sw, w))
-        return found;
-    if (!(found < run->step.t))
-        return INFINITY;
-    w->sign = -w->sign; /* it may become true again */
-    const double again = first_between(run, k, found, run->step.t, 0, HALVINGS);
-    w->sign = -w->sign;
-    return again;
-}
-
-int lag_find_instant(lag_run *run)
-{
-    lag_switching *sw = &run->switching;
-    const int count = sw->watched_count;
-    const double t = run->step.t, low = sw->since, h = t - low;
-    double *found = sw->values, *slopes = sw->node_values;
-    const double *y = run->step.y_new, *f = run->step.f_new;
-    int busy = 0;
-    if (!count)
-        return 0;
-    if (!run->stepped->uses_slope) {
-        if (lag_derivative(run, t, y, sw->slope))
-            return -1;
-        --run->step.evaluations;
-        f = sw->slope;
-    }
-    if (lag_watched_values(run, t, y, found) || rates(run, t, y, f, found, slopes))
-        return -1;
-    for (int k = 0; k < count; ++k) {
-        lag_watched_function *w = sw->watched + k;
-        w->hit = 0;
-        if (idle(w, found[k], slopes[k], h)) {
-            w->value = found[k];
-            w->rate = slopes[k];
-        } else {
-            w->hit = -1; /* to be looked at */
-            busy = 1;
-        }
-    }
-    if (!busy) {
-        for (int k = 0; k < count; ++k)
-            sw->watched[k].noise = 0.0;
-        sw->since = t;
-        return 0;
-    }
-    double *nodes = sw->node_values;
-    for (int i = 0; i < NODES; ++i) {
-        const double at = i == NODES - 1 ? t : low + lag_node(i) * h;
-        lag_dense(run, at, sw->y);
-        if (lag_watched_values(run, at, sw->y, sw->values))
-            return -1;
-        for (int k = 0; k < count; ++k)
-            nodes[k * NODES + i] = sw->values[k];
-    }
-    double first = INFINITY, *times = sw->times;
-    for (int k = 0; k < count; ++k) {
-        times[k] = sw->watched[k].hit ? first_of(run, k, nodes + k * NODES) : INFINITY;
-        first = fmin(first, times[k]);
-    }
-    const double together = first + TOGETHER * fmax(fabs(first), run->step.h_old);
-    for (int k = 0; k < count; ++k)
-        sw->watched[k].hit = times[k] <= together;
-    if (first < INFINITY) {
-        sw->instant = first;
-        return 1;
-    }
-    if (lag_watched_values(run, t, y, found) || rates(run, t, y, f, found, slopes))
-        return -1;
-    for (int k = 0; k < count; ++k) {
-        lag_watched_function *w = sw->watched + k;
-        const int ended = found[k] < 0.0 && ends_silently(sw, w);
-        if (ended) {
-            sw->condition[w->which].holds = 0;
-            w->sign = -w->sign;
-        }
-        w->value = fmax(ended ? -found[k] : found[k], 0.0);
-        w->rate = ended ? -slopes[k] : slopes[k];
-        w->noise = 0.0;
-    }
-    sw->since = t;
-    return 0;
 }

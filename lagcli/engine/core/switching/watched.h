@@ -11,13 +11,24 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f);
 /* Values of the watched functions at a state. Returns 0, or 1 where they are undefined. */
 int lag_watched_values(lag_run *run, double t, const double *y, double *values);
 
-/* Look for the first instant of the last step at which a watched function becomes negative. Returns 1 with
- * `instant` and `hit` set; 0 where there is none, and the next step is ready to be watched; -1 where
- * something is undefined. */
-int lag_find_instant(lag_run *run);
+/* The same, and their rates by differences along y' = f. */
+int lag_watched_ends(lag_run *run, double t, const double *y, const double *f, double *values, double *slopes);
+
+/* Go on after a step at whose end they have values and rates, without an instant in it. */
+void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes);
+
+/* Whether nothing happens as a function becomes negative: a condition ends that happens as it begins. */
+int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w);
+
+/* Whether a function depends on t alone, and its value then. */
+int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
+double lag_value_at_time(lag_run *run, const lag_watched_function *w, double t);
 
 /* a and lambda at a state, of all constraints: run->solver.a, run->switching.multipliers. Returns 0, or 1. */
 int lag_all_forces(lag_run *run, double t, const double *y);
+
+/* How far below zero a condition that is true is still not over: it would become true again at once. */
+double lag_no_change(const lag_condition *condition);
 
 /* The value of a condition at a state, which rises through zero as the condition becomes true. */
 double lag_condition_value(lag_run *run, int which, double t, const double *y);

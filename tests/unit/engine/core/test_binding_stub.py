@@ -16,7 +16,7 @@ FOLDER = Path(binding.__file__).parent
 STUB = ast.parse((FOLDER / "binding.pyi").read_text(encoding="utf-8"))
 SOURCE = "\n".join(
     (FOLDER / name).read_text("utf-8")
-    for name in ("binding.pyx", "batch.pxi", "contact.pxi", "switching.pxi")
+    for name in ("binding.pyx", "batch.pxi", "contact.pxi", "roots.pxi", "switching.pxi")
 )
 
 #: name → default, None without one

@@ -29,6 +29,9 @@ class NotingCore:
     def place(self, y: Any) -> None:
         self.state = np.array(y)
 
+    def no_gap(self, row: int) -> float:
+        return 1e-9
+
     def activate(self, row: int, active: bool) -> None:
         self.active[row] = active
 
@@ -73,6 +76,9 @@ def test_rows_are_engaged_where_they_are_met() -> None:
     doing, core = actions([1.0, 0.0, 0.0], [1])
     assert [e.occurrence for e in doing.react([])] == ["event", "engages"]
     assert core.active == {0: True}
+    doing, _ = actions([1 + 1e-8, 0.0, 0.0], [1])
+    with pytest.raises(Stop, match="`pin` cannot be engaged"):
+        doing.react([])
     doing, _ = actions([0.7, 0.0, 0.0], [1])
     with pytest.raises(Stop, match=r"`pin` cannot be engaged at t = 0\.5 s, phi = -0\.3"):
         doing.react([])

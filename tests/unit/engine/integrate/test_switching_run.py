@@ -375,12 +375,13 @@ def test_a_change_of_a_contact_is_an_event() -> None:
 
 
 def test_events_without_end_are_an_error() -> None:
-    text = EVENTS.replace("EVENT", "lift: {when: y <= 0.5, set: {y: 0.5000000000000002}}")
+    event = "up: {when: y <= 0.5, set: {y: 2}}\n  down: {when: y >= 1.5, set: {y: 0.25}}"
+    text = EVENTS.replace("EVENT", event)
     prepared = simulation.prepare(lagcli.load_text(text), SettingsOverrides(t_end=2))
     outcome = SwitchingIntegration(prepared.system, prepared.request, lambda _: None, None).run()
     assert outcome.status == "failed"
     at = math.sqrt(1 / G)
-    assert outcome.message == f"events do not end at t = {at:.9g} s: `lift`"
+    assert outcome.message == f"events do not end at t = {at:.9g} s: `up`, `down`"
 
 
 def test_a_condition_that_an_action_ends_happens_again() -> None:

@@ -1,0 +1,12 @@
+/* The first instant in a step: where a watched function becomes negative. */
+#ifndef LAGCLI_SEARCH_H
+#define LAGCLI_SEARCH_H
+
+#include "run.h"
+
+/* Look for the first instant of the last step at which a watched function becomes negative. Returns 1 with
+ * `instant` and `hit` set; 0 where there is none, and the next step is ready to be watched; -1 where
+ * something is undefined. */
+int lag_find_instant(lag_run *run);
+
+#endif
