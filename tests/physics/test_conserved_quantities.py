@@ -9,6 +9,7 @@ import classical_systems as systems
 import numpy as np
 import pytest
 import symengine as se
+from shipped import every_model
 
 import lagcli
 from lagcli.engine.tape.compiler import compile_tape
@@ -62,7 +63,7 @@ def in_momenta(source: str) -> dict[str, str]:
     return {q.name: generalized(equations, q).in_momenta for q in found.quantities}
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", every_model())
 def test_what_is_found_in_shipped_models_does_not_drift(name: str) -> None:
     equations, found = derived(name)
     assert_constant(equations, found, t_end=min(1.0, equations.model.settings.t_end or 1.0))

@@ -142,7 +142,7 @@ def test_velocities_are_the_rates_of_the_points(name: str) -> None:
         # B written by the constraint: no force at a point that cannot move upwards moves psi
         ("B: [x_B, 0]", "B", "cannot produce λ b"),
         # A moves on a circle, B with it: six components from two numbers
-        ("A: [x_A, y_A], B: [x_B, r*sin(phi) - l*sin(psi)]", "[A, B]", "is not determined"),
+        ("A: [x_A, y_A], B: [x_B, r*sin(phi) - l*sin(psi)]", "[A, B]", "is not unique"),
     ],
 )
 def test_a_force_that_cannot_stand_is_an_error(points: str, at: str, why: str) -> None:
@@ -159,7 +159,7 @@ def test_a_joint_of_minimal_coordinates_asks_for_components() -> None:
         "    C_2: [d + c*cos(theta_3), c*sin(theta_3)]\n"
         "  vectors: {joint: {at: [C, C_2], force: joint_x}}\n"
     )
-    with pytest.raises(UsageError, match="is not determined"):
+    with pytest.raises(UsageError, match="is not unique"):
         run("four_bar", view, t_end=0.2, samples=21)
 
 

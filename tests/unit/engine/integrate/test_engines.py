@@ -80,7 +80,7 @@ def test_engines_are_found_by_their_names(engine: str) -> None:
 
 
 def test_every_method_solves_the_pendulum(method: str) -> None:
-    rtol = 1e-6 if method in ("RK23", "BDF") else 1e-8
+    rtol = {"RK23": 1e-5, "BDF": 1e-6, "Radau": 1e-6}.get(method, 1e-8)
     trajectory = completed(PENDULUM, method=method, rtol=rtol, atol=rtol, t_end=2, samples=21)
     # errors of the single steps add up and grow: a few hundred tolerances in two periods
     np.testing.assert_allclose(trajectory.q, pendulum(trajectory.time), rtol=0, atol=500 * rtol)
