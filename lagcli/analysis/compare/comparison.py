@@ -122,7 +122,8 @@ def compare(
     reference = _run(simulation, tightest)
     if reference.status not in ("completed", "stopped-by-event") or reference.samples is None:
         raise NumericalError(f"the run to compare with failed: {reference.message}")
-    unique = simulation.start.rank == len(simulation.system.constraints)
+    # of contacts that are open at the start B has no rows
+    unique = not simulation.freedom.redundant
     runs = tuple(_beside(reference, _run(simulation, row), simulation, unique) for row in rows)
     return FormulationComparison(
         model, _beside(reference, reference, simulation, unique), runs, unique
@@ -161,7 +162,7 @@ def _run_reduced(simulation: Simulation, row: ComparedRow) -> ComparedRun:
     system, start = simulation.system, simulation.start
     evaluator = Evaluator(system, start.state.p)
     if system.switching is not None:
-        return ComparedRun(row, "not available", "contacts and events need the engines")
+        return ComparedRun(row, "not available", "not for contacts and events")
     if row.formulation == "second" and len(system.holonomic) < len(system.constraints):
         return ComparedRun(row, "not available", "a constraint is nonholonomic")
     forms: dict[str, Callable[[], Formulation]] = {

@@ -245,6 +245,8 @@ def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]
     if not p.independent:
         return [Step(SECOND, (), _NONE)]
     free = [f.coordinates[i] for i in p.independent]
+    if second.is_long and not full and second.entries > _ENTRIES:
+        return [_unlisted(f, SECOND)]
     if second.is_long or operations(second.forcing) > LONGEST:
         return in_matrices(f, second.mass_matrix, second.forcing, free, SECOND, full)
     lines = []
@@ -260,8 +262,8 @@ def _law_remark(second: SecondKind) -> str | None:
     return "The right sides are the generalized forces projected onto the independent coordinates."
 
 
-#: Abbreviations beyond which M and f are not listed.
-_MANY = 120
+#: Abbreviations beyond which M and f are not listed, and entries beyond which these are not sought.
+_MANY, _ENTRIES = 120, 240
 
 
 def projected(f: Formulas) -> tuple[Line, ...]:
@@ -277,6 +279,17 @@ def projected(f: Formulas) -> tuple[Line, ...]:
         rf"{j.latex}^{{\mathrm{{T}}}} ({force.latex} - {m.latex} {c.latex})",
     )
     return (Line((left, right)),)
+
+
+def _unlisted(f: Formulas, title: str) -> Step:
+    """Return the equations of motion whose entries are too many or too long to list."""
+    signs = general.Signs(f.model)
+    said = (
+        f"{signs.mass_matrix.text} and {signs.forcing.text} are those of all coordinates; all"
+        f" accelerations are {signs.null_space.text} times the independent ones plus"
+        f" {signs.drift.text}. The entries are long; --full and --format json give them."
+    )
+    return Step(title, projected(f), said)
 
 
 def in_matrices(
@@ -297,19 +310,15 @@ def in_matrices(
         ]
     entries += [(Entry(force, (free[i],)), x) for i, x in enumerate(forcing) if x != 0]
     names = (*f.model.coordinate_names, *f.model.parameters, *f.model.definitions)
-    short = abbreviate([x for _, x in entries], names)
+    listed = full or len(entries) <= _ENTRIES
+    short = abbreviate([x for _, x in entries], names) if listed else None
     law = Line((Sign(f"{mass.text} q̈", rf"{mass.latex} \, \ddot{{q}}"), force))
     remark = (
         f"The equations are long: entries of {mass.text} and {force.text} are named by the"
         f" independent coordinates and given with abbreviations. {mass.text} is symmetric."
     )
-    if len(short.named) > _MANY and not full:
-        said = (
-            f"{mass.text} and {force.text} are those of all coordinates; all accelerations are"
-            f" {signs.null_space.text} times the independent ones plus {signs.drift.text}. The"
-            " entries are long; --full and --format json give them."
-        )
-        return [Step(title, projected(f), said)]
+    if short is None or (len(short.named) > _MANY and not full):
+        return [_unlisted(f, title)]
     named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
     found = [Step(title, (law,), remark)]
     if named:

@@ -132,6 +132,12 @@ class SecondKind:
         operations = sum(se.count_ops(x) for x in self.rates.values())
         return operations > _LONG or se.count_ops(self.equations.lagrangian) > _LONG
 
+    @property
+    def entries(self) -> int:
+        """The number of entries of M on and above its diagonal, and of f, that are not zero."""
+        rows = self._projected.mass_matrix
+        return len(rows) + sum(x != 0 for i, row in enumerate(rows) for x in row[i:])
+
     @cached_property
     def _projected(self) -> Maggi:
         return Maggi(self.partition)

@@ -96,3 +96,16 @@ def test_wrong_names_are_refused_with_the_nearest() -> None:
         lagcli.compare(model, methods=["Radauu"])
     with pytest.raises(UsageError, match="DOP853 has all"):
         lagcli.compare(model, formulations=["second"], methods=["Taylor"])
+
+
+@pytest.mark.parametrize("name", ["block_on_incline", "bouncing_ball"])
+def test_multipliers_of_contacts_are_compared(name: str) -> None:
+    model = lagcli.load(MODELS / "contact" / f"{name}.yaml")
+    found = lagcli.compare(
+        model, SettingsOverrides(t_end=0.3, samples=31), ["projection", "ggl"], ["DOP853"], [1e-9]
+    )
+    assert found.unique
+    run, reduced = found.runs
+    # λ of a block that slides and of a ball in the air is constant
+    assert run.difference_lambda < 1e-9
+    assert (reduced.status, reduced.message) == ("not available", "not for contacts and events")

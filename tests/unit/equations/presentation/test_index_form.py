@@ -123,6 +123,22 @@ def test_other_kinds_do_not_grow() -> None:
     assert len(short.splitlines()) == len(long.splitlines()) <= 100
 
 
+def test_entries_that_are_not_listed_are_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    from lagcli.equations.presentation import kinds
+    from lagcli.equations.reduction.second_kind import SecondKind
+    from lagcli.simulations.partition import partition
+
+    def refused(*_: object) -> None:
+        raise AssertionError("the entries of a chain of 30 are computed")
+
+    # of an equation with 30 terms that contain all coordinates before, they take minutes
+    monkeypatch.setattr(kinds, "abbreviate", refused)
+    monkeypatch.setattr(SecondKind, "forcing", property(refused))
+    e = chain(30)
+    text = render(e, kinds=("second", "maggi"), partition=partition(e))
+    assert "--full and --format json give them" in " ".join(text.split())
+
+
 def test_each_member_is_in_json_and_in_full() -> None:
     import json
 
