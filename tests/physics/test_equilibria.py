@@ -189,10 +189,33 @@ def test_whipple_bicycle_is_stable_between_its_weave_and_its_capsize_speed() -> 
     # 15 digits are published; 2e-15 is reached
     assert weave.parameter == pytest.approx(4.29238253634111, rel=1e-12)
     assert capsize.parameter == pytest.approx(6.02426201538837, rel=1e-12)
-    assert capsize.crossing == "pitchfork"
     (branch,) = diagram.branches
     between = (branch.parameter > weave.parameter) & (branch.parameter < capsize.parameter)
     assert (branch.stable == between).all()
+
+
+BUCKLE = """
+coordinates: [theta]
+parameters: {m: 1, l: 0.5, k: 10, P: 5}
+T: m/6*l^2*theta'^2
+V: k/2*theta^2 - P*l*(1 - cos(theta))
+initial: {theta: 0.01, theta': 0}
+"""
+
+
+def test_rods_on_a_torsion_spring_buckle_from_a_small_deviation() -> None:
+    # P l/k = θ/sin θ: the start says nothing of how far an angle on a spring turns
+    diagram = lagcli.follow_equilibria(lagcli.load_text(BUCKLE), "P", 5.0, 40.0, branches=True)
+    (point,) = diagram.special
+    assert point.crossing == "pitchfork"
+    assert point.parameter == pytest.approx(20.0, rel=1e-12)
+    _, *buckled = diagram.branches
+    for branch in buckled:
+        angle = branch.q[:, 0]
+        assert branch.parameter[-1] == pytest.approx(40.0, rel=1e-12)
+        np.testing.assert_allclose(branch.parameter * np.sin(angle), 20 * angle, rtol=1e-9)
+    found = lagcli.equilibrium(lagcli.load_text(BUCKLE, set={"P": "30"}), all=True, starts=16)
+    assert len(found.equilibria) == 3
 
 
 def test_exchange_of_stability_is_transcritical_and_its_branches_are_followed() -> None:

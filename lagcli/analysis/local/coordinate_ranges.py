@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import symengine as se
 
 from lagcli.arrays import Array, Flags
 from lagcli.engine.evaluator import Evaluator
@@ -59,11 +60,22 @@ def enters(eq: Equations, j: int) -> bool:
     return any(symbol in e.free_symbols for e in expressions)
 
 
-def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags) -> Array:
+def turning(eq: Equations) -> Flags:
+    """Return which coordinates stand in sines and cosines, times a number, (nq,).
+
+    They need not have a period: a spring counts the turns.
+    """
+    expressions = [eq.lagrangian, *eq.applied_forces]
+    expressions += [c.position for c in eq.constraints if c.position is not None]
+    arguments = {x.args[0] for e in expressions for x in e.atoms(se.sin, se.cos)}
+    return np.array([any(x.diff(q).is_Number and x.diff(q) != 0 for x in arguments) for q in eq.q])
+
+
+def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags, turning: Flags) -> Array:
     """Return changes of the coordinates that are large, (nq,).
 
-    1 rad of an angle. Of others, what the largest coordinate is, compared by inertia, or what the
-    constraints' terms are where all are zero.
+    1 rad of an angle, or more of one that counts its turns. Of others, what the largest coordinate
+    is, compared by inertia, or what the constraints' terms are where all are zero.
     """
     zero = np.zeros(len(q))
     c = evaluator.constraints(t, q, zero)
@@ -75,4 +87,5 @@ def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags) -> Array:
         largest = float((c.position_scale / dense.row_scale(rows)).max())
     found = (largest or 1.0) * sizes
     found[periodic] = 1.0
+    found[turning] = np.maximum(found[turning], 1.0)
     return np.asarray(found)

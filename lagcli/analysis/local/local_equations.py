@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths
+from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths, turning
 from lagcli.analysis.local.gradients import Gradients, MotionJacobians, MotionJacobianTape, Point
 from lagcli.analysis.local.tangent import Indices, Response, Tangent, tangent_of
 from lagcli.arrays import Array, Flags
@@ -74,7 +74,8 @@ class LocalEquations:
     def lengths(self) -> Array:
         """Changes of the coordinates that are large, (nq,)."""
         evaluator = self.evaluator(self.p)
-        return lengths(evaluator, self.t, self.start.state.q, self.angles)
+        turns = turning(self.equations)
+        return lengths(evaluator, self.t, self.start.state.q, self.angles, turns)
 
     @cached_property
     def least_forces(self) -> Array:
