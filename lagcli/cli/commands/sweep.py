@@ -127,7 +127,7 @@ def sweep(
 
     A failed row does not stop the others; its status and message are in the file, and the exit
     status is 3. --resume continues an interrupted sweep. Each process integrates eight rows at a
-    time; rows of models with contacts or events one by one.
+    time; rows of models with contacts, events or branches (`abs`, `if`, …) one by one.
     """
     from lagcli.cli.progress import RowProgress
     from lagcli.sweeps.run import sweep as run_sweep

@@ -22,6 +22,7 @@ from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outco
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate import compiled_engine
+from lagcli.engine.integrate.compiled_engine import freezes
 from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.program.program import assemble
@@ -124,8 +125,8 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
     """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
 
     There are none for implicit methods, Baumgarte's stabilization, redundant constraints, contacts,
-    events, breaks, functions of time, constraints nonlinear in the velocities, an elimination that
-    is not unrolled, or samples that would fill the memory.
+    events, branches that are fixed within a step, breaks, functions of time, constraints nonlinear
+    in the velocities, an elimination that is not unrolled, or samples that would fill the memory.
     """
     width = system.sample_layout.size
     return (
@@ -135,9 +136,8 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.settings.formulation == "projection"
         and request.rank == len(system.constraints)
         and request.on_event is None
-        and system.switching is None
         and not len(request.breaks)
-        and not (system.switching or system.nonlinear)
+        and not (system.switching or system.nonlinear or freezes(system))
         and not system.functions.functions
         and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
     )

@@ -190,7 +190,10 @@ class RowGroup:
         if variants.settings.engine != "compiled" or variants.system.switching is not None:
             return False
         from lagcli.engine.integrate.batch import prepare_batch
+        from lagcli.engine.integrate.compiled_engine import freezes
 
+        if freezes(variants.system):  # each row ends steps where its own branches change
+            return False
         try:
             simulation = ready(variants.equations, variants.system, variants.settings, {})
         except (ModelError, NumericalError):

@@ -425,6 +425,29 @@ def test_redundant_constraints_run_one_by_one():
     assert run.status == "completed"
 
 
+def test_runs_whose_steps_end_at_kinks_run_one_by_one():
+    """Lanes step over kinks: at the same tolerance their errors were a hundred times as large."""
+    runs = Runs(
+        lagcli.load_text("""
+parameters: {k: 1, K: 10, A: 1.3}
+coordinates: [x]
+T: x'^2/2
+V: k*x^2/2
+Q: {x: "-K*max(x, 0) + A*cos(1.1*t)"}
+initial: {x: 1, x': 0}
+"""),
+        ["A"],
+        [[1.0], [1.3], [1.6]],
+        t_end=20.0,
+        samples=11,
+        rtol=1e-6,
+    )
+    assert not suits_batch(runs.system, runs.request)
+    for row, (samples, run) in enumerate(runs()):
+        np.testing.assert_array_equal(samples, runs.single(row)[0])
+        assert run.kinks > 5
+
+
 @pytest.mark.parametrize(
     "changes",
     [
