@@ -82,7 +82,12 @@ def test_spectrum_of_modes_is_plotted(tmp_path: Path, capsys: pytest.CaptureFixt
     ("arguments", "status", "said"),
     [
         ([CRANK, "--along", "tau"], 2, "NAME=START:END"),
-        ([CRANK, "--along", "taw=0:1"], 2, "taw"),
+        (
+            [CRANK, "--along", "taw=0:1"],
+            2,
+            "--along: the model has no parameter `taw`; did you mean `tau`",
+        ),
+        ([CRANK, "--steady", "phi'"], 2, 'as in --steady "phi\'=10"'),
         ([CRANK, "--along", "tau=0 N*m:0 N*m"], 2, "two different"),
         ([CRANK, "--along", "tau=0 N*m:1 N*m", "--all"], 2, "choose one"),
         ([CRANK, "--branches"], 2, "needs --along"),

@@ -27,6 +27,7 @@ def parameter(text: str) -> float:
         ("1.1e3 mm", 1.1),
         ("{value: 3*n, unit: mm}", 0.006),
         ("-0.3 km", -300.0),
+        ("−0.3 km", -300.0),
         ("180 deg", math.pi),
         ("72 km/h", 20.0),
         (".5e-3 kg", 0.0005),
