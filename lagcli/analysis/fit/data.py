@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.errors import FileError
+from lagcli.errors import Diagnostic, FileError
 from lagcli.model.csv_table import CsvTable, read_bytes
 from lagcli.model.sections.fit import DataFile, ObservedQuantity
 
@@ -60,7 +60,14 @@ def read_measured(
         increase; there is no measured value.
     """
     path = os.fspath(Path(folder) / file.path)
-    return _measured(CsvTable(path, read_bytes(path)), file.time, observed)
+    try:
+        data = read_bytes(path)
+    except FileError as error:
+        help_ = "the path is relative to the folder of the model"
+        raise FileError(
+            Diagnostic("unreadable", f"`data` of `fit`: {error}", file.location, help_)
+        ) from None
+    return _measured(CsvTable(path, data), file.time, observed)
 
 
 def _measured(table: CsvTable, time: str, observed: Sequence[ObservedQuantity]) -> Measured:

@@ -99,7 +99,7 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
         elif velocity and token.kind == "number":
             help_ = f"write a power as `{left}^{right}`, a product as `{left}*{right}`"
         elif before.kind == "number" and _ENDS.match(text, token.end) and is_unit(right):
-            help_ += ";\ngive a value with a unit a name, under `parameters`"
+            help_ += ";\na value with a unit needs a name under `parameters`"
     return ExpressionError("syntax", message, before.start, token.end, help_)
 
 

@@ -328,7 +328,7 @@ def _report_missing(draft: Draft, attempted: Collection[str]) -> None:
         "no initial value for " + ", ".join(f"`{n}`" for n in shown) + rest,
         entry[0].location if entry else draft.source.location(0, 0),
         "every coordinate and velocity needs a number, or {guess: …} where the constraints"
-        " decide:\ninitial:\n" + "\n".join(f"  {n}: {_example(draft, n)}" for n in shown),
+        " determine it:\ninitial:\n" + "\n".join(f"  {n}: {_example(draft, n)}" for n in shown),
     )
 
 
