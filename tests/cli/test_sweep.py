@@ -210,7 +210,7 @@ def test_quiet(here: Here) -> None:
         (("--vary", "m=1,2", "--measure", "status=max(phi)"), 2, "another name"),
         (("--vary", "m=1,2", "--measure", "m=max(phi)"), 2, "would be named `m`"),
         (("--vary", "m=1,2", "--measure", "a=max(phi)", "--measure", "a=min(phi)"), 2, "`a`"),
-        (("--vary", "m=1,2", "--measure", "at(phi, 7)"), 2, "lasts from 0 to 0.1 s"),
+        (("--vary", "m=1,2", "--measure", "at(phi, 7)"), 2, "goes from 0 to 0.1 s"),
         (("--vary", "m=1,2", "--set", "m=3"), 2, "both varied and set"),
         (("--vary", "m=1,2", "--retry-failed"), 2, "--resume"),
         (("--vary", "m=1,2", "--rtol", "5"), 2, "rtol must lie"),

@@ -15,7 +15,7 @@ def test_a_model_with_units_throughout() -> None:
     report = report_units(load(MODELS / "bead_on_rotating_hoop.yaml"))
     assert report.checked
     assert list(report.sentences()) == [
-        "Given throughout, and they fit.",
+        "Given throughout and consistent.",
         "Multipliers: hoop in N; drive in N*m.",
         "Generalized forces: r in N; theta, phi in N*m.",
         "Outputs: radial_force in N; motor_torque in N*m; motor_power in W.",

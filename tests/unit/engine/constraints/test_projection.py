@@ -110,4 +110,4 @@ def test_rounding_errors_beside_a_large_coordinate_are_not_far() -> None:
 def test_a_jump_names_the_coordinate() -> None:
     stop = jumped(pendulum_system(), 0.25, np.array([1.0, 0.0]), np.array([1.1, -2.0]))
     assert "t = 0.25 s" in str(stop)
-    assert "2 away in `y`" in str(stop)
+    assert "differs by 2 in `y`" in str(stop)

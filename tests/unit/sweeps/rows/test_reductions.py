@@ -202,7 +202,7 @@ def test_limits_end_a_row_and_keep_what_was_reached() -> None:
         ("max(phi) + t", "varies along the run"),
         ("l + lambda.guide", "varies along the run"),
         ("max(phii)", "did you mean `phi`"),
-        ("max(max(phi))", "take it out"),
+        ("max(max(phi))", "combine them outside"),
         ("max(phi > 1)", "condition"),
         ("time_of(phi)", "condition"),
         ("at(phi, m)", "is a number"),
