@@ -104,6 +104,8 @@ def _text_of(node: YamlNode | None) -> Scalar | None:
 def declarations_in(model: Model, message: str) -> list[str]:
     """Return a sentence on each name in backticks that the model declares, with file and line.
 
+    Names of which the message says the line itself have none.
+
     Parameters
     ----------
     model : Model
@@ -115,7 +117,7 @@ def declarations_in(model: Model, message: str) -> list[str]:
     return [
         f"`{name}` is declared in {place.with_line}"
         for name in found
-        if (place := places.get(name)) is not None
+        if (place := places.get(name)) is not None and f"`{name}` is on line" not in message
     ]
 
 

@@ -78,6 +78,7 @@ def test_names_of_a_message_are_found_in_the_file() -> None:
         "`rod[2]` is declared in a.yaml:6",
         "`end` is declared in a.yaml:8",
     ]
+    assert declarations_in(model, "`end` fails; `end` is on line 7 of the model") == []
     assert declarations_in(model, "`x`, `x`: `y[1]`") == [
         "`x` is declared in a.yaml:2",
         "`y[1]` is declared in a.yaml:2",
