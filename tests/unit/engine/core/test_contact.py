@@ -443,9 +443,9 @@ def assert_lawful(given: tuple[Array, Array, Array, Array, Array], law: int) -> 
     return bool(found == 1)
 
 
-def check_random(count: int, seed: int) -> None:
+def check_random(count: int, seed: int, laws: tuple[int, ...] = (0, 1, 2)) -> None:
     rng = np.random.default_rng(seed)
-    unique = [assert_lawful(random_impact(rng), k % 3) for k in range(count)]
+    unique = [assert_lawful(random_impact(rng), laws[k % len(laws)]) for k in range(count)]
     assert np.mean(unique) > 0.8
 
 
@@ -474,8 +474,9 @@ def test_random_impacts() -> None:
 
 
 @pytest.mark.slow
-def test_many_random_impacts() -> None:
-    check_random(100_000, 15)
+@pytest.mark.parametrize("law", [0, 1, 2])
+def test_many_random_impacts(law: int) -> None:
+    check_random(100_000, 15, (law,))
 
 
 @pytest.mark.parametrize("present", list(itertools.product(range(4), repeat=3)))
