@@ -431,7 +431,9 @@ def assert_lawful(given: tuple[Array, Array, Array, Array, Array], law: int) -> 
         return False
     assert found > 0
     size = np.abs(before).max() + np.abs(matrix @ impulse).max()
-    assert np.abs(matrix @ impulse + before - after).max() < 1e-8 * size
+    # impulses of nearly redundant contacts are large, and their effects cancel
+    rounding = 1e-12 * (np.abs(matrix) @ np.abs(impulse)).max()
+    assert np.abs(matrix @ impulse + before - after).max() < 1e-8 * size + rounding
     energy = size * np.abs(impulse).max()
     unilateral = laws == UNILATERAL
     assert impulse[unilateral].min() >= -1e-9 * np.abs(impulse).max()
