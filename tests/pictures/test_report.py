@@ -293,7 +293,7 @@ def test_long_runs_keep_their_peaks(tmp_path, result):
         # every sample that is shown is one of the run
         places = np.searchsorted(run.time, time)
         assert np.array_equal(run.multipliers[places, 0], values)
-    assert "Of the 200000 samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "of the 200000 samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_many_short_blocks_keep_no_more_than_few_long_ones():
