@@ -54,13 +54,14 @@ def equations_markdown(equations: Equations) -> str:
 
 def trajectory_html(trajectory: Trajectory) -> str:
     """Return a run in HTML: its status, animation and plot."""
+    from lagcli.pictures.report.writing import with_code
     from lagcli.results.metadata import model_title
 
     name = model_title(trajectory.model) or "run"
     times = trajectory.time
     span = f", t = {times[0]:g} to {times[-1]:g} s, {len(times)} samples" if len(times) else ""
-    message = f": {trajectory.message}" if trajectory.message else ""
-    title = f"<p><b>{html.escape(name)}</b>: {trajectory.status}{html.escape(message)}{span}</p>"
+    message = f": {with_code(trajectory.message)}" if trajectory.message else ""
+    title = f"<p><b>{html.escape(name)}</b>: {trajectory.status}{message}{span}</p>"
     return "\n".join([title, *(_picture(make, trajectory) for make in (_animation, _plot))])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,10 +14,11 @@ import numpy as np
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
+from lagcli.model.shipped import shipped_models
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.automatic_view import with_view
-from lagcli.pictures.scene.drag import places
+from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.flashes import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
@@ -122,7 +124,7 @@ class Played:
         self._take(model)
 
     def _take(self, model: Model) -> None:
-        self.model = model = with_view(model)
+        self.model = model = with_rims(with_view(model))
         self._variants = Variants(model, self._settings(""))
         self.controls: dict[str, Control] = controls(model, self._variants.settings)
         self.curves = Curves(model)
@@ -295,7 +297,7 @@ class Played:
     def command(self, request: PlayRequest) -> str:
         """Return the command line that reproduces a run, quoted for the shell."""
         started, request = self._started, self._fitting(request)
-        words = ["lagcli", "simulate", "-" if started.path == "<stdin>" else started.path]
+        words = ["lagcli", "simulate", _model_word(started.path)]
         for option, values in (
             ("--set", {**started.set, **request.set}),
             ("--set-initial", {**started.set_initial, **request.set_initial}),
@@ -326,6 +328,15 @@ class Played:
             {n: str(x) for n, x in {**started.set_initial, **request.set_initial}.items()},
             end,
         )
+
+
+def _model_word(path: str) -> str:
+    """Return what names a model on the command line: a shipped one its name."""
+    if path == "<stdin>":
+        return "-"
+    shipped = {str(file): name for name, file in shipped_models().items()}
+    name = shipped.get(path, path)
+    return path if os.path.exists(name) else name
 
 
 def _texts(values: Any) -> bool:

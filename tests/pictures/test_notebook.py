@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from page_checks import TEXTS
 from patience import PATIENCE
 
 import lagcli
@@ -42,6 +43,22 @@ def test_the_html_of_a_run(run):
     (page,) = re.findall(r'srcdoc="([^"]*)"', text)
     assert html.unescape(page).startswith("<!doctype html>")
     assert "Plot of the run" in text
+
+
+def test_a_browser_shows_a_run(run, visit, until, tmp_path):
+    """The animation fills its frame, nothing is cut off, the plot is as wide as the page."""
+    text = f"<!doctype html><meta charset='utf-8'><body>{trajectory_html(run)}"
+    (tmp_path / "cell.html").write_text(text, encoding="utf-8")
+    page = visit(tmp_path / "cell.html", reduced_motion="reduce")
+    (frame,) = page.frames[1:]
+    until(frame, "document.querySelector('canvas')?.width > 300")
+    assert frame.evaluate(TEXTS) == []
+    inside = "document.documentElement.scrollHeight <= innerHeight + 1"
+    assert frame.evaluate(inside), "all of the player is in view"
+    width, room = page.evaluate(
+        "[document.querySelector('img').clientWidth, document.body.clientWidth]"
+    )
+    assert room / 2 < width <= room
 
 
 def test_a_dataset(run):

@@ -494,6 +494,38 @@ def test_a_place_on_a_rod_is_dragged_with_a_finger(opened, served):
     assert p.page.evaluate("scrollY") == 0, "the page stays where it is"
 
 
+@pytest.fixture
+def clutch(browser, opened):
+    """The page of the clutch."""
+    address = serving("clutch")
+    yield opened(next(address))
+    next(address, None)
+
+
+def test_a_disc_is_turned_where_it_is_grasped(clutch):
+    """The motor turns about its fixed centre: what is held of it follows the mouse."""
+    p = clutch
+    x, y, radius = p.page.evaluate("""() => {
+      const { canvas, camera, motion, data } = page.pictures.player.stage;
+      const disc = data.shapes.find(({ kind }) => kind === "disc");
+      const [x, y] = camera.project(motion.point(disc.center));
+      const { left, top } = canvas.getBoundingClientRect();
+      return [left + x, top + y, camera.scale * motion.value(disc.radius)];
+    }""")
+    for i, angle in enumerate((-0.3, 0.0, 0.3, 0.6)):
+        p.page.mouse.move(x + radius / 2 * math.cos(angle), y - radius / 2 * math.sin(angle))
+        if not i:
+            p.page.mouse.down()
+        p.settled()
+    p.page.mouse.up()
+    p.settled()
+    command = shlex.split(p.command())
+    assert command[:3] == ["lagcli", "simulate", "clutch"]
+    values = [command[i + 1] for i, word in enumerate(command) if word == "--set-initial"]
+    assert len(values) == 1
+    assert float(values[0].partition("=")[2]) == pytest.approx(0.9, abs=0.02)
+
+
 def test_a_top_is_dragged_in_the_plane_of_the_screen(opened):
     server = serving(MODELS / "heavy_top.yaml", "--t-end", "0.2")
     p = opened(next(server))
@@ -612,6 +644,22 @@ def test_scenarios_are_kept_and_come_back(opened, served, tmp_path, monkeypatch)
         "simulation": {"t_end": 0.5},
     }
     assert blocks["small <b>crank</b>"]["parameters"] == {"m": 2.5, "r": "l/4"}
+    with p.page.expect_download() as download:
+        p.page.get_by_role("button", name="Download").click()
+    kept = tmp_path / download.value.suggested_filename
+    download.value.save_as(kept)
+    assert kept.name == "slider_crank_scenarios.json"
+    for name in ("heavy", "small"):
+        p.page.get_by_label(f"Remove {name}").click()
+    # of a page that was opened later
+    p.page.locator("#scenarios input[type=file]").set_input_files(kept)
+    p.page.get_by_text("2 opened").wait_for()
+    scenario("small").click()
+    p.settled()
+    assert np.array_equal(p.curve(1, 0), curve)
+    (tmp_path / "none.json").write_text("[1]")
+    p.page.locator("#scenarios input[type=file]").set_input_files(tmp_path / "none.json")
+    p.page.get_by_text("the file holds no scenarios").wait_for()
     for name in ("heavy", "small"):
         p.page.get_by_label(f"Remove {name}").click()
     assert p.page.locator(".scenario-name").count() == 0

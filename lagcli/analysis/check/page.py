@@ -10,8 +10,8 @@ from lagcli.analysis.check.check import Check
 from lagcli.analysis.check.rank import Combination
 from lagcli.equations.presentation.conserved import conserved_step, minus
 from lagcli.equations.presentation.extent import Extent
+from lagcli.equations.presentation.families.index_form import IndexForm
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.overview import constraints_step, freedom_step
 from lagcli.equations.presentation.typeset import (
     ONE,

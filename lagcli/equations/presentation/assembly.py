@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import Extent
+from lagcli.equations.presentation.families.index_form import IndexForm, with_hint
 from lagcli.equations.presentation.formulas import Formulas, Step
-from lagcli.equations.presentation.index_form import IndexForm, with_hint
 from lagcli.equations.presentation.kinds import (
     ABBREVIATIONS,
     ENTRIES,

@@ -10,8 +10,8 @@ from symengine import Basic
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.abbreviations import abbreviate
 from lagcli.equations.presentation.extent import abridged
+from lagcli.equations.presentation.families.index_form import IndexForm
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.partition_steps import (
     displacement_line,
     fraction,

@@ -9,8 +9,8 @@ from lagcli.equations.derivation.integrability import integrable
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.extent import ROOM, Extent, abridged, is_large
+from lagcli.equations.presentation.families.index_form import IndexForm
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.switching.contacts import (
     as_inequality,

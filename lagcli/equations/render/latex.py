@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from lagcli.equations.presentation.formulas import Line, Step
-from lagcli.equations.presentation.typeset import Symbol
+from lagcli.equations.presentation.typeset import Logical, Relation, Symbol
 from lagcli.equations.render.breaking import Break, Token, flat, lines
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.names import LATEX_GREEK, latex_ascii
@@ -174,7 +174,7 @@ def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
         body = ";\n\\quad ".join(f"${text}$" for text in inline)
         return [f"\\begin{{flushleft}}\n{body}\n\\end{{flushleft}}"]
     found = []
-    for alone, group in groupby(step.lines, key=lambda line: len(line.sides) == 1):
+    for alone, group in groupby(step.lines, key=is_item):
         if alone:
             items = [_item(line, formula) for line in group]
             found.append("\\begin{itemize}\n" + "\n".join(items) + "\n\\end{itemize}")
@@ -203,6 +203,11 @@ def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
     return "\n".join(found)
 
 
+def is_item(line: Line) -> bool:
+    """Whether a line is that of a list: a name, not an equation or inequality."""
+    return len(line.sides) == 1 and not isinstance(line.sides[0], Relation | Logical)
+
+
 def _item(line: Line, formula: LatexFormula) -> str:
     note = f" --- {escape(line.remark)}" if line.remark else ""
     label = rf"\textit{{{escape(line.label)}}}: " if isinstance(line.label, str) else ""
@@ -228,7 +233,8 @@ def displays(
         measure(h + flat(formula.tokens(x.sides[0]))) for h, x in zip(heads, group, strict=True)
     ]
     aligned = max(left, default=0.0)
-    flush = aligned > width / 4  # long left side: all lines start at the margin
+    # with a long left side, or conditions, all lines start at the margin
+    flush = aligned > width / 4 or any(len(line.sides) == 1 for line in group)
     parts: list[list[Row]] = [[]]
     for line, head in zip(group, heads, strict=True):
         if flush:

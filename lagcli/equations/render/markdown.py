@@ -8,7 +8,7 @@ from itertools import groupby
 
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.render.formula_latex import LatexFormula
-from lagcli.equations.render.latex import Row, displays, paragraphs
+from lagcli.equations.render.latex import Row, displays, is_item, paragraphs
 from lagcli.model.model import Model
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|$~])")
@@ -50,7 +50,7 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
         inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
         return ["\n".join(f"${text}$;" for text in inline)]
     found = []
-    for alone, group in groupby(step.lines, key=lambda line: len(line.sides) == 1):
+    for alone, group in groupby(step.lines, key=is_item):
         if alone:
             found.append("\n".join(_item(line, formula) for line in group))
             continue

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from lagcli.equations.presentation.formulas import Line, Step
+from lagcli.equations.presentation.typeset import Symbol
 from lagcli.equations.render.breaking import flat, lines
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.errors import display_width
@@ -90,9 +91,12 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
     left = [x for x in left if x <= room // 3]
     aligned = max(left, default=0)
     aligned_sides = aligned - min(left, default=0) <= _UNEVEN
+    names = max((display_width(formula.text(x.sides[0])) for x in group if _is_name(x)), default=0)
     found: list[list[str]] = []
     for line, label in zip(group, labels, strict=True):
         body = _formula(line, formula, room, aligned, aligned_sides)
+        if _is_name(line) and line.remark and names <= room // 3:
+            body = [_padded(body[0], names)]
         block = []
         if label and display_width(label) + 2 > margin:
             block.append(_INDENT + label)
@@ -103,6 +107,11 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
             block.append((_INDENT + head + text).rstrip())
         found.append(block)
     return found
+
+
+def _is_name(line: Line) -> bool:
+    """Whether a line is a name with its meaning."""
+    return len(line.sides) == 1 and isinstance(line.sides[0], Symbol)
 
 
 def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:

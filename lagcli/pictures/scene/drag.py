@@ -43,6 +43,30 @@ def places(model: Model, view: View) -> dict[str, bool]:
     return {name: not s.isdisjoint(coordinates) for name, s in free.items() if s <= known}
 
 
+def with_rims(model: Model) -> Model:
+    """Return a model whose view has two points on each disc that turns, called by its name.
+
+    Every place on the disc is a weighted mean of its centre and these, ``NAME rim 0`` along its
+    spoke and ``NAME rim 1`` at a right angle to it.
+
+    Parameters
+    ----------
+    model : Model
+        With a view in the plane; any other is as it was.
+    """
+    view = model.view
+    if view is None or view.dimension != 2:
+        return model
+    rims: dict[str, tuple[se.Basic, ...]] = {}
+    for disc in view.discs:
+        if disc.angle is not None:
+            x, y = view.points[disc.center]
+            cos, sin = disc.radius * se.cos(disc.angle), disc.radius * se.sin(disc.angle)
+            rims |= {f"{disc.name} rim 0": (x + cos, y + sin)}
+            rims |= {f"{disc.name} rim 1": (x - sin, y + cos)}
+    return dataclasses.replace(model, view=view._replace(points={**view.points, **rims}))
+
+
 class Drag:
     """Moves a point that is fixed to points of the view.
 

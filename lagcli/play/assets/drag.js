@@ -103,7 +103,10 @@ class Dragging {
     const far = ([x, y]) => Math.hypot(x - place[0], y - place[1]);
     const nearest = (list) => list.reduce((a, b) => (b.far < (a?.far ?? Infinity) ? b : a), null);
     const held = (weights) => ({ weights, far: far(this.#seen(weights)) });
-    const point = nearest(this.points.map((name) => held({ [name]: 1 })));
+    const discs = this.scene.data.shapes.filter(({ kind }) => kind === "disc");
+    const rims = new Set(discs.flatMap(Dragging.#rims));
+    const own = this.points.filter((name) => !rims.has(name));
+    const point = nearest(own.map((name) => held({ [name]: 1 })));
     if (point && point.far <= reach) return point.weights;
     const rods = this.scene.data.shapes.filter(
       ({ kind, from, to }) =>
@@ -120,14 +123,31 @@ class Dragging {
       }),
     );
     if (rod && rod.far <= Dragging.BESIDE * reach) return rod.weights;
-    const discs = this.scene.data.shapes.filter(
-      ({ kind, center }) => kind === "disc" && this.points.includes(center),
-    );
     const within = discs.find(
-      ({ center, radius }) =>
-        far(this.#seen({ [center]: 1 })) <= this.scene.motion.value(radius) * this.scene.camera.scale,
+      (disc) =>
+        [disc.center, ...Dragging.#rims(disc)].some((name) => this.points.includes(name)) &&
+        far(this.#seen({ [disc.center]: 1 })) <=
+          this.scene.motion.value(disc.radius) * this.scene.camera.scale,
     );
-    return within ? { [within.center]: 1 } : null;
+    return within ? this.#onDisc(within, place) : null;
+  }
+
+  /** The points on the rim of a disc that the program knows, if it turns in the plane. */
+  static #rims({ name }) {
+    return [`${name} rim 0`, `${name} rim 1`];
+  }
+
+  /** Return the weights of a place on a disc: its centre alone where it does not turn. */
+  #onDisc(disc, place) {
+    const rims = Dragging.#rims(disc);
+    if (!(rims[0] in this.scene.data.points)) return { [disc.center]: 1 };
+    const [centre, ...ends] = [disc.center, ...rims].map((name) => this.#seen({ [name]: 1 }));
+    const [a, b] = ends.map(([x, y]) => {
+      const [right, down] = [x - centre[0], y - centre[1]];
+      const along = (place[0] - centre[0]) * right + (place[1] - centre[1]) * down;
+      return along / (right ** 2 + down ** 2 || 1);
+    });
+    return { [disc.center]: 1 - a - b, [rims[0]]: a, [rims[1]]: b };
   }
 
   #grasp(event) {

@@ -87,14 +87,23 @@ class Page {
       }),
       chosen: (state, event) => this.controls.goTo(state, event),
       say: (text) => this.#say(text, true),
+      slug: () => this.#fileName(),
     });
     this.ask();
+  }
+
+  /** Show the command line, which breaks between its words. */
+  #showCommand(text) {
+    const words = text.match(/(?:'[^']*'|[^\s'])+/g) ?? [];
+    const whole = words.join(" ") === text ? words : [text];
+    const parts = whole.flatMap((word, i) => [i ? " " : "", Row.text("span", "", word)]);
+    this.elements.command.replaceChildren(...parts);
   }
 
   /** Show a configuration in which a body is held. */
   #drag(answer) {
     this.controls.place(answer.initial);
-    this.elements.command.textContent = answer.command;
+    this.#showCommand(answer.command);
     this.pictures.pose(answer.scene);
   }
 
@@ -120,7 +129,7 @@ class Page {
       return;
     }
     if (dragging?.active && !("error" in answer)) return; // its release asks for another run
-    this.elements.command.textContent = answer.command;
+    this.#showCommand(answer.command);
     if (answer.number === this.number) this.scenarios.mark(answer.command);
     this.elements.pictures.classList.toggle("stale", "error" in answer);
     if ("error" in answer) {
@@ -167,12 +176,14 @@ class Page {
 
   #download(text) {
     const address = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
-    const name = this.slug.replace(/[^\p{L}\p{N}._-]+/gu, "_");
-    Object.assign(document.createElement("a"), {
-      href: address,
-      download: `${name}_changed.yaml`,
-    }).click();
+    const download = `${this.#fileName()}_changed.yaml`;
+    Object.assign(document.createElement("a"), { href: address, download }).click();
     setTimeout(() => URL.revokeObjectURL(address), 1000);
+  }
+
+  /** The name of the model, as the beginning of the name of a file. */
+  #fileName() {
+    return this.slug.replace(/[^\p{L}\p{N}._-]+/gu, "_");
   }
 
   async #copy() {

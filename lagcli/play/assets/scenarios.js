@@ -8,7 +8,8 @@
  *   scenarios.mark(command);  // as the program answered
  *
  * They are kept in the fragment of the page's address, which no program but the browser reads: they
- * survive a reload and are in a bookmark.
+ * survive a reload and are in a bookmark. The address ends with the program: a file that is downloaded
+ * holds them for the next one.
  */
 
 class Scenarios {
@@ -19,6 +20,7 @@ class Scenarios {
    *   the command line of their run, and as that takes them
    * @param {function(Array, Event)} calls.chosen  with the state of a scenario
    * @param {function(string)} calls.say
+   * @param {function(): string} calls.slug  the beginning of the name of a file
    */
   constructor(element, calls) {
     this.calls = calls;
@@ -40,7 +42,12 @@ class Scenarios {
     this.export = Row.text("div", "actions", "");
     this.#addCopy("Copy as command lines", () => this.commands());
     this.#addCopy("Copy as YAML", () => this.blocks());
-    element.append(form, this.items, this.export);
+    this.export.append(this.#button("Download", () => this.#download()));
+    const files = Object.assign(document.createElement("input"), { type: "file", hidden: true });
+    files.accept = "application/json";
+    files.addEventListener("change", () => this.#read(files));
+    const open = this.#button("Open a file of scenarios", () => files.click());
+    element.append(form, this.items, this.export, open, files);
     this.#show();
   }
 
@@ -123,12 +130,41 @@ class Scenarios {
     history.replaceState(null, "", kept);
   }
 
-  /** Return the scenarios in the address, those that are well formed. */
+  /** Return the scenarios in the address. */
   static #kept() {
+    try {
+      return Scenarios.#parsed(decodeURIComponent(location.hash.slice(1)));
+    } catch {
+      return [];
+    }
+  }
+
+  #download() {
+    const text = JSON.stringify(this.list, null, 1);
+    const address = URL.createObjectURL(new Blob([text], { type: "application/json" }));
+    const file = { href: address, download: `${this.calls.slug()}_scenarios.json` };
+    Object.assign(document.createElement("a"), file).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+  }
+
+  /** Add the scenarios of a file; those of the same name are replaced. */
+  async #read(input) {
+    const [file] = input.files;
+    input.value = ""; // the same one may be opened again
+    const found = file ? Scenarios.#parsed(await file.text()) : [];
+    const names = new Set(found.map(({ name }) => name));
+    this.list = [...this.list.filter(({ name }) => !names.has(name)), ...found];
+    this.#keep();
+    this.#show();
+    this.calls.say(found.length ? `${found.length} opened` : "the file holds no scenarios");
+  }
+
+  /** Return the scenarios in a text, those that are well formed. */
+  static #parsed(text) {
     const texts = (value) =>
       value && typeof value === "object" && Object.values(value).every((x) => typeof x === "string");
     try {
-      const found = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+      const found = JSON.parse(text);
       return found.filter(
         ({ name, state, command, changes }) =>
           texts([name, command, changes.t_end]) &&
@@ -160,16 +196,21 @@ class Scenarios {
   }
 
   #addCopy(label, text) {
-    const button = Object.assign(document.createElement("button"), { type: "button" });
-    button.textContent = label;
-    button.addEventListener("click", async () => {
+    const copy = async () => {
       try {
         await navigator.clipboard.writeText(text());
         this.calls.say("copied");
       } catch {
         this.calls.say("the browser does not allow copying");
       }
-    });
-    this.export.append(button);
+    };
+    this.export.append(this.#button(label, copy));
+  }
+
+  #button(label, clicked) {
+    const button = Object.assign(document.createElement("button"), { type: "button" });
+    button.textContent = label;
+    button.addEventListener("click", clicked);
+    return button;
   }
 }

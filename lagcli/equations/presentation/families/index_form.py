@@ -1,20 +1,23 @@
 """Families in index form: one formula for all members, and sums with an index.
 
 Formulas of consecutive members that differ by their index only become one formula, valid over a
-range; terms of a sum that differ so become an indexed sum. Members at the ends of a family that
-differ from the others stay by themselves. The length of a derivation then does not depend on the
-number of members.
+range; terms of a sum that differ so become an indexed sum. Members at the ends of a family belong
+to it where the formula holds for them, with sums that are empty; others stay by themselves. The
+length of a derivation then does not depend on the number of members.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
+from symengine import expand
+
 from lagcli.equations.presentation.extent import items_of
+from lagcli.equations.presentation.families.formula_comparison import NotCompared, formula_value
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.presentation.typeset import (
     ONE,
@@ -109,16 +112,40 @@ class IndexForm:
         )
         items = items_of(lines)
         found: list[Line] = []
-        at = 0
+        at = begun = 0
         while at < len(items):
             run = _run(items, at)
             if run is None:
-                found += map(self._alone, items[at])
                 at += 1
                 continue
-            found += self._general(run, items[at])
-            at += run.length
+            first, last = self._extended(run, items, begun, at)
+            for item in items[begun:first]:
+                found += map(self._alone, item)
+            whole = _Run(run.template, run.first - (at - first), last - first)
+            found += self._general(whole, items[at])
+            at = begun = last
+        for item in items[begun:]:
+            found += map(self._alone, item)
         return replace(step, lines=tuple(found))
+
+    def _extended(
+        self, run: _Run, items: Sequence[Sequence[Line]], begun: int, at: int
+    ) -> tuple[int, int]:
+        """Return the first item and the end of a run with the members beside it that it holds for.
+
+        At the ends of a family, sums have one term or none: they are written otherwise.
+        """
+        numbers = dict(self._sizes)
+
+        def holds(place: int) -> bool:
+            return _holds(items[place], items[at], run.template, run.first + place - at, numbers)
+
+        first, last = at, at + run.length
+        while first > begun and holds(first - 1):
+            first -= 1
+        while last < len(items) and holds(last):
+            last += 1
+        return first, last
 
     def _alone(self, line: Line) -> Line:
         """Return a line whose last members are named by the number of members: x[N]."""
@@ -339,6 +366,32 @@ def _matches(
         for line, nodes in zip(item, template, strict=True)
         for node, general in zip(_nodes(line), nodes, strict=True)
     )
+
+
+def _holds(
+    item: Sequence[Line],
+    first: Sequence[Line],
+    template: list[list[Node]],
+    index: int,
+    numbers: Mapping[str, int],
+) -> bool:
+    """Return whether a template holds for an item, in whatever arrangement."""
+    if [x.note for x in item] != [x.note for x in first]:
+        return False
+    if [len(x.sides) + 1 for x in item] != [len(x) for x in template]:
+        return False
+    for line, (label, *sides) in zip(item, template, strict=True):
+        own, *formulas = _nodes(line)
+        if _at(label, index) != own:
+            return False
+        try:
+            for node, general in zip(formulas, sides, strict=True):
+                expected = formula_value(_at(general, index), numbers)
+                if expand(formula_value(node, numbers) - expected) != 0:
+                    return False
+        except NotCompared:
+            return False
+    return True
 
 
 def _common(a: Node, b: Node, index: int) -> Node | None:

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.families.index_form import IndexForm
 from lagcli.equations.presentation.formulas import Line, Step
-from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.typeset import (
     IndexedSum,
+    Node,
     Number,
     Symbol,
     product_of,
@@ -23,7 +24,7 @@ from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import Notation
 from lagcli.model.loader import load, load_text
 
-MODELS = Path(__file__).parents[4] / "models"
+MODELS = Path(__file__).parents[5] / "models"
 FORMATS = ("text", "latex", "markdown")
 
 
@@ -152,7 +153,27 @@ def test_dense_sums_of_a_pendulum_chain() -> None:
     assert "Σ(j=i+1..N) (N + 1 − j) θ̈ⱼ cos(θᵢ − θⱼ)" in text
     latex = render(chain(12, "pendulum_chain"), "latex")
     assert r"\sum_{j=i + 1}^{N} (N + 1 - j) \, \ddot{\theta}_{j}" in latex
-    assert r"(i = 4, \dots, N-3)" in latex
+    # at its ends, where sums have one term or none, the formula holds too
+    assert r"(i = 1, \dots, N)" in latex
+    assert latex.count(r"\ddot{\theta}_{i}") == 1
+    assert "θ₁" not in text
+
+
+def test_a_sum_that_is_arranged_otherwise_is_that_of_the_formula() -> None:
+    """At the last member but one, the sum over the members after it is one term; then none."""
+
+    def after(k: int) -> list[tuple[int, Node]]:
+        return [(1, product_of([whole(2), member("x", j)])) for j in range(k + 1, 8)]
+
+    made = [Line((member("x", k), sum_of([*after(k), (1, whole(k))]))) for k in range(1, 8)]
+    (line,) = IndexForm(FAMILY).step(Step("", tuple(made))).lines
+    assert line.remark == "i = 1, …, N"
+    text = TextFormula(Notation(FAMILY))
+    assert text.text(line.sides[1]) == "2 Σ(j=i+1..N) xⱼ + i"
+    # where the last one is another number, it stays by itself
+    made[-1] = Line((member("x", 7), whole(8)))
+    *_, rest = IndexForm(FAMILY).step(Step("", tuple(made))).lines
+    assert rest.remark is None
 
 
 def test_a_number_that_all_terms_of_a_sum_share_stands_before_it() -> None:

@@ -1,0 +1,1 @@
+"""Families of names in formulas."""
