@@ -57,6 +57,7 @@ class Scene {
     canvas.tabIndex = 0; // for the keys of whoever plays the scene
     this.context = canvas.getContext("2d");
     this.hidden = new Set();
+    this.#readColors(); // a frame may have no size as yet
     this.setScene(data);
     new ResizeObserver(() => this.resize()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.restyle());

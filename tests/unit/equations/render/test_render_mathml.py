@@ -52,7 +52,7 @@ class Reader:
 
     @staticmethod
     def _key(element):
-        while element.tag == "mrow" and len(element) == 1:
+        while element.tag in ("mrow", "mpadded") and len(element) == 1:
             element = element[0]
         return ElementTree.tostring(element, encoding="unicode")
 
@@ -139,14 +139,14 @@ class Reader:
                 found, rest = self._sum(items, 0)
                 assert rest == len(items)
                 return found
-            case "mstyle":
+            case "mstyle" | "mpadded":
                 return self._alone(item[0])
             case "mfrac":
                 return self._alone(item[0]) / self._alone(item[1])
             case "msup":
                 return self._alone(item[0]) ** self._alone(item[1])
             case "msubsup":
-                below = f"<msub>{self._text(item[0])}{self._text(item[1])}</msub>"
+                below = f"<msub>{self._key(item[0])}{self._text(item[1])}</msub>"
                 return self.at[below] ** self._alone(item[2])
             case "msqrt":
                 return math.sqrt(self._alone(item[0]))
@@ -207,7 +207,8 @@ def test_names_have_greek_letters_dots_and_subscripts() -> None:
     assert ">..</mo>" in dotted
     assert "<mover><mi>φ</mi>" in dotted
     squared = formula.mathml(Power(Symbol("x_A2", 1), whole(2)))
-    assert squared.startswith("<mrow><msubsup><mover><mi>x</mi>")
+    # the exponent stands beside the letter, not beside its dots
+    assert squared.startswith('<mrow><msubsup><mpadded height="0.7em"><mover><mi>x</mi>')
     assert squared.endswith("<mi>A2</mi><mrow><mn>2</mn></mrow></msubsup></mrow>")
     assert formula.mathml(Symbol("torque_1")) == (
         "<mrow><msub><mi>torque</mi><mn>1</mn></msub></mrow>"
