@@ -30,6 +30,14 @@ class NotCompared(ValueError):
     """A formula has a part of which it is not known when it is equal to another."""
 
 
+def are_equal(one: Node, two: Node, numbers: Mapping[str, int]) -> bool:
+    """Return whether two formulas are equal, as far as it is known; see `formula_value`."""
+    try:
+        return bool(se.expand(formula_value(one, numbers) - formula_value(two, numbers)) == 0)
+    except NotCompared:
+        return False
+
+
 def formula_value(node: Node, numbers: Mapping[str, int]) -> Basic:
     """Return a formula as an expression.
 

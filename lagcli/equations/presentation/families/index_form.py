@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
-from symengine import expand
-
 from lagcli.equations.presentation.extent import items_of
-from lagcli.equations.presentation.families.formula_comparison import NotCompared, formula_value
+from lagcli.equations.presentation.families.formula_comparison import are_equal
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.presentation.typeset import (
     ONE,
@@ -354,12 +352,16 @@ def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list
     return found
 
 
+def _alike(item: Sequence[Line], first: Sequence[Line], template: list[list[Node]]) -> bool:
+    """Return whether an item has the notes of another one, and as many sides as its template."""
+    sides = [len(x.sides) + 1 for x in item]
+    return [x.note for x in item] == [x.note for x in first] and sides == list(map(len, template))
+
+
 def _matches(
     item: Sequence[Line], first: Sequence[Line], template: list[list[Node]], index: int
 ) -> bool:
-    if [x.note for x in item] != [x.note for x in first]:
-        return False
-    if [len(x.sides) + 1 for x in item] != [len(x) for x in template]:
+    if not _alike(item, first, template):
         return False
     return all(
         _at(general, index) == node
@@ -376,20 +378,14 @@ def _holds(
     numbers: Mapping[str, int],
 ) -> bool:
     """Return whether a template holds for an item, in whatever arrangement."""
-    if [x.note for x in item] != [x.note for x in first]:
-        return False
-    if [len(x.sides) + 1 for x in item] != [len(x) for x in template]:
+    if not _alike(item, first, template):
         return False
     for line, (label, *sides) in zip(item, template, strict=True):
         own, *formulas = _nodes(line)
         if _at(label, index) != own:
             return False
-        try:
-            for node, general in zip(formulas, sides, strict=True):
-                expected = formula_value(_at(general, index), numbers)
-                if expand(formula_value(node, numbers) - expected) != 0:
-                    return False
-        except NotCompared:
+        written = (_at(general, index) for general in sides)
+        if not all(are_equal(*pair, numbers) for pair in zip(formulas, written, strict=True)):
             return False
     return True
 
