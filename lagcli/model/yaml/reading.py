@@ -89,7 +89,7 @@ def _decode(data: bytes, name: str) -> str:
             "this is a result file, not a model",
             f"`lagcli info {name}` describes it; `plot`, `animate` and `report` show it",
         )
-    if name.lower().endswith(".csv"):
+    if name.lower().endswith(".csv") and not re.match(rb"\s*(?:#|[^\n]*:)", data):
         raise _not_text(
             name,
             "this is a table, not a model",
