@@ -83,7 +83,7 @@ def test_steps_show_the_laws_too(equations: Equations) -> None:
 def test_latex_and_markdown(equations: Equations) -> None:
     for format_ in ("latex", "markdown"):
         found = render(equations, format_, freedom=degrees_of_freedom(equations))
-        assert r"$0 \le \lambda_{\mathrm{lane}} \perp y - r \ge 0$" in found
+        assert r"&0 \le \lambda_{\mathrm{lane}} \perp y - r \ge 0" in found
         assert r"\lambda_{\mathrm{lane,slip}}" in found
         assert r"\text{lane slips}" in found
         assert "[U+" not in found
