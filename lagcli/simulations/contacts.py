@@ -10,15 +10,14 @@ from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.state import State
-from lagcli.engine.switching.switching import Switching
+from lagcli.engine.switching.switching import SwitchedRow, Switching
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.locations import ExpressionLocations
-from lagcli.model.model import Constraint, Model, multiplier
+from lagcli.model.model import Model, multiplier
 from lagcli.model.yaml.source import Scalar
-from lagcli.settings.settings import DEFAULTS
 
 
 def check_contacts(model: Model, system: System, state: State, closed: float) -> None:
@@ -48,7 +47,7 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
         gap = row.sign * constraints.position[place]
         if gap < -closed * constraints.position_scale[place]:
             slopes = row.sign * constraints.jacobian[row.row]
-            found.append(_violated(model, model.constraints[row.row], gap, slopes))
+            found.append(_violated(model, row, gap, slopes))
     found += _bad_coefficients(model, system.switching, state)
     if found:
         found.sort(key=lambda d: (d.location.line, d.location.column) if d.location else (0, 0))
@@ -142,9 +141,7 @@ def true_at_start(system: System, state: State) -> tuple[str, ...]:
     )
 
 
-def held_at(
-    system: System, state: State, closed: float = DEFAULTS.closed or 0.0
-) -> tuple[list[int], int]:
+def held_at(system: System, state: State, closed: float) -> tuple[list[int], int]:
     """Return the constraints that hold at a state, and the rank of their rows of B.
 
     Those are the permanent ones, and contacts that are closed and neither approach nor open.
@@ -178,20 +175,19 @@ def held_at(
     return held, dense.count_rank(constraints.jacobian[held], scale=lengths, sizes=sizes)
 
 
-def _violated(model: Model, constraint: Constraint, gap: float, slopes: Array) -> Diagnostic:
+def _violated(model: Model, row: SwitchedRow, gap: float, slopes: Array) -> Diagnostic:
     """Return the error for a contact that is violated."""
+    constraint = model.constraints[row.row]
     name = constraint.name
     node = ExpressionLocations(model).entry("constraints", name)
     written = " ".join(node.value.split()) if isinstance(node, Scalar) else name
-    unit = model.units.of_residual(name, holonomic=True, rate=False)
-    amount = f"{-gap:.6g}" + (f" {unit}" if unit and unit != "1" else "")
     j = int(np.argmax(np.abs(slopes)))
     coordinate = model.coordinate_names[j]
     move = "raise" if slopes[j] > 0 else "lower"
     entry = model.initial_positions[coordinate]
     return Diagnostic(
         "violated-contact",
-        f"`{name}` is violated by {amount} at the start ({written})",
+        f"`{name}` is violated by {row.amount(-gap)} at the start ({written})",
         entry.location,
         f"{move} `{coordinate}`, or write `{coordinate}: {{guess: {entry.value:.6g}}}` and"
         f" `{name}: closed`",

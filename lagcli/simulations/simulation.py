@@ -248,7 +248,7 @@ class Simulation:
     @cached_property
     def freedom(self) -> DegreesOfFreedom:
         """The degrees of freedom at the start."""
-        return freedom_at(self.equations, self.system, self.start)
+        return freedom_at(self.equations, self.system, self.start, self.settings.closed)
 
     def check_memory(self, kept: bool = False) -> None:
         """Raise NumericalError if the run would take more memory than there is.

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def find_start(
-    equations: Equations, system: System, t: float, closed: float = DEFAULTS.closed or 0.0
+    equations: Equations, system: System, t: float, closed: float | None = None
 ) -> ConsistentState:
     """Find the consistent initial state of a model at a time, or explain why there is none.
 
@@ -46,8 +46,8 @@ def find_start(
     system : System
     t : float
         s.
-    closed : float
-        The setting ``closed``.
+    closed : float, optional
+        The setting ``closed``; that of the model without.
 
     Raises
     ------
@@ -76,21 +76,37 @@ def find_start(
     if system.switching is not None:
         from lagcli.simulations.contacts import check_contacts
 
-        check_contacts(model, system, start.state, closed)
+        check_contacts(model, system, start.state, _closed(model, closed))
     if not start.elimination:
         _check_inertia(equations, system, start)
     return start
 
 
-def freedom_at(equations: Equations, system: System, start: ConsistentState) -> DegreesOfFreedom:
-    """Return the degrees of freedom at a consistent state."""
+def _closed(model: Model, given: float | None) -> float:
+    """Return the setting ``closed``."""
+    return given or model.settings.closed or DEFAULTS.closed or 0.0
+
+
+def freedom_at(
+    equations: Equations, system: System, start: ConsistentState, closed: float | None = None
+) -> DegreesOfFreedom:
+    """Return the degrees of freedom at a consistent state.
+
+    Parameters
+    ----------
+    equations : Equations
+    system : System
+    start : ConsistentState
+    closed : float, optional
+        As for `find_start`.
+    """
     names, rank = system.constraints, start.rank
     rows: Sequence[int] = range(len(names))
     held: tuple[str, ...] | None = None
     if system.switching is not None and system.switching.rows:
         from lagcli.simulations.contacts import held_at
 
-        rows, rank = held_at(system, start.state)
+        rows, rank = held_at(system, start.state, _closed(equations.model, closed))
         held = tuple(names[i] for i in rows)
     sets = dependent_sets(system, start.state, rank, rows)
     redundant = (RedundantSet(tuple(names[i] for i in found), surplus) for found, surplus in sets)

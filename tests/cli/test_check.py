@@ -84,6 +84,8 @@ def test_values_and_initial_values_are_replaced(lagcli):
     found = json.loads(lagcli("check", path, *options)[1])
     (spin,) = (q for q in found["conserved"]["quantities"] if q["name"] == "p_phi")
     assert spin["value"] == pytest.approx(2.1)
+    assert spin["unit"] == "kg*m^2/s"
+    assert "  Value at the start: 2.1 kg*m^2/s.\n" in lagcli("check", path, *options[:-1])[1]
     assert spin["symmetry"] == {"phi": "1"}
 
 

@@ -19,6 +19,7 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities
 from lagcli.equations.symmetry.generality import generalized
+from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.model import TIME, Model
 from lagcli.simulations.contacts import model_at_start
 from lagcli.simulations.start import find_start, freedom_at
@@ -45,7 +46,9 @@ class Check:
     conserved : Conserved
         The conserved quantities.
     conserved_values : mapping of str to float
-        Their values at the start.
+        Their values at the start, in SI units.
+    conserved_units : mapping of str to str
+        Their SI units, as far as they are known.
     time_scales : TimeScales or None
         Of small motions about the start; None of large models.
     units : UnitReport
@@ -59,6 +62,7 @@ class Check:
     velocity_constraints: Mapping[str, VelocityConstraint]
     conserved: Conserved
     conserved_values: Mapping[str, float]
+    conserved_units: Mapping[str, str]
     time_scales: TimeScales | None
     units: UnitReport
 
@@ -112,6 +116,11 @@ def check(model: Model) -> Check:
         velocity_constraints=check_integrability(held, there, states),
         conserved=conserved,
         conserved_values=_values(equations, conserved, start),
+        conserved_units={
+            q.name: unit
+            for q in conserved.quantities
+            if (unit := symbolic_unit(model, q.expression)) is not None
+        },
         time_scales=scales,
         units=report_units(model),
     )

@@ -112,6 +112,7 @@ def _quantity(found: Check, q: ConservedQuantity, text: _Text) -> dict[str, Any]
         "in_momenta": q.in_momenta,
         "formula": text(q.expression),
         "value": found.conserved_values[q.name],
+        "unit": found.conserved_units.get(q.name),
         "for_all_parameters": q.general,
         "symmetry": {names[i]: text(x) for i, x in q.field.items()},
         "time_shift": text(q.time),

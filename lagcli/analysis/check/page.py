@@ -147,7 +147,8 @@ def _combination(c: Combination) -> Node:
 
 def _conserved(f: Formulas, found: Check) -> list[Step]:
     steps = [
-        conserved_step(f, q, found.conserved_values[q.name]) for q in found.conserved.quantities
+        conserved_step(f, q, found.conserved_values[q.name], found.conserved_units.get(q.name))
+        for q in found.conserved.quantities
     ]
     said = _SEARCHED[found.conserved.extent]
     if not steps:

@@ -178,9 +178,9 @@ class InstantResolution:
             return
         c = self.run.full.constraints(self.t, self.q, self.v)
         place = system.holonomic.index(row)
-        sign = next((r.sign for r in self.rows if r.row == row), 0)
+        engaged = next(r for r in self.rows if r.row == row)
         none = self.problems.closed * float(self.problems.position_scale[place])
-        check_engagement(self.t, self.names[row], float(c.position[place]), sign, none)
+        check_engagement(self.t, self.names[row], float(c.position[place]), engaged, none)
 
     # contacts
 
@@ -238,7 +238,8 @@ class InstantResolution:
         deep = self.problems.active & (gaps < -10 * allowed)
         if deep.any() and not touched.issuperset(np.flatnonzero(deep).tolist()):
             k = int(np.flatnonzero(deep)[0])
-            raise sets_violation(self.t, self.names[self.rows[k].row], -float(gaps[k]))
+            row = self.rows[k]
+            raise sets_violation(self.t, self.names[row.row], -float(gaps[k]), row)
         touching: Flags = self.problems.active & (gaps <= allowed)
         for k in touched:
             touching[k] = self.problems.active[k]

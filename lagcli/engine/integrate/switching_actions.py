@@ -152,4 +152,4 @@ class Actions:
         k = next(k for k, row in enumerate(rows) if row.row == constraint)
         out = self._constraint((self.core.t, *y[:-1].tolist(), *self.p))
         gap, name = out[system.holonomic.index(constraint)], system.constraints[constraint]
-        check_engagement(self.core.t, name, gap, rows[k].sign, self.core.no_gap(k))
+        check_engagement(self.core.t, name, gap, rows[k], self.core.no_gap(k))

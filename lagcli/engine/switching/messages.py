@@ -35,7 +35,7 @@ def refusal(
     if status == Status.VIOLATED:
         depth = {i: -core.contacts[0][i] for i, row in enumerate(rows) if row.sign}
         deepest = max(depth, key=lambda i: depth[i])
-        return stops.sets_violation(t, names[deepest], depth[deepest])
+        return stops.sets_violation(t, names[deepest], depth[deepest], rows[deepest])
     if status in (Status.GAINS, Status.NO_IMPACT):
         contacts = [names[i] for i in core.struck if i < len(rows) and rows[i].sign]
         if status == Status.NO_IMPACT:

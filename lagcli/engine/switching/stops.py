@@ -148,7 +148,7 @@ def _way(problem: ContactProblem, names: Sequence[str], row: int, motion: Contac
     return f"it {how} (lambda = {motion.force[row]:.6g})"
 
 
-def check_engagement(t: float, name: str, gap: float, sign: int, none: float) -> None:
+def check_engagement(t: float, name: str, gap: float, row: SwitchedRow, none: float) -> None:
     """Stop a run whose event engages a holonomic constraint that is not met.
 
     Parameters
@@ -158,8 +158,8 @@ def check_engagement(t: float, name: str, gap: float, sign: int, none: float) ->
     name : str
     gap : float
         φ.
-    sign : int
-        As in `SwitchedRow`: a contact may be engaged while it is open.
+    row : SwitchedRow
+        A contact may be engaged while it is open.
     none : float
         The gap that counts as none: ``closed`` times the largest size of φ so far.
 
@@ -167,19 +167,19 @@ def check_engagement(t: float, name: str, gap: float, sign: int, none: float) ->
     ------
     Stop
     """
-    if (-sign * gap if sign else abs(gap)) <= none:
+    if (-row.sign * gap if row.sign else abs(gap)) <= none:
         return
     raise Stop(
-        f"`{name}` cannot be engaged at t = {t:.9g} s, phi = {gap:.6g}: engage it where phi = 0,"
-        " or set the coordinates in the same event"
+        f"`{name}` cannot be engaged at t = {t:.9g} s, phi = {row.amount(gap)}: engage it where"
+        " phi = 0, or set the coordinates in the same event"
     )
 
 
-def sets_violation(t: float, name: str, depth: float) -> Stop:
+def sets_violation(t: float, name: str, depth: float, row: SwitchedRow) -> Stop:
     """Return the end of a run whose event moves a contact beyond its surface."""
     return Stop(
-        f"an event violates `{name}` by {depth:.6g} at t = {t:.9g} s: set coordinates that satisfy"
-        " it"
+        f"an event violates `{name}` by {row.amount(depth)} at t = {t:.9g} s: set coordinates that"
+        " satisfy it"
     )
 
 

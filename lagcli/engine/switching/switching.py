@@ -48,6 +48,8 @@ class SwitchedRow(NamedTuple):
         Whether it is there at the start; events engage and release it.
     closed : bool
         Whether the initial state is solved with it as a constraint.
+    unit : str or None
+        Of φ or ψ; None where it is not known.
     """
 
     row: int
@@ -56,12 +58,17 @@ class SwitchedRow(NamedTuple):
     normal: int | None = None
     active: bool = True
     closed: bool = False
+    unit: str | None = None
 
     @property
     def holds_at_start(self) -> bool:
         """Whether the initial state is on it, without looking at the state."""
         permanent = not self.sign and self.limit is None
         return self.active and (self.closed or permanent)
+
+    def amount(self, value: float) -> str:
+        """Return a value of φ or ψ with its unit."""
+        return f"{value:.6g}" + (f" {self.unit}" if self.unit and self.unit != "1" else "")
 
 
 class EventRule(NamedTuple):

@@ -122,6 +122,7 @@ class _Lowering:
             normal=None if normal is None else self.numbers[normal],
             active=c.active,
             closed=c.name in self.model.closed,
+            unit=self.model.units.of_residual(c.name, c.kind == "holonomic", rate=False),
         )
 
     def limits(self) -> tuple[tuple[tuple[int, int], ...], list[Basic]]:

@@ -60,7 +60,9 @@ def title_of(quantity: ConservedQuantity, names: tuple[str, ...]) -> str:
     return f"momentum along {along}" if constant else f"momentum of a rotation of {along}"
 
 
-def conserved_step(f: Formulas, quantity: ConservedQuantity, value: float | None = None) -> Step:
+def conserved_step(
+    f: Formulas, quantity: ConservedQuantity, value: float | None = None, unit: str | None = None
+) -> Step:
     """Return a conserved quantity with its proof.
 
     Parameters
@@ -70,9 +72,12 @@ def conserved_step(f: Formulas, quantity: ConservedQuantity, value: float | None
     quantity : ConservedQuantity
     value : float, optional
         Its value at the start.
+    unit : str, optional
+        Of the value.
     """
     lines = [Line(_sides(f, quantity), quantity.name), *_proof(f, quantity)]
-    said = [] if value is None else [f"Value at the start: {minus(value)}."]
+    measured = f" {unit}" if unit and unit != "1" else ""
+    said = [] if value is None else [f"Value at the start: {minus(value)}{measured}."]
     if not quantity.general:
         said.append(
             "It is conserved for these values of the parameters; for others, its coefficients"

@@ -37,7 +37,7 @@ def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[st
     node = draft.get("initial")
     found = set()
     for name, key, value in node if isinstance(node, MappingNode) else ():
-        if not _is_closed(draft, name, value):
+        if not _states_closed(draft, name, value):
             continue
         if signs.get(name):
             found.add(name)
@@ -48,13 +48,16 @@ def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[st
                 key.location,
                 "only a constraint with `>=` or `<=` opens and closes",
             )
+        elif name not in draft.names.constraints:
+            _report_no_contact(draft, name, key, [c for c in signs if signs[c]])
     return frozenset(found)
 
 
-def _is_closed(draft: Draft, name: str, node: YamlNode) -> bool:
-    """Whether an entry states that a constraint is closed."""
+def _states_closed(draft: Draft, name: str, node: YamlNode) -> bool:
+    """Whether an entry states that something is closed which is not a coordinate or a velocity."""
     stated = isinstance(node, Scalar) and node.value.strip() == "closed"
-    return stated and name in draft.names.constraints and canonical_name(draft, name) is None
+    named = name in draft.names.constraints or "[" not in name
+    return stated and named and canonical_name(draft, name, vectors=True) is None
 
 
 def read_initial(
@@ -67,7 +70,7 @@ def read_initial(
     attempted: dict[str, Member] = {}
     readers: dict[int, Reader] = {}
     for name, key, node in entries or []:
-        if _is_closed(draft, name, node):
+        if _states_closed(draft, name, node):
             continue
         declaration = _declaration(draft, name, key, node)
         for member, reader in _values(draft, declaration, constants) if declaration else ():
@@ -294,6 +297,21 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         key.location,
         help_
         or "the coordinates are " + ", ".join(f"`{q}`" for q in list(names.coordinates)[:_SHOWN]),
+    )
+
+
+def _report_no_contact(draft: Draft, name: str, key: Scalar, contacts: list[str]) -> None:
+    """Report a name that is said to be closed, and names no constraint."""
+    names = draft.names
+    if names.incomplete or name in names.suspects:
+        return
+    listed = ", ".join(f"`{c}`" for c in contacts[:_SHOWN])
+    draft.report.add(
+        "unknown-name",
+        f"`initial` says that `{shorten(name)}` is closed, which is not a contact",
+        key.location,
+        did_you_mean(nearest(name, contacts))
+        or (f"the contacts are: {listed}" if contacts else "the model has no contacts: remove it"),
     )
 
 

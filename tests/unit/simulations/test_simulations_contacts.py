@@ -8,6 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import ModelError, UsageError
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.contacts import true_at_start
 from lagcli.simulations.simulation import prepare
 
@@ -31,6 +32,33 @@ def test_open_contacts_do_not_constrain() -> None:
     start = prepare(lagcli.load_text(BALL)).start
     assert start.state.q.tolist() == pytest.approx([1.0, 0.5])
     assert start.rank == 1
+
+
+def test_the_setting_says_below_which_gap_a_contact_is_closed() -> None:
+    text = (
+        "coordinates: [x, y]\nT: x'^2 + y'^2\nV: y\nconstraints: {floor: y >= 1}\n"
+        "initial: {x: 0, y: 1.0001, x': 1, y': 0}\n"
+    )
+    wide = text + "simulation: {closed: 1.0e-3}\n"
+    assert prepare(lagcli.load_text(text)).freedom.held == ()
+    assert prepare(lagcli.load_text(text), SettingsOverrides(closed=1e-3)).freedom.held == (
+        "floor",
+    )
+    assert prepare(lagcli.load_text(wide)).freedom.held == ("floor",)
+    assert prepare(lagcli.load_text(wide), SettingsOverrides(closed=1e-9)).freedom.held == ()
+    assert lagcli.check(lagcli.load_text(wide)).rank.freedom.held == ("floor",)
+    below = wide.replace("1.0001", "0.9999")
+    assert lagcli.check(lagcli.load_text(below)).rank.freedom.held == ("floor",)
+
+
+def test_only_a_constraint_is_said_to_be_closed() -> None:
+    for name, remedy in (("floor1", "did you mean `floor`?"), ("b", "the contacts are: `floor`")):
+        text = BALL.replace("initial: {", f"initial: {{{name}: closed, ")
+        with pytest.raises(ModelError) as found:
+            lagcli.load_text(text)
+        (one,) = found.value.diagnostics
+        assert one.message == f"`initial` says that `{name}` is closed, which is not a contact"
+        assert remedy in (one.help or "")
 
 
 def test_a_contact_is_closed_if_the_file_says_so() -> None:

@@ -114,7 +114,7 @@ def test_engaging_stops_what_the_constraint_forbids() -> None:
 
 def test_an_event_may_not_violate_a_contact() -> None:
     found = ball({"sink": {"when": "t >= 0.25", "set": {"y": -1}}})
-    assert "an event violates `floor` by 1 at t = 0.25 s" in found.outcome.message
+    assert "an event violates `floor` by 1 m at t = 0.25 s" in found.outcome.message
 
 
 def test_events_that_do_not_end() -> None:

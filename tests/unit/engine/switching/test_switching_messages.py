@@ -52,7 +52,7 @@ initial: {x1: 0, y1: 0, x2: L*cos(phi), y2: L*sin(phi), x1': v, x2': v, y1': 0, 
 """
 
 FALL = """
-coordinates: [y]
+coordinates: {y: m}
 parameters: {m: 1, g: 9.81}
 T: m/2*y'^2
 V: m*g*y
@@ -112,13 +112,13 @@ JAM = (2 / math.sqrt(3) - 0.8) / 5
         (
             PIN.replace("EVENT", "catch: {when: y <= 0.6, engage: pin}"),
             {},
-            f"`pin` cannot be engaged at t = {AT_HALF:.9g} s, phi = 0.3: engage it where phi = 0,"
-            " or set the coordinates in the same event",
+            f"`pin` cannot be engaged at t = {AT_HALF:.9g} s, phi = 0.3 m: engage it where phi ="
+            " 0, or set the coordinates in the same event",
         ),
         (
             FALL.replace("EVENT", "move: {when: y <= 0.6, set: {y: -0.1}}"),
             {},
-            f"an event violates `floor` by 0.1 at t = {AT_HALF:.9g} s: set coordinates that"
+            f"an event violates `floor` by 0.1 m at t = {AT_HALF:.9g} s: set coordinates that"
             " satisfy it",
         ),
         (

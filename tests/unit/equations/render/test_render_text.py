@@ -10,6 +10,7 @@ import pytest
 from formula_values import MODELS, equations_of, model_of, steps_of
 from shipped import PATHS, every_model
 
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.render import render
 from lagcli.equations.render.breaking import Break, lines
@@ -133,6 +134,16 @@ def test_lines_of_a_group_are_aligned():
     block = text.split("Partial derivatives with respect to the coordinates\n")[1].split("\n\n")[0]
     columns = {line.index("=") for line in block.splitlines() if line.startswith("  ∂")}
     assert len(columns) == 1
+
+
+def test_descriptions_of_coordinates_are_aligned():
+    text = (
+        "coordinates: {y1: {unit: m, description: height}, phi: {description: angle}, psi_lid: rad}"
+        "\nT: y1'^2 + phi'^2 + psi_lid'^2\n"
+        "initial: {y1: 0, phi: 0, psi_lid: 0, y1': 0, phi': 0, psi_lid': 0}\n"
+    )
+    block = render(derive(load_text(text))).split("k = 3\n")[1].split("\n\n")[0]
+    assert block.splitlines() == ["  y₁      height [m]", "  φ       angle", "  ψ_lid   [rad]"]
 
 
 def test_parameters_by_value():
