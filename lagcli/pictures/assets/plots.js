@@ -190,7 +190,8 @@ class TimePlot {
   #build() {
     const { data } = this;
     const caption = document.createElement("figcaption");
-    caption.textContent = data.title ?? "";
+    const words = (data.title ?? "").split(/([ ,]+)/);
+    caption.append(...words.map((word) => TimePlot.#named(word)));
     caption.hidden = !data.title;
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from html import escape
 from typing import Protocol
@@ -11,14 +12,15 @@ from lagcli.arrays import Array
 from lagcli.columns import BY_NAME
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step
-from lagcli.equations.presentation.extent import abridged, is_large
+from lagcli.equations.presentation.extent import abridged, is_large, items_of
+from lagcli.equations.presentation.families.index_form import IndexForm
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.general import Signs, force
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.overview import convention, in_matrices, kind_of
 from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.equations.presentation.switching.contacts import as_inequality
-from lagcli.equations.presentation.typeset import Symbol
+from lagcli.equations.presentation.typeset import Node, Symbol
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
@@ -80,6 +82,7 @@ class EquationSystem:
     def __init__(self, run: DescribedSystem, formulas: Formulas):
         self.run, self.formulas = run, formulas
         self.equations, self.model = formulas.equations, formulas.model
+        self.index_form = IndexForm(self.model)
         self.names = Notation(self.model)
         decimals = written_decimals(self.model)
         self.mathml = MathmlFormula(self.names, decimals)
@@ -136,7 +139,9 @@ class EquationSystem:
 
     def energies(self) -> str:
         """Return T and V, or L, as the model states them."""
-        return "".join(map(self._limited, self._energies))
+        sums = self.index_form.sums
+        lines = [Line(tuple(map(sums, line.sides))) for line in self._energies]
+        return "".join(map(self._limited, lines))
 
     @cached_property
     def _energies(self) -> list[Line]:
@@ -145,11 +150,37 @@ class EquationSystem:
         written = self.formulas.written
         return [Line((sign, written(trees[key]))) for key, sign in stated.items() if key in trees]
 
+    def _items(self, lines: Iterable[Line]) -> list[list[Line]]:
+        """Return lines in index form, by labels."""
+        (step,) = self.index_form.steps([Step("", tuple(lines))])
+        return items_of(step.lines)
+
+    def _listed(
+        self, lines: Mapping[int, list[Line]], count: int
+    ) -> tuple[dict[int, list[Line]], int]:
+        """Return the items that are listed, by their places, and how many there are in all.
+
+        The lines of each place become an item; families become items in index form.
+        """
+        if not self.index_form.families:
+            return dict(lines), count
+        items = self._items(line for item in lines.values() for line in item)
+        labels = [
+            label.name if isinstance(label := x[0].label, Symbol) else str(label) for x in items
+        ]
+        return {i: items[i] for i in chosen(labels, _LISTED, _FEW)}, len(items)
+
+    def _places(self, names: Sequence[str]) -> list[int]:
+        """Return which of many constraints or equations are listed: all of what has an index."""
+        if self.index_form.families:
+            return list(range(len(names)))
+        return chosen(names, _LISTED, _FEW)
+
     @cached_property
     def _constraints(self) -> dict[int, ConstraintEquation]:
         """The constraints that are listed, by their places."""
         every = self.equations.constraints
-        return {i: every[i] for i in chosen(self.run.constraints, _LISTED, _FEW)}
+        return {i: every[i] for i in self._places(self.run.constraints)}
 
     @cached_property
     def _matrices(self) -> list[Step]:
@@ -174,22 +205,23 @@ class EquationSystem:
         return f"<h4>{escape(step.title)}</h4>{shown}<p class='note'>{remark}</p>"
 
     @cached_property
-    def _motion(self) -> dict[int, Line | str]:
-        """The equations that are listed, by their places, or how long they are."""
+    def _motion(self) -> dict[int, Line]:
+        """The equations that are listed, by their places."""
         if self._matrices:
             return {}
-        return {i: self._assembled(i) for i in chosen(self.run.coordinates, _LISTED, _FEW)}
+        return {i: self.formulas.equation_line(i) for i in self._places(self.run.coordinates)}
 
     def definitions(self) -> str:
         """Return the definitions that energies, constraints and equations use, as written."""
-        lines = [*self._energies, *(x for x in self._motion.values() if isinstance(x, Line))]
+        lines = [*self._energies, *self._motion.values()]
         nodes = [side for line in lines for side in line.sides]
-        found = self.formulas.definition_lines(self._constraints.values(), nodes)
-        if not found:
+        used = self.formulas.definition_lines(self._constraints.values(), nodes)
+        if not used:
             return ""
+        found = [line for item in self._items(used) for line in item]
         names = [side.name for line in found if isinstance(side := line.sides[0], Symbol)]
         places = chosen(names, _ROWS, _FEW)
-        shown = [self._limited(found[i]) for i in places]
+        shown = [self._noted(found[i]) for i in places]
         rest = _elision(len(places), len(found), "definitions")
         return f"<h3>Definitions</h3>{''.join(shown)}{rest}"
 
@@ -212,18 +244,27 @@ class EquationSystem:
         found = self._constraints
         if not found:
             return "<p>None: the coordinates are independent.</p>"
+        shown: dict[int, list[Line]] = {}
+        about: dict[str, str] = {}
+        for i, c in found.items():
+            name, kind = c.constraint.name, kind_of(c, self.equations)
+            stated = as_inequality(self.formulas.constraint_line(c), c)
+            variation = as_inequality(self.formulas.variation_line(c), c)
+            shown[i] = [replace(stated, label=name, note=kind), variation]
+            about[_family(name)] = c.constraint.description or ""
+        listed, count = self._listed(shown, len(self.equations.constraints))
         items = []
-        for c in found.values():
-            about = f" – {escape(c.constraint.description)}" if c.constraint.description else ""
+        for item in listed.values():
+            name = str(item[0].label)
+            said = escape(about[_family(name)])
             items.append(
-                f'<dt><span class="name">{escape(c.constraint.name)}</span>:'
-                f" {escape(kind_of(c, self.equations))}, multiplier"
-                f" {self.multiplier(c.constraint.name)}{about}</dt>"
-                f"<dd>{self._equation(as_inequality(self.formulas.constraint_line(c), c))}"
-                f"{self._equation(as_inequality(self.formulas.variation_line(c), c))}</dd>"
+                f'<dt><span class="name">{escape(name)}</span>:'
+                f" {escape(item[0].remark or '')}, multiplier"
+                f" {self.multiplier(name)}{f' – {said}' if said else ''}</dt>"
+                f"<dd>{''.join(map(self._equation, item))}</dd>"
             )
-        rest = _elision(len(found), len(self.equations.constraints), "constraints")
-        return f'<dl class="constraints">{"".join(elided(list(found), items, _DOTS))}</dl>{rest}'
+        rest = _elision(len(items), count, "constraints")
+        return f'<dl class="constraints">{"".join(elided(list(listed), items, _DOTS))}</dl>{rest}'
 
     def freedom(self) -> str:
         """Return a sentence on the degrees of freedom."""
@@ -271,21 +312,23 @@ class EquationSystem:
         """Return the equations of motion, those that are too long by their size."""
         if self._matrices:
             return "".join(map(self._step, self._matrices))
-        items = []
-        for i, line in self._motion.items():
-            shown = line if isinstance(line, str) else self._limited(line)
-            label = self.symbol(self.model.coordinate_names[i])
-            items.append(f"<dt>{label}</dt><dd>{shown}</dd>")
-        rest = _elision(len(items), len(self.equations.q), "equations")
-        listed = "".join(elided(list(self._motion), items, _DOTS))
-        return f'<dl class="equations">{listed}</dl>{rest}'
+        written = {i: [line] for i, line in self._motion.items()}
+        listed, count = self._listed(written, len(self.equations.q))
+        items = [
+            f"<dt>{inline(line.label, self.mathml)}</dt><dd>{self._noted(line)}</dd>"
+            for (line,) in listed.values()
+            if isinstance(line.label, Node)
+        ]
+        rest = _elision(len(items), count, "equations")
+        shown = "".join(elided(list(listed), items, _DOTS))
+        return f'<dl class="equations">{shown}</dl>{rest}'
 
     def steps(self) -> str:
         """Return the derivation, folded; nothing for a system that is not written out."""
         if self._matrices or len(self.equations.q) > _LISTED:
             return ""
         parts = []
-        for place, step in enumerate(derivation(self.formulas), 1):
+        for place, step in enumerate(self.index_form.steps(derivation(self.formulas)), 1):
             lead = f"<p>{escape(step.lead)}</p>" if step.lead else ""
             lines = "".join(self._labelled(line) for line in step.lines)
             remark = f"<p class='note'>{escape(step.remark)}</p>" if step.remark else ""
@@ -295,10 +338,14 @@ class EquationSystem:
             f"{''.join(parts)}</details>"
         )
 
+    def _noted(self, line: Line) -> str:
+        formula = self._limited(line)
+        if not line.remark:
+            return formula
+        return f'<div class="noted">{formula}<span>{escape(line.remark)}</span></div>'
+
     def _labelled(self, line: Line) -> str:
-        label, formula = line.label, self._limited(line)
-        if line.remark:
-            formula = f'<div class="noted">{formula}<span>{escape(line.remark)}</span></div>'
+        label, formula = line.label, self._noted(line)
         if label is None:
             return formula
         shown = escape(label) if isinstance(label, str) else inline(label, self.mathml)
@@ -309,14 +356,6 @@ class EquationSystem:
         step = convention(self.formulas)
         remark = f"<p>{escape(step.remark)}</p>" if step.remark else ""
         return "".join(self._equation(line) for line in step.lines) + remark
-
-    def _assembled(self, i: int) -> Line | str:
-        """Return an equation of motion, or how long it is."""
-        e = self.equations
-        size = _nodes(e.momentum_rates[i] - e.gradient[i], _NODES)
-        if size >= _NODES:
-            return _too_long(f"more than {_NODES} parts")
-        return self.formulas.equation_line(i)
 
     def _limited(self, line: Line) -> str:
         """Return a formula, or how long it is."""
@@ -330,6 +369,10 @@ class EquationSystem:
 
     def _equation(self, line: Line) -> str:
         return equation(line, self.mathml, self.text)
+
+
+def _family(name: str) -> str:
+    return name.partition("[")[0]
 
 
 def _nodes(expression: object, most: int) -> int:

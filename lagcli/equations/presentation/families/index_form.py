@@ -87,11 +87,16 @@ class IndexForm:
     Parameters
     ----------
     model : Model
+
+    Attributes
+    ----------
+    families : bool
+        Whether the model has any.
     """
 
     def __init__(self, model: Model):
         names = {*model.coordinate_names, *model.parameters, *model.definitions}
-        self._families = any("[" in name for name in (*names, *model.constraint_names))
+        self.families = any("[" in name for name in (*names, *model.constraint_names))
         self._letters = [x for x in _LETTERS if x not in names]
         self._sizes = [
             (p.name, int(p.value))
@@ -101,7 +106,7 @@ class IndexForm:
 
     def steps(self, steps: Sequence[Step]) -> list[Step]:
         """Return steps in index form; those of a model without families unchanged."""
-        return list(map(self.step, steps)) if self._families else list(steps)
+        return list(map(self.step, steps)) if self.families else list(steps)
 
     def step(self, step: Step) -> Step:
         """Return a step in index form."""
@@ -185,7 +190,7 @@ class IndexForm:
 
     def sums(self, node: Node) -> Node:
         """Return a formula with indexed sums."""
-        return self._named(self._with_sums(node)) if self._families else node
+        return self._named(self._with_sums(node)) if self.families else node
 
     def _with_sums(self, node: Node) -> Node:
         """Return a formula whose sums have an index where their terms differ by it only."""
