@@ -184,6 +184,8 @@ def test_whipple_bicycle_is_stable_between_its_weave_and_its_capsize_speed() -> 
     # Meijaard, Papadopoulos, Ruina, Schwab 2007, sec. 4: 4.29238253634111 and 6.02426201538837 m/s
     model = lagcli.load(ROOT / "tests" / "found" / "whipple_bicycle.yaml", set={"eps": "0"})
     diagram = lagcli.follow_equilibria(model, "x'", 3.0, 8.0)
+    # to either side, the bicycle leans and turns alike
+    assert diagram.special[1].crossing == "pitchfork"
     weave, capsize = diagram.special
     assert (weave.kind, capsize.kind) == ("Hopf point", "branch point")
     # 15 digits are published; 2e-15 is reached
@@ -247,6 +249,25 @@ def test_branch_point_on_a_curved_branch_is_located_to_rounding_errors() -> None
     assert (point.kind, point.crossing) == ("branch point", "pitchfork")
     assert point.parameter == pytest.approx(1.0, rel=1e-12)
     assert point.q == pytest.approx([1.0, 0.0], abs=1e-10)
+
+
+def test_a_coordinate_that_is_neutral_on_one_branch_alone_does_not_hide_a_pitchfork() -> None:
+    # with u = 0 any w is an equilibrium; u² = s − 1 holds w at 0
+    text = (
+        "coordinates: [u, w]\nparameters: {s: 0.5}\nT: (u'^2 + w'^2)/2\n"
+        "V: u^4/4 - (s - 1)*u^2/2 + u^2*w^2/2\ninitial: {u: 0, w: 0, u': 0, w': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.5, 1.5, branches=True)
+    (point,) = diagram.special
+    assert (point.kind, point.crossing) == ("branch point", "pitchfork")
+    assert point.parameter == pytest.approx(1.0, rel=1e-10)
+    _, *others = diagram.branches
+    assert sorted(np.sign(branch.q[-1, 0]) for branch in others) == [-1.0, 1.0]
+    for branch in others:
+        assert branch.parameter[-1] == pytest.approx(1.5, rel=1e-12)
+        np.testing.assert_allclose(branch.q[:, 0] ** 2, branch.parameter - 1, rtol=1e-7)
+        np.testing.assert_allclose(branch.q[:, 1], 0.0, atol=1e-7)
+        assert branch.stable.all()
 
 
 def test_velocity_is_a_parameter_of_steady_motions() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -186,9 +186,9 @@ def follow_equilibria(
     problem.check_held(root)
     extended = ExtendedProblem(base, variable, abs(end - start), root, start)
     first = extended.scaled(root, start)
-    tracer = Tracer(extended, (start, end), first)
-    found = _Diagram(tracer, extended)
-    found.trace(tracer.start(first, float(np.sign(end - start))), None)
+    tracer = Tracer.at(extended, (start, end), first)
+    found = _Diagram(extended)
+    found.trace(_Entry(tracer, tracer.start(first, float(np.sign(end - start)))), None)
     if branches:
         found.trace_others()
     return BifurcationDiagram(
@@ -203,27 +203,34 @@ def follow_equilibria(
     )
 
 
+class _Entry(NamedTuple):
+    """A point on a branch beside a branch point, and what follows the branch."""
+
+    tracer: Tracer
+    point: Traced
+
+
 class _Diagram:
     """The branches that have been traced so far."""
 
-    def __init__(self, tracer: Tracer, extended: ExtendedProblem):
-        self.tracer, self.extended = tracer, extended
+    def __init__(self, extended: ExtendedProblem):
+        self.extended = extended
         self.branches: list[Branch] = []
         self.special: list[SpecialPoint] = []
-        self.crossings: list[tuple[int, list[Traced]]] = []
+        self.crossings: list[tuple[int, list[_Entry]]] = []
         self.seen: list[Array] = []
 
-    def trace(self, point: Traced, origin: int | None) -> None:
+    def trace(self, entry: _Entry, origin: int | None) -> None:
         """Trace a branch from a point on."""
         number = len(self.branches)
         points: list[tuple[Traced, Stability]] = []
-        for traced, stability, special in self.tracer.follow(point):
+        for traced, stability, special in entry.tracer.follow(entry.point):
             points.append((traced, stability))
             for found in special:
-                self._add(found, number)
+                self._add(found, number, entry.tracer)
         self.branches.append(self._branch(points, origin))
 
-    def _add(self, found: LocatedPoint, number: int) -> None:
+    def _add(self, found: LocatedPoint, number: int, tracer: Tracer) -> None:
         z = found.point.place.z
         if found.kind == "branch point":
             if any(np.abs(z - other).max() < _SAME for other in self.seen):
@@ -231,11 +238,11 @@ class _Diagram:
             self.seen.append(z)
         point, frequency, crossing = found.point.place.found.point, None, None
         if found.kind == "branch point":
-            entered = [self._entered(found.point, direction) for direction in (1.0, -1.0)]
+            entered = [self._entered(tracer, found.point, sign) for sign in (1.0, -1.0)]
             self.crossings.append((number, [x for x in entered if x is not None]))
-            crossing = _crossing(found.point, self.crossings[-1][1])
+            crossing = _crossing(found.point, [x.point for x in self.crossings[-1][1]])
         if found.kind in ("Hopf point", "flutter"):
-            values = self.tracer.stability(found.point).eigenvalues
+            values = tracer.stability(found.point).eigenvalues
             oscillating = values[values.imag > 0]
             if len(oscillating):
                 frequency = float(oscillating[np.argmax(oscillating.real)].imag)
@@ -258,23 +265,30 @@ class _Diagram:
         while done < len(self.crossings) and len(self.branches) < _MOST_BRANCHES:
             number, entered = self.crossings[done]
             done += 1
-            for point in entered:
-                self.trace(point, number)
+            for entry in entered:
+                self.trace(entry, number)
 
-    def _entered(self, crossing: Traced, direction: float) -> Traced | None:
-        """Return a point on the other branch near a crossing."""
+    def _entered(self, tracer: Tracer, crossing: Traced, direction: float) -> _Entry | None:
+        """Return a point on the other branch near a crossing.
+
+        The rank may be larger by one there, where a motion is not neutral that is along this
+        branch: a vehicle that goes straight may have any heading, one that turns at a given
+        velocity along an axis may not.
+        """
         _, _, vt = np.linalg.svd(crossing.place.matrix)
         # at a crossing the null space has one dimension more
-        null = vt[self.tracer.rank - 1 :].T
+        null = vt[tracer.rank - 1 :].T
         known = np.column_stack([crossing.tangent, crossing.frame.right])
         rest = null - known @ (known.T @ null)
         u, _, _ = np.linalg.svd(rest, full_matrices=False)
         across = direction * u[:, 0]
         for length in (_ENTRY, _ENTRY / 10, _ENTRY / 100):
             z = crossing.place.z + length * across
-            found = self.extended.correct(z, across, self.tracer.rank)
-            if found is not None:
-                return self.tracer.framed(found[0], found[0].z - crossing.place.z)
+            for rank in range(tracer.rank, min(tracer.rank + 2, len(crossing.place.matrix) + 1)):
+                found = self.extended.correct(z, across, rank)
+                if found is not None:
+                    other = tracer.with_rank(rank)
+                    return _Entry(other, other.framed(found[0], found[0].z - crossing.place.z))
         return None
 
     def _branch(self, points: list[tuple[Traced, Stability]], origin: int | None) -> Branch:

@@ -63,17 +63,25 @@ class Tracer:
     problem : ExtendedProblem
     limits : (float, float)
         Of the parameter.
-    first : (n,) array
-        A root, in scaled unknowns; the rank there holds along the branches.
+    rank : int
+        Of ∂R/∂z along the branches.
     """
 
-    def __init__(self, problem: ExtendedProblem, limits: tuple[float, float], first: Array):
-        self.problem, self.limits = problem, limits
+    def __init__(self, problem: ExtendedProblem, limits: tuple[float, float], rank: int):
+        self.problem, self.limits, self.rank = problem, limits, rank
+        self.neutral = len(problem.columns) - rank - 1
+
+    @classmethod
+    def at(cls, problem: ExtendedProblem, limits: tuple[float, float], first: Array) -> Tracer:
+        """Return what follows branches of the rank at a root, in scaled unknowns."""
         place = problem.place(first)
         assert place is not None
         s = np.linalg.svd(place.matrix, compute_uv=False)
-        self.rank = int((s > RANK * s.max(initial=0.0)).sum())
-        self.neutral = place.matrix.shape[1] - self.rank - 1
+        return cls(problem, limits, int((s > RANK * s.max(initial=0.0)).sum()))
+
+    def with_rank(self, rank: int) -> Tracer:
+        """Return what follows branches of another rank."""
+        return self if rank == self.rank else Tracer(self.problem, self.limits, rank)
 
     # single points
 
@@ -249,10 +257,13 @@ class Tracer:
         beside = [self.advanced(before, near + k * _BESIDE * length) for k in (-3, -1, 1, 3)]
         points = [found[0] for found in beside if found is not None]
         z = _at_zero([function(x) for x in points], np.array([x.place.z for x in points]))
-        tangent = sum(x.tangent for x in points)
+        tangent = np.asarray(sum(x.tangent for x in points))
         place = self.problem.place(z)
         assert place is not None
-        return self.framed(place, np.asarray(tangent), before.frame)
+        # where a branch crosses, the null space holds its direction too, and does not tell it from
+        # the neutral ones
+        beside_it = points[len(points) // 2].frame
+        return Traced(place, tangent / np.linalg.norm(tangent), beside_it)
 
 
 def _at_zero(values: list[float], curve: Array) -> Array:
