@@ -110,7 +110,7 @@ def test_round_numbers():
 
 def test_magnitudes_have_three_digits():
     values = (826.3, 1234.5, 0.01234, 7.0, 2e6, 0.0)
-    shown = ["826", "1230", "0.0123", "7.00", "2.00e+06", "0.00"]
+    shown = ["826", "1230", "0.0123", "7.00", "2.00e+06", "0"]
     assert [three_digits(x) for x in values] == shown
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Iterator
 from itertools import combinations
@@ -13,6 +12,7 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
+from lagcli.model.expression.linearity import cancel
 
 MAX_VARIABLES = 14  # the test loops over triples
 POINTS = 3
@@ -79,6 +79,6 @@ def _vanishes(terms: list[Basic], points: list[dict[Basic, Basic]]) -> bool:
             values = [float(t.xreplace(point).n(53, real=True)) for t in terms]
         except RuntimeError:  # not real here
             continue
-        if abs(math.fsum(values)) > TOLERANCE * math.fsum(map(abs, values)):
+        if not cancel(values, TOLERANCE):
             return False
     return True

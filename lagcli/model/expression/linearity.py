@@ -131,6 +131,18 @@ def is_zero(expression: Basic) -> bool:
             values = [number(term.xreplace(at)) for term in terms]
         except (ValueError, RuntimeError):
             return False
-        if abs(math.fsum(values)) > 1e-12 * math.fsum(map(abs, values)):
+        if not cancel(values, 1e-12):
             return False
     return True
+
+
+def cancel(values: Sequence[float], tolerance: float) -> bool:
+    """Whether the sum of values is zero within a tolerance relative to that of their magnitudes.
+
+    Values that are not finite do not cancel.
+    """
+    largest = max(map(abs, values), default=0.0)
+    if largest == 0:
+        return True
+    shares = [value / largest for value in values]  # the sum of the values may overflow
+    return abs(math.fsum(shares)) <= tolerance * math.fsum(map(abs, shares))

@@ -45,6 +45,7 @@ class Scenarios {
     this.export.append(this.#button("Download", () => this.#download()));
     const files = Object.assign(document.createElement("input"), { type: "file", hidden: true });
     files.accept = "application/json";
+    files.ariaLabel = "File of scenarios";
     files.addEventListener("change", () => this.#read(files));
     const open = this.#button("Open a file of scenarios", () => files.click());
     element.append(form, this.items, this.export, open, files);

@@ -38,8 +38,8 @@ def test_names_in_braces_stand_for_values(template: str, expected: str) -> None:
     [
         ("run_{q}.h5", "`q` is neither a parameter nor an initial value"),
         ("run_{}.h5", "no name between the braces"),
-        ("run_{m.h5", "`{` at character 5 has no partner"),
-        ("run}.h5", "`}` at character 4 has no partner"),
+        ("run_{m.h5", "`{` at character 5 has no matching brace"),
+        ("run}.h5", "`}` at character 4 has no matching brace"),
         ("{k:d}", "k = 0.1 is not whole"),
         ("{m:/>9}", "`/>9` is not a number format"),
         ("{m: 9}", "is not a number format"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -51,6 +53,12 @@ def test_each_server_has_its_token() -> None:
     assert Access(80).status(make_mocked_request("GET", "/", headers={"Host": "localhost"})) == 404
 
 
+def finished(coroutine: Coroutine[Any, Any, Any]) -> Any:
+    # in a thread: tests of pages leave an event loop running in this one
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, coroutine).result()
+
+
 def test_refusals_have_only_a_status() -> None:
     async def answer(_: web.Request) -> web.StreamResponse:
         return web.Response(text="the page")
@@ -59,7 +67,7 @@ def test_refusals_have_only_a_status() -> None:
         raise web.HTTPNotFound(text="what was asked for")
 
     def got(handler: Any, **headers: str) -> tuple[int, Any]:
-        response = asyncio.run(ACCESS.middleware()(request(**headers), handler))
+        response = finished(ACCESS.middleware()(request(**headers), handler))
         return response.status, response.text
 
     assert got(answer) == (200, "the page")
@@ -69,7 +77,7 @@ def test_refusals_have_only_a_status() -> None:
 
 def test_responses_are_for_this_page_alone() -> None:
     response = web.Response()
-    asyncio.run(ACCESS.mark(request(), response))
+    finished(ACCESS.mark(request(), response))
     policy = response.headers["Content-Security-Policy"]
     assert "default-src 'none'" in policy
     assert "connect-src 'self' ws://127.0.0.1:8123 ws://localhost:8123" in policy

@@ -27,7 +27,7 @@ def test_names_are_read_as_people_write_them() -> None:
     ("names", "message"),
     [
         (["mm"], "no parameter or initial value `mm`; did you mean `m`"),
-        (["N"], "`N` decides how many coordinates"),
+        (["N"], "`N` determines the number of coordinates"),
         (["x'", "x_dot"], "names `x'` twice"),
     ],
 )

@@ -33,9 +33,9 @@ def test_a_system_without_constraints_has_no_terms() -> None:
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
-        (TERMS._replace(coordinate=np.array([1, 3, 0])), "two numbers"),
-        (TERMS._replace(constraint=np.array([0, 0, 2, 3])), "that there are not"),
-        (TERMS._replace(coordinate=np.array([1, -1, 0, 1])), "that there are not"),
+        (TERMS._replace(coordinate=np.array([1, 3, 0])), "differ in length"),
+        (TERMS._replace(constraint=np.array([0, 0, 2, 3])), "that do not exist"),
+        (TERMS._replace(coordinate=np.array([1, -1, 0, 1])), "that do not exist"),
         (TERMS._replace(coordinate=np.array([1, 3, 1, 0])), "not in order"),
         (TERMS._replace(coordinate=np.array([1, 1, 0, 1])), "not in order"),
     ],

@@ -66,8 +66,9 @@ def test_the_initial_values_choose_the_assembly(guess: float, sign: int) -> None
 
 
 def test_nonholonomic_constraints_have_no_second_kind() -> None:
-    with pytest.raises(UsageError, match=r"`knife` is nonholonomic; use --kind maggi"):
+    with pytest.raises(UsageError, match="`knife` is nonholonomic") as refused:
         second_kind(partition(derive(load(MODELS / "chaplygin_sleigh.yaml"))))
+    assert "use --kind maggi" in str(refused.value)
 
 
 @pytest.mark.parametrize(

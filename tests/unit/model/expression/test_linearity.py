@@ -9,6 +9,7 @@ import symengine as se
 
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.linearity import (
+    cancel,
     count_operations,
     count_terms,
     expand_terms,
@@ -101,3 +102,12 @@ def test_operations_are_counted_as_often_as_they_are_written() -> None:
 )
 def test_zero_or_not(expression: se.Basic, expected: bool) -> None:
     assert is_zero(expression) is expected
+
+
+def test_large_terms_cancel_without_overflow() -> None:
+    assert cancel([1.5e308, 1.5e308, -1.5e308, -1.5e308], 1e-12)
+    assert not cancel([1.5e308, 1.5e308], 1e-12)
+    assert not cancel([math.inf, -math.inf], 1e-12)
+    assert cancel([0.0, 0.0], 1e-12)
+    assert cancel([], 1e-12)
+    assert not is_zero(1e308 * X + 1.1e308 * X**2)

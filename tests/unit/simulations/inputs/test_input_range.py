@@ -30,8 +30,8 @@ def test_runs_within_the_table() -> None:
 @pytest.mark.parametrize(
     ("start", "end", "message", "remedy"),
     [
-        (0.0, 3.0, "begins too late: at t = 1 s, and the run at t = 0 s", "--t-start 1"),
-        (1.0, 4.0, "ends too early: at t = 3 s, and the run at t = 4 s", "--t-end 3"),
+        (0.0, 3.0, "begins at t = 1 s, after the start of the run, t = 0 s", "--t-start 1"),
+        (1.0, 4.0, "ends at t = 3 s, before the end of the run, t = 4 s", "--t-end 3"),
     ],
 )
 def test_runs_beyond_the_table(start: float, end: float, message: str, remedy: str) -> None:
