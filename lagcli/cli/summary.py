@@ -159,10 +159,12 @@ def format_summary(summary: Mapping[str, Any], model: Model) -> str:
         lines.append(f"  {'':<12}{s['message']}")
     moved = s["initial_correction"]
     if moved:
+        from lagcli.results.listing import told_apart
+
         lines.append(f"  {'start':<12}adjusted to satisfy the constraints:")
         width = max(map(len, moved))
         lines += [
-            f"    {k:<{width}}  {before:.10g} → {after:.10g}"
+            f"    {k:<{width}}  {' → '.join(told_apart(before, after, 10))}"
             for k, (before, after) in moved.items()
         ]
     if s["redundant"]:

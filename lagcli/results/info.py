@@ -13,7 +13,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, ColumnName
 from lagcli.results.formats import FORMATS, format_of, open_reader
-from lagcli.results.listing import WIDTH, entry, folded, number, pairs
+from lagcli.results.listing import WIDTH, entry, folded, number, pairs, told_apart
 from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.trajectory.event_log import event_sentences
 from lagcli.trajectory.extremes import Extremes, known
@@ -171,8 +171,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     lines += _entry("counts", pairs(info["counts"]))
     lines += _entry("seconds", pairs(info["seconds"]))
     moved = [
-        f"{n} {number(before)} -> {number(after)}"
-        for n, (before, after) in info["initial_correction"].items()
+        f"{n} {' -> '.join(told_apart(*pair))}" for n, pair in info["initial_correction"].items()
     ]
     lines += _entry("start adjusted", ", ".join(moved))
     lines += _entry("freedom", _freedom(info["freedom"]))

@@ -26,6 +26,15 @@ def number(value: Any, digits: int = 6) -> str:
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
+def told_apart(before: float, after: float, digits: int = 6) -> tuple[str, str]:
+    """Return two different numbers with at least so many digits, and as many as tell them apart."""
+    for n in range(digits, 18):
+        shown = f"{before:.{n}g}", f"{after:.{n}g}"
+        if shown[0] != shown[1]:
+            break
+    return shown
+
+
 def wrapped(text: str, width: int, first: str = "", following: str = "") -> list[str]:
     """Break a text into lines; a name stays with its value, a number with its unit.
 

@@ -89,6 +89,16 @@ def test_values_and_initial_values_are_replaced(lagcli):
     assert spin["symmetry"] == {"phi": "1"}
 
 
+def test_an_adjusted_value_is_told_from_the_given_one(lagcli, tmp_path):
+    model = tmp_path / "near.yaml"
+    model.write_text(
+        "coordinates: [x, y]\nT: x'^2 + y'^2\nconstraints: {edge: x = -0.500000000003}\n"
+        "initial: {x: {guess: -0.5}, y: 0, x': 0, y': 1}\n"
+    )
+    assert "x = −0.500000000003   adjusted from −0.5\n" in lagcli("check", model)[1]
+    assert "x  -0.5 → -0.500000000003\n" in lagcli("simulate", model, "--t-end", "1")[1]
+
+
 def test_a_model_without_a_start_is_an_error(lagcli, tmp_path):
     model = tmp_path / "torn.yaml"
     model.write_text(

@@ -251,23 +251,42 @@ def test_branch_point_on_a_curved_branch_is_located_to_rounding_errors() -> None
     assert point.q == pytest.approx([1.0, 0.0], abs=1e-10)
 
 
-def test_a_coordinate_that_is_neutral_on_one_branch_alone_does_not_hide_a_pitchfork() -> None:
-    # with u = 0 any w is an equilibrium; u² = s − 1 holds w at 0
+@pytest.mark.parametrize("slope", [0, 0.3])
+def test_a_coordinate_that_is_neutral_on_one_branch_alone_does_not_hide_a_pitchfork(
+    slope: float,
+) -> None:
+    # with z = u − slope·sin(s): any w is an equilibrium with z = 0; z² = s − 1 holds w at 0
     text = (
-        "coordinates: [u, w]\nparameters: {s: 0.5}\nT: (u'^2 + w'^2)/2\n"
-        "V: u^4/4 - (s - 1)*u^2/2 + u^2*w^2/2\ninitial: {u: 0, w: 0, u': 0, w': 0}\n"
+        f"coordinates: [u, w]\nparameters: {{s: 0.5}}\ndefinitions: {{z: u - {slope}*sin(s)}}\n"
+        "T: (u'^2 + w'^2)/2\nV: 0\nQ: {u: (s - 1)*z - z^3 - z*w^2, w: -z*w}\n"
+        f"initial: {{u: {slope}*sin(0.5), w: 0, u': 0, w': 0}}\n"
     )
     diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.5, 1.5, branches=True)
     (point,) = diagram.special
     assert (point.kind, point.crossing) == ("branch point", "pitchfork")
     assert point.parameter == pytest.approx(1.0, rel=1e-10)
     _, *others = diagram.branches
-    assert sorted(np.sign(branch.q[-1, 0]) for branch in others) == [-1.0, 1.0]
+    signs = []
     for branch in others:
+        z = branch.q[:, 0] - slope * np.sin(branch.parameter)
         assert branch.parameter[-1] == pytest.approx(1.5, rel=1e-12)
-        np.testing.assert_allclose(branch.q[:, 0] ** 2, branch.parameter - 1, rtol=1e-7)
+        np.testing.assert_allclose(z**2, branch.parameter - 1, rtol=1e-7)
         np.testing.assert_allclose(branch.q[:, 1], 0.0, atol=1e-7)
-        assert branch.stable.all()
+        # the force on w is −z w: it holds w where z > 0
+        assert (branch.stable == (z > 0)).all()
+        signs.append(np.sign(z[-1]))
+    assert sorted(signs) == [-1.0, 1.0]
+
+
+def test_a_branch_point_near_which_no_step_converges_is_no_failure() -> None:
+    text = (
+        "coordinates: [u, w]\nparameters: {s: 0.5}\ndefinitions: {z: u - 0.3*sin(s)}\n"
+        "T: (u'^2 + w'^2)/2\nV: 0\nQ: {u: 0.001*((s - 1)*z - z^3) - z*w^2, w: -z*w}\n"
+        "initial: {u: 0.3*sin(0.5), w: 0, u': 0, w': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.5, 1.5)
+    assert [point.kind for point in diagram.special] == ["branch point"]
+    assert diagram.special[0].parameter == pytest.approx(1.0, rel=1e-3)
 
 
 def test_velocity_is_a_parameter_of_steady_motions() -> None:

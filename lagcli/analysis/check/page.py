@@ -8,7 +8,7 @@ from itertools import islice
 
 from lagcli.analysis.check.check import Check
 from lagcli.analysis.check.rank import Combination
-from lagcli.equations.presentation.conserved import conserved_step, minus
+from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.families.index_form import IndexForm
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
@@ -25,6 +25,7 @@ from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.render.text import render_text
+from lagcli.results.listing import told_apart
 
 #: Fastest decay over slowest motion from which it is said.
 _STIFF = 10.0
@@ -164,9 +165,10 @@ def _start(found: Check) -> Step:
     lines = [t]
     for name, (before, after) in islice(start.moved.items(), _LISTED):
         base = name.rstrip("'")
-        note = f"adjusted from {minus(before, 8)}"
+        given, used = told_apart(before, after, 8)
+        note = f"adjusted from {given.replace('-', '−')}"
         symbol = Symbol(base, len(name) - len(base))
-        lines.append(Line((symbol, _number(after, 10)), note=note))
+        lines.append(Line((symbol, _signed(after, used)), note=note))
     more = len(start.moved) - _LISTED
     said = f"{more} more values were adjusted to satisfy the constraints." if more > 0 else None
     return Step("Consistent start", tuple(lines), said)
@@ -201,5 +203,10 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 def _number(value: float, digits: int = 6) -> Node:
-    text = f"{abs(value):.{digits}g}"
+    return _signed(value, f"{abs(value):.{digits}g}")
+
+
+def _signed(value: float, text: str) -> Node:
+    """Return a number as it is written."""
+    text = text.removeprefix("-")
     return sum_of([(-1 if value < 0 else 1, Sign(text, text))])

@@ -256,6 +256,9 @@ class Tracer:
         near = brentq(value, 0.0, length, xtol=_BESIDE * length)
         beside = [self.advanced(before, near + k * _BESIDE * length) for k in (-3, -1, 1, 3)]
         points = [found[0] for found in beside if found is not None]
+        if len(points) < 2:  # no step converges near it
+            sign = np.sign(function(before))
+            return self._bisected(before, length, lambda x: sign * function(x) < 0)[1]
         z = _at_zero([function(x) for x in points], np.array([x.place.z for x in points]))
         tangent = np.asarray(sum(x.tangent for x in points))
         place = self.problem.place(z)

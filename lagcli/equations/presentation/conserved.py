@@ -87,9 +87,9 @@ def conserved_step(
     return Step(f"Conserved: {title}", tuple(lines), " ".join(said) or None)
 
 
-def minus(value: float, digits: int = 6) -> str:
+def minus(value: float) -> str:
     """Return a number with a minus sign that is as long as a plus sign."""
-    return f"{value:.{digits}g}".replace("-", "−")
+    return f"{value:.6g}".replace("-", "−")
 
 
 def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
