@@ -87,15 +87,11 @@ class IndexForm:
     Parameters
     ----------
     model : Model
-
-    Attributes
-    ----------
-    families : bool
-        Whether the model has any.
     """
 
     def __init__(self, model: Model):
         names = {*model.coordinate_names, *model.parameters, *model.definitions}
+        #: Whether the model has any.
         self.families = any("[" in name for name in (*names, *model.constraint_names))
         self._letters = [x for x in _LETTERS if x not in names]
         self._sizes = [
