@@ -178,7 +178,7 @@ def test_report(result: Path, tmp_path: Path) -> None:
     assert cli(["report", str(result), "-o", str(page), "--quiet"]) == 0
     text = page.read_text(encoding="utf-8")
     assert '<a href="#events">Contacts and events</a>' in text
-    assert "note: `floor` came to rest at t = 0.25 s after 2 impacts." in text
+    assert "note: <code>floor</code> came to rest at t = 0.25 s after 2 impacts." in text
     assert text.count("<td >impact</td>") == 3
     assert 'data-time="0.25"' in text
 

@@ -219,7 +219,9 @@ def _notes(run: RunFile, last: float, known: bool, view: bool) -> tuple[str, ...
     notes: tuple[str, ...] = ()
     if status not in ("completed", ""):
         what = _ENDINGS.get(status, f"is marked {status}")
-        notes = (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
+        # the message of an event states its time, which lies after the last sample
+        at = "" if status == "stopped-by-event" and message else f" at t = {last:.6g} s"
+        notes = (f"the run {what}{at}{f': {message}' if message else ''}",)
     if view:
         if run.written_model.view is None and run.model.view is not None:
             drawn = run.model.view

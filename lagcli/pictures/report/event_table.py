@@ -6,7 +6,7 @@ from html import escape
 
 from lagcli.columns import ColumnName, read_column_name, unit_of_column
 from lagcli.pictures.report.tables import time_button
-from lagcli.pictures.report.writing import axis_unit, number, table
+from lagcli.pictures.report.writing import axis_unit, number, table, with_code
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.event_log import MODES, EventLog, EventRecords, event_sentences
 
@@ -21,7 +21,7 @@ def events_section(run: RunFile) -> str:
     log = run.record.events
     if log is None:
         return ""
-    sentences = "".join(f"<p>{escape(text)}.</p>" for text in event_sentences(log.to_mapping()))
+    sentences = "".join(f"<p>{with_code(text)}.</p>" for text in event_sentences(log.to_mapping()))
     entries = _entries(run, log) if len(log) else ""
     recorded = _recorded(run, log.records, log) if 0 < len(log.records.columns) <= _COLUMNS else ""
     return (

@@ -58,12 +58,12 @@ def test_rows_that_switch(system: System, switching: Switching) -> None:
     assert system.constraints == ROWS
     assert system.holonomic == (0, 2, 3)
     assert switching.rows == (
-        SwitchedRow(0, sign=1),
-        SwitchedRow(1, limit=0, normal=0),
-        SwitchedRow(2, sign=1),
+        SwitchedRow(0, sign=1, unit="m"),
+        SwitchedRow(1, limit=0, normal=0, unit="m/s"),
+        SwitchedRow(2, sign=1, unit="m"),
         SwitchedRow(3),  # an event releases it
-        SwitchedRow(4, limit=1, normal=3),
-        SwitchedRow(5, limit=2, active=False),
+        SwitchedRow(4, limit=1, normal=3, unit="m/s"),
+        SwitchedRow(5, limit=2, active=False, unit="m/s"),
     )
     assert system.held_at_start == (3,)
 
