@@ -101,6 +101,9 @@ initial: {x: 0, x': 2, y: 0, y': 0}
     assert found.q[-1, 0] == pytest.approx(4 / (2 * 0.3 * 9.81), abs=1e-11)
 
 
+@pytest.mark.parametrize(
+    "engine", ["compiled", pytest.param("scipy", marks=pytest.mark.slow)], indirect=True
+)
 def test_two_blocks_with_stribeck_friction_stick_together(engine: str) -> None:
     """Pulled by a spring: both engines agree, through dozens of changes."""
     text = """
