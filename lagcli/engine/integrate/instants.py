@@ -19,6 +19,9 @@ from lagcli.engine.switching.switching import RowMode
 
 #: Rounds at one instant after which it does not end.
 _ROUNDS = 100
+#: Multiple of the rounding error of a sliding velocity up to which it has come to rest where it
+#: changes its sign. A redundant row at its limit may have a larger one of the other sign.
+_AT_REST = 1e3
 #: Of the scale of a constraint: a residual that a jump has left.
 _JUMPS = 1e-6
 
@@ -88,6 +91,7 @@ class InstantResolution:
         pinned: dict[int, ContactLaw] = {}
         touched: set[int] = set()
         fired = []
+        rates, zero = self.problems.rates(self.t, self.q, self.v)
         for number in numbers:
             if number >= len(run.watched):
                 fired.append(run.conditions.numbers[number - len(run.watched)])
@@ -107,8 +111,8 @@ class InstantResolution:
             elif kind == "stick":
                 forward = self.guess[row.row] < 0
                 pinned[k] = ContactLaw.FORWARD if forward else ContactLaw.BACKWARD
-            elif kind == "slip":  # at rest, whatever rounding says
-                pinned[k] = ContactLaw.LIMITED
+            elif kind == "slip" and abs(rates[k]) <= _AT_REST * zero[k]:
+                pinned[k] = ContactLaw.LIMITED  # at rest, whatever rounding says
         return ended, pinned, touched, fired
 
     # actions
