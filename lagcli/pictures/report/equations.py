@@ -33,6 +33,8 @@ from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 #: Coordinates, parameters, constraints and equations that are listed one by one; of more than
 #: these, about so many constraints and equations.
 _ROWS, _PARAMETERS, _LISTED, _FEW = 24, 60, 12, 6
+#: Coordinates up to which families are in index form: all members are compared.
+_INDEXED = 300
 #: Lines of text that matrices of a large system take on the page, about.
 _LINES = 150
 #: Nodes of an equation above which it is not arranged.
@@ -83,6 +85,7 @@ class EquationSystem:
         self.run, self.formulas = run, formulas
         self.equations, self.model = formulas.equations, formulas.model
         self.index_form = IndexForm(self.model)
+        self.indexed = self.index_form.families and len(self.equations.q) <= _INDEXED
         self.names = Notation(self.model)
         decimals = written_decimals(self.model)
         self.mathml = MathmlFormula(self.names, decimals)
@@ -139,8 +142,9 @@ class EquationSystem:
 
     def energies(self) -> str:
         """Return T and V, or L, as the model states them."""
-        sums = self.index_form.sums
-        lines = [Line(tuple(map(sums, line.sides))) for line in self._energies]
+        lines = self._energies
+        if self.indexed:
+            lines = [Line(tuple(map(self.index_form.sums, line.sides))) for line in lines]
         return "".join(map(self._limited, lines))
 
     @cached_property
@@ -152,7 +156,9 @@ class EquationSystem:
 
     def _items(self, lines: Iterable[Line]) -> list[list[Line]]:
         """Return lines in index form, by labels."""
-        (step,) = self.index_form.steps([Step("", tuple(lines))])
+        step = Step("", tuple(lines))
+        if self.indexed:
+            step = self.index_form.step(step)
         return items_of(step.lines)
 
     def _listed(
@@ -162,7 +168,7 @@ class EquationSystem:
 
         The lines of each place become an item; families become items in index form.
         """
-        if not self.index_form.families:
+        if not self.indexed:
             return dict(lines), count
         items = self._items(line for item in lines.values() for line in item)
         labels = [
@@ -172,7 +178,7 @@ class EquationSystem:
 
     def _places(self, names: Sequence[str]) -> list[int]:
         """Return which of many constraints or equations are listed: all of what has an index."""
-        if self.index_form.families:
+        if self.indexed:
             return list(range(len(names)))
         return chosen(names, _LISTED, _FEW)
 
