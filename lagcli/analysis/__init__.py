@@ -1,1 +1,1 @@
-"""Analyses of a model: what it tells before and beside its motion."""
+"""Analyses of a model at a state or along a run."""

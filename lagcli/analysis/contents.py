@@ -1,4 +1,4 @@
-"""The texts of the contents of analyses, by the command that made them."""
+"""Text output for the contents of analysis files, by command."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from lagcli.errors import FileError
 
 
 def format_content(content: Mapping[str, Any]) -> str:
-    """Return the text that the command printed.
+    """Return the text that the command prints for a content.
 
     Raises
     ------
     FileError
-        It is of a command that this version does not know.
+        The content is of a command that this version does not have.
     """
     match content["command"]:
         case "compare":

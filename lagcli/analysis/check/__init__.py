@@ -1,1 +1,2 @@
-"""What a model tells before it moves: rank, multipliers, conserved quantities, time scales."""
+"""Analysis of a model at its initial state: rank, multipliers, conserved quantities, time
+scales."""

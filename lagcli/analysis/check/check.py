@@ -33,7 +33,7 @@ class Check:
     Parameters
     ----------
     equations : Equations
-        Of the model.
+        Equations of the model.
     start : ConsistentState
         The consistent initial state, and the values adjusted for it.
     index : int
@@ -46,11 +46,11 @@ class Check:
     conserved : Conserved
         The conserved quantities.
     conserved_values : mapping of str to float
-        Their values at the start, in SI units.
+        Their values at the initial state, in SI units.
     conserved_units : mapping of str to str
         Their SI units, as far as they are known.
     time_scales : TimeScales or None
-        Of small motions about the start; None of large models.
+        Time scales of small motions about the initial state; None for large models.
     units : UnitReport
         Units as given and derived, and what disagrees.
     """
@@ -68,12 +68,12 @@ class Check:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """k − rank B at the start."""
+        """k − rank B at the initial state."""
         return self.rank.freedom.degrees
 
 
 def check(model: Model) -> Check:
-    """Check a model at its consistent start.
+    """Check a model at its consistent initial state.
 
     Parameters
     ----------
@@ -86,10 +86,10 @@ def check(model: Model) -> Check:
     Raises
     ------
     ModelError
-        The fixed initial values contradict the constraints.
+        If the fixed initial values contradict the constraints.
     NumericalError
-        There is no initial state: none is consistent near the guesses, no finite value there, or a
-        coordinate without inertia.
+        There is no initial state: none is consistent near the guesses, a value there is not
+        finite, or a coordinate has no inertia.
     """
     equations = derive(model)
     system = lower(equations)
@@ -97,7 +97,7 @@ def check(model: Model) -> Check:
         start = find_start(equations, system, model.settings.t_start or 0.0)
         freedom = freedom_at(equations, system, start)
         held, there = equations, start
-        if freedom.held is not None:  # what holds at the start, for all that is local to it
+        if freedom.held is not None:  # valid at the initial state, for all local analyses
             held = derive(model_at_start(model, freedom.held))
             system = lower(held)
             there = start._replace(rank=freedom.rank or 0, elimination=None)

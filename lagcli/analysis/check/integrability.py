@@ -1,4 +1,4 @@
-"""Velocity constraints: which of them restrict the positions too, and by what integral."""
+"""Frobenius' theorem for velocity constraints: which are integrable, and their integrals."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME
 
-#: ``alone``: integrable by itself; ``together``: by the help of the other constraints; ``no``: not
+#: ``alone``: integrable by itself; ``together``: integrable with the other constraints; ``no``: not
 #: integrable; ``not tested``: the form has too many variables.
 Integrability = Literal["alone", "together", "no", "not tested"]
 
-#: Entries of derivatives that are evaluated at most.
+#: Largest number of derivative entries to evaluate.
 _LARGEST = 20_000
-#: dω on the motions that the constraints allow, relative to dω, that counts as zero.
+#: Relative size of dω on the admissible motions that counts as zero.
 _ZERO = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint:
-    """What Frobenius' theorem says of a velocity constraint.
+    """Integrability of a velocity constraint by Frobenius' theorem.
 
     Parameters
     ----------
     integrable : str
         See `Integrability`.
     integral : FirstIntegral or None
-        Of a constraint that is integrable alone, where it is found.
+        The integral of a constraint that is integrable by itself, if it was found.
     value : float or None
-        The integral's value at the start.
+        The integral's value at the initial state.
     """
 
     integrable: Integrability
@@ -55,7 +55,7 @@ def check_integrability(
 ) -> dict[str, VelocityConstraint]:
     """Test the velocity constraints of a model by Frobenius' theorem.
 
-    First each by itself, ω∧dω = 0 for ω = Σ b_i dq_i + b_0 dt; then all together at consistent
+    First each one separately, ω∧dω = 0 for ω = Σ b_i dq_i + b_0 dt; then all together at consistent
     states: they are integrable if dω vanishes on all motions that the constraints allow.
 
     Parameters
@@ -63,12 +63,12 @@ def check_integrability(
     equations : Equations
     start : ConsistentState
     states : sequence of ConsistentState
-        Where the constraints are tested together, besides the start.
+        States besides the initial one at which the constraints are tested together.
 
     Returns
     -------
     dict of str to VelocityConstraint
-        By constraint, of those that are given with velocities and linear in them.
+        By name, for the constraints that are given in velocities and linear in them.
     """
     found: dict[str, VelocityConstraint] = {}
     for c in equations.constraints:

@@ -27,9 +27,9 @@ from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.render.text import render_text
 from lagcli.results.listing import told_apart
 
-#: Fastest decay over slowest motion from which it is said.
+#: Ratio of the fastest decay to the slowest motion from which it is reported.
 _STIFF = 10.0
-#: Initial values and names that are listed.
+#: Largest number of initial values and of names that are listed.
 _LISTED = 12
 
 _INDEX = {
@@ -207,6 +207,6 @@ def _number(value: float, digits: int = 6) -> Node:
 
 
 def _signed(value: float, text: str) -> Node:
-    """Return a number as it is written."""
+    """Return a number with its sign."""
     text = text.removeprefix("-")
     return sum_of([(-1 if value < 0 else 1, Sign(text, text))])

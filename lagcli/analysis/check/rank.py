@@ -1,4 +1,4 @@
-"""The rank of B at the start and at random consistent states, and which multipliers are unique."""
+"""The rank of B at the initial state and at random consistent states; unique multipliers."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 
-#: Consistent states that are looked for, and the most coordinates with which they are: with more,
-#: each takes seconds.
+#: Number of random consistent states, and the largest number of coordinates for which they are
+#: computed: for larger models, each takes seconds.
 _STATES, _LARGEST = 20, 60
-#: How far from the start they lie, as part of the coordinates' sizes.
+#: Their distance from the initial state, relative to the sizes of the coordinates.
 _SPREAD = 0.5
-#: Entries of normalized combinations that count: those that vanish are some 1e-8, the tolerance
+#: Entries of normalized combinations above this count: vanishing ones are about 1e-8, the tolerance
 #: of the rank.
 _COUNTS = 1e-6
 _LARGEST_DENOMINATOR = 1000
@@ -33,7 +33,7 @@ _LARGEST_DENOMINATOR = 1000
 
 @dataclass(frozen=True)
 class Combination:
-    """A combination Σ c_β λ_β of multipliers that the motion determines.
+    """A combination Σ c_β λ_β of multipliers that is unique.
 
     Parameters
     ----------
@@ -51,15 +51,15 @@ class RankCheck:
     Parameters
     ----------
     freedom : DegreesOfFreedom
-        At the start, with the sets of dependent constraints.
+        Degrees of freedom at the initial state, with the sets of dependent constraints.
     random_ranks : tuple of int
-        Ranks at random consistent states near the start.
+        Ranks at random consistent states near the initial state.
     unique : tuple of str
         Constraints whose multiplier is unique: their row of the null space of Bᵀ is zero.
     not_unique : tuple of str
-        The others.
+        Constraints whose multiplier is not unique.
     combinations : tuple of Combination
-        A basis of the combinations of these that are unique, at the start.
+        A basis of the unique combinations of these multipliers, at the initial state.
     """
 
     freedom: DegreesOfFreedom
@@ -70,7 +70,7 @@ class RankCheck:
 
     @property
     def special(self) -> bool:
-        """Whether the rank at the start is less than at the random states."""
+        """Whether the rank at the initial state is less than at the random states."""
         rank = self.freedom.rank
         return rank is not None and max(self.random_ranks, default=rank) > rank
 
@@ -81,16 +81,16 @@ def check_rank(
     freedom: DegreesOfFreedom,
     states: Sequence[ConsistentState],
 ) -> RankCheck:
-    """Return the rank of B and what it says about the multipliers.
+    """Return the rank of B and the uniqueness of the multipliers.
 
     Parameters
     ----------
     system : System
     start : ConsistentState
     freedom : DegreesOfFreedom
-        At the start.
+        Degrees of freedom at the initial state.
     states : sequence of ConsistentState
-        Others, of `random_states`.
+        Other states, from `random_states`.
     """
     ranks = tuple(found.rank for found in states)
     names = system.constraints
@@ -110,10 +110,10 @@ def check_rank(
 
 
 def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
-    """Return random consistent states near the start, always the same ones.
+    """Return random consistent states near the initial state, reproducibly.
 
-    A random walk: each state is a step along the position constraints from the one before, moved
-    onto them. Guesses far from the constraints would be drawn to singular configurations.
+    A random walk: each state is a step along the position constraints from the previous one,
+    projected onto them. Guesses far from the constraints would converge to singular configurations.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     Returns
     -------
     list of ConsistentState
-        Up to 20; none of a large system, without constraints, or where these determine all
+        Up to 20; none for a large system, without constraints, or if these determine all
         positions.
     """
     random, state = np.random.default_rng(8), start.state
@@ -152,7 +152,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
 
 
 def _tangents(system: System, state: State) -> Array:
-    """Return changes of the coordinates that the position constraints allow, (nq, n)."""
+    """Return a basis of the admissible changes of the coordinates, (nq, n)."""
     evaluator = Evaluator(system, state.p)
     sizes = evaluator.sizes(state.t, state.q, state.v)
     if not system.holonomic:
@@ -162,7 +162,7 @@ def _tangents(system: System, state: State) -> Array:
 
 
 def _sizes(system: System, state: State) -> Array:
-    """Return the sizes of the coordinates, (nq,): what the largest is for the others."""
+    """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate."""
     evaluator = Evaluator(system, state.p)
     sizes = evaluator.sizes(state.t, state.q, state.v)
     largest = np.abs(state.q / sizes).max(initial=0.0) or 1.0
@@ -170,7 +170,7 @@ def _sizes(system: System, state: State) -> Array:
 
 
 def _null_space(system: System, start: ConsistentState) -> Array:
-    """Return combinations of multipliers without effect, (nc, nc − rank), of length 1."""
+    """Return a basis of the null space of Bᵀ, (nc, nc − rank), with columns of length 1."""
     evaluator, s = Evaluator(system, start.state.p), start.state
     c = evaluator.constraints(s.t, s.q, s.v)
     sizes = evaluator.sizes(s.t, s.q, s.v)
@@ -181,7 +181,7 @@ def _null_space(system: System, start: ConsistentState) -> Array:
 
 
 def _combinations(null: Array, members: list[int], names: tuple[str, ...]) -> list[Combination]:
-    """Return the combinations of a dependent set on which the null space has no effect."""
+    """Return the combinations of a dependent set that are orthogonal to the null space."""
     inside = null[members]
     _, values, rows = np.linalg.svd(inside.T)
     rank = int((values > _COUNTS).sum())
@@ -193,7 +193,7 @@ def _combinations(null: Array, members: list[int], names: tuple[str, ...]) -> li
 
 
 def _reduced(rows: Array) -> Array:
-    """Return the reduced row echelon form, with simple fractions where entries are such."""
+    """Return the reduced row echelon form, with entries rounded to nearby simple fractions."""
     rows, pivot = rows.copy(), 0
     for column in range(rows.shape[1]):
         if pivot == len(rows):

@@ -14,16 +14,17 @@ from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape
 
-#: Coordinates, and entries of M, above which no eigenvalues are computed: the derivatives take
-#: seconds.
+#: Largest numbers of coordinates and of entries of M for which eigenvalues are computed: the
+#: derivatives of larger models take seconds.
 _LARGEST, _ENTRIES = 60, 400
-#: Of the largest eigenvalue: what counts as zero. Zeros of a chain of two come out as some 1e-8.
+#: Eigenvalues below this part of the largest count as zero. For a chain of two, zeros are about
+#: 1e-8.
 _ZERO = 1e-6
 
 
 @dataclass(frozen=True)
 class TimeScales:
-    """Eigenvalues s of small motions δq ~ exp(s t) about a state, at fixed coefficients.
+    """Eigenvalues s of small motions δq ~ exp(s t) about a state, with frozen coefficients.
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ class TimeScales:
     damping_ratio : float
         −Re s/\\|s\\| of the fastest oscillation; negative if it grows.
     fastest_decay, fastest_growth : float
-        The largest −Re s and Re s, 1/s; 0 without.
+        The largest −Re s and Re s, 1/s; 0 if there is none.
     slowest : float
         The least \\|s\\| that is not zero, 1/s; 0 without.
     """
@@ -45,15 +46,15 @@ class TimeScales:
 
     @property
     def stiffness(self) -> float:
-        """The fastest decay over the slowest motion: large where the motion is stiff."""
+        """Ratio of the fastest decay to the slowest motion: large if the motion is stiff."""
         return self.fastest_decay / self.slowest if self.slowest else 0.0
 
 
 def time_scales(system: System, start: ConsistentState) -> TimeScales | None:
     """Return the time scales of small motions about a state.
 
-    The equations M a = f + Bᵀλ, B a = γ are linearized. Of their 2k eigenvalues as many are zero
-    as the constraints take away; these are left out.
+    The equations M a = f + Bᵀλ, B a = γ are linearized. The constraints make some of their 2k
+    eigenvalues zero; these are omitted.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def time_scales(system: System, start: ConsistentState) -> TimeScales | None:
     Returns
     -------
     TimeScales or None
-        None of a large system, or where the derivatives are not finite.
+        None for a large system, or if the derivatives are not finite.
     """
     nq = len(system.coordinates)
     if not 0 < nq <= _LARGEST or len(system.mass_pattern) > _ENTRIES or system.variation is None:

@@ -33,22 +33,22 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class ComparedRun:
-    """One run of a comparison with the reference.
+    """One run of a comparison.
 
     Parameters
     ----------
     row : ComparedRow
     status, message : str
-        As in `Record`; "not available" where the model has no such formulation.
+        As in `Record`; "not available" if the model has no such formulation.
     samples : Samples or None
-        Those reached.
+        The samples up to the end of the run.
     drift_position, drift_velocity : float
         Largest residual of a constraint, relative to its terms.
     energy : float
         Largest error of the energy balance, relative to the largest energy of the reference.
     difference_q, difference_lambda : float
-        Largest difference to the reference at a sample, relative to the largest value among
-        coordinates, or multipliers, of one unit. NaN for λ that the equations do not determine.
+        Largest difference from the reference at a sample, relative to the largest value among
+        coordinates, or multipliers, of the same unit. NaN for λ that are not unique.
     steps, evaluations : int
     seconds : float
         CPU time of the integration.
@@ -70,7 +70,7 @@ class ComparedRun:
 
 @dataclass(frozen=True, eq=False)
 class FormulationComparison:
-    """Runs of one model, and the one with which they are compared.
+    """Runs of one model, and the reference run.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def compare(
     settings : SettingsOverrides, optional
         As for `lagcli.simulate`.
     formulations, methods : sequences of str, optional
-        See `rows_of` for what is compared without them. In addition to the formulations of
+        See `rows_of` for the defaults. In addition to the formulations of
         `simulate` there are "ggl" (Gear, Gupta & Leimkuhler), "maggi" and "second" (Lagrange's
         equations of the second kind).
     rtols : sequence of float, optional
@@ -114,7 +114,7 @@ def compare(
     Raises
     ------
     ModelError, UsageError, NumericalError
-        As `lagcli.simulate`; or the reference run fails.
+        As `lagcli.simulate`; also if the reference run fails.
     """
     simulation = prepare(model, settings)
     rows = rows_of(simulation.settings, formulations, methods, rtols)
@@ -122,7 +122,7 @@ def compare(
     reference = _run(simulation, tightest)
     if reference.status not in ("completed", "stopped-by-event") or reference.samples is None:
         raise NumericalError(f"the run to compare with failed: {reference.message}")
-    # of contacts that are open at the start B has no rows
+    # B has no rows of contacts that are open at the initial state
     unique = not simulation.freedom.redundant
     runs = tuple(_beside(reference, _run(simulation, row), simulation, unique) for row in rows)
     return FormulationComparison(
@@ -202,7 +202,7 @@ def _relative(residuals: Array, scales: Array) -> float:
 def _beside(
     reference: ComparedRun, run: ComparedRun, simulation: Simulation, unique: bool
 ) -> ComparedRun:
-    """Return a run with its differences to the reference, over the samples that both have."""
+    """Return a run with its differences from the reference at their common samples."""
     if run.samples is None or reference.samples is None or not len(run.samples.time):
         return run
     count = min(len(run.samples.time), len(reference.samples.time))

@@ -1,4 +1,4 @@
-"""What `lagcli compare` prints: content for JSON, and text."""
+"""Results of `lagcli compare` as JSON values and as text."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory
 
 _FORMULATIONS = {"ggl": "GGL", "maggi": "Maggi", "second": "second kind"}
-#: Points of a curve in a file.
+#: Number of points of a curve in a file.
 _POINTS = 400
-_CURVES = 12  # multipliers of two models whose curves a file has: those that differ most
-_SHOWN = 12  # names in a line
-#: Of the size: a difference below it is a rounding error.
+_CURVES = 12  # number of multipliers with curves in a file of two models: those that differ most
+_SHOWN = 12  # largest number of names in a line
+#: Differences below this part of the size are rounding errors.
 _ROUNDING = 1e-13
 
 
@@ -63,7 +63,7 @@ def _number(value: float) -> float | None:
 
 
 def _curves(run: ComparedRun, exact: Samples) -> dict[str, list[float]]:
-    """Return the residual, the energy balance and the difference of q over the time."""
+    """Return the residual, the energy balance and the difference of q as functions of time."""
     samples = run.samples
     if samples is None or not len(samples.time):
         return {"time": [], "residual": [], "energy": [], "q": []}
@@ -101,7 +101,8 @@ def describe_models(comparison: ModelComparison, first: Model, second: Model) ->
 
 
 def _both(comparison: ModelComparison) -> dict[str, Any]:
-    """Return the largest difference of the coordinates, and both models' λ, over the time."""
+    """Return the largest difference of the coordinates, and both models' λ, as functions of
+    time."""
     first, second = comparison.first, comparison.second
     count = min(len(first.time), len(second.time))
     chosen = _thinned(count)

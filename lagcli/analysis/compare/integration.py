@@ -15,12 +15,12 @@ from lagcli.engine.layout import SampleLayout
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
-#: Of rtol times the largest entry of y: the absolute tolerance.
+#: The absolute tolerance, relative to rtol times the largest entry of y.
 _ABSOLUTE = 0.1
-#: SciPy raises smaller ones to this, with a warning.
+#: SciPy raises smaller relative tolerances to this value, with a warning.
 _LEAST_RTOL = 100 * float(np.finfo(float).eps)
 
-#: Part of a step that is tried in other coordinates, and of the time, the shortest one.
+#: Factor of the step after a change of coordinates; shortest step, relative to the time.
 _SHORTER, _SHORTEST = 0.5, 1e-12
 
 
@@ -38,7 +38,7 @@ def integrate(
     Returns
     -------
     samples : Block
-        Those that were reached.
+        The samples up to the end of the run.
     outcome : Outcome
     """
     run = _SampledRun(formulation, request)
@@ -56,7 +56,7 @@ class _SampledRun:
         self._limits = Limits(request.settings)
 
     def integrate(self) -> None:
-        """Take steps until all samples are there."""
+        """Integrate until all samples are computed."""
         state, times = self.request.state, self.request.times
         y = self.formulation.start(state)
         if self._reached(times, state.t):
@@ -88,7 +88,7 @@ class _SampledRun:
         from scipy.integrate import DOP853
 
         settings = self.request.settings
-        strict = 1 / math.sqrt(len(y))  # the largest component obeys, not the root mean square
+        strict = 1 / math.sqrt(len(y))  # limits the largest component, not the root mean square
         size = float(np.abs(y).max()) or 1.0
         return DOP853(
             self._rate,
@@ -103,7 +103,7 @@ class _SampledRun:
 
     def _rate(self, t: float, y: Array) -> Array:
         self.evaluations += 1
-        # an earlier stage may have had no value; the step is then tried again, shorter
+        # an earlier stage may be undefined; then repeat the step with a shorter length
         return self.formulation.rate(t, y) if np.isfinite(y).all() else np.full_like(y, np.nan)
 
     def _sample(self, t: float, y: Array) -> None:

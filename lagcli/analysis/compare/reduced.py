@@ -1,6 +1,6 @@
 """Formulations that only comparisons use: GGL, Maggi's equations, the second kind.
 
-Each is a system of ordinary differential equations for y, of which the last entry is the work. They
+Each is a system of ordinary differential equations for y, whose last entry is the work. They
 are evaluated by dense linear algebra, from the matrices of the first kind.
 """
 
@@ -15,15 +15,15 @@ from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.state import State
 
-#: Newton's changes of the dependent coordinates: the last one, the square of which is the error,
-#: and the largest that each may be of the one before.
+#: Newton's method for the dependent coordinates: the size of the last change, whose square is the
+#: error, and the largest ratio of successive changes.
 _SOLVED, _CONTRACTION = 1e-10, 0.5
-#: Of the least singular value of B's dependent columns: below it others are chosen.
+#: Smallest acceptable singular value of B's dependent columns; below it, others are chosen.
 _LEAST_PART = 0.2
 
 
 class Formulation(Protocol):
-    """A system of ordinary differential equations that is equivalent to a model's equations."""
+    """A system of ordinary differential equations equivalent to a model's equations."""
 
     def start(self, state: State) -> Array:
         """Return y at a consistent state."""
@@ -38,16 +38,16 @@ class Formulation(Protocol):
         """Return a and λ."""
 
     def restarted(self, t: float, y: Array) -> Array | None:
-        """Return y in other unknowns if evaluations since the last call found these unsuitable.
+        """Return y in other unknowns if recent evaluations found the current ones unsuitable.
 
-        t and y are from before those evaluations.
+        t and y are those before the evaluations.
         """
 
 
 class StabilizedIndexTwo:
-    """The formulation of Gear, Gupta and Leimkuhler: q' = v + M⁻¹Bᵀμ, with μ so that φ' = 0.
+    """The GGL formulation, q' = v + M⁻¹Bᵀμ with μ such that φ' = 0.
 
-    The velocities and λ are those of the index-1 form. See Gear, Leimkuhler & Gupta (1985),
+    The velocities and λ are those of the index-1 form. See Gear, Leimkuhler and Gupta (1985),
     doi:10.1016/0377-0427(85)90008-1.
 
     Parameters
@@ -88,7 +88,7 @@ class StabilizedIndexTwo:
         return a, multipliers
 
     def restarted(self, t: float, y: Array) -> Array | None:
-        """Return None: the unknowns are q and v all the way."""
+        """Return None: the unknowns q and v remain."""
         return None
 
 
@@ -98,14 +98,14 @@ class _Split(NamedTuple):
     independent: Indices
     dependent: Indices
     rows: Indices
-    pivot: float  # `_signed_pivot` where they were chosen
+    pivot: float  # value of `_signed_pivot` when they were chosen
 
 
 class _Reduced:
-    """What Maggi's equations and the second kind share: the independent velocities u.
+    """Common part of Maggi's equations and the second kind: the independent velocities u.
 
-    v = R u + d, and (RᵀMR) u' = Rᵀ(f − M a₀), where a₀ obeys the constraints with u' = 0; λ then
-    follows from the equations of the dependent coordinates.
+    v = R u + d, and (RᵀMR) u' = Rᵀ(f − M a₀), where a₀ satisfies the constraints with u' = 0; λ
+    then follows from the equations of the dependent coordinates.
     """
 
     def __init__(self, evaluator: Evaluator, rank: int):
@@ -116,7 +116,7 @@ class _Reduced:
         self._least = np.inf
 
     def choose(self, t: float, q: Array, v: Array) -> None:
-        """Choose the coordinates that B determines best at a state as the dependent ones."""
+        """Choose the dependent coordinates: those that B determines best at a state."""
         self._sizes = self.evaluator.sizes(t, q, v)
         if not self.rank:
             return
@@ -132,21 +132,21 @@ class _Reduced:
         self.split = _Split(independent, dependent, rows, signed)
 
     def _block(self, jacobian: Array) -> Array:
-        """Return B's dependent columns, and keep how well they determine the velocities."""
+        """Return B's dependent columns, and record their conditioning."""
         s = self.split
         rows = jacobian[s.rows]
-        # where the sign of the determinant has changed, it has passed zero
+        # if the determinant has changed its sign, it has passed zero
         signed = _signed_pivot(rows * self._sizes, s.dependent)
         self._least = min(self._least, signed / s.pivot)
         return rows[:, s.dependent]
 
     def _unsuitable(self) -> bool:
-        """Return whether the dependent velocities were nearly undetermined since the last call."""
+        """Return whether the dependent velocities were ill-conditioned since the last call."""
         least, self._least = self._least, np.inf
         return least < _LEAST_PART
 
     def velocity(self, t: float, q: Array, u: Array) -> Array:
-        """Return v with independent velocities u, on the constraints."""
+        """Return the v with independent velocities u that satisfies the constraints."""
         s, v = self.split, np.zeros(self.nq)
         v[s.independent] = u
         if self.rank:
@@ -177,7 +177,7 @@ class _Reduced:
 
 
 class MaggiForm(_Reduced):
-    """Maggi's equations for the independent velocities; all coordinates follow by q' = v.
+    """Maggi's equations for the independent velocities, with q' = v for all coordinates.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class SecondKindForm(_Reduced):
     """Lagrange's equations of the second kind in independent coordinates.
 
     The dependent coordinates solve the constraints at every evaluation, by Newton's method from
-    where they were last (Wehage & Haug 1982, doi:10.1115/1.3256318).
+    their last values (Wehage & Haug 1982, doi:10.1115/1.3256318).
 
     Parameters
     ----------
@@ -241,24 +241,24 @@ class SecondKindForm(_Reduced):
         return np.concatenate([q[s.independent], v[s.independent], [work]])
 
     def state(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Return q and v; NaN where no solution is found next to the last ones."""
+        """Return q and v; NaN if Newton's method does not converge near the last solution."""
         n = len(self.split.independent)
-        # after a sample early in a step, the state before the step may be nearer
+        # after a sample early in a step, the state before the step may be closer
         for guess in (self._last, self._anchor):
             q = self._solved(t, y[:n], guess)
             if q is not None:
                 self._last = q
                 return q, self.velocity(t, q, y[n:-1])
-        self._least = 0.0  # a step that comes here is taken in other coordinates
+        self._least = 0.0  # a step that reaches this is repeated in other coordinates
         return np.full(self.nq, np.nan), np.full(self.nq, np.nan)
 
     def _solved(self, t: float, independent: Array, guess: Array) -> Array | None:
-        """Return the coordinates next to a guess; None where Newton's method does not find any."""
+        """Return the coordinates near a guess; None if Newton's method does not converge."""
         q, v, s = guess.copy(), np.zeros(self.nq), self.split
         settled = _SOLVED * np.abs(q).max()
         q[s.independent] = independent
         before, moved = np.inf, np.inf if self.rank else 0.0
-        # a change that is not much smaller than the last one may lead to another assembly
+        # a change that is not much smaller than the previous one may lead to another assembly mode
         while settled < moved <= _CONTRACTION * before:
             c, before = self.evaluator.constraints(t, q, v), moved
             jacobian = c.jacobian[self._held][:, s.dependent]
@@ -292,7 +292,7 @@ class SecondKindForm(_Reduced):
 def _signed_pivot(rows: Array, dependent: Indices) -> float:
     """Return the least singular value of the dependent columns with the sign of the determinant.
 
-    The rows are scaled to length one before.
+    The rows are first scaled to length one.
     """
     if not np.isfinite(rows).all():
         return 0.0
@@ -302,7 +302,7 @@ def _signed_pivot(rows: Array, dependent: Indices) -> float:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Return the solution; NaN where there is none."""
+    """Return the solution of a linear system; NaN if it is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, right), dtype=float)
     except np.linalg.LinAlgError:

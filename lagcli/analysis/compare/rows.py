@@ -1,4 +1,4 @@
-"""What is compared: formulations, methods and tolerances."""
+"""The runs of a comparison: formulations, methods and tolerances."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from lagcli.settings.methods import FORMULATIONS, METHODS, has, methods_of
 from lagcli.settings.resolve import compiled_available
 from lagcli.settings.settings import Settings
 
-#: Formulations that `compare` knows beside those of the engines; SciPy's DOP853 integrates them.
+#: Formulations in addition to those of the engines, integrated by SciPy's DOP853.
 REDUCED = ("ggl", "maggi", "second")
-#: Of the run that the others are compared with: its tolerance is by so much smaller.
+#: Factor of the reference run's tolerance.
 _TIGHTER = 1e-3
 _LEAST_RTOL = 1e-13
 
@@ -28,7 +28,7 @@ class ComparedRow(NamedTuple):
 
 
 def reference_row(settings: Settings, rtols: Sequence[float]) -> ComparedRow:
-    """Return the run that the others are compared with: projection, with the least tolerance."""
+    """Return the reference run: projection, with the smallest tolerance."""
     rtol = max(_TIGHTER * min(rtols or [settings.rtol]), _LEAST_RTOL)
     engine = "compiled" if compiled_available() else "scipy"
     return ComparedRow("projection", "DOP853", engine, rtol)
@@ -40,16 +40,16 @@ def rows_of(
     methods: Sequence[str] = (),
     rtols: Sequence[float] = (),
 ) -> tuple[ComparedRow, ...]:
-    """Return what is compared.
+    """Return the runs to compare.
 
-    Without a choice: all formulations with DOP853, all methods of the compiled engine and DOP853
-    of the reference engine with projection, and a tolerance a thousand times larger. Otherwise
-    every chosen formulation with every chosen method and tolerance, as far as they suit each other.
+    By default: all formulations with DOP853, all methods of the compiled engine and DOP853
+    of the reference engine with projection, and a tolerance that is a thousand times larger.
+    Otherwise all supported combinations of the chosen formulations, methods and tolerances.
 
     Raises
     ------
     UsageError
-        There is no such formulation or method, or no chosen method has a chosen formulation.
+        A formulation or method is unknown, or no chosen method supports a chosen formulation.
     """
     _check(formulations, (*FORMULATIONS, *REDUCED), "formulation")
     _check(methods, tuple(METHODS), "method")

@@ -1,8 +1,8 @@
-"""Two models of one system: their motions, and why their multipliers differ.
+"""Comparison of two models of one system: their motions and multipliers.
 
 On the constraints, L and L + Σ φ_β F_β have the same motion: the Lagrangian derivative of φ F is
--F ∂φ/∂q there. The second model's multipliers are λ - F. F is found at each sample from the slopes
-of the difference of the two Lagrangians, which are Bᵀ F.
+-F ∂φ/∂q there. The second model's multipliers are λ - F. F is found at each sample from the
+derivatives of the difference of the two Lagrangians, which equal Bᵀ F.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory, complete, joined
 
-#: Of the largest slope or multiplier: what counts as equal beside the errors of both runs.
+#: Relative difference that counts as zero, given the errors of both runs.
 _EQUAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class QuantityDifference:
-    """The largest difference of a quantity that both models have.
+    """The largest difference of a quantity of both models.
 
     Parameters
     ----------
     name : str
     difference : float
-        At a sample, SI.
+        Largest difference at a sample, in SI units.
     time : float
-        s, of that sample.
+        Time of that sample, s.
     size : float
         The largest value in the first model.
     """
@@ -62,10 +62,10 @@ class ModelComparison:
     coordinates, multipliers, outputs : tuples of QuantityDifference
         Of the names that both models have.
     only_first, only_second : tuples of str
-        Coordinates, and multipliers (``lambda.NAME``), that one model has alone.
+        Coordinates and multipliers (``lambda.NAME``) of only one of the models.
     explained : mapping of str to float
         Multipliers that differ because the Lagrangians differ by φ F, with the largest deviation of
-        the change of λ from -F, SI.
+        the change of λ from -F, in SI units.
     """
 
     first: Trajectory
@@ -87,7 +87,7 @@ def compare_models(
     ----------
     first, second : Model
     settings : SettingsOverrides, optional
-        For both. What it leaves open is taken from the first model's ``simulation`` block.
+        For both models. Defaults are taken from the first model's ``simulation`` block.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def _run(simulation: Simulation) -> Trajectory:
 
 
 class _Named:
-    """The samples of a run that the other run has too."""
+    """The samples of a run at the times of the other run."""
 
     def __init__(self, run: Trajectory, count: int):
         self.run, self.count = run, count
@@ -174,7 +174,7 @@ def _explained(
     count: int,
     multipliers: tuple[QuantityDifference, ...],
 ) -> dict[str, float]:
-    """Return the multipliers whose difference is -F, with what is left of it."""
+    """Return the multipliers whose difference is -F, with the remaining deviation."""
     one, other = (simulation.equations for simulation in ready)
     values, others = one.model.parameter_values, other.model.parameter_values
     same = (

@@ -1,1 +1,1 @@
-"""Equilibria, their stability, and branches of them over a parameter."""
+"""Equilibria, their stability, and branches of equilibria as a parameter varies."""

@@ -55,7 +55,7 @@ def _special(point: SpecialPoint, diagram: BifurcationDiagram) -> dict[str, Any]
 
 
 def diagram_arrays(diagram: BifurcationDiagram) -> dict[str, Array]:
-    """Return the arrays of all branches, one after the other, with the number of the branch."""
+    """Return the arrays of all branches, concatenated, with the number of the branch."""
     branches = diagram.branches
     number = np.concatenate([np.full(len(b.parameter), i) for i, b in enumerate(branches)])
     names = ("parameter", "q", "v", "multipliers", "stable", "growth")

@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.analysis.equilibria.equilibrium import Equilibria, Equilibrium
 from lagcli.analysis.text import entry, listed, without_rounding
 
-_EIGENVALUES = 6  # that a line has
+_EIGENVALUES = 6  # items per line
 
 
 def describe_equilibria(found: Equilibria) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Bifurcation diagrams: branches of equilibria over a parameter."""
+"""Bifurcation diagrams: branches of equilibria as a parameter varies."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from lagcli.model.model import Model
 Crossing = Literal["pitchfork", "transcritical"]
 
 _MOST_BRANCHES = 32
-#: Of scaled unknowns: the step with which another branch is entered, and what counts as the same.
+#: In scaled unknowns: first step along another branch, and distance of points that coincide.
 _ENTRY, _SAME = 1e-2, 1e-4
-_ROUNDING = 1e-13  # of scaled unknowns
-_VERTICAL = 1e-9  # of scaled unknowns: changes of s that are none where another branch is entered
+_ROUNDING = 1e-13  # rounding error of scaled unknowns
+_VERTICAL = 1e-9  # smallest change of s along another branch, in scaled unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +42,18 @@ class SpecialPoint:
     Parameters
     ----------
     kind : str
-        ``fold``, ``branch point``, ``Hopf point``, or ``flutter``: where frequencies of an
-        undamped model meet and an oscillation begins to grow.
+        ``fold``, ``branch point``, ``Hopf point``, or ``flutter``: two frequencies of an
+        undamped model coincide and an oscillation begins to grow.
     branch : int
         The branch on which it lies, from 0.
     parameter : float
     q, v : (nq,) arrays
     multipliers : (nc,) array
     frequency : float or None
-        Of the oscillation that begins there, rad/s.
+        Frequency of the oscillation that begins there, rad/s.
     crossing : str or None
-        Of a branch point: ``pitchfork``, where the other branch lies on one side of it, or
-        ``transcritical``, where it goes on to both; None if it was not found or leaves at a
+        Type of a branch point: ``pitchfork`` if the other branch lies on one side of it,
+        ``transcritical`` if it continues on both; None if it was not found or leaves at a
         constant parameter.
     """
 
@@ -69,7 +69,7 @@ class SpecialPoint:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """n points of a branch, in its order; SI units.
+    """A branch of n points, in order; SI units.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Branch:
     q, v : (n, nq) arrays
     multipliers : (n, nc) array
     stable : (n,) array of bool
-        Whether no deviation grows in the linear approximation.
+        Stability of each point in the linear approximation.
     growth : (n,) array
         Largest real part of an eigenvalue, 1/s.
     origin : int or None
@@ -95,19 +95,19 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class BifurcationDiagram:
-    """Branches of equilibria, or of steady motions, over a parameter.
+    """Branches of equilibria, or of steady motions, as a parameter varies.
 
     Parameters
     ----------
     model : str
-        Its name.
+        Name of the model.
     coordinates, constraints : tuples of str
     parameter : str
-        Name of the parameter, or of a velocity that is held (``phi'``).
+        Name of the parameter, or of a prescribed velocity (``phi'``).
     limits : (float, float)
-        Of the parameter.
+        Range of the parameter.
     steady : mapping of str to float
-        Velocities that are held.
+        Prescribed velocities.
     branches : tuple of Branch
     special : tuple of SpecialPoint
     """
@@ -131,7 +131,7 @@ def follow_equilibria(
     steady: Mapping[str, float] | None = None,
     branches: bool = False,
 ) -> BifurcationDiagram:
-    """Follow equilibria over a parameter, with their multipliers and stability.
+    """Follow equilibria as a parameter varies, with their multipliers and stability.
 
     Pseudo-arclength continuation of R(q, λ, s) = 0 from the equilibrium near the initial
     values. Folds, branch points and Hopf points are located to rounding errors: by the tangent's
@@ -146,9 +146,9 @@ def follow_equilibria(
     start, end : float
         Its range, SI; the branch begins at ``start``.
     steady : mapping of str to float, optional
-        Velocities that are held, as for `equilibrium`.
+        Prescribed velocities, as for `equilibrium`.
     branches : bool
-        Follow the branches that cross at branch points, both ways.
+        Also follow the other branches at branch points, in both directions.
 
     Returns
     -------
@@ -204,14 +204,14 @@ def follow_equilibria(
 
 
 class _Entry(NamedTuple):
-    """A point on a branch beside a branch point, and what follows the branch."""
+    """A starting point on a branch near a branch point, and its tracer."""
 
     tracer: Tracer
     point: Traced
 
 
 class _Diagram:
-    """The branches that have been traced so far."""
+    """The branches traced so far."""
 
     def __init__(self, extended: ExtendedProblem):
         self.extended = extended
@@ -221,7 +221,7 @@ class _Diagram:
         self.seen: list[Array] = []
 
     def trace(self, entry: _Entry, origin: int | None) -> None:
-        """Trace a branch from a point on."""
+        """Trace a branch from a point."""
         number = len(self.branches)
         points: list[tuple[Traced, Stability]] = []
         for traced, stability, special in entry.tracer.follow(entry.point):
@@ -254,13 +254,13 @@ class _Diagram:
         )
 
     def _clean(self, traced: Traced) -> tuple[float, Array]:
-        """Return s and q, with zeros for what are rounding errors beside large changes."""
+        """Return s and q, with zeros for rounding errors relative to large changes."""
         columns, z = self.extended.columns, traced.place.z
         rounded = np.where(np.abs(z) > _ROUNDING, z, 0.0) * columns
         return float(rounded[-1]), rounded[: self.extended.nq]
 
     def trace_others(self) -> None:
-        """Trace the branches that cross those that are known, both ways."""
+        """Trace the branches that cross the known ones, in both directions."""
         done = 0
         while done < len(self.crossings) and len(self.branches) < _MOST_BRANCHES:
             number, entered = self.crossings[done]
@@ -269,14 +269,14 @@ class _Diagram:
                 self.trace(entry, number)
 
     def _entered(self, tracer: Tracer, crossing: Traced, direction: float) -> _Entry | None:
-        """Return a point on the other branch near a crossing.
+        """Return a point on the other branch near a branch point.
 
-        The rank may be larger by one there, where a motion is not neutral that is along this
-        branch: a vehicle that goes straight may have any heading, one that turns at a given
-        velocity along an axis may not.
+        The rank may be larger by one there, if a motion that is neutral along this branch is not
+        neutral along the other: a vehicle that goes straight may have any heading, one that turns
+        at a given velocity along an axis may not.
         """
         _, _, vt = np.linalg.svd(crossing.place.matrix)
-        # at a crossing the null space has one dimension more
+        # at a branch point the null space has one more dimension
         null = vt[tracer.rank - 1 :].T
         known = np.column_stack([crossing.tangent, crossing.frame.right])
         rest = null - known @ (known.T @ null)
@@ -307,7 +307,7 @@ class _Diagram:
 
 
 def _crossing(point: Traced, entered: list[Traced]) -> Crossing | None:
-    """Say on which sides of a branch point the other branch lies."""
+    """Determine on which sides of a branch point the other branch lies."""
     if len(entered) < 2:
         return None
     one, other = (x.place.z[-1] - point.place.z[-1] for x in entered)

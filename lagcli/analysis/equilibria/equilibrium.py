@@ -31,14 +31,14 @@ class Equilibrium:
     Parameters
     ----------
     operating_point : OperatingPoint
-        With q, v, a and λ in its ``point``.
+        The operating point; its ``point`` contains q, v, a and λ.
     constraint_forces : (nc, nq) array
-        λ_β b_β, the generalized forces of each constraint.
+        λ_β b_β, the generalized forces of each constraint, SI units.
     potential : float
         V, J.
     stability : Stability
     neutral : (nq, dimension) array
-        Changes of q that lead to other equilibria; its columns span a tangent space.
+        A basis of the tangent space of the set of equilibria.
     """
 
     operating_point: OperatingPoint
@@ -49,31 +49,31 @@ class Equilibrium:
 
     @property
     def dimension(self) -> int:
-        """Dimension of the set of equilibria that it belongs to; 0 where it is isolated."""
+        """Dimension of the set of equilibria; 0 for an isolated equilibrium."""
         return int(self.neutral.shape[1])
 
     @property
     def neutral_coordinates(self) -> tuple[int, ...]:
-        """Coordinates that differ among the equilibria next to it."""
+        """Coordinates that vary along the set of equilibria."""
         part = np.abs(self.neutral).max(axis=1, initial=0.0)
         return tuple(np.flatnonzero(part > _TAKES_PART * part.max(initial=0.0)).tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibria:
-    """The equilibria of a model that were found.
+    """The equilibria found for a model.
 
     Parameters
     ----------
     model : str
-        Its name.
+        Name of the model.
     coordinates, constraints : tuples of str
     steady : mapping of str to float
-        Velocities that are held, by name (``phi'``).
+        Prescribed velocities, by name (``phi'``).
     starts : int
-        Number of points from which they were looked for.
+        Number of starting points of the search.
     equilibria : tuple of Equilibrium
-        By increasing V.
+        The equilibria, ordered by V.
     """
 
     model: str
@@ -94,7 +94,7 @@ def equilibrium(
     """Find equilibria, or steady motions with given velocities.
 
     Solves ∂V/∂q − Q = Bᵀλ, φ = 0 with v = 0 by Newton's method on (q, λ) from the consistent
-    start. With ``steady``, the velocities that are given are held, other independent ones are
+    initial state. With ``steady``, the given velocities are prescribed, other independent ones are
     zero, and centrifugal and gyroscopic forces are balanced too: f − M a + Bᵀλ = 0, B a = γ.
 
     Parameters
@@ -103,8 +103,8 @@ def equilibrium(
     steady : mapping of str to float, optional
         Velocities, SI: ``{"phi'": 10}``.
     all : bool
-        Look for all of them: from points of a Sobol sequence, with deflation of those that are
-        known. Coordinates with the period 2π are reduced to (−π, π].
+        Search for all of them, from points of a Sobol sequence, with deflation of the known ones.
+        Coordinates with the period 2π are reduced to (−π, π].
     starts : int
         Number of points for ``all``.
 
@@ -117,11 +117,11 @@ def equilibrium(
     UsageError
         A velocity is unknown, or the constraints determine it.
     ModelError, NumericalError
-        There is no consistent start, or no equilibrium is found.
+        There is no consistent initial state, or no equilibrium is found.
 
     Notes
     -----
-    No method finds all roots for certain; more starts find more.
+    No method is guaranteed to find all roots; more starting points find more.
 
     References
     ----------

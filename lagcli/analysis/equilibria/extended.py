@@ -14,11 +14,11 @@ from lagcli.arrays import Array
 from lagcli.errors import UsageError
 
 _ITERATIONS = 12
-_REACHED = 1e-13  # of the terms' magnitudes
+_REACHED = 1e-13  # relative to the magnitudes of the terms
 
 
 class ModelParameter:
-    """A parameter of the model, with those that follow from it.
+    """A parameter of the model, with the parameters that depend on it.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ModelParameter:
         self._gradients = [Gradients(local.equations, rows, count) for rows in groups]
 
     def problem(self, base: SteadyProblem, value: float) -> tuple[SteadyProblem, tuple[float, ...]]:
-        """Return the steady problem and the values of the parameters at a value."""
+        """Return the steady problem and the parameters for a value."""
         return base, self.path.values(self.local.p, value)
 
     def slope(self, problem: SteadyProblem, found: Residual, value: float) -> Array:
@@ -57,7 +57,7 @@ class ModelParameter:
 
 
 class HeldVelocity:
-    """A velocity that is held, as the parameter of steady motions.
+    """A prescribed velocity as the parameter of steady motions.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class HeldVelocity:
         self.index = local.system.coordinates.index(coordinate)
 
     def problem(self, base: SteadyProblem, value: float) -> tuple[SteadyProblem, tuple[float, ...]]:
-        """Return the steady problem and the values of the parameters at a value."""
+        """Return the steady problem and the parameters for a value."""
         names = self.local.system.coordinates
         held = {names[j]: x for j, x in base.held.items()}
         return SteadyProblem(self.local, {**held, self.coordinate: value}), self.local.p
@@ -105,16 +105,16 @@ class Place(NamedTuple):
 
 
 class ExtendedProblem:
-    """R(q, λ, s) = 0 in unknowns and equations without units.
+    """R(q, λ, s) = 0 with scaled unknowns and equations.
 
     Parameters
     ----------
     base : SteadyProblem
     parameter : ModelParameter or HeldVelocity
     width : float
-        Change of s that counts as large.
+        Scale of changes of s.
     first : Residual
-        A root, whose scales are used.
+        A root, which defines the scales.
     value : float
         s there.
     """
@@ -153,7 +153,7 @@ class ExtendedProblem:
         return float(z[-1] * self.columns[-1])
 
     def residual(self, z: Array) -> tuple[SteadyProblem, Residual]:
-        """Return R at z, and the problem that it is of."""
+        """Return R at z, and the steady problem at its parameter."""
         unknowns = z * self.columns
         problem, p = self.parameter.problem(self.base, float(unknowns[-1]))
         q, multipliers = unknowns[: self.nq], unknowns[self.nq : -1]
@@ -169,14 +169,15 @@ class ExtendedProblem:
         return Place(z, found, matrix * np.outer(self.rows, self.columns))
 
     def correct(self, z: Array, tangent: Array, rank: int) -> tuple[Place, int] | None:
-        """Return the root in the plane through z normal to a tangent, and the Newton steps.
+        """Return the root in the plane through z normal to a tangent, and the number of Newton
+        steps.
 
         Parameters
         ----------
         z : (n,) array
         tangent : (n,) array
         rank : int
-            Of ∂R/∂z along the branch.
+            Rank of ∂R/∂z along the branch.
         """
         target = tangent @ z
         for iteration in range(_ITERATIONS):
@@ -200,6 +201,6 @@ class ExtendedProblem:
 
 
 def _solved(matrix: Array, right: Array, rank: int) -> Array:
-    """Return the solution of least size of a system of this rank."""
+    """Return the solution of least norm of a system of given rank."""
     u, s, vt = np.linalg.svd(matrix, full_matrices=False)
     return np.asarray(vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank]))

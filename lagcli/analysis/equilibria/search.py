@@ -1,4 +1,4 @@
-"""The search for all equilibria: Sobol starts, and deflation of what is known."""
+"""Search for all equilibria from Sobol points, with deflation of known roots."""
 
 from __future__ import annotations
 
@@ -14,37 +14,39 @@ from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.errors import LagcliError, UsageError
 from lagcli.sweeps.plan.sampling import unit_points
 
-#: Of the coordinates' lengths, and of the largest multiplier: roots nearer than this are one.
+#: Roots closer than this, relative to the coordinates' lengths and the largest multiplier,
+#: coincide.
 _SAME = 1e-6
-_REACH = 2.0  # of the coordinates' lengths: how far from the start others may lie
-_RELAXED = 4  # starts from which motions are followed to where they come to rest
+_REACH = 2.0  # of the coordinates' lengths: distance of starting points
+_RELAXED = 4  # number of starting points with relaxation instead of Newton's method
 _STEPS, _SEED = 40, 1
-#: Of the coordinates' lengths: the longest step. Of the terms' magnitudes: where a root is near.
+#: Longest step, relative to the coordinates' lengths; residual near a root, relative to the
+#: magnitudes of the terms.
 _LIMIT, _NEAR = 0.5, 1e-9
-_LEAST = 0.05  # the smallest divisor of a deflated step
+_LEAST = 0.05  # smallest divisor of a deflated step
 
 
 class _Known(NamedTuple):
-    """A root that is known, and the coordinates by which it differs from others."""
+    """A known root, and the coordinates that distinguish it from others."""
 
     state: SteadyState
     compared: Flags
 
 
 def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyState]:
-    """Return the equilibria, or steady motions, found from many starts.
+    """Return the equilibria, or steady motions, found from many starting points.
 
     Parameters
     ----------
     problem : SteadyProblem
     starts : int
-        Points of a Sobol sequence: angles all round, other coordinates within twice the size of
-        the mechanism. Each is brought onto the constraints first.
+        Number of points of a Sobol sequence: angles in a full turn, other coordinates within twice
+        the size of the mechanism. Each is brought onto the constraints first.
 
     Raises
     ------
     UsageError
-        The constraints determine a velocity that is held.
+        The constraints determine a prescribed velocity.
     NumericalError
         None was found.
     """
@@ -66,7 +68,7 @@ def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyStat
 
 
 def _points(problem: SteadyProblem, count: int) -> Array:
-    """Return points of a Sobol sequence over the coordinates, (count, nq)."""
+    """Return points of a Sobol sequence in the range of the coordinates, (count, nq)."""
     local = problem.local
     unit = unit_points("sobol", count, len(local.lengths), _SEED, np.arange(count))
     reach = np.where(local.angles, np.pi, _REACH * local.lengths)
@@ -75,7 +77,7 @@ def _points(problem: SteadyProblem, count: int) -> Array:
 
 
 def _on_constraints(problem: SteadyProblem, q: Array) -> Array | None:
-    """Return a point of the constraints near a guess; None without one."""
+    """Return a point on the constraints near a guess, or None."""
     local = problem.local
     free = np.zeros(len(q), bool)
     given = local.evaluator(local.p).state(local.t, q, np.zeros(len(q)))
@@ -86,9 +88,9 @@ def _on_constraints(problem: SteadyProblem, q: Array) -> Array | None:
 
 
 def _keep(problem: SteadyProblem, root: Residual, known: list[_Known]) -> None:
-    """Add a root to those that are known, unless it is one of them or does not last."""
+    """Add a root to the known ones, unless it is one of them or is not steady."""
     if root.decomposition.rank > problem.local.start.rank:
-        return  # beside a singular configuration, where rounding hides that rows are dependent
+        return  # near a singular configuration, where rounding hides dependent rows
     try:
         state = completed(problem, root)
     except UsageError:
@@ -124,18 +126,17 @@ def _alike(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
 
 
 def _difference(problem: SteadyProblem, q: Array, other: Array) -> Array:
-    """Return q − other, of angles the smallest."""
+    """Return q − other, with angles reduced to (−π, π]."""
     found = q - other
     turns = np.where(problem.local.angles, np.round(found / (2 * np.pi)), 0.0)
     return np.asarray(found - 2 * np.pi * turns)
 
 
 def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual | None:
-    """Return a root that is not known, by Newton steps for m(q) R(q, λ), or None.
+    """Return an unknown root, by Newton steps for m(q) R(q, λ), or None.
 
-    m = Π (1 + 1/d²) grows beside the known roots, so that steps do not lead there. Steps are
-    limited and not damped: an iteration that wanders about finds more than one that comes to rest
-    where |R| is least.
+    m = Π (1 + 1/d²) grows near the known roots, so that steps do not lead there. Steps are limited
+    but not damped: undamped iterations find more roots than those that end at a minimum of |R|.
     """
     local = problem.local
     found = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
@@ -147,7 +148,7 @@ def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual
             return problem.polished(found)
         step = problem.newton_step(found)
         change = _slope(problem, found.point.q, known) @ step[: problem.nq]
-        # the step for m R, by the formula of Sherman and Morrison
+        # the step for m R, by the Sherman–Morrison formula
         step = step / (1.0 - change) if abs(1.0 - change) > _LEAST else step / _LEAST
         found = problem.moved(found, problem.limited(step / _LIMIT) * _LIMIT)
         if not np.isfinite(found.value).all():

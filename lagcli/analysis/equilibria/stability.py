@@ -1,4 +1,4 @@
-"""The stability of equilibria and steady motions in the linear approximation."""
+"""Stability of equilibria and steady motions in the linear approximation."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from lagcli.arrays import Array
 ComplexArray = NDArray[np.complex128]
 Verdict = Literal["asymptotically stable", "stable", "unstable", "undecided"]
 
-#: Real parts below this part of the largest eigenvalue are rounding errors.
+#: Real parts below this, relative to the largest eigenvalue, are rounding errors.
 _GROWING = 1e-9
-#: Damping, and stiffness, that are rounding errors.
+#: Relative damping, and stiffness, that count as rounding errors.
 _SYMMETRIC, _ZERO = 1e-10, 1e-11
 
 
 class Stability(NamedTuple):
-    """Stability of an equilibrium or a steady motion by the linear terms.
+    """Stability of an equilibrium or a steady motion in the linear approximation.
 
     Parameters
     ----------
     verdict : str
-        ``asymptotically stable``, ``stable``, ``unstable``, or ``undecided`` where higher-order
+        ``asymptotically stable``, ``stable``, ``unstable``, or ``undecided`` if higher-order
         terms decide.
     eigenvalues : (n,) complex array
-        Of ẋ = A x, one of each complex pair, by increasing magnitude.
+        Eigenvalues of ẋ = A x, one of each complex pair, by increasing magnitude, 1/s.
     stiffness : (m,) array or None
         Eigenvalues of the reduced Hessian Zᵀ (∂²V − Σ λ ∂²φ) Z, with centrifugal terms in steady
-        motion, relative to Zᵀ M Z, 1/s², increasing. None where it is not symmetric (forces
-        without a potential), with nonholonomic constraints, or with damping that feeds motions.
+        motion, relative to Zᵀ M Z, 1/s², increasing. None if it is not symmetric (forces without a
+        potential), with nonholonomic constraints, or if damping forces supply energy.
     """
 
     verdict: Verdict
@@ -57,7 +57,7 @@ def stability_of(
     operating_point : OperatingPoint
         An equilibrium or a steady motion.
     dimension : int
-        Of the set of equilibria that it belongs to.
+        Dimension of the set of equilibria.
 
     References
     ----------
@@ -97,7 +97,7 @@ def hessian_eigenvalues(reduced: ReducedMatrices | None) -> Array | None:
     damping = (reduced.damping + reduced.damping.T) / 2
     allowed = _SYMMETRIC * np.abs(reduced.damping_scale).max(initial=0.0)
     if len(damping) and np.linalg.eigvalsh(damping).min() < -allowed:
-        return None  # forces feed the motion
+        return None  # forces supply energy
     stiffness = (reduced.stiffness + reduced.stiffness.T) / 2
     try:
         return np.asarray(eigh(stiffness, reduced.mass, eigvals_only=True))

@@ -1,4 +1,4 @@
-"""Pseudo-arclength continuation of one branch, and the points where its nature changes."""
+"""Pseudo-arclength continuation of one branch, and the location of its special points."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from lagcli.arrays import Array
 
 SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter"]
 
-#: Lengths of steps in scaled unknowns: the first, the longest and the shortest.
+#: Lengths of steps in scaled unknowns: first, longest and shortest.
 _FIRST, _LONGEST, _SHORTEST = 5e-3, 2e-2, 1e-7
-_TURN = 0.9  # cosine of the largest angle between successive tangents
-_MOST = 2000  # points of a branch
-_BESIDE = 1e-3  # of a step: distance of the points between which special points are interpolated
+_TURN = 0.9  # smallest cosine of the angle between successive tangents
+_MOST = 2000  # largest number of points of a branch
+_BESIDE = 1e-3  # distance of the points for interpolating special points, relative to the step
 _BISECTIONS = 60
-#: Growth rates below this part of the largest eigenvalue are rounding errors.
+#: Growth rates below this, relative to the largest eigenvalue, are rounding errors.
 _GROWING = 1e-9
 
 
 class Traced(NamedTuple):
-    """A point of a branch, with what is monitored along it.
+    """A point of a branch, with the quantities monitored along it.
 
     Parameters
     ----------
     place : Place
     tangent : (n,) array
-        Of length 1.
+        Tangent of length 1.
     frame : Frame
     """
 
@@ -42,29 +42,29 @@ class Traced(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """Null spaces of the scaled ∂R/∂z beside the tangent: neutral motions, dependent equations."""
+    """Null spaces of the scaled ∂R/∂z: neutral motions without the tangent, dependent equations."""
 
     right: Array
     left: Array
 
 
 class LocatedPoint(NamedTuple):
-    """Where the nature of a branch changes, and the point there."""
+    """A special point of a branch, and the point of the branch there."""
 
     kind: SpecialKind
     point: Traced
 
 
 class Tracer:
-    """Follows branches of one extended problem.
+    """Tracer of the branches of one extended problem.
 
     Parameters
     ----------
     problem : ExtendedProblem
     limits : (float, float)
-        Of the parameter.
+        Range of the parameter.
     rank : int
-        Of ∂R/∂z along the branches.
+        Rank of ∂R/∂z along the branches.
     """
 
     def __init__(self, problem: ExtendedProblem, limits: tuple[float, float], rank: int):
@@ -73,22 +73,22 @@ class Tracer:
 
     @classmethod
     def at(cls, problem: ExtendedProblem, limits: tuple[float, float], first: Array) -> Tracer:
-        """Return what follows branches of the rank at a root, in scaled unknowns."""
+        """Return a tracer for branches of the rank at a root, in scaled unknowns."""
         place = problem.place(first)
         assert place is not None
         s = np.linalg.svd(place.matrix, compute_uv=False)
         return cls(problem, limits, int((s > RANK * s.max(initial=0.0)).sum()))
 
     def with_rank(self, rank: int) -> Tracer:
-        """Return what follows branches of another rank."""
+        """Return a tracer for branches of another rank."""
         return self if rank == self.rank else Tracer(self.problem, self.limits, rank)
 
     # single points
 
     def framed(self, place: Place, along: Array, before: Frame | None = None) -> Traced:
-        """Return the point with its tangent next to a direction.
+        """Return the point with its tangent close to a direction.
 
-        The tangent and the null spaces are those of the point before, projected.
+        The tangent and the null spaces are those of the previous point, projected.
         """
         u, _, vt = np.linalg.svd(place.matrix)
         null, left = vt[self.rank :].T, u[:, self.rank :]
@@ -107,14 +107,15 @@ class Tracer:
         assert place is not None
         _, _, vt = np.linalg.svd(place.matrix)
         null = vt[self.rank :].T
-        # along what is neutral at a fixed parameter the branch does not move
+        # the branch has no component along motions that are neutral at a fixed parameter
         along = null @ null[-1]
         if not np.linalg.norm(along) > 1e-12:
             along = null[:, 0]
         return self.framed(place, direction * along)
 
     def advanced(self, point: Traced, length: float) -> tuple[Traced, int] | None:
-        """Return the point so far along a branch, and the Newton steps; None without one."""
+        """Return the next point of a branch, and the number of Newton steps; None if there is
+        none."""
         found = self.problem.correct(
             point.place.z + length * point.tangent, point.tangent, self.rank
         )
@@ -135,8 +136,8 @@ class Tracer:
     def follow(self, point: Traced) -> Iterator[tuple[Traced, Stability, list[LocatedPoint]]]:
         """Yield the points of a branch, each with the special points before it.
 
-        It ends where the parameter leaves its limits, where no further point is found, or where
-        the branch closes.
+        It ends when the parameter leaves its range, when no further point is found, or when the
+        branch closes.
         """
         before, stability = point, self.stability(point)
         yield point, stability, []
@@ -179,7 +180,7 @@ class Tracer:
     def _bisected(
         self, before: Traced, length: float, changed: Callable[[Traced], bool]
     ) -> tuple[float, Traced]:
-        """Return how far from a point something changes, and the point there."""
+        """Return the position of a change by bisection, and the point there."""
         low, high, found = 0.0, length, before
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
@@ -197,7 +198,7 @@ class Tracer:
     def _changes(
         self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
     ) -> Iterator[LocatedPoint]:
-        """Yield what changes between two points, located."""
+        """Yield the special points between two points, located."""
         if before.tangent[-1] * after.tangent[-1] < 0:
             sign = np.sign(before.tangent[-1])
             yield LocatedPoint(
@@ -207,7 +208,7 @@ class Tracer:
         if crossing(after) < 0:
             yield LocatedPoint("branch point", self._root(before, length, crossing))
         was, now = _growing(stable), _growing(following)
-        # where real eigenvalues meet, an oscillation begins that grew before
+        # where real eigenvalues coincide, an oscillation begins that grew before
         if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
             if min(was, now) == 0.0:
                 changed = self._bisected(
@@ -219,10 +220,10 @@ class Tracer:
                 yield LocatedPoint("Hopf point", found)
 
     def _determinant(self, before: Traced) -> Callable[[Traced], float]:
-        """Return the determinant of the bordered ∂R/∂z, relative to that of a point.
+        """Return the determinant of the bordered ∂R/∂z, relative to its value at a point.
 
         The border is the same for all points, so that it is a smooth function along the branch:
-        null spaces of each point would be taken for one another where a branch crosses.
+        null spaces computed at each point could be exchanged at a branch point.
         """
         left, right = before.frame.left, before.frame.right
         below = np.hstack(
@@ -242,10 +243,10 @@ class Tracer:
         return relative
 
     def _root(self, before: Traced, length: float, function: Callable[[Traced], float]) -> Traced:
-        """Return the point within a length of another at which a smooth function changes its sign.
+        """Return the point near another one at which a smooth function changes its sign.
 
-        Newton's method is ill-conditioned where a branch crosses. The point is interpolated
-        between points beside it.
+        Newton's method is ill-conditioned at a branch point. The point is interpolated from
+        points on both sides.
         """
         from scipy.optimize import brentq
 
@@ -263,14 +264,15 @@ class Tracer:
         tangent = np.asarray(sum(x.tangent for x in points))
         place = self.problem.place(z)
         assert place is not None
-        # where a branch crosses, the null space holds its direction too, and does not tell it from
-        # the neutral ones
+        # At a branch point, the null space also contains the branch's own direction, which cannot
+        # be separated from the neutral ones.
         beside_it = points[len(points) // 2].frame
         return Traced(place, tangent / np.linalg.norm(tangent), beside_it)
 
 
 def _at_zero(values: list[float], curve: Array) -> Array:
-    """Return where the values vanish along a curve through some points, by Lagrange's formula."""
+    """Return where the values vanish along a curve through some points, by Lagrange
+    interpolation."""
     weights = [
         np.prod([b / (b - a) for j, b in enumerate(values) if j != i]) for i, a in enumerate(values)
     ]
@@ -292,7 +294,7 @@ def _growing(stability: Stability) -> float:
 
 
 def _nearest(basis: Array, before: Array) -> Array:
-    """Return the orthonormal basis of a space that is nearest to one before."""
+    """Return the orthonormal basis of a space that is closest to a previous one."""
     if not basis.shape[1]:
         return basis
     u, _, vt = np.linalg.svd(basis.T @ before)
