@@ -317,11 +317,11 @@ class ColumnName(NamedTuple):
     Parameters
     ----------
     quantity : str
-        Of `QUANTITIES`.
+        Quantity of `QUANTITIES`.
     constraint, coordinate : str
         Of which constraint and coordinate, where it is along such an axis.
     conserved : str
-        Of which conserved quantity.
+        Conserved of which conserved quantity.
     """
 
     quantity: str
@@ -370,7 +370,7 @@ def column_names(
     coordinates, constraints : sequence of str
         Names, in the model's order.
     terms : sequence of (constraint, coordinate)
-        Of ``constraint_force_by``.
+        Terms of ``constraint_force_by``.
     conserved : sequence of str
         Names of the conserved quantities.
     """

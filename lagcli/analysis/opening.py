@@ -26,13 +26,13 @@ def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
     Returns
     -------
     Model
-        Of a model file or a shipped model, as `load`.
+        Model of a model file or a shipped model, as `load`.
     Trajectory
-        Of a result file, as `read`.
+        Trajectory of a result file, as `read`.
     xarray.Dataset
         Of a sweep: a variable for each measure.
     dict
-        Of a file of an analysis (check, equilibrium, modes, fit): its content.
+        Dict of a file of an analysis (check, equilibrium, modes, fit): its content.
 
     Raises
     ------

@@ -79,7 +79,7 @@ class EventEntry(NamedTuple):
     before, after : (nq,) arrays
         The velocities.
     impulse : (nc,) array
-        Of all constraints at that instant; 0 without an impact.
+        Impulse of all constraints at that instant; 0 without an impact.
     loss : float
         Energy that this row's impulse takes, −Λ (γ⁻ + γ⁺)/2 with its friction; J.
     supplied : float
@@ -109,7 +109,7 @@ class OneSidedLimits(NamedTuple):
     Parameters
     ----------
     entry : int
-        Of the event in ``Outcome.events``.
+        Entry of the event in ``Outcome.events``.
     left, right : (width,) arrays
         Sample rows before anything happens at the instant, and after all has: `SampleLayout`. a
         and λ are NaN on the left of the start, and where the run ends in the midst of the instant.
@@ -295,7 +295,7 @@ class Stopped(Exception):
     event : Event or str
         A sign change, or the name of an event of the model.
     time : float, optional
-        Of the latter, s.
+        Time of the latter, s.
     """
 
     def __init__(self, event: Event | str, time: float = 0.0):

@@ -27,7 +27,7 @@ def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
     Parameters
     ----------
     inertia : (..., nq) array
-        Of each coordinate (`System.inertia`); one without has only its own size.
+        Inertia of each coordinate (`System.inertia`); one without has only its own size.
     jacobian : (..., n, nq) array
         Rows of B.
     x : (..., nq) array

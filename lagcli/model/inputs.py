@@ -58,7 +58,7 @@ class Input(NamedTuple):
         One of `EXTENSIONS`; None where the function is not defined outside the table.
     description : str, optional
     location : SourceLocation, optional
-        Of its name in the model file.
+        Location of its name in the model file.
     """
 
     name: str

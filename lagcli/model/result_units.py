@@ -16,8 +16,9 @@ def result_units(model: Model) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Of coordinates, parameters and outputs by their names; of λ and of the residuals by those
-        of their columns, such as ``lambda.guide`` and ``residual_velocity.guide``.
+        Dict of str to str of coordinates, parameters and outputs by their names; of λ and of the
+        residuals by those of their columns, such as ``lambda.guide`` and
+        ``residual_velocity.guide``.
     """
     units = model.units
     found = {name: units.of(name) for name in (*model.coordinate_names, *model.parameters)}

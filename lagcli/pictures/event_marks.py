@@ -69,7 +69,7 @@ def with_jumps(run: RunFile, name: str, time: Array, values: Array) -> tuple[Arr
     ----------
     run : RunFile
     name : str
-        Of the column.
+        Name of the column.
     time, values : (nt,) arrays
     """
     jumps = Jumps(run.record.events, run.coordinates, run.constraints)
@@ -110,7 +110,7 @@ class Jumps:
         time : (nt,) array
             s, in order.
         names : sequence of n str
-            Of the columns.
+            Names of the columns.
         values : (nt, n) array
         carried : bool
             Whether the first sample is the last one of a block before, with what happened there.

@@ -89,7 +89,7 @@ class Drags:
     model : Model
         With a view.
     evaluator : ViewEvaluator
-        Of its view.
+        Evaluator of its view.
     """
 
     def __init__(self, model: Model, evaluator: ViewEvaluator):

@@ -46,7 +46,7 @@ def unit(
     Parameters
     ----------
     quantity : ResultQuantity
-        Of `lagcli.columns.QUANTITIES`.
+        Quantity of `lagcli.columns.QUANTITIES`.
     coordinates, constraints, conserved : sequence of str
         Names.
     units : mapping of str to str

@@ -49,7 +49,7 @@ def to_metadata(record: Record) -> dict[str, Any]:
     Parameters
     ----------
     record : Record
-        Of the run.
+        Record of the run.
 
     Returns
     -------
@@ -204,7 +204,7 @@ def from_number(value: float | str | None) -> float:
     Returns
     -------
     float
-        Of the same bits, except that every NaN becomes the one of Python.
+        Float of the same bits, except that every NaN becomes the one of Python.
 
     Raises
     ------

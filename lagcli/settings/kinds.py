@@ -41,9 +41,9 @@ class Setting(Generic[T]):
     metavar : str
         The value in the command line's help, where its type does not say enough.
     check : callable, optional
-        Of numbers: their range.
+        Check of numbers: their range.
     choices : tuple of str
-        Of words: those that there are.
+        Choices of words: those that there are.
     """
 
     name: str

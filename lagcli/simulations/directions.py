@@ -128,7 +128,7 @@ class Directions:
         Parameters
         ----------
         values : sequence of n float
-            Of θ.
+            Values of θ.
         """
         n, nq = len(self.names), len(self.model.coordinates)
         flat = np.array(self._initial(tuple(map(float, values))))
@@ -141,7 +141,7 @@ class Directions:
         Parameters
         ----------
         values : sequence of n float
-            Of θ.
+            Values of θ.
         """
         n = len(self.names)
         flat = np.array(self._parameters(tuple(map(float, values))), dtype=float)
@@ -155,7 +155,7 @@ class Directions:
         t : float
             s.
         values : sequence of n float
-            Of θ.
+            Values of θ.
         """
         found = self._given(tuple(map(float, values)))
         first, nq = len(self.model.parameters), len(self.model.coordinates)

@@ -31,7 +31,7 @@ class Monitor(NamedTuple):
     tape : Tape, optional
         (t, q, v, parameters) → the quantities.
     units : mapping of str to str
-        Of their columns, as far as they are known.
+        Units of their columns, as far as they are known.
     """
 
     formulas: Mapping[str, str] = MappingProxyType({})

@@ -181,7 +181,7 @@ class Sensitivity:
         ----------
         start : ConsistentState
         values : sequence of n float
-            Of θ, for which it was found.
+            Values of θ, for which it was found.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Sensitivity:
         Parameters
         ----------
         given : State
-            Of `Directions.state`.
+            Given of `Directions.state`.
         near : ConsistentState, optional
             That for similar values. Where the constraints leave no choice, it is where the search
             begins, which then stays on its branch.

@@ -152,7 +152,7 @@ def ready(
     prepared : Prepared, optional
         As in `lagcli.engine.contract.Request`.
     monitor : Monitor, optional
-        Of the conserved quantities.
+        Monitor of the conserved quantities.
     """
     began = time.perf_counter()
     if equations.model.inputs:
@@ -186,7 +186,7 @@ class Simulation:
     on_event : callable, optional
         As in `lagcli.engine.contract.Request`.
     monitor : Monitor, optional
-        Of the conserved quantities.
+        Monitor of the conserved quantities.
     sensitivity : SensitivityRun, optional
         Made by `with_derivatives`.
     """
@@ -419,7 +419,7 @@ def warnings_of(
     settings : Settings
         Complete ones.
     rank : int
-        Of B at the start.
+        Rank of B at the start.
     samples : (nt, width) array
         Sample rows from the start on, as in `SampleLayout`.
     steps : int

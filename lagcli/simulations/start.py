@@ -347,7 +347,7 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
     state : State
         A consistent one.
     rank : int
-        Of B there.
+        Rank of B there.
     """
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     mass, nq = d.mass_matrix, len(state.q)

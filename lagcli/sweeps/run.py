@@ -50,7 +50,7 @@ class Summary:
     run : int
         Rows that were run now, not taken from the journal.
     rows_per_second : float
-        Of those.
+        Rows per second of those.
     seconds : float
     keep : str
     measures : list of str
@@ -103,7 +103,7 @@ def sweep(
     Parameters
     ----------
     model : path or Model
-        Of a Model, its text and the values that it was loaded with count.
+        Model of a Model, its text and the values that it was loaded with count.
     vary : sequence of str
         ``m=1:2:0.1``, ``l=0.2,0.3``, ``@file.csv``, …; see docs/sweeps.md.
     output : str or path

@@ -29,7 +29,7 @@ class Rest(NamedTuple):
     Parameters
     ----------
     name : str
-        Of the constraint.
+        Name of the constraint.
     time : float
         s.
     impacts : int
@@ -117,7 +117,8 @@ class EventLog:
     q, before, after : (ne, nq) arrays
         The coordinates, and the velocities before and after the instant.
     impulse : (ne, nc) array
-        Of all constraints at the instant, J s per unit of the constraint; 0 without an impact.
+        Impulse of all constraints at the instant, J s per unit of the constraint; 0 without an
+        impact.
     loss : (ne,) array
         Energy that the entry's own impulse takes, −Λ (γ⁻ + γ⁺)/2 with its friction, J.
     supplied : (ne,) array

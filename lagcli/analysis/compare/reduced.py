@@ -54,7 +54,7 @@ class StabilizedIndexTwo:
     ----------
     evaluator : Evaluator
     rank : int
-        Of B at the start.
+        Rank of B at the start.
     """
 
     def __init__(self, evaluator: Evaluator, rank: int):
@@ -183,7 +183,7 @@ class MaggiForm(_Reduced):
     ----------
     evaluator : Evaluator
     rank : int
-        Of B at the start.
+        Rank of B at the start.
     """
 
     def start(self, state: State) -> Array:
@@ -226,7 +226,7 @@ class SecondKindForm(_Reduced):
     evaluator : Evaluator
         All of its constraints are holonomic.
     rank : int
-        Of B at the start.
+        Rank of B at the start.
     """
 
     def start(self, state: State) -> Array:

@@ -26,7 +26,7 @@ class Measured:
     times : (n,) array
         s, increasing.
     values : (n, m) array
-        Of the observed quantities; NaN where there is no measured value.
+        Values of the observed quantities; NaN where there is no measured value.
     sigmas : (m,) array
         Standard deviations; NaN where they are to be estimated.
     """

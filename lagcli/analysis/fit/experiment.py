@@ -63,7 +63,7 @@ class Experiment:
         Complete; their times are replaced by those of the data.
     observed : sequence of m ObservedQuantity
     names : sequence of k str
-        Of the fitted quantities.
+        Names of the fitted quantities.
     data : Measured
 
     Raises

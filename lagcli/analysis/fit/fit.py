@@ -52,13 +52,13 @@ def fit(
     model : Model
         With a `fit` block. Its values are the first start.
     settings : SettingsOverrides, optional
-        Of the runs; the times are those of the data.
+        Settings of the runs; the times are those of the data.
     starts : int
         Number of searches; those beyond the first start between the bounds.
     ci : "wald" or "profile"
         Confidence intervals from standard errors, or from the profiles of the sum of squares.
     level : float
-        Of the intervals.
+        Level of the intervals.
     progress : callable, optional
         Called with the number of searches that have ended and of all.
     **options

@@ -50,7 +50,7 @@ class FitResult:
     names : tuple of k str
         Parameters and initial values.
     units : mapping of str to str
-        Of the fitted and the observed quantities, in SI, where they are known.
+        Units of the fitted and the observed quantities, in SI, where they are known.
     values, start : (k,) arrays
         Found, and those of the model file, in SI.
     bound_low, bound_high : (k,) arrays
@@ -62,7 +62,7 @@ class FitResult:
         identified or lie on a bound.
     covariance, correlation : (k, k) arrays
     level : float
-        Of the intervals.
+        Level of the intervals.
     intervals : str
         "wald" or "profile".
     chi_square : float
@@ -74,7 +74,7 @@ class FitResult:
     sigma_estimated : bool
         Whether the standard deviation of the data is estimated from the residuals.
     combinations : tuple of ParameterCombination
-        Of quantities that the data do not identify.
+        Combinations of quantities that the data do not identify.
     converged : bool
     message : str
     starts : (starts, k) array
@@ -89,7 +89,7 @@ class FitResult:
     observed : tuple of m str
     data : tuple of FittedData
     parameters : mapping of str to float
-        Of the model, with the values found.
+        Parameters of the model, with the values found.
     options : mapping
         Settings of the runs.
     seconds : float

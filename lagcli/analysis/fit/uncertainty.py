@@ -184,11 +184,11 @@ def profile_interval(
     values : (k,) array
         At the minimum.
     place : int
-        Of the quantity.
+        Place of the quantity.
     error : float
         Its standard error.
     rise : float
-        Of the sum of squares.
+        Rise of the sum of squares.
 
     Returns
     -------

@@ -55,7 +55,7 @@ def mode_motion(
     ----------
     model : Model
     number : int
-        Of the mode, from 1.
+        Number of the mode, from 1.
     amplitude : float, optional
         ε, in the unit of the coordinate whose shape is 1; by default such that the motion is
         large enough to be seen.

@@ -43,7 +43,7 @@ class Residual(NamedTuple):
     scale : (nq + nh,) array
         Sums of the magnitudes of the terms.
     decomposition : Decomposition
-        Of B.
+        Decomposition of B.
     independent : tuple of int
         The coordinates whose velocities are held.
     basis : (nq, n) array

@@ -31,7 +31,7 @@ class Tangent(NamedTuple):
     velocity_by_position : (nq, positions) array
         W, whose rows of the independent velocities are zero.
     decomposition : Decomposition
-        Of B.
+        Decomposition of B.
     """
 
     positions: Indices

@@ -101,7 +101,7 @@ def run_batch(
         of all runs. Without ``prepared``, from `prepare_batch`, there are no lanes: an order of
         elimination that comes from elsewhere makes what a run gives depend on itself alone.
     parameters : (n, np) array
-        Of each run.
+        Parameters of each run.
     q, v : (n, nq) arrays
         Consistent states at the start; see `lagcli.engine.constraints.initial_batch`.
     sink : callable

@@ -40,7 +40,7 @@ class Phases:
     Parameters
     ----------
     evaluator : Evaluator
-        Of a System with ``switching``.
+        Evaluator of a System with ``switching``.
     request : IntegrationRequest
 
     Attributes
@@ -50,11 +50,11 @@ class Phases:
     watched : list of Watched
         What ends them; the conditions of events follow these in `values`.
     impact_times : dict of int to list of float
-        Of each switched row.
+        Impact times of each switched row.
     entries : list of EventEntry
         The log.
     branches : Branches or None
-        Of the kinks, where the System is a frozen one.
+        Branches of the kinks, where the System is a frozen one.
     on_parameters : callable
         Called with the values of the parameters when they change.
     """

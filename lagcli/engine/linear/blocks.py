@@ -14,7 +14,7 @@ class Blocks:
     Parameters
     ----------
     counts : Counts
-        Of the motion alone.
+        Counts of the motion alone.
     directions : int
     """
 

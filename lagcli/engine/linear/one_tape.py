@@ -25,9 +25,9 @@ def in_one_tape(system: System, elimination: Elimination) -> tuple[System, Tape]
     Parameters
     ----------
     system : System
-        Of `lagcli.engine.sensitivity.augmented.with_derivatives`.
+        System of `lagcli.engine.sensitivity.augmented.with_derivatives`.
     elimination : Elimination
-        Of the motion.
+        Elimination of the motion.
 
     Returns
     -------

@@ -40,7 +40,7 @@ def with_derivatives(system: System, tangent: TangentTapes, names: Sequence[str]
     tangent : TangentTapes
         Its variational equations in n directions.
     names : sequence of n str
-        Of the directions.
+        Names of the directions.
 
     Returns
     -------

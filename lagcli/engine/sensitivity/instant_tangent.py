@@ -46,12 +46,12 @@ class DifferentiatedResolution(InstantResolution):
         As of `InstantResolution`.
     system : DirectionalSystem
     change : Change
-        Of the state before, with that of the time.
+        Change of the state before, with that of the time.
 
     Attributes
     ----------
     change : Change
-        Of the state reached so far; NaN in directions that have none.
+        Change of the state reached so far; NaN in directions that have none.
     jumped : bool
         Whether an action or an impact has changed the state, parameters, or what holds.
     reasons : list of str

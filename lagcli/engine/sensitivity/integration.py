@@ -56,7 +56,7 @@ class TangentProblem:
     system : System
     tangent : TangentTapes
     names : sequence of str
-        Of the directions.
+        Names of the directions.
     scales : (n,) array
         The tapes' derivatives are those with respect to θ / scale.
     many_runs : bool
@@ -96,7 +96,7 @@ class TangentProblem:
         Parameters
         ----------
         request : IntegrationRequest
-            Of the motion. Absolute tolerances of derivatives follow their size.
+            Request of the motion. Absolute tolerances of derivatives follow their size.
         start : StartDerivatives
             With respect to θ / scale.
         sink : callable
@@ -107,7 +107,7 @@ class TangentProblem:
         Returns
         -------
         Outcome
-            Of the motion: ``undefined`` and ``tolerances`` are its own.
+            Outcome of the motion: ``undefined`` and ``tolerances`` are its own.
         """
         full = self._whole_request(request, start)
         emit = partial(self._emit, request, sink)

@@ -113,7 +113,7 @@ def motion_change(
     Returns
     -------
     MotionChange
-        Of redundant rows, δλ is the one of least norm.
+        MotionChange of redundant rows, δλ is the one of least norm.
     """
     if motion.branches is not None and motion.branches.slides is not None:
         return sliding_change(system, motion, t, q, v, change).motion

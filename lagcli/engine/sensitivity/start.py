@@ -63,12 +63,12 @@ def start_derivatives(
     Parameters
     ----------
     evaluator : Evaluator
-        Of the motion, with the parameters of the start.
+        Evaluator of the motion, with the parameters of the start.
     tangent : TangentTapes
     state : State
         The consistent start.
     given : StartDerivatives
-        Of the initial values as they are given, fixed values and guesses.
+        Given of the initial values as they are given, fixed values and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool
 
     Returns

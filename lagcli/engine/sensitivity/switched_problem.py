@@ -30,7 +30,7 @@ class SwitchedProblem:
     ----------
     system : System
     names : sequence of n str
-        Of the directions.
+        Names of the directions.
     scales : (n,) array
         Derivatives are carried with respect to θ / scale.
     """

@@ -60,11 +60,11 @@ class SwitchedTangent(SwitchedIntegration):
     system : System
     request : IntegrationRequest
     start : StartDerivatives
-        Of q and v, (n, nq).
+        Start of q and v, (n, nq).
     parameters : (n, np) array
         Derivatives of the parameters.
     names : sequence of n str
-        Of the directions, for messages.
+        Names of the directions, for messages.
     scales : (n,) array
         What is emitted is divided by them.
     sink : callable

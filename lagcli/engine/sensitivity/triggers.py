@@ -59,14 +59,14 @@ def instant_time(
     run : Phases
         In the modes before.
     numbers : sequence of int
-        Of the functions, as in ``Phases.values``.
+        Numbers of the functions, as in ``Phases.values``.
     t : float
         s.
     q, v : (nq,) arrays
     change : Change
-        Of the state at a fixed time.
+        Change of the state at a fixed time.
     span : float
-        Of the run, s.
+        Span of the run, s.
     """
     n, a = change.directions, run.motion.accelerations(t, q, v)[0]
     along = Change(np.ones(1), v[:, None], a[:, None], np.zeros((len(change.p), 1)))

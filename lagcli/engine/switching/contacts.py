@@ -50,8 +50,9 @@ def solve_contacts(
     Returns
     -------
     ContactSolution or None
-        Of redundant contacts, the forces of least norm among those that obey the laws. None: there
-        is no solution, or, beyond the bounds of enumeration, none was found.
+        ContactSolution or None of redundant contacts, the forces of least norm among those that
+        obey the laws. None: there is no solution, or, beyond the bounds of enumeration, none was
+        found.
     """
     return next(_Normalized(problem).solutions(present), None)
 

@@ -41,7 +41,7 @@ class ImpactProblem(NamedTuple):
     restitution : (n,) array
         Coefficients, of unilateral rows.
     friction : (n, n) array
-        Of limited rows: |impulse_k| ≤ Σ_j friction_kj |impulse_j|.
+        Friction of limited rows: |impulse_k| ≤ Σ_j friction_kj |impulse_j|.
     """
 
     matrix: Array

@@ -21,7 +21,7 @@ def refusal(
     ----------
     split : SplitSystem
     status : Status
-        Of the core.
+        Status of the core.
     core : binding.SwitchingIntegrator
     impacts : str
         The law of impacts.

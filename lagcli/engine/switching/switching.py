@@ -38,18 +38,20 @@ class SwitchedRow(NamedTuple):
     row : int
         Its index in ``System.constraints``.
     sign : int
-        Of a unilateral constraint: 1 for φ ≥ 0, λ ≥ 0; −1 for φ ≤ 0, λ ≤ 0. 0 of any other row.
+        Sign of a unilateral constraint: 1 for φ ≥ 0, λ ≥ 0; −1 for φ ≤ 0, λ ≤ 0. 0 of any other
+        row.
     limit : int or None
-        Of a row that bears only so much: its number among the limits.
+        Limit of a row that bears only so much: its number among the limits.
     normal : int or None
-        Of friction: the constraint whose multiplier limits it, an index in ``System.constraints``.
-        Where that one is unilateral, the row is open with it, and takes part in its impacts.
+        Normal of friction: the constraint whose multiplier limits it, an index in
+        ``System.constraints``. Where that one is unilateral, the row is open with it, and takes
+        part in its impacts.
     active : bool
         Whether it is there at the start; events engage and release it.
     closed : bool
         Whether the initial state is solved with it as a constraint.
     unit : str or None
-        Of φ or ψ; None where it is not known.
+        Unit of φ or ψ; None where it is not known.
     """
 
     row: int

@@ -56,7 +56,7 @@ class Layers(NamedTuple):
     place : dict of names to int
         Places of series in a layer. Temporary ones lie beyond it, where later layers will be.
     size : int
-        Of a layer.
+        Size of a layer.
     end : int
         The first place after all.
     kept : dict of int to names

@@ -76,7 +76,7 @@ class SeriesProgram(NamedTuple):
     state : int32 array
         Offsets of t, q, v, W from there.
     size : int
-        Of the file.
+        Size of the file.
     """
 
     values: Tape

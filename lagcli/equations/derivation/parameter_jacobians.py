@@ -42,7 +42,7 @@ class ParameterJacobians:
     velocity : r rows
         ∂ψ/∂p.
     outputs : mapping of str to row
-        Of the model's outputs.
+        Outputs of the model's outputs.
     """
 
     parameters: tuple[str, ...]

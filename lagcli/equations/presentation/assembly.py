@@ -54,7 +54,7 @@ class Contents(NamedTuple):
     Parameters
     ----------
     kinds : sequence of str
-        Of `KINDS`, in the order of printing.
+        Kinds of `KINDS`, in the order of printing.
     partition : CoordinatePartition or None
         Needed for other kinds than the first and for ``solve``.
     solve : bool

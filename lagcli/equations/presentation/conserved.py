@@ -41,7 +41,7 @@ def title_of(quantity: ConservedQuantity, names: tuple[str, ...]) -> str:
     ----------
     quantity : ConservedQuantity
     names : tuple of str
-        Of the coordinates.
+        Names of the coordinates.
     """
     along = ", ".join(islice((names[i] for i in quantity.field), 8))
     along += ", …" if len(quantity.field) > 8 else ""
@@ -73,7 +73,7 @@ def conserved_step(
     value : float, optional
         Its value at the start.
     unit : str, optional
-        Of the value.
+        Unit of the value.
     """
     lines = [Line(_sides(f, quantity), quantity.name), *_proof(f, quantity)]
     measured = f" {unit}" if unit and unit != "1" else ""

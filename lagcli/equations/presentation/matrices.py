@@ -27,7 +27,7 @@ class Matrices:
     Parameters
     ----------
     formulas : Formulas
-        Of the system.
+        Formulas of the system.
     parts : collection of str
         Which of `PARTS`.
     """

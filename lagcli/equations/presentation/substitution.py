@@ -29,7 +29,7 @@ def substituted(node: Node, values: Mapping[Node, Node]) -> Node | None:
     Parameters
     ----------
     node : Node
-        Of sums, products, quotients, powers, roots, functions and symbols; other nodes stay.
+        Node of sums, products, quotients, powers, roots, functions and symbols; other nodes stay.
     values : mapping of Node to Node
     """
     try:

@@ -44,11 +44,12 @@ class Generator:
     head : str
         What it is.
     name : str
-        Of a symbol or function.
+        Name of a symbol or function.
     arguments : tuple of expressions
-        Of a function; the base of a root; base and exponent of a power; the sum or the cases.
+        Arguments of a function; the base of a root; base and exponent of a power; the sum or the
+        cases.
     degree : int
-        Of a root: the generator is base^(1/degree).
+        Degree of a root: the generator is base^(1/degree).
     """
 
     head: Head

@@ -35,8 +35,8 @@ class UnitFinding(NamedTuple):
     name : str or None
         Name of the entry.
     location : SourceLocation, optional
-        Of the value, where that is all there is to underline: a number with a unit, or the value
-        of an option.
+        Location of the value, where that is all there is to underline: a number with a unit, or the
+        value of an option.
     """
 
     disagreement: Disagreement
@@ -60,11 +60,11 @@ class ModelUnits(NamedTuple):
     missing : tuple of str
         Coordinates and parameters without a unit.
     names : mapping of str to dimension
-        Of coordinates, parameters and definitions.
+        Names of coordinates, parameters and definitions.
     constraints : mapping of str to dimension
-        Of φ, or of ψ for nonholonomic constraints.
+        Constraints of φ, or of ψ for nonholonomic constraints.
     multipliers : mapping of str to dimension
-        Of λ, by constraint.
+        Multipliers of λ, by constraint.
     outputs : mapping of str to dimension
     written : mapping of str to str
         Units that the model states for coordinates, parameters and outputs, in SI.

@@ -54,10 +54,10 @@ class NamedDimensions:
     Attributes
     ----------
     names : dict of str to dimension
-        Of coordinates, parameters and definitions; of a family ``x[]`` together where its members
-        agree.
+        Names of coordinates, parameters and definitions; of a family ``x[]`` together where its
+        members agree.
     multipliers : dict of str to dimension
-        Of λ, by constraint; entered by the caller.
+        Multipliers of λ, by constraint; entered by the caller.
     written : dict of str to str
         Units that the model states, in SI.
     missing : list of str

@@ -50,7 +50,7 @@ class Suspect(NamedTuple):
     stated, fitting : str
         Units.
     location : SourceLocation, optional
-        Of its declaration.
+        Location of its declaration.
     """
 
     name: str

@@ -63,7 +63,7 @@ class ObservedQuantity(NamedTuple):
     sigma_si : bool
         Whether sigma is in SI; otherwise in the unit of the column.
     unit : str or None
-        Of the column.
+        Unit of the column.
     location : SourceLocation
     """
 

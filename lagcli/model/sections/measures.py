@@ -54,14 +54,14 @@ class Reduction(NamedTuple):
     Parameters
     ----------
     kind : str
-        Of ``REDUCTIONS``.
+        Kind of ``REDUCTIONS``.
     signal : expression
         In t, q, v, a, multipliers, constraint forces, parameters and ``COLUMNS``; of ``time_of``
         1 where the condition holds, and 0 elsewhere.
     time : float, optional
-        Of ``at``, s.
+        Time of ``at``, s.
     event : EventMeasure, optional
-        Of a number of the log, which has no signal: 0 stands for it.
+        Event of a number of the log, which has no signal: 0 stands for it.
     """
 
     kind: str

@@ -209,7 +209,7 @@ def each(
     ------
     points : tuple of str
     name : str
-        Of the member of the entry; without an entry, the points with hyphens.
+        Name of the member of the entry; without an entry, the points with hyphens.
     indices : mapping of str to int
     """
     over = path.declaration if declaration is None else declaration

@@ -46,8 +46,8 @@ class VectorReader:
     declaration : Declaration
         The entry of ``initial``, with its value as its node.
     kind : str
-        Of `KINDS`. The derivative of a quaternion is given by the angular velocity in the frame of
-        the body.
+        Kind of `KINDS`. The derivative of a quaternion is given by the angular velocity in the
+        frame of the body.
     constants : Symbols
         Parameters with their values.
     """

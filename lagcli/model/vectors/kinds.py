@@ -27,7 +27,7 @@ class VectorKind(NamedTuple):
     parts : tuple of str
         The names of the components.
     unit : str
-        Of each component, in a model with units.
+        Unit of each component, in a model with units.
     """
 
     parts: tuple[str, ...]

@@ -46,7 +46,7 @@ class Animation(NamedTuple):
     speed : float
         Seconds of the motion per second.
     frames : int
-        Of a film; in a page, the samples that it holds.
+        Frames of a film; in a page, the samples that it holds.
     notes : tuple of str
         What the reader should know of the run.
     """
@@ -117,7 +117,7 @@ def animate(
     fps : float, optional
         Frames per second of a film; 25 for GIF, 50 for MP4.
     size : (width, height), optional
-        Of a film, pixels; 640 by 480.
+        Size of a film, pixels; 640 by 480.
     forces : bool
         Whether the arrows of constraint forces are shown; in a page, at first.
     force : bool

@@ -81,7 +81,7 @@ def write_gif(
     ----------
     draw : callable
     times : sequence of float
-        Of the frames, s.
+        Times of the frames, s.
     fps : float
         Frames per second. GIF counts in hundredths of a second: single frames are rounded to
         them, the film as a whole is not.
@@ -150,7 +150,7 @@ def write_mp4(
     draw : callable
         Its frames have even width and height.
     times : sequence of float
-        Of the frames, s.
+        Times of the frames, s.
     fps : float
     file : binary file
     reached : callable

@@ -43,12 +43,12 @@ def plot_analysis(
     Parameters
     ----------
     content : mapping
-        Of ``lagcli equilibrium --along``, ``lagcli modes`` or ``lagcli compare``.
+        Content of ``lagcli equilibrium --along``, ``lagcli modes`` or ``lagcli compare``.
     names : sequence of str
         Coordinates, velocities and multipliers of branches; by default those that change.
     target : FigureTarget
     units : mapping of str to str, optional
-        Of coordinates, parameters and, by the names of columns, λ, for the axes.
+        Units of coordinates, parameters and, by the names of columns, λ, for the axes.
 
     Raises
     ------

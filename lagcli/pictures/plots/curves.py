@@ -50,7 +50,7 @@ class Curve(NamedTuple):
     name : str
         As the user writes it, and as a CSV file's column is called.
     field : str
-        Of `Samples`; an output is ``outputs/NAME``.
+        Field of `Samples`; an output is ``outputs/NAME``.
     place : tuple of int
         Where it is in the field after the time; of ``constraint_force_by``, constraint and
         coordinate.
@@ -256,10 +256,10 @@ def look(names: Notation | None, name: str, dots: int = 0) -> str:
     Parameters
     ----------
     names : Notation or None
-        Of the model; without it, the name is written as columns are called.
+        Names of the model; without it, the name is written as columns are called.
     name : str
     dots : int
-        Of the derivative with respect to time.
+        Dots of the derivative with respect to time.
     """
     letter, _ = split(name)
     typed = raw(str(ColumnName("qva"[dots], "", name)))

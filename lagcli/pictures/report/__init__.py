@@ -25,7 +25,7 @@ class Report(NamedTuple):
     size : int
         Bytes.
     samples : int or None
-        Of the run; none of an analysis.
+        Samples of the run; none of an analysis.
     notes : tuple of str
         What the reader should know of the run.
     """
@@ -73,8 +73,8 @@ def report(
     model : path, optional
         A model file in place of the text that the result holds: the same model, with another view.
     modes : str, optional
-        Of a run: add the modes of its model about its ``start``, the ``equilibrium`` next to it, or
-        its state at a time, s; their plot needs matplotlib.
+        Modes of a run: add the modes of its model about its ``start``, the ``equilibrium`` next to
+        it, or its state at a time, s; their plot needs matplotlib.
     force : bool
         Replace an existing file.
 

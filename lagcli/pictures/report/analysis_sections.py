@@ -51,7 +51,7 @@ def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> li
     content : mapping
         As ``--json`` prints it.
     units : mapping of str to str
-        Of coordinates, and of λ by the names of columns.
+        Units of coordinates, and of λ by the names of columns.
     """
     match content["command"]:
         case "modes":

@@ -45,9 +45,9 @@ class ReportCurve(NamedTuple):
     label : str
         As people write it; an underscore begins a subscript.
     field : str
-        Of `Samples`, or ``outputs/NAME``.
+        Field of `Samples`, or ``outputs/NAME``.
     place : tuple of int
-        Of the values in a sample of that field.
+        Place of the values in a sample of that field.
     scale : float
         By which the values are divided.
     """
@@ -78,7 +78,7 @@ class Plot:
     least : float, optional
         Curves that nowhere exceed it in magnitude are left out.
     symbol : str
-        Of the upright axis; by default the labels of the curves.
+        Symbol of the upright axis; by default the labels of the curves.
     """
 
     title: str
@@ -119,7 +119,7 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
     ----------
     run : Run
     names : Names
-        Of its model.
+        Names of its model.
 
     Returns
     -------

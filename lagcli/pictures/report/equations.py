@@ -78,7 +78,7 @@ class EquationSystem:
     ----------
     run : DescribedSystem
     formulas : Formulas
-        Of its model.
+        Formulas of its model.
     """
 
     def __init__(self, run: DescribedSystem, formulas: Formulas):

@@ -75,7 +75,7 @@ class Drag:
     simulation : Simulation
         The configuration is sought at its start time.
     view : View
-        Of its model.
+        View of its model.
     weights : mapping of str to float
         The point: a weighted mean of points of the view, such as a place on a rod.
     q : (nq,) array

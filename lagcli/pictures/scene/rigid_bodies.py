@@ -31,9 +31,9 @@ class RigidBody(NamedTuple):
     fixed : dict of str to positions
         Points of the model that are fixed in the body, by name.
     corners : dict of str to positions
-        Of its box.
+        Corners of its box.
     edges : tuple of Segment
-        Of the box, between its corners.
+        Edges of the box, between its corners.
     """
 
     centre: str

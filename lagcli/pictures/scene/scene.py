@@ -79,7 +79,7 @@ class DrawnFlashes(NamedTuple):
     Parameters
     ----------
     name : str
-        Of the constraint.
+        Name of the constraint.
     times : (n,) array
         s.
     at : tuple of (n,) arrays
@@ -118,7 +118,7 @@ class Scene:
     labels : dict of str to str
         Texts by points.
     unit : str
-        Of the points; empty where the model states no units.
+        Unit of the points; empty where the model states no units.
     flashes : tuple of DrawnFlashes
     """
 

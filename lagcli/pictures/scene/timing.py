@@ -96,8 +96,9 @@ def timing(
     speed : float, optional
         Seconds of the motion per second.
     duration : float, optional
-        Of the animation, s; in place of the speed. Without both it is real time, but for motions
-        shorter than a second, which are slowed down, and longer than a minute, which are sped up.
+        Duration of the animation, s; in place of the speed. Without both it is real time, but for
+        motions shorter than a second, which are slowed down, and longer than a minute, which are
+        sped up.
 
     Raises
     ------

@@ -141,7 +141,7 @@ class ViewEvaluator:
         columns : mapping of str to arrays
             The fields of `Samples` that ``needs`` names.
         terms : Terms
-            Of ``constraint_force_by``.
+            Terms of ``constraint_force_by``.
         parameters : mapping of str to float, optional
             In SI; by default those of the model. Structural ones must be the model's.
 

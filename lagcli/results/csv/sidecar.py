@@ -53,7 +53,7 @@ def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
     Parameters
     ----------
     record : Record
-        Of the run.
+        Record of the run.
     contents : mapping
         What the CSV file holds: ``csv_sha256``, by which the two are known to belong together,
         ``samples`` (their number), and the names of ``coordinates``, ``constraints``, ``outputs``.

@@ -41,11 +41,11 @@ def titles(
     coordinates, constraints, outputs : sequence of str
         Names, in the model's order.
     terms : sequence of (constraint, coordinate)
-        Of the constraint forces.
+        Terms of the constraint forces.
     conserved : sequence of str
         Names of the conserved quantities.
     parameters : sequence of str
-        Of the derivatives.
+        Parameters of the derivatives.
 
     Returns
     -------

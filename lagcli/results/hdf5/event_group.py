@@ -45,10 +45,10 @@ def write_events(
     Parameters
     ----------
     root : h5py.Group
-        Of the file.
+        Root of the file.
     log : EventLog
     time : (nt,) array
-        Of the samples.
+        Time of the samples.
     axes : mapping of str to dataset
         ``time``, ``coordinate`` and ``constraint`` of the file, and ``parameter`` if it has that.
     """

@@ -81,7 +81,7 @@ class OutputDatasets:
     ----------
     families : list of OutputFamily
     names : tuple of str
-        Of all outputs, in order.
+        Names of all outputs, in order.
 
     Raises
     ------

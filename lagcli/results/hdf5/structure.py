@@ -68,7 +68,7 @@ def read_quantity(
     root : h5py.Group
     quantity : ResultQuantity
     lengths : mapping of str to int
-        Of its axes, by their names.
+        Lengths of its axes, by their names.
     rows : slice
 
     Raises

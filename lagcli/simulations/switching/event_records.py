@@ -32,7 +32,7 @@ def event_records(
     derived : DerivedColumns
         That has completed the samples of the run; it is not changed.
     limits : sequence of OneSidedLimits
-        Of the events that record something.
+        Limits of the events that record something.
     rules : sequence of EventRule
         That of each of the limits.
     """

@@ -60,7 +60,7 @@ def write_sweep(
     path : str
     prepared : PreparedSweep
     results : iterable of Results
-        Of all rows; later ones of a row replace earlier ones.
+        Results of all rows; later ones of a row replace earlier ones.
     facts : mapping
         Root attributes beside those that follow from the others; what is no text is JSON.
     force : bool

@@ -84,7 +84,7 @@ class Cluster:
         Yields
         ------
         Results
-            Of each row once. A row that ends the processes that run it is a failed one.
+            Results of each row once. A row that ends the processes that run it is a failed one.
 
         Raises
         ------

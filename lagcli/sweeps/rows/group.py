@@ -41,9 +41,9 @@ class FinishedRuns(NamedTuple):
         How each ended, or why it did not begin.
     parameters : (k, np) array
     rank : int
-        Of B at the starts.
+        Rank of B at the starts.
     changes : sequence of (int, tuple of float)
-        Of one run alone: samples from which events give other values to its parameters.
+        Changes of one run alone: samples from which events give other values to its parameters.
     """
 
     places: Indices
@@ -258,7 +258,7 @@ class RowGroup:
         given : (columns,) array
             Its varied values, in SI.
         values : Values
-            Of all rows.
+            Values of all rows.
         check_cancelled : callable
             As for `run`.
         """

@@ -65,7 +65,8 @@ class Measuring:
     Attributes
     ----------
     reductions : list of Reduction
-        Of all measures, each once: their signals, in this order, are what it is called with.
+        Reductions of all measures, each once: their signals, in this order, are what it is called
+        with.
     count : int
         m.
     """

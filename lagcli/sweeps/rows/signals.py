@@ -80,7 +80,7 @@ class Signals:
         parameters : (runs, np) array
             At the first sample.
         changes : sequence of (int, tuple of float), optional
-            Of one run alone: samples from which events give other values to the parameters.
+            Changes of one run alone: samples from which events give other values to the parameters.
         """
         runs, count = samples.shape[:2]
         before = np.zeros(runs)

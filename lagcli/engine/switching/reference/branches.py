@@ -39,9 +39,9 @@ class Branches:
     ----------
     frozen : FrozenSystem
     full : Evaluator
-        Of its System; its parameters end with the branches, which are changed there.
+        Full of its System; its parameters end with the branches, which are changed there.
     span : float
-        Of the run, s.
+        Span of the run, s.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Branches:
         Parameters
         ----------
         values : (nk,) array
-            Of `values`.
+            Values of `values`.
         k : int
         upwards : bool
         """

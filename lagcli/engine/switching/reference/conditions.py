@@ -25,7 +25,7 @@ class Conditions:
     numbers : list of int
         The rules that have conditions.
     side : (n,) array of int
-        Of each condition: −1 not true, 1 true, 0 neither certainly.
+        Side of each condition: −1 not true, 1 true, 0 neither certainly.
     counts : list of int
         How often each rule has fired.
     largest : (n,) array

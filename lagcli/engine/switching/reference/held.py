@@ -17,7 +17,7 @@ class HeldEvaluator(Evaluator):
     Parameters
     ----------
     full : Evaluator
-        Of the System with all its constraints.
+        Full of the System with all its constraints.
     rows : sequence of int
         The constraints that hold, increasing.
 

@@ -81,7 +81,7 @@ class InstantProblems:
         Gap below which a contact counts as closed, of its scale.
     law : ImpactLaw
     duration : float
-        Of the run, s.
+        Duration of the run, s.
 
     Attributes
     ----------

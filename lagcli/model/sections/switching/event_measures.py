@@ -26,7 +26,7 @@ class EventMeasure(NamedTuple):
     kind : "count", "time_of" or "impulse"
         How often it happened, when it did first, or the sum of the impulses of a constraint.
     name : str
-        Of the constraint or event.
+        Name of the constraint or event.
     occurrence : str
         As the log has it; none of "impulse".
     """
