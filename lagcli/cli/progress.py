@@ -40,7 +40,7 @@ class _Bar:
             progress.BarColumn(),
             *map(progress.TextColumn, texts),
             progress.TimeRemainingColumn(),
-            # a file of its own: the stream shows the bar's commands to the terminal as text
+            # its own file: the stream shows the bar's commands to the terminal as text
             console=Console(file=self.file, no_color=not self.color or None),
             transient=True,
         )

@@ -16,7 +16,7 @@ Command = Callable[..., int | None]
 
 
 def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Command], Command]:
-    """Give a command options in place of its keyword parameter ``settings``.
+    """Give a command options instead of its keyword parameter ``settings``.
 
     The command is called with the `SettingsOverrides` that they make.
 

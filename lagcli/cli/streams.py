@@ -41,7 +41,7 @@ def visible(text: str) -> str:
 
 
 def visible_json(text: str) -> str:
-    """Return JSON with JSON's own escapes in place of what a terminal would not show."""
+    """Return JSON with JSON's own escapes instead of what a terminal would not show."""
     return re.sub(_UNSEEN, lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
@@ -91,7 +91,7 @@ def set_up() -> None:
     """Make the standard streams usable, whatever they are connected to.
 
     One that is closed is opened to nowhere, so that no file of ours gets its number. What standard
-    error refuses is dropped: the exit status says the same. What standard output refuses raises
+    error rejects is dropped: the exit status says the same. What standard output rejects raises
     `FileError`.
     """
     for number in range(3):
@@ -199,9 +199,9 @@ def _command(stream: TextIO, colour: Colour) -> None:
 
 
 def has_colour(stream: TextIO, refused: bool = False) -> bool:
-    """Whether text on a stream may be coloured: on a terminal, unless it is refused.
+    """Whether text on a stream may be coloured: on a terminal, unless colours are disabled.
 
-    The environment refuses colours by NO_COLOR (no-color.org) or TERM=dumb.
+    The environment disables colours by NO_COLOR (no-color.org) or TERM=dumb.
     """
     if refused or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False

@@ -150,13 +150,13 @@ class IntegrationRequest(NamedTuple):
         What a run with other values was made ready by: it is taken where this one needs the same.
         Compiled engine only.
     on_event : callable, optional
-        Event → Reaction; without it, events are not looked for.
+        Event → Reaction; without it, events are not searched for.
     on_parameters : callable, optional
         Called with the values of all parameters when an event sets some, after the samples before
         were emitted.
     breaks : (nb,) array
         Times at which the right side is not smooth, increasing, s: steps end there, the integration
-        begins anew, and a sample at such a time is that of what follows. The knots of the System's
+        restarts, and a sample at such a time is that of what follows. The knots of the System's
         functions of time are added by the engine: see `breaks_of`.
     """
 

@@ -15,7 +15,7 @@ from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
-#: Powers of ten that the change of a constraint is looked for in: beyond, its terms are rounding.
+#: Powers of ten that the change of a constraint is searched for in: beyond, its terms are rounding.
 _DECADES = 20
 
 
@@ -199,7 +199,7 @@ class Evaluator:
         """Return the change of the coordinates that changes a constraint by an amount.
 
         In sizes, by powers of ten from the least. The size of the coordinates themselves is none
-        where they are zero but for rounding, while l in x + l cos φ = l is not.
+        where they are zero except for rounding, while l in x + l cos φ = l is not.
         """
         for far in least * 10.0 ** np.arange(_DECADES):
             beside = self.constraints(t, q + far * apart(sizes), v)

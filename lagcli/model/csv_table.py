@@ -100,7 +100,7 @@ class CsvTable:
         ----------
         name : str
         unit : str or None
-            A valid unit, in place of the one in the title.
+            A valid unit, instead of the one in the title.
 
         Raises
         ------

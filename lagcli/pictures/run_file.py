@@ -30,7 +30,7 @@ class RunFile:
     source : path or Trajectory
         A result file, HDF5 or CSV, or a run in memory.
     model : path, optional
-        A model file in place of the text that the result holds: the same model, with another view.
+        A model file instead of the text that the result holds: the same model, with another view.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ HEADERS = {
 class Access:
     """The rules of one server.
 
-    A page of another site can make a browser send requests here, even under a name of its own that
+    A page of another site can make a browser send requests here, even under its own name that
     leads to 127.0.0.1 (DNS rebinding). It neither knows the token nor can it give our Host and
     Origin.
 
@@ -63,7 +63,7 @@ class Access:
         return f"http://{HOST}:{self.port}/{self.token}/"
 
     def status(self, request: web.Request) -> int:
-        """Return 200 for a request that is answered, else the status of its refusal."""
+        """Return 200 for a request that is answered, else the status of its rejection."""
         if request.headers.getall("Host", []) not in [[host] for host in self._hosts]:
             return 403
         # OPTIONS may ask for *, and CONNECT for no path at all
@@ -77,7 +77,7 @@ class Access:
         return 200
 
     def middleware(self) -> Any:
-        """Return the middleware that refuses requests; a refusal has only a status."""
+        """Return the middleware that rejects requests; a rejection has only a status."""
 
         @web.middleware
         async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -32,7 +32,7 @@ class _Superseded(Interruption):
 
 
 class Client(threading.Thread):
-    """Runs the requests of one client in a thread of its own.
+    """Runs the requests of one client in its own thread.
 
     Parameters
     ----------

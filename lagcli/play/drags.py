@@ -20,7 +20,7 @@ from lagcli.trajectory.trajectory import joined
 
 #: Digits of initial values; fixed ones satisfy the constraints as far as a start accepts it.
 _DIGITS = 13
-#: Of the largest value: what is 0 but for rounding.
+#: Of the largest value: what is 0 except for rounding.
 _ZERO = 1e-14
 
 

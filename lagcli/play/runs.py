@@ -62,7 +62,7 @@ class PlayRequest:
     members : str
         The numbers of members that the page has controls for; see `Played.members`.
     drag : DragRequest, optional
-        A body is moved: the answer has initial values in place of a run.
+        A body is moved: the answer has initial values instead of a run.
     """
 
     number: int = 0
@@ -212,7 +212,7 @@ class Played:
         }
 
     def _adapt(self, given: Mapping[str, str]) -> None:
-        """Derive the equations anew where the number of members changes."""
+        """Derive the equations again where the number of members changes."""
         started = self._started
         wanted = {n: x for n, x in given.items() if n in started.structural_parameters}
         if {**started.set, **wanted} == self.model.set:

@@ -67,7 +67,7 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     Raises
     ------
     FileError
-        As `check_writable`; or the disk is full, or the system refuses for another reason. An
+        As `check_writable`; or the disk is full, or the system rejects for another reason. An
         ``OSError`` out of the block counts as one of this file.
     """
     target, hidden = _names(path, force)
@@ -153,7 +153,7 @@ def _open_hidden(hidden: str) -> BinaryIO:
 
 
 def _name_unnamed(file: BinaryIO, hidden: str, target: str, force: bool) -> bool:
-    """Give the unnamed file its name; return False where the system refuses to link it."""
+    """Give the unnamed file its name; return False where the system rejects to link it."""
     source = f"/proc/self/fd/{file.fileno()}"
     try:
         _link_followed(source, target)

@@ -215,7 +215,7 @@ def write(
         The file exists and ``force`` is false, or it cannot be written; standard output takes no
         more (a full disk). A closed pipe remains a ``BrokenPipeError``.
     UsageError
-        The suffix is unknown, or a sidecar is asked for with standard output.
+        The suffix is unknown, or a sidecar is requested with standard output.
     """
     check_target(output, force, meta)
     with open_writer(output, force, meta) as writer:

@@ -219,7 +219,7 @@ def from_number(value: float | str | None) -> float:
 
 
 def model_name(text: str) -> str | None:
-    """Return the model's ``name:`` if it stands on a line of its own, without reading YAML."""
+    """Return the model's ``name:`` if it stands on its own line, without reading YAML."""
     return _stated(text, "name")
 
 

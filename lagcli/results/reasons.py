@@ -15,7 +15,7 @@ def exists(path: str) -> FileError:
 
 
 def write_failure(path: str, error: OSError) -> FileError:
-    """Return the error for a write that the system refused."""
+    """Return the error for a write that the system rejected."""
     folder = os.path.dirname(path) or "."
     match error.errno:
         case errno.EEXIST:

@@ -119,7 +119,7 @@ METHODS = {
         ),
     )
 }
-#: What may be asked for.
+#: What may be requested.
 METHOD_NAMES = ("auto", *METHODS)
 
 

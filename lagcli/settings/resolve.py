@@ -22,7 +22,7 @@ def resolve(*levels: SettingsOverrides) -> Settings:
     Raises
     ------
     UsageError
-        A value is out of its range, or no engine can do what is asked for.
+        A value is out of its range, or no engine can do what is requested.
     """
     chosen = SettingsOverrides()
     for level in (*levels, DEFAULTS):
@@ -61,7 +61,7 @@ def compiled_available() -> bool:
 
 
 def _check_engine(settings: Settings) -> None:
-    """Raise SettingError where the engine cannot do what is asked for."""
+    """Raise SettingError where the engine cannot do what is requested."""
     method, formulation = settings.method, settings.formulation
     compiled = methods_of("compiled")
     if settings.engine != "compiled":

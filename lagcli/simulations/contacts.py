@@ -55,15 +55,15 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
 
 
 def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -> None:
-    """Refuse what is defined for a model alone whose constraints hold at all times.
+    """Reject what is defined for a model alone whose constraints hold at all times.
 
     Parameters
     ----------
     equations : Equations
     what : str
-        What is asked for, in the plural.
+        What is requested, in the plural.
     nonlinear : bool
-        Whether constraints that are nonlinear in the velocities are refused too.
+        Whether constraints that are nonlinear in the velocities are rejected too.
 
     Raises
     ------

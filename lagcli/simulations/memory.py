@@ -1,4 +1,4 @@
-"""How much memory there is, so that a run that cannot fit is refused before it starts."""
+"""How much memory there is, so that a run that cannot fit is rejected before it starts."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def monitor_of(equations: Equations) -> Monitor:
 
     The energy balance shows the drift of the energy already. To find the quantities takes a few per
     cent of the time before the first step; in a large model only coordinates that occur nowhere are
-    looked for.
+    searched for.
     """
     eq = equations
     quantities = monitored_quantities(eq)

@@ -175,7 +175,7 @@ class Sensitivity:
         return any(kink.timed for kink in frozen.kinks) or bool(jumping_names(system, start))
 
     def start(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
-        """Return the derivatives of a consistent start with respect to θ / scale.
+        """Return the derivatives of a consistent initial state with respect to θ / scale.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ class Sensitivity:
         return self.problem.integrate(request, start, parameters, sink, progress)
 
     def consistent(self, given: State, near: ConsistentState | None = None) -> ConsistentState:
-        """Return the consistent start for given values.
+        """Return the consistent initial state for given values.
 
         Parameters
         ----------

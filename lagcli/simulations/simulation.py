@@ -77,7 +77,7 @@ def simulate(
     progress : callable, optional
         Called with the time reached, s, after each step.
     **options
-        Settings by name, in place of ``settings``.
+        Settings by name, instead of ``settings``.
 
     Returns
     -------

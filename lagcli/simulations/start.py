@@ -148,7 +148,7 @@ class ModelStart:
 
 
 def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
-    """Count the degrees of freedom of a model by the rank of B at its consistent start.
+    """Count the degrees of freedom of a model by the rank of B at its consistent initial state.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
     Returns
     -------
     DegreesOfFreedom
-        Its rank is None where there is no consistent start.
+        Its rank is None where there is no consistent initial state.
     """
     return ModelStart(equations).freedom
 
@@ -273,7 +273,7 @@ def _no_gradient(model: Model, constraints: list[str]) -> NumericalError:
 
 
 def _check_inertia(equations: Equations, system: System, start: ConsistentState) -> None:
-    """Refuse a motion that the constraints allow and no inertia resists."""
+    """Reject a motion that the constraints allow and no inertia resists."""
     state = start.state
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     if not d.finite:

@@ -126,14 +126,14 @@ def sweep(
     strict : bool
         Count rows as failed whose energy balance, residuals or inertia `simulate` warns of.
     force : bool
-        Replace an existing file, and begin anew.
+        Replace an existing file, and restart.
     progress : callable, optional
         Called with the numbers of rows that are done and of all.
     executor : callable, optional
         Runs the rows elsewhere than on this machine.
     settings : SettingsOverrides, optional
     **options
-        Settings by name, in place of ``settings``.
+        Settings by name, instead of ``settings``.
 
     Returns
     -------

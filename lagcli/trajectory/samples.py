@@ -235,7 +235,7 @@ class Record:
     seconds : mapping of str to float
         Time spent by phase.
     initial_correction : mapping of str to (float, float)
-        What the consistent start moved: name → (value before, value after).
+        What the consistent initial state moved: name → (value before, value after).
     tolerances : mapping of str to float
         The absolute tolerance of each coordinate and velocity (``phi'``) at the end of the run.
     warnings : tuple of str

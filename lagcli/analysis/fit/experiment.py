@@ -216,7 +216,7 @@ def experiments_of(
 
 
 def _refuse_changed(model: Model, expressions: Sequence[se.Basic]) -> None:
-    """Refuse observed quantities that depend on parameters to which events give values."""
+    """Reject observed quantities that depend on parameters to which events give values."""
     changed = {name for event in model.events for name in event.action.set} & {*model.parameters}
     for expression in expressions:
         names = sorted(changed & {symbol.name for symbol in expression.free_symbols})

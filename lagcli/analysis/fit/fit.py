@@ -62,7 +62,7 @@ def fit(
     progress : callable, optional
         Called with the number of searches that have ended and of all.
     **options
-        Settings by name, in place of ``settings``.
+        Settings by name, instead of ``settings``.
 
     Returns
     -------

@@ -145,7 +145,7 @@ class Problem:
 
         def jacobian(x: Array) -> Array:
             found = self.evaluate(at(x))
-            assert found is not None  # asked for at accepted points alone
+            assert found is not None  # requested at accepted points alone
             return found.jacobian[:, free] * scales
 
         found = least_squares(

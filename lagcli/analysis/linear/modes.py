@@ -204,14 +204,14 @@ class ReducedMatrices(NamedTuple):
 
     @property
     def symmetric(self) -> bool:
-        """Whether K is symmetric but for rounding errors."""
+        """Whether K is symmetric except for rounding errors."""
         size = np.abs(self.stiffness).max(initial=0.0)
         difference = np.abs(self.stiffness - self.stiffness.T).max(initial=0.0)
         return bool(difference <= _ROUNDING * size)
 
     @property
     def undamped(self) -> bool:
-        """Whether D vanishes but for rounding errors."""
+        """Whether D vanishes except for rounding errors."""
         return not (np.abs(self.damping) > _ROUNDING * self.damping_scale).any()
 
 

@@ -30,9 +30,9 @@ def find_operating_point(
     Raises
     ------
     UsageError
-        Two points are asked for, or a velocity cannot be held.
+        Two points are requested, or a velocity cannot be held.
     ModelError, NumericalError
-        There is no consistent start, no equilibrium, or the run does not reach the time.
+        There is no consistent initial state, no equilibrium, or the run does not reach the time.
     """
     if at is not None and (equilibrium or steady):
         raise UsageError(

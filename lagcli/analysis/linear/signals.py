@@ -87,7 +87,7 @@ class Inputs:
 
 
 def _check_parameter(eq: Equations, name: str, follower: str) -> None:
-    """Refuse a parameter whose changes in time are more than changes of forces."""
+    """Reject a parameter whose changes in time are more than changes of forces."""
     import symengine as se
 
     symbol = se.Symbol(follower)

@@ -57,7 +57,7 @@ class LocalEquations:
 
     @cached_property
     def start(self) -> ConsistentState:
-        """The consistent start; ModelError or NumericalError without one."""
+        """The consistent initial state; ModelError or NumericalError without one."""
         return find_start(self.equations, self.system, self.t)
 
     @cached_property

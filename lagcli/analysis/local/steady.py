@@ -24,9 +24,9 @@ ACCEPTED, REACHED = 1e-10, 1e-15
 _ITERATIONS, _RELAXATIONS = 60, 200
 #: Of the terms' magnitudes: residuals at which Newton's method takes over.
 _NEAR = 1e-4
-#: Of the coordinates' lengths: what is zero but for rounding.
+#: Of the coordinates' lengths: what is zero except for rounding.
 _ROUNDING = 1e-14
-_BESIDE = 1e-2  # of these lengths: where other roots of a set are looked for
+_BESIDE = 1e-2  # of these lengths: where other roots of a set are searched for
 #: Of the applied forces: constraint forces at which a configuration is taken for singular.
 _STRAINED = 1e6
 

@@ -72,7 +72,7 @@ def nearest_steady_state(local: LocalEquations, steady: Mapping[str, float]) -> 
     UsageError
         A velocity cannot be held.
     ModelError, NumericalError
-        There is no consistent start, or no equilibrium is found.
+        There is no consistent initial state, or no equilibrium is found.
     """
     problem = SteadyProblem(local, held_velocities(local, steady))
     q = local.start.state.q

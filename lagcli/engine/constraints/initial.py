@@ -22,7 +22,7 @@ Level = Literal["position", "velocity"]
 ACCEPTED = 1e-10
 REACHED = 1e-15  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
-_LARGE = 60  # unknowns from which regularity is first looked for by sparse elimination
+_LARGE = 60  # unknowns from which regularity is first searched for by sparse elimination
 REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
 #: Where all that a guess has is to vanish, residuals are judged by this part of the guess's scale.
 OF_GUESS = 1e-5

@@ -53,7 +53,7 @@ class StartSearch:
 
     def __init__(self, system: System):
         self.system = system
-        # each row has parameters of its own
+        # each row has its own parameters
         self.tables = tuple(
             binding.BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
             for tape in (system.constraint, system.dynamics)

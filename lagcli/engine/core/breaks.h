@@ -1,4 +1,4 @@
-/* Breaks: times at which the right side is not smooth. Steps end there, and the next one begins anew. */
+/* Breaks: times at which the right side is not smooth. Steps end there, and the next one restarts. */
 #ifndef LAGCLI_BREAKS_H
 #define LAGCLI_BREAKS_H
 
@@ -13,7 +13,7 @@ void lag_renew_tapes(lag_run *run);
 /* Whether the last step ended at a break that is not passed yet. */
 int lag_at_break(const lag_run *run);
 
-/* Go on beyond it, with the right side as it is there. The size of the next step is chosen anew where
+/* Go on beyond it, with the right side as it is there. The size of the next step is chosen again where
  * y' jumps. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_pass_break(lag_run *run);
 

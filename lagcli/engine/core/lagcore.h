@@ -49,7 +49,7 @@ typedef struct {
     int nm, nb;                        /* entries of M and of B */
     const int32_t *mass_row, *mass_column;         /* nm */
     const int32_t *jacobian_row, *jacobian_column; /* nb */
-    const int32_t *unit;               /* nq: the first coordinate that has the same unit for certain */
+    const int32_t *unit;               /* nq: the first coordinate that has the same unit with certainty */
     lag_program constraint;            /* of (t, q, v, p): phi, entries of B, b_0, scales of phi and psi, psi */
 } lag_equations;
 
@@ -192,7 +192,7 @@ typedef struct {
     const double *y;                   /* 2 nq + 1 */
     const int *mode, *active;          /* rows */
     const double *gap, *speed, *force; /* rows: phi, psi, z, each by the row's sign */
-    double gained;                     /* energy by the last impact, refused ... */
+    double gained;                     /* energy by the last impact, rejected ... */
     int rubbed, alike;                 /* ... whether it had friction, contacts of one restitution */
     const int *takes_part;             /* rows: in the last impact */
     double margin;                     /* how unique the forces are while something slips: 0 of a jam */
@@ -288,7 +288,7 @@ int lag_use_breaks(lag_run *run, const double *times, long count);
 int lag_use_functions(lag_run *run, const lag_function *functions, int count);
 /*
  * Let rows switch, and look for conditions. Where lag_start or lag_advance returns LAG_HAPPENED, the
- * instant waits: conditions that have happened are asked for once, the state, rows and parameters may be changed by
+ * instant waits: conditions that have happened are requested once, the state, rows and parameters may be changed by
  * the functions below, and the next call goes on with the instant.
  */
 int lag_use_switching(lag_run *run, const lag_switching_rules *rules);
@@ -334,7 +334,7 @@ void lag_limit(lag_run *run, double h_max);
 /* Continue from another state; lag_start must follow. */
 void lag_move(lag_run *run, double t, const double *y, long times_next);
 
-/* Find anew what accelerations are made of, after a change of how they are found: sizes.h. Returns
+/* Find again what accelerations are made of, after a change of how they are found: sizes.h. Returns
  * LAG_RUNNING or LAG_UNDEFINED. */
 int lag_sizes_again(lag_run *run);
 

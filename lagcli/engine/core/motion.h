@@ -5,7 +5,7 @@
 #include "solution.h"
 
 #define ACCURATE 0.1        /* of rtol: what the residual of the equations may be, row by row */
-#define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is asked for */
+#define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is requested */
 #define MOST_ACCURATE 1e-12
 #define DAMPED 1e-15        /* of a constraint's terms: residuals up to this are rounding errors */
 #define NEXT_TO_ALL 1e-4    /* of the largest row: what a row of small terms is compared with */

@@ -42,7 +42,7 @@
 /* Find what the accelerations at (t, y, f), where the run starts, are made of, and will be: A, R. */
 void lag_sizes_start(lag_run *run);
 
-/* Find A anew where the linear system is solved in another way from here on. Returns LAG_RUNNING, or
+/* Find A again where the linear system is solved in another way from here on. Returns LAG_RUNNING, or
  * LAG_UNDEFINED. */
 int lag_sizes_again(lag_run *run);
 

@@ -200,7 +200,7 @@ static void add_blocks(const lag_run *run, int first, int end, const double *fro
         to[i] += from[i];
 }
 
-/* Solve with the last factors in place of the right side of one block; not by the dense solution. */
+/* Solve with the last factors instead of the right side of one block; not by the dense solution. */
 static void substitute_block(lag_run *run, double *x)
 {
     const lag_elimination *ldl = &run->factors.plan;

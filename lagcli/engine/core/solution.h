@@ -21,7 +21,7 @@ double lag_least_dense_pivot(const lag_run *run);
  * that is finite if x is. */
 double lag_correction(lag_run *run, const double *rhs, double *x);
 
-/* (B M^-1 B')^-1 x (nc of the motion) in place of x, by the last factors: the multipliers that go with constraints'
+/* (B M^-1 B')^-1 x (nc of the motion) instead of x, by the last factors: the multipliers that go with constraints'
  * accelerations. Not by those of a bordered matrix. */
 void lag_oppose(lag_run *run, double *x);
 

@@ -16,7 +16,7 @@ void lag_restart(lag_run *run);
 /* The last step's dense output, n values. */
 void lag_dense(lag_run *run, double t, double *y);
 
-/* The same, rounded otherwise: quick where it is asked for many times in one step. */
+/* The same, rounded otherwise: quick where it is requested many times in one step. */
 void lag_dense_often(lag_run *run, double t, double *y);
 
 #endif

@@ -12,7 +12,7 @@ typedef struct {
     const int32_t *mass_row, *mass_column;         /* nm each */
     const int32_t *jacobian_row, *jacobian_column; /* nb each */
     const int32_t *mass_diagonal;      /* nq: M's entries on its diagonal; -1: zero */
-    const int32_t *unit;               /* nq: the first coordinate that has the same unit for certain */
+    const int32_t *unit;               /* nq: the first coordinate that has the same unit with certainty */
     lag_tape dynamics, constraint;     /* their outputs lie as layout.h says */
     int blocks;                        /* the motion, and its derivatives in each direction */
     int complete;                      /* whether the unrolled dynamics have the solution of all blocks */

@@ -51,7 +51,7 @@ class Methods:
     Raises
     ------
     ValueError
-        An implicit method is asked for, and the System has no derivatives.
+        An implicit method is requested, and the System has no derivatives.
 
     Attributes
     ----------
@@ -60,8 +60,8 @@ class Methods:
         The steps that each method has taken.
     changes : list of (float, str)
         When the run went on with which implicit method, s; without trials in vain.
-    refused : str
-        Why another method runs than the one asked for, for the user.
+    rejected : str
+        Why another method runs than the one requested, for the user.
     """
 
     def __init__(self, core: Any, system: System, request: IntegrationRequest, no_series: str = ""):

@@ -2,7 +2,7 @@
 
 Each mode is a phase of the integration with its own right-hand side and projection. In every
 step the functions that end the mode are watched; where one falls through zero, the instant is
-resolved, and the integration begins anew.
+resolved, and the integration restarts.
 """
 
 from __future__ import annotations

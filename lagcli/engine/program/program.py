@@ -39,9 +39,9 @@ class Program(NamedTuple):
     prelude, main : int32 arrays
         Streams; the prelude is run once.
     deferred : tuple of int32 arrays
-        Streams for the outputs that are asked for apart, run after ``main`` when they are needed.
+        Streams for the outputs that are requested apart, run after ``main`` when they are needed.
     output_subsets : tuple of int32 arrays
-        Streams for the outputs that are asked for without the rest, run in place of ``main``; for
+        Streams for the outputs that are requested without the rest, run instead of ``main``; for
         those that are in ``deferred``, what these go on from.
     registers : (n,) array
         The register file before the prelude: inputs (zero), constants.
@@ -72,7 +72,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
     families : sequence of str or None
         Labels of inputs: those that are alike have the same.
     long : int
-        Operations from which vectors are looked for.
+        Operations from which vectors are searched for.
     """
     fixed = tape.inputs + len(tape.constants)
     of = _part_of_outputs(tape)
@@ -106,7 +106,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
 
 
 def _part_of_outputs(tape: Tape) -> list[int]:
-    """Return the part that each output belongs to: 0, or that which it is asked for with."""
+    """Return the part that each output belongs to: 0, or that which it is requested with."""
     counts = [len(tape.outputs) - sum(tape.deferred), *tape.deferred]
     return [part for part, count in enumerate(counts) for _ in range(count)]
 
@@ -274,7 +274,7 @@ def allocate(
     Returns
     -------
     nodes, count
-        With places in place of names; the first place after all.
+        With places instead of names; the first place after all.
     """
     last: dict[Any, int] = {}
     own = {x for _, destinations, _ in nodes for x in destinations}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 SHORTEST = 8
 #: What an element of a vector saves, with all operands in progression or one indexed; vectors.
 _SAVED, _SAVED_INDEXED = 0.1, 0.06
-#: How far apart, in order of operands, the first two of a progression are looked for.
+#: How far apart, in order of operands, the first two of a progression are searched for.
 _REACH = 4
 #: The most common differences, of which the best is taken.
 _CANDIDATES = 4
@@ -27,7 +27,7 @@ _MIXED = np.array(
     [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93],
     dtype=np.uint64,
 )
-#: Progressions that are looked for in one set, at most.
+#: Progressions that are searched for in one set, at most.
 _MOST = 60
 
 

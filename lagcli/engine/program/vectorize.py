@@ -27,7 +27,7 @@ from lagcli.engine.tape.operations import Kind, Op
 
 #: What the core does on vectors.
 _ON_VECTORS = {op for op in Op if op.kind is Kind.VECTOR}
-#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
+#: Operations from which vectors are searched for, and the part of them that is to be in vectors.
 LONG, WORTH = 1500, 0.5
 
 

@@ -58,7 +58,7 @@ class Change(NamedTuple):
 
 
 class DirectionalSystem:
-    """The directional derivatives of a System's tapes; each is formed when it is first asked for.
+    """The directional derivatives of a System's tapes; each is formed when it is first requested.
 
     Parameters
     ----------

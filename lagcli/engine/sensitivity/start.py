@@ -1,4 +1,4 @@
-"""The derivatives of a consistent start, by the implicit function theorem.
+"""The derivatives of a consistent initial state, by the implicit function theorem.
 
 Fixed initial values change as they are given to; the others follow from
 
@@ -58,7 +58,7 @@ def start_derivatives(
     fixed_q: Flags,
     fixed_v: Flags,
 ) -> StartDerivatives:
-    """Return the derivatives of a consistent start.
+    """Return the derivatives of a consistent initial state.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def start_derivatives(
         Evaluator of the motion, with the parameters of the start.
     tangent : TangentTapes
     state : State
-        The consistent start.
+        The consistent initial state.
     given : StartDerivatives
         Given of the initial values as they are given, fixed values and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool

@@ -16,7 +16,7 @@ from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
 
-#: Methods of the reference engine, and the one in place of those that it does not have.
+#: Methods of the reference engine, and the one instead of those that it does not have.
 _OWN = tuple(name for name, method in METHODS.items() if "scipy" in method.formulations)
 _METHOD = "DOP853"
 

@@ -251,7 +251,7 @@ class _Normalized:
         # a limit of zero has the same force both ways
         slips = self.limited & (modes != RowMode.HOLDS) & (np.abs(y) > allowed)
         modes[slips] = np.where(y > 0, int(RowMode.FORWARD), int(RowMode.BACKWARD))[slips]
-        y[modes == RowMode.HOLDS] = 0.0  # but for rounding, it is
+        y[modes == RowMode.HOLDS] = 0.0  # except for rounding, it is
         return ContactSolution(
             x * self.unit, y / self.unit, np.where(self._idle(modes), int(RowMode.OPEN), modes)
         )

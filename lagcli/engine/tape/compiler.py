@@ -238,7 +238,7 @@ class _Compiler(Builder):
 
 
 def _key(e: object) -> object:
-    # python's True equals 1, so truth needs keys of its own
+    # python's True equals 1, so truth needs its own keys
     return ("bool", bool(e)) if isinstance(e, _TRUTH) else e
 
 

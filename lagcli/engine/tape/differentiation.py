@@ -23,7 +23,7 @@ def directional(tape: Tape) -> Tape:
     Parameters
     ----------
     tape : Tape
-        x → y; without inputs that are asked for apart.
+        x → y; without inputs that are requested apart.
 
     Returns
     -------

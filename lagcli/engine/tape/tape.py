@@ -29,12 +29,12 @@ class Tape(NamedTuple):
     parameters : int
         Number of inputs that stay the same along a run: the last ones, but for these:
     rhs_inputs : int
-        Number of inputs at the end that only outputs asked for apart depend on.
+        Number of inputs at the end that only outputs requested apart depend on.
     deferred : tuple of int
-        Numbers of outputs, the last ones, that are asked for apart from the others and from each
+        Numbers of outputs, the last ones, that are requested apart from the others and from each
         other: only when they are needed.
     output_subsets : tuple of tuples of int
-        Sets of outputs that are also asked for without the rest.
+        Sets of outputs that are also requested without the rest.
     isomorphic : tuple of tuples of int
         Sets of results that are likely used alike, such as one of each body.
     functions : InputFunctions

@@ -66,7 +66,7 @@ class _Factoring:
         return node if node and node[0] in ops and self.uses[x] == 1 else None
 
     def flat(self, terms: Sequence[Form]) -> list[Form]:
-        """Return terms with those of sums in place of the sums."""
+        """Return terms with those of sums instead of the sums."""
         found: list[Form] = []
         waiting = [*reversed(terms)]
         times = self.expansion.builder.times

@@ -26,7 +26,7 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesOp,
 )
 
-#: Operations from which on vectors are looked for: those of a chain of 20 bodies.
+#: Operations from which on vectors are searched for: those of a chain of 20 bodies.
 LONG = 500
 #: Where temporary places begin until it is known how many others there are.
 _TEMPORARY = 1 << 24

@@ -367,7 +367,7 @@ def _merged(
         for i, x in enumerate(operands):
             if i not in op.numbers:
                 x = x.series if isinstance(x, Delayed) else x
-                # a series that is convolved keeps a row of its own
+                # a series that is convolved keeps its own row
                 uses[x] = uses.get(x, 0) + (1 if op == SeriesOp.SUM else 2)
     products = {
         to: operands for op, (to,), operands in nodes if op == product and uses.get(to) == 1

@@ -1,7 +1,7 @@
 """How much of a system is printed: written out, as matrices with abbreviations, or a part of it.
 
-What a person asked for must be there within seconds and be short enough to be read, unless the
-whole is asked for. Small systems are written out. Where that takes too many lines, the entries of
+What a person requested must be there within seconds and be short enough to be read, unless the
+whole is requested. Small systems are written out. Where that takes too many lines, the entries of
 M, f, B and γ are given with abbreviations, if that is much shorter; and of lists that are still too
 long, the first items.
 """

@@ -16,7 +16,7 @@ from lagcli.equations.presentation.general import Signs
 from lagcli.equations.presentation.typeset import Entry, Node, Sign, Symbol
 
 T = TypeVar("T")
-#: What can be asked for: M, f, B, γ, b_0 and φ or ψ of the constraints, Q, and T, V, L.
+#: What can be requested: M, f, B, γ, b_0 and φ or ψ of the constraints, Q, and T, V, L.
 PARTS = ("M", "f", "B", "gamma", "drift", "expression", "Q", "energy")
 Place = tuple[str, int, int]  # the matrix, row and column
 

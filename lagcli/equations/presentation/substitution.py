@@ -24,7 +24,7 @@ def substituted(node: Node, values: Mapping[Node, Node]) -> Node | None:
     """Return a formula with other nodes in the place of some.
 
     Returns None where a factor would become a quotient beside other factors, because such products
-    are better arranged anew.
+    are better arranged again.
 
     Parameters
     ----------

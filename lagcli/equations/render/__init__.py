@@ -64,7 +64,7 @@ def render(
     ------
     UsageError
         The format or a kind is unknown, the partition is missing, the width is below 40, or the
-        second kind is asked for with nonholonomic constraints.
+        second kind is requested with nonholonomic constraints.
     """
     from lagcli.equations.render.formula_text import TextFormula
     from lagcli.equations.render.names import Notation

@@ -34,7 +34,7 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 ``applied_forces``  Q
 ``equations``       objects ``coordinate, lhs, rhs``: (8.85), assembled; null in matrix form
 ``sign_convention`` a sentence that defines the sign of λ
-``kinds``           the kinds of equations that were asked for
+``kinds``           the kinds of equations that were requested
 ``partition``       null for the first kind alone; else ``independent`` and ``dependent``
                     coordinates, the ``constraints`` that determine them, those that follow from
                     others (``surplus``), and ``determinants``: their product is the determinant of

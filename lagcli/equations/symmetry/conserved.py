@@ -76,7 +76,7 @@ class Conserved(NamedTuple):
     ----------
     quantities : tuple of ConservedQuantity
     extent : str
-        ``linear``: all of linear symmetries were looked for; ``translations``: those of constant
+        ``linear``: all of linear symmetries were searched for; ``translations``: those of constant
         ξ; ``absent coordinates``: of coordinates that occur nowhere.
     """
 

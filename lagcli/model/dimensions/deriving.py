@@ -51,7 +51,7 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
     ----------
     model : Model
     assumed : mapping of str to Dimension or UNKNOWN, optional
-        Dimensions of coordinates and parameters, or of families ``x[]``, in place of those that
+        Dimensions of coordinates and parameters, or of families ``x[]``, instead of those that
         the model states.
 
     Returns

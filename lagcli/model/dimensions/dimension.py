@@ -29,7 +29,7 @@ class Dimension(NamedTuple):
 
 
 class Special:
-    """What has no dimension of its own.
+    """What has no its own dimension.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class NamedDimensions:
     ----------
     model : Model
     assumed : mapping of str to Dimension or UNKNOWN
-        Dimensions of coordinates and parameters, or of families ``x[]``, in place of those that
+        Dimensions of coordinates and parameters, or of families ``x[]``, instead of those that
         the model states.
 
     Attributes

@@ -172,7 +172,7 @@ class _ValueScope(_SignalScope):
     """What may stand outside of reductions: what they give, parameters, and pi."""
 
     def column(self, name: Name) -> Basic | None:
-        """Return the symbol of a reduction; refuse what varies along a run."""
+        """Return the symbol of a reduction; reject what varies along a run."""
         if name.text.startswith(_MARK):
             return se.Symbol(name.text)
         found = super().column(name)
@@ -303,7 +303,7 @@ class _MeasureReader:
 
 
 def _replaced(tree: Tree, replacement: Callable[[Tree], Tree | None]) -> Tree:
-    """Return a tree with others in place of some of its parts."""
+    """Return a tree with others instead of some of its parts."""
     found = replacement(tree)
     if found is not None:
         return found

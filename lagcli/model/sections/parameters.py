@@ -191,7 +191,7 @@ class _ParameterReader:
         return entry
 
     def overridden(self, member: Member, entry: _ParameterEntry) -> Quantity | None:
-        """Return the value that the command line gives in place of the file's."""
+        """Return the value that the command line gives instead of the file's."""
         name, what = member.name, f"the parameter `{member.name}`"
         given = entry.quantities[0].unit if entry.quantities else unit_of(entry.value)
         unit = stated = entry.unit or given

@@ -170,7 +170,7 @@ class _Rewriter:
         self.replace(node, _quoted(value_text))
 
     def write_vector(self, block: str, name: str, value_text: str) -> None:
-        """Replace the value of a vector or rotation that has an entry of its own."""
+        """Replace the value of a vector or rotation that has its own entry."""
         mapping = self.root.entries[block][1]
         if not isinstance(mapping, MappingNode) or name not in mapping.entries:
             raise _not_written([name])

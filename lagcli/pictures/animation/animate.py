@@ -109,7 +109,7 @@ def animate(
         ``.html`` is a page that plays the motion by itself, without a network; ``.gif`` and
         ``.mp4`` are films.
     model : str, optional
-        A model file with another view, in place of the text in the result.
+        A model file with another view, instead of the text in the result.
     start, end : float, optional
         The part of the motion, s.
     speed, duration : float, optional

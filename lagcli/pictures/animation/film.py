@@ -165,7 +165,7 @@ def write_mp4(
     """
     first = draw(times[0])
     height, width, _ = first.shape
-    # the format is completed at its beginning, so that ffmpeg wants a file of its own
+    # the format is completed at its beginning, so that ffmpeg wants its own file
     with tempfile.TemporaryDirectory(prefix="lagcli-") as folder:
         target = Path(folder) / "film.mp4"
         command = [

@@ -31,7 +31,7 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
     Raises
     ------
     UsageError
-        An entry has another form, or the result has no derivatives by this name.
+        An entry has another form, or the result has no derivatives with respect to this name.
     """
     found: dict[str, float] = {}
     for text in given:

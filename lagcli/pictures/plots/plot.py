@@ -48,7 +48,7 @@ def plot(
     dpi : float
         Dots per inch; a vector format has them for nothing but how finely long runs are drawn.
     model : str, optional
-        A model file in place of the text in the result.
+        A model file instead of the text in the result.
     bands : sequence of str
         Spreads of parameters, ``l=0.01`` or ``l=5%``, by which bands are drawn around the curves of
         runs that were simulated with derivatives.

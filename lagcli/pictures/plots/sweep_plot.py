@@ -246,7 +246,7 @@ def _combinations(quantities: Sequence[PlottedQuantity]) -> tuple[list[str], Ind
 
 
 def _draw_curve(ax: Any, panel: _Panel, table: PlottedTable) -> None:
-    """Draw a value over one quantity; for each value of the others, a curve of its own."""
+    """Draw a value over one quantity; for each value of the others, its own curve."""
     (over,), value = panel.over, panel.value
     others = _others(table, (over, value))
     told, places = _combinations(others) if others else ([""], np.zeros(len(over.values), int))

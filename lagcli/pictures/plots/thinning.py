@@ -27,7 +27,7 @@ def thin(x: Array, values: Array, columns: int) -> Indices:
     Returns
     -------
     (m,) array of int
-        Increasing; all samples where that is not more than asked for, and never more than
+        Increasing; all samples where that is not more than requested, and never more than
         2 + columns (2 + 3 n).
     """
     values = np.asarray(values, dtype=np.float64)

@@ -71,7 +71,7 @@ def report(
     title : str, optional
         In place of the model's name.
     model : path, optional
-        A model file in place of the text that the result holds: the same model, with another view.
+        A model file instead of the text that the result holds: the same model, with another view.
     modes : str, optional
         Modes of a run: add the modes of its model about its ``start``, the ``equilibrium`` next to
         it, or its state at a time, s; their plot needs matplotlib.

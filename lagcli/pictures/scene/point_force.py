@@ -22,7 +22,7 @@ _SINGULAR, _NEVER = 1e-9, 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PointForce:
-    """The force of a constraint at points, from their derivatives by the coordinates.
+    """The force of a constraint at points, from their derivatives with respect to the coordinates.
 
     Parameters
     ----------

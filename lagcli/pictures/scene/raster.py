@@ -33,7 +33,7 @@ def _glyph(character: str) -> tuple[Any, float]:
 
 
 class Raster:
-    """Draws on a picture of its own; x to the right and y up, in pixels.
+    """Draws on its own picture; x to the right and y up, in pixels.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ from lagcli.model.model import Segment
 
 #: Of the picture's size: how much is left free around it, and the length of a long vector.
 MARGIN, LONG = 0.08, 0.3
-#: Of the longest vector of a unit: what is 0 but for rounding.
+#: Of the longest vector of a unit: what is 0 except for rounding.
 _ROUNDED = 1e-12
 #: Of the largest axis of the bounds: what the others have at least.
 LEAST = 0.3

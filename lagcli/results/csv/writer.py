@@ -85,7 +85,7 @@ class CsvWriter(FileWriter):
     column, and every reader of CSV accepts the newline. The text is UTF-8. NaN is ``nan``,
     infinities are ``inf`` and ``-inf``.
 
-    What happened at contacts and events is a table of its own, ``FILE.events.csv``; standard output
+    What happened at contacts and events is its own table, ``FILE.events.csv``; standard output
     has none. The file gets its name just before the sidecar does. The sidecar carries the digests
     of its CSV file and of the table, by which files of another run are noticed; with ``force``
     and without ``meta`` an old sidecar is removed.
@@ -179,7 +179,7 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
         The file, its sidecar or its table of events exists and ``force`` is false, or the folder
         takes no file.
     UsageError
-        A sidecar is asked for with standard output.
+        A sidecar is requested with standard output.
     """
     if path == "-":
         if meta:

@@ -42,7 +42,7 @@ def output_families(names: Iterable[str]) -> list[OutputFamily]:
     Returns
     -------
     list of OutputFamily
-        Where a family's name, or that of its axis, is taken, each member has a dataset of its own.
+        Where a family's name, or that of its axis, is taken, each member has its own dataset.
     """
     names = list(names)
     taken = set(names)

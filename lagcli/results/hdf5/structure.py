@@ -1,7 +1,7 @@
 """Parts of an open HDF5 file, each checked before the library reads any of its contents.
 
 A file may come from anyone. What lies outside of it (external links, external storage, virtual
-datasets) is refused, and so is an array that is larger than the file can hold.
+datasets) is rejected, and so is an array that is larger than the file can hold.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class Journal:
         What the sweep is, as JSON values.
     resume : bool
         Continue an existing journal. One that ends before its first row (an empty file, a
-        header cut short, zeros) is begun anew; otherwise the file is emptied first.
+        header cut short, zeros) is rewritten; otherwise the file is emptied first.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class Journal:
         Raises
         ------
         FileError
-            The disk is full, or refuses; the journal is as it was.
+            The disk is full, or rejects; the journal is as it was.
         """
         self._add(encode(results))
 

@@ -105,7 +105,7 @@ def make_plan(
     zipped : bool
         Whether the factors vary together instead of in all combinations.
     taken : mapping with str keys, optional
-        What has a value of its own, and is not to be varied.
+        What has its own value, and is not to be varied.
 
     Raises
     ------

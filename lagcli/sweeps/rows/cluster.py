@@ -225,7 +225,7 @@ def _check_scheduler(address: str) -> None:
             return str((await there.identity())["type"])
 
     try:
-        # in a thread of its own: the caller's may have a running loop, as in a notebook
+        # in its own thread: the caller's may have a running loop, as in a notebook
         with ThreadPoolExecutor(1) as thread:
             found = thread.submit(
                 lambda: asyncio.run(asyncio.wait_for(identity(), PATIENCE))

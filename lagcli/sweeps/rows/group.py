@@ -33,7 +33,7 @@ class FinishedRuns(NamedTuple):
     Parameters
     ----------
     places : (k,) array of int
-        Which of the rows that were asked for.
+        Which of the rows that were requested.
     samples : (k, nt, width) array
         Sample rows, as in `SampleLayout`, at all times of the grid; where k is 1 and the run
         failed, at those that were reached.

@@ -106,7 +106,7 @@ class Measuring:
         parameters : (runs, np) array
         grid : Grid
         happened : (runs, len(of_events)) array, optional
-            Where the logs are asked for something.
+            Where the logs are requested something.
         """
         logged = iter(() if happened is None else happened.T)
         found = [

@@ -48,7 +48,7 @@ class Signals:
     Raises
     ------
     UsageError
-        The residual of a position constraint is asked for, and it has none.
+        The residual of a position constraint is requested, and it has none.
     """
 
     def __init__(self, equations: Equations, expressions: Sequence[Basic], compiled: bool):

@@ -99,10 +99,10 @@ def run_here(
 
 
 class _Processes:
-    """Processes that run rows, each with a pipe of its own."""
+    """Processes that run rows, each with its own pipe."""
 
     def __init__(self, spec: Spec, jobs: int):
-        # started anew, not forked: they hold nothing of ours open, and end when their pipe does,
+        # started again, not forked: they hold nothing of ours open, and end when their pipe does,
         # even if this process is killed
         context = get_context("spawn")
         self.workers: dict[Any, Any] = {}

@@ -1,5 +1,5 @@
 /*
- * Eight runs of one System at once, each in a lane of its own: with its own parameters, state, time
+ * Eight runs of one System at once, each in its own lane: with its own parameters, state, time
  * and step size. engine/integrate/batch.py says what leaves the lanes.
  *
  * Where an array is said to be "of lanes", LAG_LANES numbers stand for each of its entries.

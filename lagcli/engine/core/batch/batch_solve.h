@@ -47,7 +47,7 @@ static void batch_solve(const lag_octet *o, double *x)
         x[i] = -x[i];
 }
 
-/* The least change x (nq), in terms of M, with B x = rhs (nc), in place of rhs: lag_correction. */
+/* The least change x (nq), in terms of M, with B x = rhs (nc), instead of rhs: lag_correction. */
 static void batch_correct(const lag_octet *o, double *x)
 {
     const int nq = o->system->nq, nc = o->system->nc, n = nq + nc;

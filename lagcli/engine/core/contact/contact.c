@@ -16,7 +16,7 @@ typedef struct search {
     int count;     /* of solutions: 0, 1 or 2 */
     int sticking;  /* rows of the solution that stick and whose static limit exceeds the kinetic one */
     int preferred; /* whether there are such rows */
-    int enough;    /* solutions after which no other is looked for */
+    int enough;    /* solutions after which no other is searched for */
     long tried;
 } search;
 

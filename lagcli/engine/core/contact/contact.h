@@ -99,7 +99,7 @@ typedef struct lag_impact_result {
 
 /*
  * Poisson's law: compression 0 <= y, x, x y = 0, then expansion with 0 <= y, x - e x_C, y (x - e x_C) = 0.
- * Newton's law: 0 <= y + e y_before in place of 0 <= y. Sequential: Poisson's law of one unilateral row
+ * Newton's law: 0 <= y + e y_before instead of 0 <= y. Sequential: Poisson's law of one unilateral row
  * after the other, always the one with the largest y^2 / A of those that approach; of equal ones the
  * first; after 200 of these for each contact, all that are left happen at once. Coulomb's friction in all
  * phases.

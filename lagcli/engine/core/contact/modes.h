@@ -40,7 +40,7 @@ void lag_contact_prepare(lag_contact_work *work, const lag_contacts *problem, vo
 int lag_contact_idle(const lag_contact_work *work, const int *mode, int k);
 
 /* Make modes those that the laws have: free rows hold, friction of open contacts is open, rows that slip
- * already slip their way, and friction of contacts that close anew holds. */
+ * already slip their way, and friction of contacts that close again holds. */
 void lag_contact_rouse(const lag_contact_work *work, int *mode);
 
 /* Sign of x_j in the present modes. */

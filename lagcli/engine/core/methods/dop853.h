@@ -3,7 +3,7 @@
 #define LAGCLI_DOP853_H
 
 #define STABLE 6.1          /* h times the dominant eigenvalue: the edge of the stable region */
-#define NOT_STIFF 6         /* steps inside it after which the count begins anew */
+#define NOT_STIFF 6         /* steps inside it after which the count restarts */
 #define STIFF 15            /* steps that stability limits, until the model counts as stiff */
 
 #endif

@@ -1,4 +1,4 @@
-/* What an integration method is. Each has one constant table, in a file of its own. */
+/* What an integration method is. Each has one constant table, in its own file. */
 #ifndef LAGCLI_METHOD_H
 #define LAGCLI_METHOD_H
 
@@ -17,7 +17,7 @@ struct lag_method {
     /* The last step's dense output, n values. */
     void (*dense)(lag_run *run, double t, double *y);
 
-    /* The same, rounded otherwise: quick where it is asked for many times in one step. NULL: as above. */
+    /* The same, rounded otherwise: quick where it is requested many times in one step. NULL: as above. */
     void (*dense_often)(lag_run *run, double t, double *y);
 
     /* Forget the last step: the next one does not continue it. NULL where nothing is kept. */

@@ -19,7 +19,7 @@
 #define LARGEST 8.0
 #define KEPT 1.2            /* a growth up to which step and factors stay as they are */
 
-/* The error estimate is of order 3: a tolerance that gives an error like the one asked for. */
+/* The error estimate is of order 3: a tolerance that gives an error like the one requested. */
 static double looseness(const lag_run *run)
 {
     return 0.1 * pow(run->tolerances.rtol, -1.0 / 3.0);

@@ -187,7 +187,7 @@ static int update_conditions(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* Begin anew in the modes found. The step goes on with its size unless the accelerations jump. */
+/* Restart in the modes found. The step goes on with its size unless the accelerations jump. */
 static int restart(lag_run *run)
 {
     lag_switching *sw = &run->switching;

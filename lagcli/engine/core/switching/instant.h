@@ -11,7 +11,7 @@ int lag_begin_modes(lag_run *run);
  * Returns LAG_RUNNING; sw->due says whether an instant is to be done; or another status. */
 int lag_look_for_instant(lag_run *run);
 
-/* Do what is due at (run->step.t, run->step.y), and begin anew there. Returns LAG_RUNNING; LAG_HAPPENED where the
+/* Do what is due at (run->step.t, run->step.y), and restart there. Returns LAG_RUNNING; LAG_HAPPENED where the
  * program that drives the run has something to do before; or what went wrong. */
 int lag_do_instant(lag_run *run);
 

@@ -214,7 +214,7 @@ void lag_leave_surface(lag_run *run, double side)
     take_branch(run, kink, branch_beside(k, kink, side > 0.0 ? UPPER : LOWER));
 }
 
-/* Whether both sides of the surface that lag_slide has combined have the same accelerations but for rounding. */
+/* Whether both sides of the surface that lag_slide has combined have the same accelerations except for rounding. */
 static int continuous(const lag_run *run)
 {
     const lag_kinks *k = &run->switching.kinks;

@@ -11,7 +11,7 @@
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
 #define SOON 1e-3           /* of a step: when a function that grows is positive in spite of rounding */
-#define REARMED 1e-10       /* of the largest value of a condition: what it must fall below zero to be true anew */
+#define REARMED 1e-10       /* of the largest value of a condition: what it must fall below zero to be true again */
 #define SHIFT 1e-7          /* of a step: what rates are differences over */
 
 /* The signed value of a condition's function at the state that its tape holds. */

@@ -8,7 +8,7 @@
 #include "tables.h"
 
 /* A tape bound to its register file; inputs come first. The deferred streams are for outputs that are
- * asked for apart; those alone for outputs without the rest, NULL where the tape has none. */
+ * requested apart; those alone for outputs without the rest, NULL where the tape has none. */
 typedef struct {
     const int32_t *prelude, *stream, *deferred[3], *output_subsets[2];
     int32_t *held;                     /* what was evaluated last: all (0), or which alone; and, of the

@@ -262,7 +262,7 @@ class Branches:
                     return
         if jumps:
             raise self._stop(Status.SURFACES, t, on)
-        # continuous but for rounding: it crosses
+        # continuous except for rounding: it crosses
         self._take({k: self._beside(k, not x) for k, x in zip(on, from_above, strict=True)})
 
     def check_corner(self, t: float, before: Array, v: Array) -> None:

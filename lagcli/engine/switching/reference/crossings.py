@@ -1,7 +1,7 @@
 """The first time in a step at which one of several functions falls through zero.
 
 Between samples of a step, cubics through values and slopes tell where a function may have a minimum
-below zero; it is then looked for, so that grazing and double crossings are found.
+below zero; it is then searched for, so that grazing and double crossings are found.
 """
 
 from __future__ import annotations

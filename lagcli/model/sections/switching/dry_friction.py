@@ -34,7 +34,7 @@ class SmoothForces(NamedTuple):
     rows: tuple[Constraint, ...]
 
     def of_forces(self, outputs: Mapping[str, Basic]) -> dict[str, Basic]:
-        """Return outputs with the part of friction that acts in place of each `sign` of a row.
+        """Return outputs with the part of friction that acts instead of each `sign` of a row.
 
         Where a row sticks, sign s is between −1 and 1, such that −F sign s is its force λ.
         """

@@ -37,7 +37,7 @@ class EventMeasure(NamedTuple):
 
 
 def event_measures(model: Model, text: str) -> tuple[str, Mapping[str, EventMeasure]]:
-    """Return a measure with names in place of what it says of contacts and events.
+    """Return a measure with names instead of what it says of contacts and events.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def event_measures(model: Model, text: str) -> tuple[str, Mapping[str, EventMeas
 
 
 def _measure(model: Model, match: re.Match[str]) -> EventMeasure | None:
-    """Return what is asked for; None of an ordinary measure, such as a condition by its name."""
+    """Return what is requested; None of an ordinary measure, such as a condition by its name."""
     constraints = model.constraint_names
     if match["row"] is not None:
         _check(match, "row", constraints, "constraint")
