@@ -131,7 +131,7 @@ class Constraint(NamedTuple):
     ``expression`` is lhs − rhs, whatever the ``relation`` between them; ``indices`` are the index
     values of a family member. A unilateral constraint has a coefficient of ``restitution``, and a
     velocity constraint that bears only so much a ``limit``. What is not ``active`` is engaged by an
-    event. The friction of a constraint is its own constraint, after it in the model's order:
+    event. The friction of a constraint is a separate constraint, after it in the model's order:
     ``floor.slip``. The equation of a first-order coordinate, ``x.rate``, is not written in the
     file; it has no ``left``, and its λ is 0. Nor is dry friction, ``x.sign``, in Q or D.
     """

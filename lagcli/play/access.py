@@ -36,9 +36,9 @@ HEADERS = {
 class Access:
     """The rules of one server.
 
-    A page of another site can make a browser send requests here, even under its own name that
-    leads to 127.0.0.1 (DNS rebinding). It neither knows the token nor can it give our Host and
-    Origin.
+    A page of another site can make a browser send requests here, even under a name that
+    leads to 127.0.0.1 (DNS rebinding). It does not have the token and cannot send this server's
+    Host and Origin.
 
     Parameters
     ----------

@@ -240,8 +240,8 @@ class _Freezer:
         return (number, flipped) if number < self.room else None
 
     def ordered(self, a: int, b: int) -> tuple[int, int, bool]:
-        """Return the operands of a comparison in an their own order, and whether it is theirs
-        reversed: the same surface has one branch.
+        """Return the operands of a comparison in a canonical order, and whether they were
+        exchanged: the same surface then has one branch.
         """
         zero, flipped = self.builder.constant(0.0), False
         if a == zero:

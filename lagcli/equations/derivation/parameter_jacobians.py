@@ -26,8 +26,8 @@ from lagcli.equations.derivation.motion import Motion
 class ParameterJacobians:
     """Derivatives of the equations with respect to parameters, at fixed t, q, v, a and λ.
 
-    k coordinates, r constraints, h of them holonomic; each row holds the nonzero derivatives with respect to the
-    number of the parameter.
+    k coordinates, r constraints, h of them holonomic; each row holds the nonzero derivatives with
+    respect to the number of the parameter.
 
     Parameters
     ----------

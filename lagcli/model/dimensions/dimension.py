@@ -29,7 +29,7 @@ class Dimension(NamedTuple):
 
 
 class Special:
-    """What has no its own dimension.
+    """A value that fits any dimension.
 
     Parameters
     ----------

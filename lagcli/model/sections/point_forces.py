@@ -68,7 +68,8 @@ def check_force(
     """Report a constraint that acts on coordinates that none of the points depends on.
 
     λ b is the force of the constraint on the coordinates, Jᵀ F that of forces F at points, with J
-    their derivatives with respect to the coordinates: where J has no column for a coordinate, b must have none.
+    their derivatives with respect to the coordinates: where J has no column for a coordinate, b
+    must have none.
     """
     coordinates = draft.names.coordinates
     symbols = {s for name in at for x in points[name] for s in x.free_symbols}

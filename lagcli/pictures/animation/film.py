@@ -115,7 +115,7 @@ def write_gif(
 class _Palette:
     """The colours of all frames, so that nothing flickers: those most often in an image.
 
-    Lines keep their own colours, and paper is as white as it was. What quantizers choose are means.
+    Colours of lines are preserved, and white stays white; quantizers would choose averages.
     """
 
     def __init__(self, image: Image):
@@ -165,7 +165,7 @@ def write_mp4(
     """
     first = draw(times[0])
     height, width, _ = first.shape
-    # the format is completed at its beginning, so that ffmpeg wants its own file
+    # the encoder rewrites the beginning of the file at the end, so ffmpeg needs a regular file
     with tempfile.TemporaryDirectory(prefix="lagcli-") as folder:
         target = Path(folder) / "film.mp4"
         command = [

@@ -69,5 +69,5 @@ def _darkened(svg: str) -> str:
     """Return a picture for dark pages."""
     for light, dark in _DARK.items():
         svg = svg.replace(f": {light}", f": {dark}")
-    # letters have no their own colour
+    # letters have no colour
     return svg.replace('<style type="text/css">', '<style type="text/css">text{fill:#e8e8e8}', 1)

@@ -126,7 +126,7 @@ def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[st
         raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_REMEDY}") from error
     if not isinstance(about, Mapping) or about.get("kind") != KIND:
         raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_REMEDY}")
-    if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no its own checksum
+    if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no checksum
         raise FileError(
             f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
             f"this lagcli knows {SCHEMA_VERSION}; {_REMEDY}"

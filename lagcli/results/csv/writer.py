@@ -85,7 +85,7 @@ class CsvWriter(FileWriter):
     column, and every reader of CSV accepts the newline. The text is UTF-8. NaN is ``nan``,
     infinities are ``inf`` and ``-inf``.
 
-    What happened at contacts and events is its own table, ``FILE.events.csv``; standard output
+    Contacts and events are written to a separate table, ``FILE.events.csv``; standard output
     has none. The file gets its name just before the sidecar does. The sidecar carries the digests
     of its CSV file and of the table, by which files of another run are noticed; with ``force``
     and without ``meta`` an old sidecar is removed.

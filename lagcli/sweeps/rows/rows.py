@@ -61,7 +61,7 @@ class Runner:
         self.model = spec.load()
         variants = Variants(self.model, spec.settings)
         columns = spec.plan.columns
-        #: places of the columns that each value of asks for its own derivation
+        #: columns whose values each require a new derivation
         self.structural = [i for i, name in enumerate(columns) if not variants.together([name])]
         self.numeric = [i for i in range(len(columns)) if i not in self.structural]
         self._groups: OrderedDict[tuple[float, ...], RowGroup | LagcliError] = OrderedDict()

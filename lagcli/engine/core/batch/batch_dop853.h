@@ -1,4 +1,4 @@
-/* A step of DOP853 in eight lanes, its own each size; see dop853.c for one. */
+/* A step of DOP853 in eight lanes, each with its own size; see dop853.c for one. */
 
 /* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
 static void batch_add_stages(const double *base, const double *stages, const double *weight,
