@@ -10,6 +10,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Constraints, Dynamics, TapeMatrices
 from lagcli.engine.switching.kinks import FrozenSystem
+from lagcli.engine.switching.reference.modal import ModalMotion
 from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -147,10 +148,41 @@ class DirectionalSystem:
         found = [second((*inputs, *flow.tolist(), *x)) for x in both.T.tolist()]
         return rates, np.array(found, dtype=float).reshape(len(found), len(rates)).T
 
-    def dynamics(self, inputs: Sequence[float], change: Change) -> Dynamics:
-        """Return derivatives of M, f, B, γ and the power; the last axis is that of directions."""
-        return self.matrices.dynamics(self.along("dynamics", inputs, change.inputs()), True)
 
-    def constraints(self, inputs: Sequence[float], change: Change) -> Constraints:
+class PerturbedState(NamedTuple):
+    """A state of a motion in a mode, and its changes in n directions.
+
+    Parameters
+    ----------
+    system : DirectionalSystem
+    motion : ModalMotion
+        In the mode.
+    t : float
+        s.
+    q, v : (nq,) arrays
+    change : Change
+    """
+
+    system: DirectionalSystem
+    motion: ModalMotion
+    t: float
+    q: Array
+    v: Array
+    change: Change
+
+    @property
+    def inputs(self) -> tuple[float, ...]:
+        """The inputs of tapes, (t, q, v, parameters)."""
+        return (self.t, *self.q.tolist(), *self.v.tolist(), *self.motion.full.p)
+
+    def along(self, name: str) -> Array:
+        """Return derivatives of the outputs of a tape with these inputs, (outputs, n)."""
+        return self.system.along(name, self.inputs, self.change.inputs())
+
+    def dynamics(self) -> Dynamics:
+        """Return derivatives of M, f, B, γ and the power; the last axis is that of directions."""
+        return self.system.matrices.dynamics(self.along("dynamics"), True)
+
+    def constraints(self) -> Constraints:
         """Return derivatives of φ, B and b_0; the last axis is that of directions."""
-        return self.matrices.constraints(self.along("constraint", inputs, change.inputs()))
+        return self.system.matrices.constraints(self.along("constraint"))

@@ -20,9 +20,10 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.phases import Phases
-from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
+from lagcli.engine.sensitivity.changes import Change, DirectionalSystem, PerturbedState
 from lagcli.engine.sensitivity.impulsive import ImpulsiveRow, Jump, JumpMatrices, jump
-from lagcli.engine.sensitivity.modal_tangent import motion_change, solve
+from lagcli.engine.sensitivity.linearized_constraints import positions_on
+from lagcli.engine.sensitivity.modal_tangent import motion_change
 from lagcli.engine.switching.impacts import ImpactStage
 from lagcli.engine.switching.reference.instant import ImpactOutcome
 from lagcli.engine.switching.switching import EventRule, RowMode
@@ -85,8 +86,7 @@ class DifferentiatedResolution(InstantResolution):
 
     def _check_order(self, contacts: Sequence[int], q: Array, v: Array) -> None:
         """End derivatives in directions in which contacts of an impact would not touch at once."""
-        state = self._state(q, v)
-        gaps = self.system.constraints(state, self.change).position
+        gaps = self._at(q, v).constraints().position
         jacobian = self.run.full.constraints(self.t, q, v).jacobian
         scale = self.problems.position_scale
         for k in contacts:
@@ -103,9 +103,8 @@ class DifferentiatedResolution(InstantResolution):
             )
 
     def _differentiate_impact(self, found: ImpactOutcome, q: Array, v: Array) -> None:
-        state = self._state(q, v)
-        coefficients = self.run.tapes.impact(state)
-        slopes = self.system.along("impact", state, self.change.inputs())
+        state = self._at(q, v)
+        coefficients, slopes = self.run.tapes.impact(state.inputs), state.along("impact")
         unilateral = self.run.tapes.unilateral
         restitution = {
             row.row: (coefficients[0][k], slopes[k])
@@ -162,7 +161,7 @@ class DifferentiatedResolution(InstantResolution):
             return
         self.jumped = True
         q, v, p = self.q.copy(), self.v.copy(), run.full.p
-        reached = motion_change(self.system, run.motion, t, q, v, self.change)
+        reached = motion_change(self._at(q, v))
         inputs = run.motion.inputs(t, q, v, reached.a, reached.multipliers)
         values = run.tapes.actions(inputs)[rule.first :]
         changes = self.change.inputs([reached.da, reached.dmultipliers])
@@ -209,7 +208,7 @@ class DifferentiatedResolution(InstantResolution):
         if np.abs(self.q - q).max(initial=0.0) > _MOVES * size:
             self._differences_of_projection(q, v)
             return
-        self.change = positions_on(self.system, self.run, self.t, q, v, self.change, held)
+        self.change = positions_on(self._at(q, v), held)
         nothing = np.zeros(self.change.directions)
         rows = [ImpulsiveRow(row, True, 0.0, nothing) for row in held]
         found = jump(self._matrices(q, v), v, self.change.v, rows)
@@ -245,85 +244,15 @@ class DifferentiatedResolution(InstantResolution):
 
     # matrices
 
-    def _state(self, q: Array, v: Array) -> tuple[float, ...]:
-        return _inputs(self.run, self.t, q, v)
+    def _at(self, q: Array, v: Array) -> PerturbedState:
+        """Return a state at the instant with the present change."""
+        return PerturbedState(self.system, self.run.motion, self.t, q, v, self.change)
 
     def _matrices(self, q: Array, v: Array) -> JumpMatrices:
-        state, full = self._state(q, v), self.run.full
+        state, full = self._at(q, v), self.run.full
         return JumpMatrices(
             full.dynamics(self.t, q, v),
             full.constraints(self.t, q, v),
-            self.system.dynamics(state, self.change),
-            self.system.constraints(state, self.change),
+            state.dynamics(),
+            state.constraints(),
         )
-
-
-def positions_on(
-    system: DirectionalSystem,
-    run: Phases,
-    t: float,
-    q: Array,
-    v: Array,
-    change: Change,
-    held: Sequence[int],
-) -> Change:
-    """Return the change whose positions obey the linearized constraints, nearest in M's metric.
-
-    Parameters
-    ----------
-    system : DirectionalSystem
-    run : Phases
-    t : float
-        s.
-    q, v : (nq,) arrays
-    change : Change
-    held : sequence of int
-        The constraints that hold.
-    """
-    places = [k for k, row in enumerate(run.system.holonomic) if row in set(held)]
-    if not places:
-        return change
-    rows = [run.system.holonomic[k] for k in places]
-    residual = system.constraints(_inputs(run, t, q, v), change).position[places]
-    return change._replace(q=change.q + _least(run, t, q, v, rows, residual))
-
-
-def velocities_on(
-    system: DirectionalSystem,
-    run: Phases,
-    t: float,
-    q: Array,
-    v: Array,
-    change: Change,
-    held: Sequence[int],
-) -> Change:
-    """Return the change whose velocities obey the linearized constraints; see `positions_on`."""
-    if not held:
-        return change
-    residual = velocity_changes(system, run, t, q, v, change)[list(held)]
-    return change._replace(v=change.v + _least(run, t, q, v, held, residual))
-
-
-def velocity_changes(
-    system: DirectionalSystem, run: Phases, t: float, q: Array, v: Array, change: Change
-) -> Array:
-    """Return derivatives of ψ = B v + b₀, (nc, n)."""
-    c = system.constraints(_inputs(run, t, q, v), change)
-    jacobian = run.full.constraints(t, q, v).jacobian
-    return np.asarray(np.einsum("ijn,j->in", c.jacobian, v) + jacobian @ change.v + c.drift)
-
-
-def _least(
-    run: Phases, t: float, q: Array, v: Array, rows: Sequence[int], residual: Array
-) -> Array:
-    """Return the smallest δ in the metric of M with B δ = −residual."""
-    d, nq, m = run.full.dynamics(t, q, v), len(q), len(rows)
-    jacobian = d.jacobian[list(rows)]
-    matrix, right = np.zeros((nq + m, nq + m)), np.zeros((nq + m, residual.shape[1]))
-    matrix[:nq, :nq], matrix[:nq, nq:], matrix[nq:, :nq] = d.mass_matrix, -jacobian.T, jacobian
-    right[nq:] = -residual
-    return solve(matrix, right, run.motion.redundant)[:nq]
-
-
-def _inputs(run: Phases, t: float, q: Array, v: Array) -> tuple[float, ...]:
-    return (t, *q.tolist(), *v.tolist(), *run.full.p)

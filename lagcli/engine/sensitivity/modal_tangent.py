@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
-from lagcli.engine.switching.reference.modal import ModalMotion
+from lagcli.engine.sensitivity.changes import PerturbedState
 
 #: Of the largest singular value: what redundant rows leave undetermined.
 _REDUNDANT = 1e-11
@@ -52,31 +51,23 @@ class SlidingChange(NamedTuple):
     rate: float
 
 
-def sliding_change(
-    system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
-) -> SlidingChange:
+def sliding_change(at: PerturbedState) -> SlidingChange:
     """Return the derivatives of a motion that slides along a surface, by Filippov's rule.
 
     The weight x of the upper side follows from ġ₀ + x (ġ₁ − ġ₀) = 0; so do its derivatives.
-
-    Parameters
-    ----------
-    system, motion, t, q, v, change
-        As for `motion_change`.
     """
-    branches = motion.branches
+    branches, change = at.motion.branches, at.change
     assert branches is not None
     assert branches.slides is not None
     k, n = branches.slides, change.directions
     sides, rates, slopes = list[MotionChange](), list[float](), list[Array]()
     for upper in (True, False):
         branches.take_side(k, upper)
-        found = _on_branches(system, motion, t, q, v, change)
+        found = _on_branches(at)
         nothing = np.zeros(len(change.p))
-        flow = np.concatenate([[1.0], v, found.a, nothing])
+        flow = np.concatenate([[1.0], at.v, found.a, nothing])
         of_flow = np.concatenate([np.zeros((1, n)), change.v, found.da, np.zeros_like(change.p)])
-        inputs = (t, *q.tolist(), *v.tolist(), *motion.full.p)
-        rate, slope = system.rates_of_kinks(inputs, flow, change.inputs(), of_flow)
+        rate, slope = at.system.rates_of_kinks(at.inputs, flow, change.inputs(), of_flow)
         sides.append(found)
         rates.append(float(rate[k]))
         slopes.append(slope[k])
@@ -95,40 +86,23 @@ def sliding_change(
     return SlidingChange(combined, dx, jump, difference)
 
 
-def motion_change(
-    system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
-) -> MotionChange:
+def motion_change(at: PerturbedState) -> MotionChange:
     """Return the derivatives of accelerations and multipliers along directions.
 
-    Parameters
-    ----------
-    system : DirectionalSystem
-    motion : ModalMotion
-        In the mode.
-    t : float
-        s.
-    q, v : (nq,) arrays
-    change : Change
-
-    Returns
-    -------
-    MotionChange
-        MotionChange of redundant rows, δλ is the one of least norm.
+    Of redundant rows, δλ is the one of least norm.
     """
-    if motion.branches is not None and motion.branches.slides is not None:
-        return sliding_change(system, motion, t, q, v, change).motion
-    return _on_branches(system, motion, t, q, v, change)
+    branches = at.motion.branches
+    if branches is not None and branches.slides is not None:
+        return sliding_change(at).motion
+    return _on_branches(at)
 
 
-def _on_branches(
-    system: DirectionalSystem, motion: ModalMotion, t: float, q: Array, v: Array, change: Change
-) -> MotionChange:
+def _on_branches(at: PerturbedState) -> MotionChange:
     """Return the same on the present branches, whatever surface the motion slides on."""
+    system, motion, t, q, v, change = at
     a, multipliers, _ = motion.on_branches(t, q, v)
-    p = motion.full.p
-    state, n = (t, *q.tolist(), *v.tolist(), *p), change.directions
-    d, changed = motion.full.dynamics(t, q, v), system.dynamics(state, change)
-    nq, nc = len(q), len(multipliers)
+    d, changed = motion.full.dynamics(t, q, v), at.dynamics()
+    nq, nc, n = len(q), len(multipliers), change.directions
     force = changed.forcing - np.einsum("ijn,j->in", changed.mass_matrix, a)
     force += np.einsum("ijn,i->jn", changed.jacobian, multipliers)
     rhs = (changed.rhs - np.einsum("ijn,j->in", changed.jacobian, a))[motion.rows]
@@ -147,16 +121,16 @@ def _on_branches(
     if ns + nf:
         inputs = motion.inputs(t, q, v, a, multipliers)
         explicit = change.inputs([np.zeros((nq + nc, n))])
-        at, first = slice(nq + nh, nq + nh + ns), nq + nh + ns
-        matrix[:nq, at] = -d.jacobian[slipping].T
+        slips, first = slice(nq + nh, nq + nh + ns), nq + nh + ns
+        matrix[:nq, slips] = -d.jacobian[slipping].T
         matrix[coordinates, first + np.arange(nf)] = -1.0
         matrix[nq + nh :, nq + nh :] = np.eye(ns + nf)
         if ns:
             against, limits = motion.against[:, None], motion.tapes.limits(inputs)
             slopes = against * limits.kinetic_slopes[motion.limit_of]
-            matrix[at, nq : nq + nh + ns] -= slopes[:, acting]
+            matrix[slips, nq : nq + nh + ns] -= slopes[:, acting]
             kinetic = motion.tapes.limited + motion.limit_of
-            right[at] = against * system.along("limits", inputs, explicit)[kinetic]
+            right[slips] = against * system.along("limits", inputs, explicit)[kinetic]
         if nf:
             slopes = motion.tapes.forces(inputs).slopes
             matrix[first:, nq : nq + nh + ns] -= slopes[:, acting]

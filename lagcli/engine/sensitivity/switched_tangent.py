@@ -20,14 +20,14 @@ from lagcli.engine.constraints.singular import Ahead
 from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.switched_integration import SwitchedIntegration
-from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
-from lagcli.engine.sensitivity.instant_tangent import (
-    DifferentiatedResolution,
+from lagcli.engine.sensitivity.changes import Change, DirectionalSystem, PerturbedState
+from lagcli.engine.sensitivity.instant_tangent import DifferentiatedResolution
+from lagcli.engine.sensitivity.integration import Derivatives
+from lagcli.engine.sensitivity.linearized_constraints import (
     positions_on,
     velocities_on,
     velocity_changes,
 )
-from lagcli.engine.sensitivity.integration import Derivatives
 from lagcli.engine.sensitivity.modal_tangent import motion_change, sliding_change
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.sensitivity.triggers import InstantTime, instant_time
@@ -114,7 +114,7 @@ class SwitchedTangent(SwitchedIntegration):
     def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:
         """Add a sample and its derivatives to those that wait."""
         change = self._on_rows(t, q, v, self._at(t))
-        found = motion_change(self.directional, self.phases.motion, t, q, v, change)
+        found = motion_change(self._with(change, t, q, v))
         part = change.q, change.v, found.da, self._unique(found.dmultipliers)
         self._derivatives.append(tuple(x / self.scales for x in part))  # type: ignore[arg-type]
         super().keep(t, q, v, a, multipliers, work)
@@ -172,7 +172,7 @@ class SwitchedTangent(SwitchedIntegration):
 
     def _repeat(self, t: float, y: Array, end: float) -> _RepeatedStep:
         """Integrate the motion with its derivatives from the beginning of a step to its end."""
-        live, nq, motion = self._live, self.motion.nq, self.phases.motion
+        live, nq = self._live, self.motion.nq
         n = int(live.sum())
         if not n:
             return _RepeatedStep([], [])
@@ -182,7 +182,7 @@ class SwitchedTangent(SwitchedIntegration):
             q, v = z[:nq], z[nq : 2 * nq]
             parts = z[2 * nq :].reshape(2, nq, n)
             change = Change(nothing, parts[0], parts[1], p)
-            found = motion_change(self.directional, motion, at, q, v, change)
+            found = motion_change(self._with(change, at, q, v))
             return np.concatenate([v, found.a, parts[1].ravel(), found.da.ravel()])
 
         begin = np.concatenate(
@@ -216,17 +216,18 @@ class SwitchedTangent(SwitchedIntegration):
         """Return a change on the linearized constraints that hold."""
         self._last_state = t, q, v
         held = self.phases.motion.rows.tolist()
-        change = positions_on(self.directional, self.phases, t, q, v, change, held)
-        change = velocities_on(self.directional, self.phases, t, q, v, change, held)
+        change = positions_on(self._with(change, t, q, v), held)
+        change = velocities_on(self._with(change, t, q, v), held)
         branches = self.phases.branches
         if branches is None or branches.slides is None:
             return change
         # on the surface on which the motion slides, by a change along the jump
-        motion = self.phases.motion
-        found = sliding_change(self.directional, motion, t, q, v, change)
-        inputs = (t, *q.tolist(), *v.tolist(), *motion.full.p)
-        gap = self.directional.along("kinks", inputs, change.inputs())[branches.slides]
+        at = self._with(change, t, q, v)
+        found, gap = sliding_change(at), at.along("kinks")[branches.slides]
         return change._replace(v=change.v - np.outer(found.jump, gap / found.rate))
+
+    def _with(self, change: Change, t: float, q: Array, v: Array) -> PerturbedState:
+        return PerturbedState(self.directional, self.phases.motion, t, q, v, change)
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
         """Go through a singular configuration, beyond which there are no derivatives."""
@@ -256,7 +257,7 @@ class SwitchedTangent(SwitchedIntegration):
         if started:
             left = self._on_rows(t, q, v, self._at(t))
             a = run.motion.accelerations(t, q, v)[0]
-            time = instant_time(self.directional, run, numbers, t, q, v, left, span)
+            time = instant_time(self._with(left, t, q, v), run, numbers, span)
         self._change = left.moved(time.change, v, a)
         logged = len(run.entries)
         y, stop = super().pass_instant(t, y, numbers, started)
@@ -294,10 +295,9 @@ class SwitchedTangent(SwitchedIntegration):
         if not held:
             return
         change, system = self.changes, run.system
-        state = (t, *q.tolist(), *v.tolist(), *run.full.p)
+        at = self._with(change, t, q, v)
         jacobian = np.abs(run.full.constraints(t, q, v).jacobian)
-        position = self.directional.constraints(state, change).position
-        velocity = velocity_changes(self.directional, run, t, q, v, change)
+        position, velocity = at.constraints().position, velocity_changes(at)
         for row in held:
             off = np.abs(velocity[row]) > _LEAVES * (jacobian[row] @ np.abs(change.v))
             off &= np.abs(velocity[row]) > _LEAVES * run.problems.velocity_scale[row]

@@ -14,7 +14,8 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.integrate.phases import Phases
-from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
+from lagcli.engine.sensitivity.changes import Change, PerturbedState
+from lagcli.engine.sensitivity.linearized_constraints import velocity_changes
 from lagcli.engine.sensitivity.modal_tangent import motion_change, sliding_change
 
 #: Of the rate at which a function would change by its size during the run: one that touches zero.
@@ -42,35 +43,24 @@ class InstantTime(NamedTuple):
 
 
 def instant_time(
-    system: DirectionalSystem,
-    run: Phases,
-    numbers: Sequence[int],
-    t: float,
-    q: Array,
-    v: Array,
-    change: Change,
-    span: float,
+    at: PerturbedState, run: Phases, numbers: Sequence[int], span: float
 ) -> InstantTime:
     """Return how the time changes at which functions that are watched vanish.
 
     Parameters
     ----------
-    system : DirectionalSystem
+    at : PerturbedState
+        With its change at a fixed time.
     run : Phases
         In the modes before.
     numbers : sequence of int
         Numbers of the functions, as in ``Phases.values``.
-    t : float
-        s.
-    q, v : (nq,) arrays
-    change : Change
-        Change of the state at a fixed time.
     span : float
         Span of the run, s.
     """
-    n, a = change.directions, run.motion.accelerations(t, q, v)[0]
-    along = Change(np.ones(1), v[:, None], a[:, None], np.zeros((len(change.p), 1)))
-    slopes = _slopes(system, run, numbers, t, q, v, change.beside(along))
+    n, a = at.change.directions, run.motion.accelerations(at.t, at.q, at.v)[0]
+    along = Change(np.ones(1), at.v[:, None], a[:, None], np.zeros((len(at.change.p), 1)))
+    slopes = _slopes(at._replace(change=at.change.beside(along)), run, numbers)
     times, of_events = np.zeros((len(numbers), n)), dict[int, Array]()
     grazing, shared = list[int](), list[int]()
     decisive = [k for k, number in enumerate(numbers) if _decides(run, number)]
@@ -138,40 +128,17 @@ def _name(run: Phases, number: int) -> str:
     return "the kink of a function of " + ", ".join(f"`{name}`" for name in names)
 
 
-def _weight(
-    system: DirectionalSystem, run: Phases, t: float, q: Array, v: Array, change: Change
-) -> Array:
-    """Return derivatives of the part of the upper side in a motion that slides."""
-    return sliding_change(system, run.motion, t, q, v, change).dweight
-
-
-def _slopes(
-    system: DirectionalSystem,
-    run: Phases,
-    numbers: Sequence[int],
-    t: float,
-    q: Array,
-    v: Array,
-    change: Change,
-) -> Array:
+def _slopes(at: PerturbedState, run: Phases, numbers: Sequence[int]) -> Array:
     """Return derivatives of watched functions, (len(numbers), n)."""
-    state = (t, *q.tolist(), *v.tolist(), *run.full.p)
-    c, n = run.full.constraints(t, q, v), change.directions
-    constraints = system.constraints(state, change)
-    velocity = np.einsum("ijn,j->in", constraints.jacobian, v) + c.jacobian @ change.v
-    velocity += constraints.drift
-    reached = motion_change(system, run.motion, t, q, v, change)
-    inputs = run.motion.inputs(t, q, v, reached.a, reached.multipliers)
-    changes = change.inputs([reached.da, reached.dmultipliers])
-    kinks = system.along("kinks", state, change.inputs())
-    conditions = np.concatenate(
-        [
-            system.along("conditions", state, change.inputs()),
-            system.along("force_conditions", inputs, changes),
-        ]
-    )
-    of_limits = system.along("limits", inputs, changes)
-    found = np.zeros((len(numbers), n))
+    position, velocity = at.constraints().position, velocity_changes(at)
+    reached = motion_change(at)
+    inputs = run.motion.inputs(at.t, at.q, at.v, reached.a, reached.multipliers)
+    changes = at.change.inputs([reached.da, reached.dmultipliers])
+    kinks = at.along("kinks")
+    force_conditions = at.system.along("force_conditions", inputs, changes)
+    conditions = np.concatenate([at.along("conditions"), force_conditions])
+    of_limits = at.system.along("limits", inputs, changes)
+    found = np.zeros((len(numbers), at.change.directions))
     for i, number in enumerate(numbers):
         if number >= len(run.watched):
             found[i] = run.conditions.values(conditions)[number - len(run.watched)]
@@ -179,11 +146,11 @@ def _slopes(
         kind, k = run.watched[number]
         if kind in ("above", "below"):
             slides = run.branches is not None and k == run.branches.slides
-            found[i] = kinks[k] if not slides else _weight(system, run, t, q, v, change)
+            found[i] = kinks[k] if not slides else sliding_change(at).dweight
             continue
         row = run.rows[k]
         if kind == "gap":
-            found[i] = constraints.position[run.system.holonomic.index(row.row)]
+            found[i] = position[run.system.holonomic.index(row.row)]
         elif kind == "slip":
             found[i] = velocity[row.row]
         elif kind == "force":

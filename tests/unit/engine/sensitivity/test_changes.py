@@ -49,11 +49,13 @@ def test_changes_move_with_the_motion_and_stand_beside_each_other() -> None:
 
 
 def test_dynamics_and_constraints(system: DirectionalSystem) -> None:
-    found = system.dynamics(STATE, change(q=[0.1, 0.2], p=[1, 0, 10, 0]))
+    changes = change(q=[0.1, 0.2], p=[1, 0, 10, 0]).inputs()
+    found = system.matrices.dynamics(system.along("dynamics", STATE, changes), True)
     np.testing.assert_allclose(found.mass_matrix[:, :, 0], np.eye(2))
     # F |x| on the branch x > 0
     np.testing.assert_allclose(found.forcing[:, 0], [10 * 1.5 + 4 * 0.1, 0.0])
-    constraints = system.constraints(STATE, change(q=[0.1, 0.2], p=[0, 1, 0, 0]))
+    changes = change(q=[0.1, 0.2], p=[0, 1, 0, 0]).inputs()
+    constraints = system.matrices.constraints(system.along("constraint", STATE, changes))
     np.testing.assert_allclose(constraints.jacobian[0, :, 0], [0.2, 0.4])
     np.testing.assert_allclose(
         constraints.position[0], 2 * (1.5 * 0.1 - 2 * 0.2) - 2 * 3.0, rtol=1e-14

@@ -11,11 +11,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.lowering import lower
 from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
-from lagcli.engine.sensitivity.instant_tangent import (
-    positions_on,
-    velocities_on,
-    velocity_changes,
-)
+from lagcli.engine.sensitivity.instant_tangent import DifferentiatedResolution
 from lagcli.engine.state import State
 from lagcli.settings.settings import DEFAULTS
 
@@ -28,6 +24,14 @@ constraints: {{rod: x^2 + y^2 = l^2}}
 events:
   change: {{when: t >= t1, {action}}}
 initial: {{x: l, y: 0, x': 0, y': {{guess: 0}}}}
+"""
+BALL = """
+coordinates: [x, y]
+parameters: {m: 2, g: 10, e: 0.5}
+T: m*(x'^2 + y'^2)/2
+V: m*g*y
+constraints: {floor: {expr: y >= 0, restitution: e}}
+initial: {x: 0, y: 1, x': 3, y': 0}
 """
 TWO = """
 coordinates: [a, b]
@@ -95,22 +99,22 @@ initial: {x: 0, y: 0.2, x': u, y': 0}
     checked(text.replace("y: 0.2", "y: d"), ("e", "u"))
 
 
-def test_changes_are_brought_onto_the_linearized_constraints() -> None:
-    system = lower(lagcli.derive(lagcli.load_text(PENDULUM.format(action="release: rod"))))
-    p, q, v = (10.0, 2.0, 0.7, 0.4), np.array([1.2, -1.6]), np.array([0.8, 0.6])
+def test_an_impact_changes_velocities_by_its_coefficient() -> None:
+    """At the floor, y'⁺ = −e y'⁻: by y'⁻, −e; by e, −y'⁻; by x', nothing."""
+    system = lower(lagcli.derive(lagcli.load_text(BALL)))
+    p, q, v = (2.0, 10.0, 0.5), np.array([0.0, 1.0]), np.array([3.0, -4.0])
     settings = DEFAULTS.replace(t_end=1.0)
-    request = IntegrationRequest(State(0.0, q, v, p), 1, settings, np.zeros(1), 0.0)
-    run = Phases(Evaluator(system, p), request)
-    directional = DirectionalSystem(run.system, None)
-    by_l = np.array([[0.0], [1.0], [0.0], [0.0]])
-    change = Change(np.zeros(1), np.array([[0.3], [0.1]]), np.array([[0.2], [-0.5]]), by_l)
-    change = positions_on(directional, run, 0.0, q, v, change, [0])
-    # x δx + y δy = l δl, by a change along the rod
-    assert q @ change.q[:, 0] == pytest.approx(2.0)
-    moved = change.q[:, 0] - [0.3, 0.1]
-    assert moved[0] * q[1] == pytest.approx(moved[1] * q[0])
-    change = velocities_on(directional, run, 0.0, q, v, change, [0])
-    assert v @ change.q[:, 0] + q @ change.v[:, 0] == pytest.approx(0.0, abs=1e-14)
-    np.testing.assert_allclose(
-        velocity_changes(directional, run, 0.0, q, v, change), 0.0, atol=1e-14
+    run = Phases(
+        Evaluator(system, p),
+        IntegrationRequest(State(0.0, q, v, p), 0, settings, np.zeros(1), 0.0),
     )
+    by_e = np.array([[0.0] * 3, [0.0] * 3, [0.0, 1.0, 0.0]])
+    dv = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    change = Change(np.zeros(3), np.zeros((2, 3)), dv, by_e)
+    at_floor = np.array([0.0, 0.0, *v, 0.0])
+    instant = DifferentiatedResolution(run, 0.0, at_floor, DirectionalSystem(system, None), change)
+    found = instant.resolve([0], True)
+    np.testing.assert_allclose(found.y[2:4], [3.0, 2.0])
+    np.testing.assert_allclose(instant.change.v, [[0.0, 0.0, 1.0], [-0.5, 4.0, 0.0]], atol=1e-14)
+    assert instant.jumped
+    assert instant.reasons == []

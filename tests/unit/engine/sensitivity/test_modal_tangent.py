@@ -8,7 +8,7 @@ import pytest
 import lagcli
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering import lower
-from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
+from lagcli.engine.sensitivity.changes import Change, DirectionalSystem, PerturbedState
 from lagcli.engine.sensitivity.modal_tangent import MotionChange, motion_change, solve
 from lagcli.engine.switching.reference.modal import ModalMotion
 from lagcli.engine.switching.reference.tapes import SwitchingTapes
@@ -33,7 +33,8 @@ def found(modes: list[RowMode], rows: list[int]) -> MotionChange:
     motion.measure(0.0, q, v)
     directions = np.eye(8)  # x, y, x', y', m, mu, g, F
     change = Change(np.zeros(8), directions[:2], directions[2:4], directions[4:])
-    return motion_change(DirectionalSystem(system, None), motion, 0.0, q, v, change)
+    at = PerturbedState(DirectionalSystem(system, None), motion, 0.0, q, v, change)
+    return motion_change(at)
 
 
 def test_a_block_that_slips() -> None:

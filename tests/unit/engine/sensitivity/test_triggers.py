@@ -10,7 +10,7 @@ from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.lowering import lower
-from lagcli.engine.sensitivity.changes import Change, DirectionalSystem
+from lagcli.engine.sensitivity.changes import Change, DirectionalSystem, PerturbedState
 from lagcli.engine.sensitivity.triggers import instant_time
 from lagcli.engine.state import State
 from lagcli.settings.settings import DEFAULTS
@@ -91,8 +91,8 @@ def test_a_gap_that_does_not_close_has_no_time(rate: float, reason: str) -> None
     request = IntegrationRequest(State(0.0, q, v, p), 0, settings, np.zeros(1), 0.0)
     run = Phases(Evaluator(system, p), request)
     change = Change(np.zeros(2), np.array([[0, 0], [1.0, 0]]), np.zeros((2, 2)), np.zeros((5, 2)))
-    directional = DirectionalSystem(run.system, None)
-    found = instant_time(directional, run, [0], 0.0, q, v, change, 1.0)
+    at = PerturbedState(DirectionalSystem(run.system, None), run.motion, 0.0, q, v, change)
+    found = instant_time(at, run, [0], 1.0)
     assert found.reason.startswith(reason)
     expected = [0.5, 0.0] if rate else [np.nan, 0.0]
     np.testing.assert_array_equal(found.change, expected)
