@@ -112,7 +112,7 @@ def _linearized(system: System, state: State, rank: int) -> Array:
     decomposition = decompose(d.jacobian, rank) if nc else decompose(np.zeros((0, nq)), 0)
 
     def solve(forces: Array, rhs: Array) -> tuple[Array, Array]:
-        return solve_redundant(d.mass_matrix, forces, d.jacobian, rhs, decomposition)
+        return solve_redundant(d.mass_matrix, forces, rhs, decomposition)
 
     a, multipliers = solve(d.forcing, d.rhs)
     tapes = system.variation()

@@ -210,7 +210,6 @@ class SteadyProblem:
         q: Array,
         p: tuple[float, ...],
         multipliers: Array | None = None,
-        chosen: Indices | None = None,
     ) -> Residual | None:
         """Return the root to which damped Newton steps lead, at once or after relaxation.
 
@@ -221,12 +220,10 @@ class SteadyProblem:
         p : tuple of float
         multipliers : (nc,) array, optional
             Where to start; those that balance the forces best by default.
-        chosen : tuple of int, optional
-            Independent velocities.
         """
         nc = len(self.local.system.constraints)
         given = np.zeros(nc) if multipliers is None else multipliers
-        found = self.residual(q, given, p, chosen)
+        found = self.residual(q, given, p)
         if not np.isfinite(found.value).all():
             return None
         if multipliers is None:

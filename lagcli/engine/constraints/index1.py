@@ -113,7 +113,7 @@ class Index1:
         if not self.redundant:
             return dense.solve_regular(d.mass_matrix, d.forcing, d.jacobian, rhs)
         parts = self.decompose(d.jacobian)
-        return dense.solve_redundant(d.mass_matrix, d.forcing, d.jacobian, rhs, parts)
+        return dense.solve_redundant(d.mass_matrix, d.forcing, rhs, parts)
 
     def _stabilization(self, t: float, q: Array, v: Array) -> Array:
         """Return Baumgarte's 2α ψ + β² φ (holonomic) and α ψ (nonholonomic)."""

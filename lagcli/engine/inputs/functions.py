@@ -23,8 +23,6 @@ from lagcli.arrays import Array
 #: Of |t|: times that are nearer than this are one; core/breaks.c has the same.
 RESOLUTION = 16 * float(np.finfo(float).eps)
 
-_DEGREES = {"step": 0, "linear": 1, "cubic": 3}
-
 
 class PiecewiseFunction(NamedTuple):
     """A function of time in pieces.

@@ -70,7 +70,7 @@ class InstantResolution:
             if not k or any(map(self._interferes, fired)):
                 self._settle(touched, ended, pinned)
             if started:
-                self._log_changes(previous, pinned)
+                self._log_changes(previous)
             self.entries[first:] = [x._replace(modes=self.modes) for x in self.entries[first:]]
             touched, ended, pinned = set(), set(), {}
             fired = self._following(self.entries[first:], started)
@@ -302,7 +302,7 @@ class InstantResolution:
 
     # the log
 
-    def _log_changes(self, previous: Indices, pinned: dict[int, ContactLaw]) -> None:
+    def _log_changes(self, previous: Indices) -> None:
         """Log how the modes have changed."""
         rest = {x.which for x in self.entries if x.occurrence == "rest"}
         for k, row in enumerate(self.rows):

@@ -145,7 +145,7 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
 
 
 def solve_redundant(
-    mass: Array, forcing: Array, jacobian: Array, rhs: Array, d: Decomposition
+    mass: Array, forcing: Array, rhs: Array, d: Decomposition
 ) -> tuple[Array, Array]:
     """Solve the same system for B of deficient rank, by the null space of B.
 

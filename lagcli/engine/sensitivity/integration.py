@@ -23,13 +23,6 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
 
 
-#: Samples of a block at which the reference engine's solution is checked, and the part of its terms
-#: by which the equations of the derivatives may be missed there.
-_CHECKED, _ALLOWED = 64, 1e-6
-#: Times that a run may go on with another order of elimination.
-_ORDERS = 20
-
-
 class Derivatives(NamedTuple):
     """Derivatives of consecutive samples with respect to n directions.
 

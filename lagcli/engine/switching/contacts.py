@@ -36,16 +36,12 @@ _ITERATIONS = 30
 _NEGATIVE = 4
 
 
-def solve_contacts(
-    problem: ContactProblem, present: Indices | None = None
-) -> ContactSolution | None:
+def solve_contacts(problem: ContactProblem) -> ContactSolution | None:
     """Return a solution of a contact problem.
 
     Parameters
     ----------
     problem : ContactProblem
-    present : (n,) array of int, optional
-        Modes to begin with.
 
     Returns
     -------
@@ -54,7 +50,7 @@ def solve_contacts(
         obey the laws. None: there is no solution, or, beyond the bounds of enumeration, none was
         found.
     """
-    return next(_Normalized(problem).solutions(present), None)
+    return next(_Normalized(problem).solutions(None), None)
 
 
 def contact_motions(
@@ -104,6 +100,15 @@ class _Normalized:
         self.static_slopes, self.kinetic_slopes = (
             np.where(self.bounded[:, None], x * part, 0.0)
             for x in (problem.static_slopes, problem.kinetic_slopes)
+        )
+        self.scaled = ContactProblem(
+            self.matrix,
+            self.offset,
+            laws,
+            self.static,
+            self.kinetic,
+            self.static_slopes,
+            self.kinetic_slopes,
         )
         self.carries: Flags = ((self.static_slopes != 0) | (self.kinetic_slopes != 0)).any(axis=0)
         self.signed = self.carries & ~self.unilateral
@@ -237,7 +242,7 @@ class _Normalized:
         """Return the solution with the forces of modes, if they obey the laws."""
         y = self.matrix @ x + self.offset
         allowed = _ZERO * self._size(x)
-        if self._violation(x, y) > allowed:
+        if self.scaled.violation(x, y) > allowed:
             if not free.shape[1]:
                 return None
             within = self._within(modes, x, y, free, allowed)
@@ -245,7 +250,7 @@ class _Normalized:
                 return None
             x = within
             y = self.matrix @ x + self.offset
-            if self._violation(x, y) > allowed:
+            if self.scaled.violation(x, y) > allowed:
                 return None
         modes = np.where(modes == _NEGATIVE, int(RowMode.HOLDS), modes)
         # a limit of zero has the same force both ways
@@ -283,30 +288,6 @@ class _Normalized:
             u * x, u[:, None] * free, np.array(rows), np.array(bounds) - 0.1 * allowed
         )
         return None if found is None else found / u
-
-    def _violation(self, x: Array, y: Array) -> float:
-        """Return by how much forces and motions violate the laws, at most."""
-        size = np.abs(x)
-        worst = float(np.abs(y)[self.laws == ContactLaw.FREE].max(initial=0.0))
-        contacts = np.minimum(x, y)[self.unilateral]
-        worst = max(worst, float(np.abs(contacts).max(initial=0.0)))
-        rows = self.limited
-        if rows.any():
-            force, motion, large = x[rows], y[rows], size[rows]
-            static = (self.static + self.static_slopes @ size)[rows]
-            kinetic = (self.kinetic + self.kinetic_slopes @ size)[rows]
-            sticks = np.maximum(np.abs(motion), large - static)
-            against = np.minimum(large, force * np.sign(motion)).clip(0)
-            worst = max(
-                worst, float(np.minimum(sticks, np.maximum(np.abs(large - kinetic), against)).max())
-            )
-        rows = self.bounded & ~self.limited
-        if rows.any():
-            kinetic = (self.kinetic + self.kinetic_slopes @ size)[rows]
-            forward = self.laws[rows] == ContactLaw.FORWARD
-            off = np.abs(x[rows] + np.where(forward, kinetic, -kinetic))
-            worst = max(worst, float(off.max()))
-        return worst
 
     def _next(self, modes: Indices, x: Array) -> Indices:
         """Return the modes of the next iteration."""

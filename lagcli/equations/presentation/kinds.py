@@ -338,7 +338,7 @@ def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
         )
         lead = "Solving the velocity constraints gives"
         found.append(Step("Dependent velocities", lines, lead=lead))
-        lines = tuple(displacement_line(f, p, rate) for rate in p.rates)
+        lines = tuple(displacement_line(f, rate) for rate in p.rates)
         signs = general.Signs(f.model)
         remark = (
             f"The coefficients are the rows of {signs.null_space.text}, whose columns span the null"

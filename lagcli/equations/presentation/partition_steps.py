@@ -129,7 +129,7 @@ def rate_node(f: Formulas, rate: DependentRate) -> Node:
     return fraction(f, *rate.over(f.equations.v))
 
 
-def displacement_line(f: Formulas, p: CoordinatePartition, rate: DependentRate) -> Line:
+def displacement_line(f: Formulas, rate: DependentRate) -> Line:
     """Return a dependent virtual displacement in terms of others."""
     terms = []
     for j, x in rate.numerators.items():

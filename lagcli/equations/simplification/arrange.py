@@ -300,9 +300,7 @@ class Arranger:
         match generator.head:
             case "symbol":
                 rank = ((expansion.places[g], 0),)
-                return TermFactor(
-                    _symbol(generator.name, kind), power, (_SYMBOL_PLACES[kind], rank)
-                )
+                return TermFactor(_symbol(generator.name), power, (_SYMBOL_PLACES[kind], rank))
             case "function":
                 node: Node = Call(generator.name, tuple(map(self.arrange, generator.arguments)))
             case "cases":
@@ -414,7 +412,7 @@ def _has_roots(e: Basic) -> bool:
     return any(not x.args[1].is_Integer for x in e.atoms(se.Pow))
 
 
-def _symbol(name: str, kind: str) -> Node:
+def _symbol(name: str) -> Node:
     column = read_dotted_name(name)
     if column is not None:
         return Symbol(column.constraint, kind="multiplier")

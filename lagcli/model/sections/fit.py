@@ -139,9 +139,9 @@ class _FitReader:
         self.draft, self.constants = draft, constants
         self.parameters, self.outputs = parameters, outputs
 
-    def wrong(self, node: YamlNode, what: str, must: str, help_: str) -> None:
+    def not_a_mapping(self, node: YamlNode, what: str, help_: str) -> None:
         self.draft.report.add(
-            "wrong-type", f"{what} must be {must}, not {node.what}", node.location, help_
+            "wrong-type", f"{what} must be a mapping, not {node.what}", node.location, help_
         )
 
     # data files
@@ -150,7 +150,7 @@ class _FitReader:
         found = []
         for item in node.items if isinstance(node, Sequence) else [node]:
             if not isinstance(item, Mapping):
-                self.wrong(item, "`data`", "a mapping", "write `data: {file: run.csv, time: t}`")
+                self.not_a_mapping(item, "`data`", "write `data: {file: run.csv, time: t}`")
                 continue
             fields = self.draft.fields(item, "`data`", keys_of(MEASURED))
             if "file" not in fields:
@@ -174,7 +174,7 @@ class _FitReader:
         if node is None:
             return {}
         if not isinstance(node, Mapping):
-            self.wrong(node, f"`{name}` of `data`", "a mapping", f"write `{name}: {{m: 2 kg}}`")
+            self.not_a_mapping(node, f"`{name}` of `data`", f"write `{name}: {{m: 2 kg}}`")
             return {}
         texts = {key: self.draft.text(x, f"`{key}` of `data`") for key, _, x in node}
         return {key: text for key, text in texts.items() if text is not None}
@@ -196,7 +196,7 @@ class _FitReader:
 
     def observed(self, node: YamlNode) -> list[ObservedQuantity]:
         if not isinstance(node, Mapping):
-            self.wrong(node, "`observe`", "a mapping", "write `observe: {phi: {column: enc}}`")
+            self.not_a_mapping(node, "`observe`", "write `observe: {phi: {column: enc}}`")
             return []
         found = []
         for name, key, value in node:
@@ -262,7 +262,7 @@ class _FitReader:
 
     def fitted(self, node: YamlNode) -> list[FittedQuantity]:
         if not isinstance(node, Mapping):
-            self.wrong(node, "`parameters`", "a mapping", "write `parameters: {m: {min: 0}}`")
+            self.not_a_mapping(node, "`parameters`", "write `parameters: {m: {min: 0}}`")
             return []
         found: dict[str, FittedQuantity] = {}
         for name, key, value in node:
@@ -303,7 +303,7 @@ class _FitReader:
                     return None
                 bounds[bound] = number
         elif not (isinstance(node, Scalar) and node.missing):
-            self.wrong(node, what, "a mapping", f"write `{name}: {{min: 0, max: 5}}` or `{name}:`")
+            self.not_a_mapping(node, what, f"write `{name}: {{min: 0, max: 5}}` or `{name}:`")
             return None
         if bounds["min"] >= bounds["max"]:
             self.draft.report.add(

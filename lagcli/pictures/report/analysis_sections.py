@@ -121,7 +121,7 @@ def _modes(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Analysi
         rows.append(
             [
                 str(mode["number"]),
-                _complex(s, both=True),
+                _complex(s),
                 number(mode["frequency"]) if swings else "",
                 number(mode["damping_ratio"], 4) if swings else "",
                 number(mode["time_constant"], 4) if mode["time_constant"] else "",
@@ -165,12 +165,11 @@ def _modes(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Analysi
     return [*sections, AnalysisSection("shapes", "Shapes", "".join(tables) + about)]
 
 
-def _complex(s: complex, both: bool = False) -> str:
+def _complex(s: complex) -> str:
     real, imaginary = number(s.real, 9), number(abs(s.imag), 9)
     if not s.imag:
         return real
-    sign = "±" if both else "+" if s.imag > 0 else "−"
-    return f"{real} {sign} {imaginary} i" if s.real else f"{sign} {imaginary} i"
+    return f"{real} ± {imaginary} i" if s.real else f"± {imaginary} i"
 
 
 def _component(shape: Mapping[str, Sequence[float]], name: str) -> str:

@@ -54,7 +54,7 @@ def write_events(
     """
     place = root.create_group(GROUP)
 
-    def described(name: str, dataset: Any, along: list[Any], what: str, unit: str) -> None:
+    def described(dataset: Any, along: list[Any], what: str, unit: str) -> None:
         attach_axes(dataset, along)
         set_text(dataset, "long_name", what)
         set_text(dataset, "units", unit)
@@ -63,32 +63,30 @@ def write_events(
     event, row = datasets["time"], add_texts(place, "row", log.rows)
     make_axis(event, "event")
     make_axis(row, "row")
-    described("row", row, [], "names of the constraints that switch", "none")
+    described(row, [], "names of the constraints that switch", "none")
     for name, _, axis, what, unit in _ARRAYS:
         along = [] if name == "time" else [event, *([axes[axis]] if axis else [])]
-        described(name, datasets[name], along, what, unit)
+        described(datasets[name], along, what, unit)
     for name, texts, what in (
         ("name", log.names, "constraints and events to which something happened"),
         ("kind", log.kinds, "what happened"),
     ):
-        described(name, add_texts(place, name, texts), [event], what, "none")
+        described(add_texts(place, name, texts), [event], what, "none")
     for name, modes, along in (
         ("mode_at_start", log.start, [row]),
         ("mode_after", log.modes, [event, row]),
         ("mode", log.modes_at(time), [axes["time"], row]),
     ):
-        described(name, add_indices(place, name, modes), along, f"modes of the rows: {_MODES}", "1")
+        described(add_indices(place, name, modes), along, f"modes of the rows: {_MODES}", "1")
 
     if log.parameters:
         slopes = add_array(place, _DTIME, log.dtime)
-        described(
-            _DTIME, slopes, [event, axes["parameter"]], "derivatives of the times", "s per unit"
-        )
+        described(slopes, [event, axes["parameter"]], "derivatives of the times", "s per unit")
     if log.records.columns:
-        _write_records(place, log, event)
+        _write_records(place, log)
 
 
-def _write_records(place: h5py.Group, log: EventLog, event: Any) -> None:
+def _write_records(place: h5py.Group, log: EventLog) -> None:
     """Write what events record."""
     records = log.records
     column = add_texts(place, "column", records.columns)

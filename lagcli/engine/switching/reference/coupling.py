@@ -69,7 +69,7 @@ class Coupling:
         d = self._d
         if self._parts is None:
             return dense.solve_regular(d.mass_matrix, forcing, self._jacobian, rhs)
-        return dense.solve_redundant(d.mass_matrix, forcing, self._jacobian, rhs, self._parts)
+        return dense.solve_redundant(d.mass_matrix, forcing, rhs, self._parts)
 
     def loaded(self, forcing: Array) -> tuple[Array, Array, Array]:
         """Return a, multipliers of bilateral rows, and y of the rows, without forces on these."""

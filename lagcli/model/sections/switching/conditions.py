@@ -23,7 +23,6 @@ from lagcli.model.yaml.source import Scalar, YamlNode
 
 _CHANGES: tuple[ContactChange, ...] = get_args(ContactChange)
 _WORDS = re.compile(r"\s*(?P<row>[^\W\d]\w*(?:\[[^\]]*\])?(?:\.\w+)?)\s+(?P<change>[^\W\d]\w*)\s*")
-_EXAMPLE = "theta <= 0"
 _HELP = "write a condition, as in `t >= 2` or `floor closes`"
 
 
@@ -82,7 +81,7 @@ class ConditionReader:
     def _read(self, node: Scalar) -> None:
         words = _WORDS.fullmatch(node.value)
         if words and words["row"] not in ("not",) and words["change"] not in ("and", "or"):
-            self._contact(node, words)
+            self._contact(words)
             return
         names = self.draft.names
         left, right = parse_equation(node.value)
@@ -95,7 +94,7 @@ class ConditionReader:
         self.tree = left
         self._condition(left)
 
-    def _contact(self, node: Scalar, words: re.Match[str]) -> None:
+    def _contact(self, words: re.Match[str]) -> None:
         """Read what happens to a contact."""
         change = words["change"]
         if change not in _CHANGES:
