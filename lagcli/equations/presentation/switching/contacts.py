@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import symengine as se
 from symengine import Basic
@@ -21,7 +21,7 @@ from lagcli.equations.presentation.typeset import (
     product_of,
     sum_of,
 )
-from lagcli.model.model import MultiplierLimit
+from lagcli.model.model import Constraint, MultiplierLimit
 from lagcli.model.sections.switching.contacts import abs_multiplier
 
 _LAWS = {
@@ -29,6 +29,11 @@ _LAWS = {
     " compression.",
     "newton": "Impacts follow Newton's law: γ⁺ = −ε γ⁻ for the gap velocity γ.",
     "sequential": "Impacts follow Newton's law, one contact after the other.",
+}
+_INELASTIC = {
+    "poisson": "Impacts are inelastic: ε = 0.",
+    "newton": "Impacts are inelastic: ε = 0.",
+    "sequential": "Impacts are inelastic, ε = 0, and follow one contact after the other.",
 }
 _MEANING = "A closed contact can only push; an open contact exerts no force."
 
@@ -51,11 +56,24 @@ def contacts_step(f: Formulas) -> Step | None:
     lines = [line for c in f.equations.constraints for line in _laws(f, c)]
     if not lines:
         return None
-    unilateral = any(c.constraint.sign for c in f.equations.constraints)
-    law = _LAWS[f.model.settings.impacts or "poisson"]
+    unilateral = [c.constraint for c in f.equations.constraints if c.constraint.sign]
     if not unilateral:
         return Step("Friction", tuple(lines))
-    return Step("Contact and friction", tuple(lines), f"{_MEANING} {law}")
+    return Step("Contact and friction", tuple(lines), f"{_MEANING} {_impact_law(f, unilateral)}")
+
+
+def _impact_law(f: Formulas, contacts: Sequence[Constraint]) -> str:
+    """Return the sentence on impacts, and which coefficients of restitution are zero."""
+    law = f.model.settings.impacts or "poisson"
+    elastic = [_is_elastic(c) for c in contacts]
+    if not any(elastic):
+        return _INELASTIC[law]
+    return _LAWS[law] if all(elastic) else f"{_LAWS[law]} Where no ε is shown, it is 0."
+
+
+def _is_elastic(contact: Constraint) -> bool:
+    """Whether a contact has a coefficient of restitution other than zero."""
+    return contact.restitution is not None and contact.restitution != 0
 
 
 def _laws(f: Formulas, c: ConstraintEquation) -> Iterator[Line]:
@@ -67,7 +85,7 @@ def _laws(f: Formulas, c: ConstraintEquation) -> Iterator[Line]:
         gap = _difference(f, c, constraint.sign)
         presses = Relation(ZERO, "<=", force)
         yield Line((Relation(presses, "⊥", Relation(gap, ">=", ZERO)),), constraint.name)
-        if constraint.restitution is not None and constraint.restitution != 0:
+        if constraint.restitution is not None and _is_elastic(constraint):
             note = "coefficient of restitution"
             yield Line((Sign("ε", r"\varepsilon"), f.arrange(constraint.restitution)), note=note)
     if constraint.limit is not None:

@@ -61,6 +61,18 @@ def test_table_of_events(equations: Equations) -> None:
     assert "end: lane slips stops the run" in text
 
 
+@pytest.mark.parametrize(
+    ("restitution", "sentence"),
+    [
+        ("", "Impacts are inelastic: ε = 0."),
+        ("restitution: 1/2, ", "of compression. Where no ε is shown, it is 0."),
+    ],
+)
+def test_law_of_impacts_with_and_without_restitution(restitution: str, sentence: str) -> None:
+    model = BALL.replace("restitution: 1/2, ", restitution)
+    assert sentence in text_of(derive(load_text(model)))
+
+
 def test_friction_is_not_counted_as_a_constraint(equations: Equations) -> None:
     assert "Constraints: s = 3" in text_of(equations)
 
