@@ -1,5 +1,6 @@
 """Views of models that have none: points by their names, rods by their constraints."""
 
+import numpy as np
 import pytest
 from symengine import Symbol
 
@@ -178,3 +179,54 @@ def test_a_body_without_a_box(inertia):
     text = BODY.replace("diag(m*h^2/12, m*(w^2 + h^2)/12, m*w^2/12)", f'"{inertia}"')
     found = with_view(lagcli.load_text(text)).view
     assert list(found.points) == ["P", "A"]
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [
+        "rot_z(a)*rot_x(b)*rot_z(c)",
+        "rot_z(a)*rot_y(b)*rot_x(c)",
+        "rot([1, 1, 0], a)*rot_x(b)*rot_z(c)",
+    ],
+)
+def test_a_body_given_by_three_angles_is_the_same_box(turn):
+    """The box of the door above, in its own frame; the frame turns by Euler or Cardan angles."""
+    text = f"""
+coordinates: {{r: point, a: rad, b: rad, c: rad}}
+parameters: {{m: 20 kg, w: 0.8 m, h: 2 m, d: 0.1 m}}
+definitions:
+  R: {turn}
+  J: diag(m*h^2/12, m*(w^2 + h^2)/12, m*w^2/12)
+  A: r - R*[w/2, 0, d]
+  B: r + [d, 0, 0]
+T: m/2*dot(r', r') + dot(omega(R), J*omega(R))/2
+initial: {{r: [0, 0, 0], r': 0, a: 0.3, b: 0.5, c: 0.7, a': 0, b': 0, c': 1}}
+"""
+    model = lagcli.load_text(text)
+    found = with_view(model).view
+    assert [s.kind for s in found.segments].count("edge") == 4
+    assert rods(found)[:1] == [("P", "P", "A")]
+    state = {"a": 0.3, "b": 0.5, "c": 0.7, "m": 20, "w": 0.8, "h": 2, "d": 0.1}
+    state |= dict.fromkeys(("r.x", "r.y", "r.z"), 0)
+    values = {Symbol(name): x for name, x in state.items()}
+    matrix = np.array([float(x.subs(values)) for x in model.definitions["R"].value.entries])
+    own = [
+        np.array([float(x.subs(values)) for x in place]) @ matrix.reshape(3, 3)
+        for name, place in found.points.items()
+        if "corner" in name
+    ]
+    assert sorted(np.round(own, 12).tolist()) == [
+        pytest.approx([x, 0, z], abs=1e-12) for x in (-0.4, 0.4) for z in (-1, 1)
+    ]
+
+
+def test_angles_that_do_not_determine_the_inertia_give_no_box():
+    """Two angles leave the third moment of inertia open."""
+    text = """
+coordinates: {r: point, a: rad, b: rad}
+parameters: {m: 2 kg, J: 1 kg*m^2}
+definitions: {R: rot_z(a)*rot_x(b)}
+T: m/2*dot(r', r') + J/2*dot(omega(R), omega(R))
+initial: {r: [0, 0, 0], r': 0, a: 0.3, b: 0.5, a': 0, b': 1}
+"""
+    assert list(with_view(lagcli.load_text(text)).view.points) == ["P"]

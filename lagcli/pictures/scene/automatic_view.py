@@ -29,8 +29,8 @@ def with_view(model: Model) -> Model:
     Points are pairs or triples of coordinates or definitions such as ``x_A, y_A``, and vector
     definitions such as ``r_A``; without any, coordinates ``x`` along the horizontal, or one ``y``
     or ``z`` along the vertical. Holonomic constraints that keep a distance are drawn as rods.
-    A rigid body, a point with a quaternion, is the homogeneous box of its mass and inertia, with
-    rods to the vector definitions that are fixed in it.
+    A rigid body, a point with a quaternion or three angles, is the homogeneous box of its mass and
+    inertia, with rods to the vector definitions that are fixed in it.
 
     Parameters
     ----------

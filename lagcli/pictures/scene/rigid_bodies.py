@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-from symengine import Basic, Integer, Lambdify, Symbol, expand, sqrt
+from symengine import Basic, DenseMatrix, Integer, Lambdify, Symbol, expand, pi, sqrt
 
 from lagcli.arrays import Array
-from lagcli.model.expression.tensors import Tensor, quaternion
+from lagcli.model.expression.tensors import Tensor, angular_velocity, quaternion
 from lagcli.model.model import Model, Segment, coordinate, velocity
 
 #: Bodies, and vectors that may be points of theirs, beyond which none is sought.
@@ -19,6 +19,26 @@ _STATES = 3  # random ones, in which a fixed point has the same place in its bod
 _SAME = 1e-9  # relative
 
 Position = tuple[Basic, ...]
+
+
+class _Orientation(NamedTuple):
+    """The rotation of a body, and a state in which its angular velocity gives all its rates.
+
+    Parameters
+    ----------
+    matrix : Tensor
+    state : dict of Symbol to Basic
+        Values of the coordinates of the rotation.
+    rates : tuple of 3 Symbol
+        Velocities of three of these coordinates.
+    inverse : DenseMatrix
+        From the angular velocity in the body's frame to these rates, in that state.
+    """
+
+    matrix: Tensor
+    state: dict[Basic, Basic]
+    rates: tuple[Basic, ...]
+    inverse: DenseMatrix
 
 
 class RigidBody(NamedTuple):
@@ -43,7 +63,7 @@ class RigidBody(NamedTuple):
 
 
 def rigid_bodies(model: Model, centres: Mapping[str, Position]) -> list[RigidBody]:
-    """Return the drawings of bodies whose rotation is a quaternion.
+    """Return the drawings of bodies whose rotation is a quaternion, or one of three angles.
 
     Parameters
     ----------
@@ -71,21 +91,62 @@ def point_name(rest: str) -> str:
     return letters if letters[:1].isalpha() else f"P{letters}"
 
 
-def _rotations(model: Model) -> Iterator[tuple[str, tuple[Basic, ...]]]:
-    """Yield the quaternions of bodies, with the names of the rotations."""
+def _rotations(model: Model) -> Iterator[tuple[str, _Orientation]]:
+    """Yield the rotations of bodies, with their names."""
     names = set(model.coordinate_names)
     for name in model.coordinate_names:
         base = name.removesuffix(".0")
         parts = [f"{base}.{i}" for i in range(4)]
         if base != name and names.issuperset(parts):
-            yield base, tuple(map(coordinate, parts))
+            yield base, _by_quaternion(*map(coordinate, parts))
+    known = {coordinate(q) for q in model.coordinate_names}
     for name, definition in model.definitions.items():
         value = definition.value
         turns = value.factors if isinstance(value, Tensor) else ()
-        if len(turns) == 1 and len(turns[0].parameters) == 4:
-            parameters = turns[0].parameters
-            if all(isinstance(e, Symbol) for e in parameters):
-                yield name, parameters
+        if not turns or not all(turn.parameters for turn in turns):
+            continue
+        assert isinstance(value, Tensor)
+        given = [x for turn in turns for x in turn.parameters]
+        if len(turns) == 1 and len(given) == 4 and known.issuperset(given):
+            yield name, _by_quaternion(*given)
+        elif all(turn.axis is not None for turn in turns):
+            orientation = _by_angles(model, value)
+            if orientation is not None:
+                yield name, orientation
+
+
+def _by_quaternion(*parts: Basic) -> _Orientation:
+    """Return the orientation (e0, e1, e2, e3), with ω = 2 (e1', e2', e3') at (1, 0, 0, 0)."""
+    state = dict(zip(parts, map(Integer, (1, 0, 0, 0)), strict=True))
+    rates = tuple(velocity(str(x)) for x in parts[1:])
+    half = [Integer(int(i == j)) / 2 for i, j in product(range(3), repeat=2)]
+    return _Orientation(quaternion(*parts), state, rates, DenseMatrix(3, 3, half))
+
+
+def _by_angles(model: Model, matrix: Tensor) -> _Orientation | None:
+    """Return an orientation that depends on three coordinates, as Euler angles; None of another."""
+    free = set().union(*(x.free_symbols for x in matrix.entries))
+    angles = [q for q in map(coordinate, model.coordinate_names) if q in free]
+    if len(angles) != 3 or not free <= {*angles, *map(Symbol, model.parameters)}:
+        return None
+    columns = [_angular_velocity_along(matrix, q) for q in angles]
+    for values in product((Integer(0), pi / 2), repeat=3):
+        state = dict(zip(angles, values, strict=True))
+        rows = [expand(column[i].subs(state)) for i in range(3) for column in columns]
+        from_rates = DenseMatrix(3, 3, rows)
+        if expand(from_rates.det()) != 0:
+            rates = tuple(velocity(str(q)) for q in angles)
+            return _Orientation(matrix, state, rates, from_rates.inv())
+    return None
+
+
+def _angular_velocity_along(matrix: Tensor, angle: Basic) -> tuple[Basic, ...]:
+    """Return the angular velocity where only one angle changes, per unit of its rate."""
+
+    def derivative(x: Basic) -> Basic:
+        return x.diff(angle)
+
+    return angular_velocity(matrix, derivative).entries
 
 
 def _vectors(model: Model) -> dict[str, Position]:
@@ -106,10 +167,10 @@ def _body(
     model: Model,
     name: str,
     centre: Position,
-    turn: tuple[Basic, ...],
+    turn: _Orientation,
     vectors: Mapping[str, Position],
 ) -> RigidBody:
-    rotation = quaternion(*turn)
+    rotation = turn.matrix
     fixed = dict(_fixed(model, centre, rotation, vectors))
     half = _half_sizes(model, centre, turn)
     signs = [(-1, 1) if x != 0 else (0,) for x in half]
@@ -155,21 +216,23 @@ def _fixed(
             yield name, place
 
 
-def _half_sizes(model: Model, centre: Position, turn: Sequence[Basic]) -> tuple[Basic, ...]:
+def _half_sizes(model: Model, centre: Position, turn: _Orientation) -> tuple[Basic, ...]:
     """Return half the sides of the homogeneous box with the mass and the inertia of a body.
 
-    With e = (1, 0, 0, 0), ω = 2 ė: the inertia is a quarter of ∂²T/∂ė². Zeros where there is no
-    such box: the axes are not principal ones, or the inertia is that of another point.
+    With ω = W v, the inertia is W⁻ᵀ ∂²T/∂v² W⁻¹. Zeros where there is no such box: the axes are
+    not principal ones, or the inertia is that of another point.
     """
     none = (Integer(0),) * 3
     if model.kinetic is None or not all(isinstance(x, Symbol) for x in centre):
         return none
-    upright = dict(zip(turn, (1, 0, 0, 0), strict=True))
-    rates = [velocity(str(x)) for x in (*centre, *turn[1:])]
+    rates = [*(velocity(str(x)) for x in centre), *turn.rates]
     slopes = [model.kinetic.diff(x) for x in rates]
-    second = [[expand(slope.diff(x).subs(upright)) for x in rates] for slope in slopes]
-    mass, inertia = second[0][0], [second[i][i] / 4 for i in (3, 4, 5)]
-    mixed = [second[i][j] for i, j in combinations(range(6), 2)]
+    second = [[expand(slope.diff(x).subs(turn.state)) for x in rates] for slope in slopes]
+    of_angles = DenseMatrix(3, 3, [x for row in second[3:] for x in row[3:]])
+    tensor = [expand(x) for x in (turn.inverse.T * of_angles * turn.inverse)]
+    mass, inertia = second[0][0], tensor[::4]
+    mixed = [tensor[3 * i + j] for i, j in combinations(range(3), 2)]
+    mixed += [second[i][j] for i, j in combinations(range(6), 2) if i < 3]
     parameters = set(map(Symbol, model.parameters))
     if mass == 0 or any(x != 0 for x in mixed) or second[1][1] != mass or second[2][2] != mass:
         return none
