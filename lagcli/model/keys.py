@@ -198,6 +198,9 @@ VIEW = _mapping(
         ),
         "grounds": _described("points that are fixed to the ground", _POINTS),
         "guides": _described("lines drawn as guides, given like `rods`", _LINES),
+        "edges": _described(
+            "outlines of bodies and walls: thin lines without joints, given like `rods`", _LINES
+        ),
         "trails": _described("points that leave a trail", _POINTS),
         "labels": _described(
             "point → text, or a list of points to label with their names. By default, points with"

@@ -23,16 +23,19 @@ from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
-_SEGMENTS: tuple[tuple[str, Literal["rod", "spring", "guide"]], ...] = (
+_Kind = Literal["rod", "spring", "guide", "edge"]
+_SEGMENTS: tuple[tuple[str, _Kind], ...] = (
     ("rods", "rod"),
     ("springs", "spring"),
     ("guides", "guide"),
+    ("edges", "edge"),
 )
 _EXAMPLES = {
     "points": "A: [x_A, y_A]",
     "rods": "crank: O-A",
     "springs": "suspension: O-A",
     "guides": "rail: G-H",
+    "edges": "block: C-D-E-F-C",
     "discs": "wheel: {center: C, radius: R, angle: phi}",
     "grounds": "O",
     "trails": "B",
@@ -178,7 +181,7 @@ class _ViewReader:
 
     # lines and marks
 
-    def segments(self, key: str, kind: Literal["rod", "spring", "guide"]) -> Iterator[Segment]:
+    def segments(self, key: str, kind: _Kind) -> Iterator[Segment]:
         """Yield the lines under a key of the view, which is a list or a mapping."""
         example = "O-A"
         node = self.fields.get(key)
@@ -193,9 +196,7 @@ class _ViewReader:
             if path is not None:
                 yield from self.along(path, kind, d)
 
-    def along(
-        self, path: Path, kind: Literal["rod", "spring", "guide"], d: Declaration | None
-    ) -> Iterator[Segment]:
+    def along(self, path: Path, kind: _Kind, d: Declaration | None) -> Iterator[Segment]:
         """Yield the lines along the points of one entry."""
         found = each(self.draft, path, self.constants, d, self.points.at)
         for points, name, _ in found:

@@ -69,12 +69,14 @@ def test_rods_can_be_written_in_many_ways(rods: str) -> None:
 def test_kinds_and_names_of_lines() -> None:
     found = view(
         "view:\n  points: {O: [0, 0], P: [x, y]}\n  springs: {k: O-P}\n"
-        "  rods: [O-P]\n  guides: {g: [O, P]}"
+        "  rods: [O-P]\n  guides: {g: [O, P]}\n  edges: {e: O-P-O}"
     )
     assert found.segments == (
         Segment("rod", "O-P", "O", "P"),
         Segment("spring", "k", "O", "P"),
         Segment("guide", "g", "O", "P"),
+        Segment("edge", "e", "O", "P"),
+        Segment("edge", "e", "P", "O"),
     )
 
 
