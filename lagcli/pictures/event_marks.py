@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import Any, Literal
 
 import numpy as np
+from symengine import Symbol
 
 from lagcli.arrays import Array, Indices
-from lagcli.columns import read_column_name
+from lagcli.columns import PANELS, read_column_name
+from lagcli.errors import LagcliError
+from lagcli.model.model import TIME, Model, coordinate
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.event_log import EventLog
@@ -16,11 +19,16 @@ from lagcli.trajectory.event_log import EventLog
 _LOOK = {"color": "#808080", "linewidth": 0.6, "zorder": 0.5}
 #: Columns of pixels of which one has a mark at most, so that the curves remain visible.
 _APART = 3
-#: Quantities that jump with the modes, and hold their value between samples and the instant.
-_HELD = ("a", "multipliers", "constraint_force", "constraint_force_by")
+#: Quantities that jump with the modes.
+_SIDED = (
+    *("a", "multipliers", "constraint_force", "constraint_force_by"),
+    *(quantity.name for quantity in PANELS["powers"]),
+)
 #: Energies, which jump by what impacts and events change them by.
 _ENERGIES = ("energy_total", "energy_kinetic", "energy_potential")
 _SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
+#: Samples of one side that tell how a curve goes on to an instant.
+_BESIDE = 3
 #: Marks on the plots of a page.
 _MARKS = 400
 
@@ -58,47 +66,71 @@ def marks(log: EventLog | None) -> Array:
     return times[evenly(len(times), _MARKS)]
 
 
-def with_jumps(run: RunFile, name: str, time: Array, values: Array) -> tuple[Array, Array]:
-    """Return a curve with its values right before and after each instant of the log.
+def jumping_outputs(model: Model) -> frozenset[str]:
+    """Return the outputs that may jump: those of more than configuration, time and constants."""
+    changed = {name for event in model.events for name in event.action.set}
+    continuous = {TIME, *map(coordinate, model.coordinate_names)}
+    continuous |= {Symbol(name) for name in model.parameters if name not in changed}
+    return frozenset(
+        name for name, value in model.outputs.items() if not value.free_symbols <= continuous
+    )
 
-    Coordinates and velocities are those of the log, energies jump by its losses. Accelerations and
-    forces hold the values of the samples beside the last instant between them, so that no slope is
-    drawn there. Any other curve is unchanged.
 
-    Parameters
-    ----------
-    run : RunFile
-    name : str
-        Name of the column.
-    time, values : (nt,) arrays
-    """
-    jumps = Jumps(run.record.events, run.coordinates, run.constraints)
-    if not jumps.of(name):
-        return time, values
-    found = jumps.inserted(time, [name], values[:, None])
-    return found[0], found[1][:, 0]
+def jumps_of(run: RunFile) -> Jumps:
+    """Return the jumps of the curves of a run."""
+    log = run.record.events
+    outputs: Container[str] = ()
+    if log is not None and len(log) and run.outputs:
+        try:
+            outputs = jumping_outputs(run.written_model)
+        except LagcliError:  # without the model it is not known which outputs jump
+            outputs = ()
+    return Jumps(log, run.coordinates, run.constraints, outputs)
 
 
 class Jumps:
     """Draws the instants of a log into curves, which are straight between samples.
+
+    Where an event records the column, its limits are those. Else, coordinates and velocities are
+    those of the log, and energies jump by its losses. Accelerations, forces, powers and outputs
+    that jump are continued to the instant from the samples on each side. Any other curve is
+    unchanged.
 
     Parameters
     ----------
     log : EventLog or None
     coordinates, constraints : sequence of str
         Names, in the model's order.
+    outputs : container of str
+        Names of outputs that may jump.
     """
 
     def __init__(
-        self, log: EventLog | None, coordinates: Sequence[str], constraints: Sequence[str]
+        self,
+        log: EventLog | None,
+        coordinates: Sequence[str],
+        constraints: Sequence[str],
+        outputs: Container[str] = (),
     ):
         self.log, self.coordinates, self.constraints = log, tuple(coordinates), tuple(constraints)
+        self.outputs = outputs
 
-    def of(self, name: str) -> bool:
-        """Return whether a column may jump."""
+    def drawn(self, name: str, time: Array, values: Array) -> tuple[Array, Array]:
+        """Return one curve with its values right before and after each instant.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        time, values : (nt,) arrays
+        """
         column = read_column_name(name, self.coordinates, self.constraints)
-        jumping = ("q", "v", *_HELD, *_ENERGIES)
-        return self.log is not None and column is not None and column.quantity in jumping
+        jumping = ("q", "v", *_SIDED, *_ENERGIES)
+        known = column is not None and column.quantity in jumping
+        if self.log is None or not (known or name in self.outputs):
+            return time, values
+        found = self.inserted(time, [name], values[:, None])
+        return found[0], found[1][:, 0]
 
     def inserted(
         self, time: Array, names: Sequence[str], values: Array, carried: bool = False
@@ -144,17 +176,36 @@ class Jumps:
         """Return a curve right before and after instants, of which the ends are entries."""
         log = self.log
         assert log is not None
+        before, after = self._unrecorded_limits(name, time, values, at, ends)
+        if name not in log.records.columns:
+            return before, after
+        recorded = log.recorded(name)
+        sides = [recorded[side][ends[side]] for side in (0, 1)]
+        return (
+            np.where(np.isnan(sides[0]), before, sides[0]),
+            np.where(np.isnan(sides[1]), after, sides[1]),
+        )
+
+    def _unrecorded_limits(
+        self, name: str, time: Array, values: Array, at: Array, ends: tuple[Indices, Indices]
+    ) -> tuple[Array, Array]:
+        log = self.log
+        assert log is not None
         column = read_column_name(name, self.coordinates, self.constraints)
         quantity = "" if column is None else column.quantity
         if column is not None and quantity in ("q", "v"):
             place = self.coordinates.index(column.coordinate)
             before, after = (log.q, log.q) if quantity == "q" else (log.before, log.after)
             return before[ends[0], place], after[ends[1], place]
-        if quantity in _HELD:
-            gap = np.searchsorted(time, at, side="left")
-            left = values[np.maximum(gap - 1, 0)]
-            right = values[np.minimum(np.searchsorted(time, at, side="right"), len(time) - 1)]
-            return left, np.where(np.append(gap[1:] != gap[:-1], True), right, left)
+        if quantity in _SIDED or name in self.outputs:
+            next_ = np.searchsorted(time, at, side="left")
+            left = _continued(time, values, at, next_ - 1, -1)
+            right = _continued(time, values, at, next_, 1)
+            # of several instants between two samples, it jumps at the last one
+            early = np.append(next_[1:] == next_[:-1], False)
+            held = values[np.maximum(next_ - 1, 0)]
+            several = early | np.append(False, early[:-1])
+            return np.where(several, held, left), np.where(early, held, right)
         if quantity in _ENERGIES:
             so_far = np.concatenate([[0.0], np.cumsum(_changes(log, quantity))])
             smooth = values - so_far[np.searchsorted(log.time, time, side="right")]
@@ -163,6 +214,37 @@ class Jumps:
             return rest + so_far[first], rest + so_far[past]
         middle = np.interp(at, time, values)
         return middle, middle
+
+
+def _continued(time: Array, values: Array, at: Array, nearest: Indices, away: int) -> Array:
+    """Return a curve at instants, continued from the samples on one side.
+
+    With the slope of the last two samples, if by the one before them the curve goes on in this
+    direction; else, and where a single sample lies between two instants, it is held.
+
+    Parameters
+    ----------
+    time, values : (nt,) arrays
+    at : (ni,) array
+        Increasing.
+    nearest : (ni,) array of int
+        The sample that is next to each instant on this side; beyond the ends, the last one counts.
+    away : {-1, 1}
+        To the samples before, or after.
+    """
+    end = len(time) - 1
+    places = [np.clip(nearest + away * i, 0, end) for i in range(_BESIDE)]
+    (t0, t1, t2), (y0, y1, y2) = ([x[place] for place in places] for x in (time, values))
+    # a sample at an instant has the value after it
+    first, last = np.append(-np.inf, at[:-1]), np.append(at[1:], np.inf)
+    two, three = ((first <= t) & (t < last) & (t != nearer) for t, nearer in ((t1, t0), (t2, t1)))
+    with np.errstate(all="ignore"):
+        slope = (y0 - y1) / (t0 - t1)
+        bent = np.where(three, 2 * slope - (y1 - y2) / (t1 - t2), slope)
+        least = np.where(np.abs(bent) < np.abs(slope), bent, slope)
+        found = y0 - away * least * np.minimum(np.abs(at - t0), np.abs(t0 - t1))
+        steady = two & (slope * bent > 0) & np.isfinite(found)
+    return np.asarray(np.where(steady, found, y0))
 
 
 def _changes(log: EventLog, quantity: str) -> Array:

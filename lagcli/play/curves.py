@@ -11,7 +11,7 @@ from lagcli.columns import BY_NAME, PANELS, ColumnName, ResultQuantity, column_n
 from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
-from lagcli.pictures.event_marks import Jumps, marks
+from lagcli.pictures.event_marks import Jumps, jumping_outputs, marks
 from lagcli.pictures.report.curves import ALL_FORCES, label
 from lagcli.pictures.report.writing import chosen, unit
 from lagcli.pictures.scale_groups import scale_groups
@@ -46,6 +46,7 @@ class Curves:
     def __init__(self, model: Model):
         self._model, self._names = model, Notation(model)
         self._units = result_units(model)
+        self._jumping = jumping_outputs(model)
 
     def groups(self) -> dict[str, str]:
         """Return the groups that have curves, with their titles."""
@@ -82,7 +83,7 @@ class Curves:
         if group == _OUTPUTS:
             curves = self._outputs(samples)
         shown = [curves[i] for i in chosen([c.name for c in curves], MOST)]
-        jumps = Jumps(log, samples.coordinates, samples.constraints)
+        jumps = Jumps(log, samples.coordinates, samples.constraints, self._jumping)
         table = np.array([c.values for c in shown]).reshape(len(shown), len(samples.time)).T
         time, table = jumps.inserted(samples.time, [c.name for c in shown], table)
         residuals = any(q.role == "residual" for q in quantities)

@@ -13,7 +13,7 @@ from trajectories import make_log
 
 import lagcli
 from lagcli.cli.app import run as cli
-from lagcli.pictures.event_marks import Jumps, draw_marks, marks, with_jumps
+from lagcli.pictures.event_marks import Jumps, draw_marks, jumping_outputs, jumps_of, marks
 from lagcli.pictures.run_file import RunFile
 
 MODEL = Path(__file__).parents[2] / "models" / "slider_crank.yaml"
@@ -36,6 +36,10 @@ def of_log(entries: tuple[tuple[float, str, str], ...], **changes: Any) -> Any:
         coordinates=("phi", "psi"),
         constraints=("guide", "floor", "floor.slip"),
     )
+
+
+def with_jumps(run: Any, name: str, time: Any, values: Any) -> Any:
+    return Jumps(run.record.events, run.coordinates, run.constraints).drawn(name, time, values)
 
 
 TIME = np.array([0.0, 0.1, 0.2, 0.3])
@@ -66,6 +70,66 @@ def test_forces_hold_their_values_beside_the_instant() -> None:
     time, drawn = with_jumps(run, "lambda.floor", TIME, force)
     assert time.tolist() == [0.0, 0.1, 0.12, 0.12, 0.15, 0.15, 0.2, 0.3]
     assert drawn.tolist() == [2.0, 3.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0]
+
+
+def test_forces_go_on_to_the_instant_as_they_do_before() -> None:
+    run = of_log(((0.35, "floor", "opens"),))
+    time = np.linspace(0.0, 0.8, 9)
+    force = np.where(time < 0.35, 9 - 10 * time, 2 * time)
+    at, drawn = with_jumps(run, "lambda.floor", time, force)
+    assert drawn[at == 0.35] == pytest.approx([5.5, 0.7])
+    # a curve that turns, and one of a single sample, are held
+    force[:4] = [0.0, 1.0, 4.0, 4.1]
+    _, drawn = with_jumps(run, "lambda.floor", time, force)
+    assert drawn[at == 0.35] == pytest.approx([4.1, 0.7])
+    run = of_log(((0.25, "floor", "closes"), (0.35, "floor", "opens")))
+    at, drawn = with_jumps(run, "lambda.floor", time, np.where(time < 0.35, 9 - 10 * time, 0))
+    assert drawn[at == 0.35] == pytest.approx([6, 0])
+    run = of_log(((0.15, "floor", "closes"), (0.35, "floor", "opens")))
+    at, drawn = with_jumps(run, "lambda.floor", time, np.where(time < 0.35, 9 - 10 * time, 0))
+    assert drawn[at == 0.35] == pytest.approx([5.5, 0])
+
+
+def test_the_force_on_a_sphere_is_zero_where_the_particle_leaves_it() -> None:
+    """λ = m g (3 cos θ − 2) reaches 0 where the contact opens, between two samples."""
+    source = lagcli.simulate(lagcli.load("particle_on_sphere"))
+    jumps = jumps_of(RunFile(source))
+    time, force = jumps.drawn("lambda.surface", source.time, source.multipliers[:, 0])
+    sides = force[:-1][np.diff(time) == 0], force[1:][np.diff(time) == 0]
+    assert sides[0] == pytest.approx([0], abs=4e-3)
+    assert sides[1].tolist() == [0]
+
+
+def test_recorded_limits_are_drawn() -> None:
+    """The clutch engages at rest of the difference; both limits of λ are in the log."""
+    source = lagcli.simulate(lagcli.load("clutch"), samples=8)
+    run, log = RunFile(source), source.events
+    assert log is not None
+    time, force = jumps_of(run).drawn("lambda.clutch", source.time, source.multipliers[:, 0])
+    before, after = log.recorded("lambda.clutch")
+    for entry in log.records.entry:
+        both = force[time == log.time[entry]]
+        assert both[:2].tolist() == [before[entry], after[entry]]
+
+
+def test_outputs_of_forces_jump_and_those_of_the_configuration_do_not() -> None:
+    model = lagcli.load_text("""
+coordinates: {x: m}
+parameters: {m: 1 kg, k: 4 N/m, a: 1 m/s}
+T: m/2*x'^2
+V: k/2*x^2
+constraints: {floor: x >= 0}
+events: {stiffer: {when: t >= 0.3, set: {k: 2*k}}}
+outputs: {place: x + a*t, load: lambda.floor, speed: x', spring: k*x, pull: m*x''}
+initial: {x: 1, x': 0}
+""")
+    assert jumping_outputs(model) == {"load", "speed", "spring", "pull"}
+    source = lagcli.simulate(model, t_end=0.5, samples=11)
+    run = RunFile(source)
+    time, spring = jumps_of(run).drawn("spring", source.time, source.outputs["spring"])
+    assert np.ptp(spring[time == time[np.flatnonzero(np.diff(time) == 0)[0]]]) > 3
+    time, _ = jumps_of(run).drawn("place", source.time, source.outputs["place"])
+    assert len(time) == 11
 
 
 def test_other_curves_stay() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
-from lagcli.pictures.event_marks import draw_marks, with_jumps
+from lagcli.pictures.event_marks import draw_marks, jumps_of
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.bands import half_widths, read_bands
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
@@ -142,6 +142,7 @@ class PanelDrawing:
     ):
         self.widths = widths or [{}] * len(runs)
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
+        self.jumps = [jumps_of(run) for run in runs]
         self.labels, numbers, self.difference = labels_of(runs)
         #: Many runs are a family: coloured by what tells them apart, without a legend.
         self.family: Sequence[float] | None = None
@@ -184,7 +185,7 @@ class PanelDrawing:
         for number, (panel, values) in enumerate(zip(panels, self.values, strict=True)):
             for place, curve in enumerate(panel.curves):
                 over = panel.over[place] if panel.over else None
-                x, y = self.drawn(self.runs[number], values, curve, over)
+                x, y = self.drawn(number, values, curve, over)
                 look = self.look(number, place, count)
                 if panel.log:  # rounding errors jump: a line through them would cover the panel
                     look = {"color": look["color"], **_points(place if count > 1 else number)}
@@ -215,12 +216,12 @@ class PanelDrawing:
         ax.set_ylabel(_axis(first.curves, place.height * self.figure.get_figheight()))
 
     def drawn(
-        self, run: RunFile, values: Values, curve: Curve, over: Curve | None
+        self, run: int, values: Values, curve: Curve, over: Curve | None
     ) -> tuple[Array, Array]:
-        """Return what is drawn of a curve."""
+        """Return what is drawn of a curve of a run."""
         y, time = drawable(values[curve.name]), values["t"]
         if over is None:
-            time, y = with_jumps(run, curve.name, time, y)
+            time, y = self.jumps[run].drawn(curve.name, time, y)
             kept = thin(time, y, self.columns)
             return time[kept], y[kept]
         x = drawable(values[over.name])

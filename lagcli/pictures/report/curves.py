@@ -11,7 +11,7 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
-from lagcli.pictures.event_marks import Jumps
+from lagcli.pictures.event_marks import jumps_of
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import axis_unit, chosen
 from lagcli.pictures.run_file import RunFile
@@ -176,7 +176,7 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, E
     fields = {"time"} | {c.field for p in plots for c in p.curves} | {c.field for c in extremes}
     of_plot = min(_OF_PLOT, _NUMBERS // max(1, len(plots)))
     pieces: list[list[tuple[Array, Array]]] = [[] for _ in plots]
-    jumps = Jumps(run.record.events, run.coordinates, run.constraints)
+    jumps = jumps_of(run)
     ends: list[tuple[Array, Array]] = []  # of each plot, the last sample of the block before
     for block in run.blocks(sorted(fields)):
         time = block["time"]

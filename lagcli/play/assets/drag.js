@@ -110,7 +110,7 @@ class Dragging {
     if (point && point.far <= reach) return point.weights;
     const rods = this.scene.data.shapes.filter(
       ({ kind, from, to }) =>
-        kind === "rod" && [from, to].some((name) => this.points.includes(name)),
+        ["rod", "edge"].includes(kind) && [from, to].some((name) => this.points.includes(name)),
     );
     const rod = nearest(
       rods.map(({ from, to }) => {
