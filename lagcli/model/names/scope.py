@@ -384,7 +384,10 @@ class ModelScope:
         """
         head, *rest = text.split(".")
         if head in ("lambda", "Qc") and not self.context.multipliers:
-            used = "multipliers may be used in `outputs` and in the vectors of a `view`"
+            used = (
+                "multipliers may be used in `Q`, `limit`, `outputs`, conditions of events and the"
+                " vectors of a `view`"
+            )
             raise self._not_here(name, "multipliers", used)
         if head == "lambda" and rest and not name.primes:
             constraint = ".".join(rest)

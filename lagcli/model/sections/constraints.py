@@ -117,6 +117,14 @@ class _ConstraintReader:
                 return
             yield constraint
             slipping = self.slip.constraints(name, indices) if self.slip else []
+            if self.slip and any(s.name != name for s in slipping):
+                self.slip.fault(
+                    "shape",
+                    f"{self.slip.what} must be a scalar, not a vector",
+                    "friction acts along one direction, as in `slip: x'`; docs/contact.md shows"
+                    " friction in a plane",
+                )
+                return
             friction = self.fields.slip(constraint, slipping[0]) if slipping else None
             if friction is not None:
                 yield friction
