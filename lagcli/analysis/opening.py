@@ -1,4 +1,4 @@
-"""Opening of any file of lagcli: a model, a result, a sweep or an analysis."""
+"""Opening any lagcli file: a model, a result, a sweep or an analysis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _RESULTS = (".h5", ".hdf5", ".csv")
 
 
 def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
-    """Open a file of lagcli.
+    """Open a lagcli file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Lines of text that analyses print."""
+"""Formatting of the text output of analyses."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ _LABEL = 9
 
 
 def entry(label: str, text: str, indent: int = 2) -> list[str]:
-    """Return a label and a text beside it, wrapped."""
+    """Return a label followed by a wrapped text."""
     before = " " * (indent + _LABEL)
     first, *rest = wrapped(text, WIDTH - len(before)) or [""]
     return [f"{' ' * indent}{label:<{_LABEL}}{first}", *(before + line for line in rest)]
 
 
 def listed(items: Sequence[str], most: int = 12) -> str:
-    """Return items in a line; of many, the first, and how many more there are."""
+    """Return items on one line; for many items, the first ones and the number of the others."""
     more = [f"and {len(items) - most} more (--json)"] if len(items) > most else []
     return ", ".join([*items[:most], *more])
 
 
 def without_rounding(values: Mapping[str, float]) -> dict[str, float]:
-    """Return values with zeros for what is a rounding error beside the largest."""
+    """Return values with zeros for rounding errors relative to the largest value."""
     least = 1e-13 * max(map(abs, values.values()), default=0.0)
     return {name: value if abs(value) > least else 0.0 for name, value in values.items()}

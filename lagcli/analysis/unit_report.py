@@ -1,4 +1,4 @@
-"""The units of a model: what follows from those that it states, what is missing, what disagrees."""
+"""Units of a model: given, derived, missing and inconsistent ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lagcli.model.dimensions.reporting import unit_diagnostics
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of, format_members
 
-_LISTED = 12  # names in a line
+_LISTED = 12  # names per line
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class UnitReport:
 
     @property
     def summary(self) -> str:
-        """One sentence: whether units are checked, and what is missing."""
+        """One sentence: whether units are checked, and which are missing."""
         if not self.stated:
             return "none given"
         if self.checked:
@@ -60,7 +60,7 @@ class UnitReport:
         return f"not checked: no unit for {shown}" + (", …" if len(families) > _LISTED else "")
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the report as JSON values."""
         groups = ("coordinates", "parameters", "definitions", "multipliers", "constraints")
         return {
             "stated": self.stated,
@@ -71,7 +71,7 @@ class UnitReport:
         }
 
     def sentences(self) -> Iterator[str]:
-        """Yield it as text: the summary, and the derived units by group."""
+        """Yield the report as text: the summary, and the derived units by group."""
         yield f"{self.summary[0].upper()}{self.summary[1:]}."
         for title, units in (
             ("Multipliers", self.multipliers),
@@ -119,7 +119,7 @@ def report_units(model: Model) -> UnitReport:
 
 
 def _names(names: Iterable[str]) -> str:
-    """Return names, those of a family as x[1..20]."""
+    """Return names, with members of a family as x[1..20]."""
     families: dict[str, list[str]] = {}
     for name in names:
         families.setdefault(family_of(name), []).append(name)

@@ -1,4 +1,4 @@
-"""CSV files with a line of titles: columns by name, with errors that show line and column."""
+"""CSV files with a header: columns by name, and errors with line and column."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     Raises
     ------
     FileError
-        It cannot be read.
+        The file cannot be read.
     """
     name = os.fspath(path)
     check_regular(name)
@@ -37,7 +37,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
 
 
 class CsvTable:
-    """The lines of a CSV file, the first of which names the columns.
+    """A CSV file whose first line names the columns.
 
     Parameters
     ----------
@@ -64,12 +64,12 @@ class CsvTable:
         self.titles = next(csv.reader([first], delimiter=self.delimiter), [])
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield the rows below the titles that are not blank, with the number of their line.
+        """Yield the nonblank rows below the header, with their line numbers.
 
         Raises
         ------
         FileError
-            A row has another number of values than there are titles, or is no CSV.
+            A row has more or fewer values than the header, or is not valid CSV.
         """
         reader = csv.reader(io.StringIO(self.text, newline=""), delimiter=self.delimiter)
         count = len(self.titles)
@@ -94,7 +94,7 @@ class CsvTable:
             ) from None
 
     def column(self, name: str, unit: str | None) -> tuple[int, Factor, str | None]:
-        """Return the number of a column, what brings its values to SI, and its unit.
+        """Return the number of a column, its conversion factor to SI, and its unit.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class CsvTable:
         Raises
         ------
         FileError
-            There is no such column, or the unit in its title is unknown.
+            The column does not exist, or the unit in its title is unknown.
         """
         plain = [title.strip() for title in self.titles]
         matches = [_TITLE.fullmatch(title) for title in plain]
@@ -132,12 +132,12 @@ class CsvTable:
         )
 
     def number(self, fields: list[str], number: int, line: int) -> float:
-        """Return the number in a field; NaN where it is empty or says so.
+        """Return the number in a field; NaN if it is empty or ``nan``.
 
         Raises
         ------
         FileError
-            It is no finite number.
+            The field is not a finite number.
         """
         try:
             value = float(fields[number])
@@ -162,7 +162,7 @@ class CsvTable:
         text = lines[line - 1] if line <= len(lines) else ""
         start, length = 0, len(text)
         if number is not None:
-            # as it is written: fields in quotes may hold delimiters
+            # split as written: quoted fields may contain delimiters
             spans = [m.span() for m in re.finditer(rf'(?:"[^"]*"|[^{self.delimiter}])+|(?<=[{self.delimiter}])(?=[{self.delimiter}]|$)|^(?=[{self.delimiter}])', text)]  # fmt: skip # noqa: E501
             if number < len(spans):
                 start, length = spans[number][0], max(1, spans[number][1] - spans[number][0])

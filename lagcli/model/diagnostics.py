@@ -9,11 +9,11 @@ from lagcli.errors import Diagnostic, ModelError, SourceLocation
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.yaml.source import Scalar, YamlNode
 
-MAX_DIAGNOSTICS = 100  # nobody reads more, and searching for similar names takes time
+MAX_DIAGNOSTICS = 100  # more are rarely read, and searching for similar names takes time
 
 
 class Broken(Exception):
-    """Use of a name whose own error has been reported; no further error is raised for it."""
+    """Use of a name whose declaration is in error; the error has been reported already."""
 
 
 class Diagnostics:

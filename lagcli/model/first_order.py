@@ -1,4 +1,4 @@
-"""First-order coordinates: damped, without kinetic energy, so that a balance of forces gives q'."""
+"""First-order coordinates: without kinetic energy, with q' given by a balance of forces."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def first_order_constraints(
 ) -> tuple[Constraint, ...]:
     """Return the equations of the first-order coordinates as constraints, with λ = 0.
 
-    For a coordinate whose velocity is not in L, Lagrange's equation is the balance
-    ψ = ∂L/∂q + Q − ∂D/∂q' = 0. With damping, ψ depends on q', and ψ = 0 determines it. As a
-    constraint, ψ = 0 is kept by consistent initialization and projection, and its derivative gives
-    q''; the equation itself, 0 = ψ + λ ∂ψ/∂q', gives λ = 0.
+    For a coordinate whose velocity is not in L, Lagrange's equation is the balance ψ = ∂L/∂q + Q −
+    ∂D/∂q' = 0. With damping, ψ depends on q', and ψ = 0 determines it. As a constraint, ψ = 0 is
+    enforced by consistent initialization and projection, and its derivative determines q''; the
+    equation itself, 0 = ψ + λ ∂ψ/∂q', gives λ = 0.
 
-    Coordinates in other constraints are left as they are: their constraints may determine them.
+    Coordinates in other constraints are not first-order: these constraints may determine them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Reader of one initial value: fixed or guessed, with its unit."""
+"""Reader of initial values: fixed or guessed, with units."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from lagcli.model.names.scope import uses
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
 
-#: A guess on the command line: as the file has it.
+#: A guess on the command line, written as in a file.
 GUESS = r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+"
 
 
 class InitialReader:
-    """Reads the value of an entry, for each member that it is given for.
+    """Reads the value of an entry, for each member that the entry covers.
 
     Parameters
     ----------
     draft : Draft
     declaration : Declaration
-        With the value as its node.
+        The entry, with its value as node.
     constants : Symbols
         Parameters with their values.
     fixed : bool
-        Whether the value is fixed unless it is a guess itself.
+        Whether the value is fixed unless it is written as a guess.
     quantity : Quantity, optional
-        The value, if it has been read.
+        The value, if it has already been read.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class InitialReader:
 
 
 def initial_names(draft: Draft, constants: Symbols) -> Symbols:
-    """Return the names for initial values: parameters by their values; others are errors."""
+    """Return the names allowed in initial values: parameters with their values."""
     names = draft.names
     return replace(constants, coordinates=names.coordinates, definitions=names.definitions)
 
@@ -89,14 +89,14 @@ def unwrapped(draft: Draft, node: YamlNode, what: str) -> tuple[YamlNode | None,
 
 
 def guessed(entry: YamlNode, value: YamlNode) -> YamlNode:
-    """Return a value as ``{guess: value}``, given an entry that is a guess."""
+    """Return a value as ``{guess: value}`` if the entry is a guess."""
     assert isinstance(entry, Mapping)
     key = entry.entries["guess"][0]
     return Mapping(value.source, value.start, value.end, {"guess": (key, value)})
 
 
 def guess_or(node: Scalar) -> YamlNode:
-    """Return a value from the command line; a guess as the mapping that it is in a file."""
+    """Return a value from the command line; a guess as the mapping used in files."""
     match = re.fullmatch(GUESS, node.value)
     if match is None:
         return node

@@ -15,27 +15,26 @@ from lagcli.model.model import TIME
 if TYPE_CHECKING:
     from array import array
 
-#: How an input is interpolated between the rows of its table, and how often it may be
-#: differentiated until nothing finite is left.
+#: Interpolations between the rows of a table, and the number of finite derivatives.
 INTERPOLATIONS: Mapping[str, int] = MappingProxyType({"step": 0, "linear": 1, "cubic": 3})
 
-#: What an input is outside its table.
+#: Values of an input outside its table.
 EXTENSIONS = ("hold", "periodic")
 
 
 class InputData(NamedTuple):
-    """The table of an input, in SI.
+    """The table of an input, in SI units.
 
     Parameters
     ----------
     times, values : array of float
-        The times increase, s.
+        Increasing times, s.
     unit : str or None
-        The unit in which the values are written.
+        Unit of the values in the file.
     file : str
-        The CSV file, as the model names it; empty where the table stands in the model.
+        Path of the CSV file, as given in the model; empty for a table in the model.
     sha256 : str
-        The digest of the file; empty where there is none.
+        SHA-256 of the file; empty if there is none.
     """
 
     times: array[float]
@@ -55,7 +54,7 @@ class Input(NamedTuple):
     interpolation : str
         One of `INTERPOLATIONS`.
     extend : str or None
-        One of `EXTENSIONS`; None where the function is not defined outside the table.
+        One of `EXTENSIONS`; None if the function is undefined outside the table.
     description : str, optional
     location : SourceLocation, optional
         Location of its name in the model file.
@@ -70,7 +69,7 @@ class Input(NamedTuple):
 
     @property
     def smoothness(self) -> int:
-        """How often it may be differentiated."""
+        """Number of times it can be differentiated."""
         return INTERPOLATIONS[self.interpolation]
 
 

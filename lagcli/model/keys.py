@@ -52,7 +52,7 @@ def keys_of(schema: JsonSchema) -> tuple[str, ...]:
     return tuple(schema["properties"])
 
 
-# YAML reads 12 as a number, which is as good as text
+# YAML reads 12 as a number; it is accepted as text
 _TEXT: JsonSchema = {"type": ["string", "number"]}
 _SCALAR = _TEXT
 _EXPRESSION: JsonSchema = {"type": ["string", "number", "array"]}

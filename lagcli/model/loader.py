@@ -1,4 +1,4 @@
-"""Loader: reads a model file into a Model and reports all errors in one pass."""
+"""Loader: reads a model file into a Model, and reports all errors together."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def load(
     FileError
         The file cannot be read.
     ModelError
-        The file is not a valid model; carries all diagnostics.
+        The file is not a valid model; contains all diagnostics.
     """
     text, name = read_text(path)
     return load_text(text, name, set, set_initial)
@@ -83,7 +83,7 @@ def load_text(
 ) -> Model:
     """Load and check the text of a model file; see `load`.
 
-    ``data`` are tables of inputs that are there already: their files are not read.
+    ``data`` are tables of inputs that are already loaded: their files are not read.
     """
     source = Source(text.removeprefix("\ufeff"), path)
     check_text(source)
@@ -95,7 +95,7 @@ def load_text(
 
 @contextmanager
 def _without_gc() -> Iterator[None]:
-    """Disable the cyclic garbage collector.
+    """Context manager that disables the cyclic garbage collector.
 
     Loading creates many objects that stay alive; scanning them repeatedly takes longer than
     creating them.
@@ -235,7 +235,7 @@ def _model(
 
 
 def _title(name: str) -> str:
-    """Return a heading made from a name: "Four bar" from "four_bar"."""
+    """Return a title made from a name: "Four bar" from "four_bar"."""
     if re.fullmatch(r"[a-z0-9_-]+", name):
         name = re.sub("[_-]+", " ", name).strip().capitalize() or name
     return name

@@ -55,7 +55,7 @@ class ExpressionLocations:
         return node
 
     def inside(self, *keys: str) -> YamlNode:
-        """Return the node at a path of keys, or the last one on the path that there is."""
+        """Return the node at a path of keys, or the last existing one on the path."""
         node: YamlNode = self._root
         for key in keys:
             if not isinstance(node, Mapping) or key not in node.entries:
@@ -64,7 +64,7 @@ class ExpressionLocations:
         return node
 
     def at(self, block: str, place: SourceLocation) -> YamlNode | None:
-        """Return the node of a value in a block; None if there is none at this location."""
+        """Return the node of a value in a block; None if there is none."""
         found = self._root.entries.get(block)
         stack = [found[1]] if found else []
         while stack:
@@ -104,13 +104,13 @@ def _text_of(node: YamlNode | None) -> Scalar | None:
 def declarations_in(model: Model, message: str) -> list[str]:
     """Return a sentence on each name in backticks that the model declares, with file and line.
 
-    Names of which the message says the line itself have none.
+    Names omitted because the message itself states their line.
 
     Parameters
     ----------
     model : Model
     message : str
-        As the engine wrote it, which knows no files.
+        The engine's message, which contains no locations.
     """
     found = dict.fromkeys(re.findall(r"`([^`]+)`", message))
     places = _places(model)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Kind = Literal["holonomic", "nonholonomic", "nonlinear"]
 #: The sign between the sides of a constraint.
 Relation = Literal["=", ">=", "<="]
-#: What happens to a contact or a limited row, as conditions of events say it.
+#: Changes of a contact or a limited row, as named in conditions of events.
 ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]
 
 TIME = se.Symbol("t")
@@ -82,7 +82,7 @@ class Written(NamedTuple):
 class Parameter(NamedTuple):
     """A parameter with its value in SI.
 
-    ``structural`` says whether coordinates, constraints or sums of the model depend on it: a new
+    ``structural`` states whether coordinates, constraints or sums of the model depend on it: a new
     value then requires loading the model again. Any other parameter is an input of the equations.
     ``location`` is the location of the value.
     """
@@ -108,10 +108,10 @@ class Definition(NamedTuple):
 
 
 class MultiplierLimit(NamedTuple):
-    """How much a velocity constraint bears: |λ| ≤ static while ψ = 0, |λ| = kinetic otherwise.
+    """Bounds of a multiplier: |λ| ≤ static while ψ = 0, |λ| = kinetic otherwise.
 
-    ``normal`` is the constraint whose multiplier the limits are proportional to, if they are: they
-    are friction then.
+    ``normal`` is the constraint to whose multiplier the limits are proportional, if any: they are
+    then friction.
     """
 
     static: Basic
@@ -119,21 +119,22 @@ class MultiplierLimit(NamedTuple):
     normal: str | None = None
 
 
-#: Behind the name of a first-order coordinate: the constraint that is its equation.
+#: Suffix of a first-order coordinate's name: the constraint that is its equation.
 RATE = ".rate"
-#: Behind the name of a coordinate: the row of dry friction, a `sign` in Q or an `abs` in D.
+#: Suffix of a coordinate's name: its row of dry friction, a `sign` in Q or an `abs` in D.
 SIGN = ".sign"
 
 
 class Constraint(NamedTuple):
     """A constraint, φ(q, t) = 0, or ψ(q, q', t) = 0, affine in q' unless its kind is nonlinear.
 
-    ``expression`` is lhs − rhs, whatever the ``relation`` between them; ``indices`` are the index
-    values of a family member. A unilateral constraint has a coefficient of ``restitution``, and a
-    velocity constraint that bears only so much a ``limit``. What is not ``active`` is engaged by an
-    event. The friction of a constraint is a separate constraint, after it in the model's order:
-    ``floor.slip``. The equation of a first-order coordinate, ``x.rate``, is not written in the
-    file; it has no ``left``, and its λ is 0. Nor is dry friction, ``x.sign``, in Q or D.
+    ``expression`` is lhs − rhs, regardless of the ``relation`` between them; ``indices`` are the
+    index values of a family member. A unilateral constraint has a coefficient of ``restitution``,
+    and a velocity constraint with bounded λ has a ``limit``. A constraint that is not ``active``
+    can be engaged by an event. The friction of a constraint is a separate constraint, after it in
+    the model's order: ``floor.slip``. Two kinds of constraints are not written in the file: the
+    equation of a first-order coordinate, ``x.rate``, which has no ``left`` and whose λ is 0; and
+    dry friction in Q or D, ``x.sign``.
     """
 
     name: str
@@ -151,12 +152,12 @@ class Constraint(NamedTuple):
 
     @property
     def sign(self) -> int:
-        """Of φ and λ of a unilateral constraint, 1 or −1; 0 of any other."""
+        """Sign of φ and λ of a unilateral constraint, 1 or −1; 0 for any other."""
         return {">=": 1, "<=": -1, "=": 0}[self.relation]
 
     @property
     def from_sign(self) -> bool:
-        """Whether it is dry friction, written as a force or a dissipation."""
+        """Whether it is dry friction, given as a force or a dissipation function."""
         return SIGN in self.name
 
     @property
@@ -166,19 +167,19 @@ class Constraint(NamedTuple):
 
 
 class EventAction(NamedTuple):
-    """What an event does, in the order of the file.
+    """Actions of an event, in the order of the file.
 
     Parameters
     ----------
     set : mapping of str to expression
-        New values of coordinates, velocities (``x'``) and parameters, from values of before.
+        New values of coordinates, velocities (``x'``) and parameters, as functions of the old ones.
     impulse : mapping of str to expression
         Generalized impulses by coordinate.
     release, engage : tuples of str
         Names of constraints.
     stop : bool
     record : tuple of str or None
-        Names of columns to write; None for all.
+        Names of columns to record; None for all.
     """
 
     set: Mapping[str, Basic] = MappingProxyType({})
@@ -196,18 +197,18 @@ class ModelEvent(NamedTuple):
     ----------
     name : str
     when : str
-        Its condition as the file has it.
+        Condition as written in the file.
     condition : expression or None
-        Rises through zero as the condition becomes true.
+        Function that rises through zero when the condition becomes true.
     either : bool
-        Whether it fires in both directions.
+        Whether it triggers in both directions.
     change : (str, ContactChange) or None
-        Instead of a condition: what happens to a constraint.
+        Instead of a condition: the change of a constraint's state.
     action : EventAction
     times : int or None
-        How often it happens at most.
+        Maximum number of occurrences.
     sides : tuple of Tree
-        The condition, or the two sides of an equation; none of a change.
+        The condition, or the two sides of an equation; None for a change.
     """
 
     name: str
@@ -285,7 +286,7 @@ class View(NamedTuple):
     grounds, trails : tuples of str
         Points fixed to the ground, and points that leave a trail.
     labels : mapping of str to str or None
-        Text at a point; None stands for the point's name.
+        Text at a point; None for the point's name.
     """
 
     dimension: int
@@ -346,12 +347,12 @@ class Model:
 
     @property
     def switches(self) -> bool:
-        """Whether constraints come and go, or events happen."""
+        """Whether the model has constraints that switch, or events."""
         return bool(self.events) or not all(c.lasting for c in self.constraints)
 
     @property
     def data(self) -> dict[str, InputData]:
-        """The tables of the inputs, by name: what `load_text` needs beside the text."""
+        """Tables of the inputs by name, as `load_text` needs them."""
         return {name: x.data for name, x in self.inputs.items()}
 
     @property

@@ -1,4 +1,4 @@
-"""The units of a model's quantities, by the names of columns in results."""
+"""Units of a model's quantities, by the names of columns in results."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from lagcli.model.model import Model
 
 
 def result_units(model: Model) -> dict[str, str]:
-    """Return the SI units that are known of what a result has numbers of.
+    """Return the known SI units of the quantities in a result.
 
     Parameters
     ----------
@@ -16,9 +16,8 @@ def result_units(model: Model) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Dict of str to str of coordinates, parameters and outputs by their names; of λ and of the
-        residuals by those of their columns, such as ``lambda.guide`` and
-        ``residual_velocity.guide``.
+        Units of coordinates, parameters and outputs by name; of λ and of the residuals by column,
+        such as ``lambda.guide`` and ``residual_velocity.guide``.
     """
     units = model.units
     found = {name: units.of(name) for name in (*model.coordinate_names, *model.parameters)}

@@ -10,7 +10,7 @@ from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 
 _PACKAGE = Path(__file__).parents[1]
-#: In an installed package, and in a checkout.
+#: Folders in an installed package, and in a checkout.
 _FOLDERS = (_PACKAGE / "models", _PACKAGE.parent / "models")
 _NAME = re.compile(r"\w+")
 
@@ -39,7 +39,7 @@ def shipped_model(name: str) -> Path:
 
 
 def find_model(path: str | Path) -> Path:
-    """Return the file that a path or the name of a shipped model stands for.
+    """Return the file of a path or of a shipped model's name.
 
     A file takes precedence over a shipped model of the same name.
 

@@ -1,4 +1,4 @@
-"""Measured data from CSV files, with errors that name the file, the line and the column."""
+"""Reader of measured data in CSV files; its errors name the file, the line and the column."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Measured:
     values : (n, m) array
         Values of the observed quantities; NaN where there is no measured value.
     sigmas : (m,) array
-        Standard deviations; NaN where they are to be estimated.
+        Standard deviations; NaN if they are to be estimated.
     """
 
     path: str
@@ -46,7 +46,7 @@ def read_measured(
     ----------
     file : DataFile
     folder : path
-        Where relative names begin.
+        Folder of relative file names.
     observed : sequence of m ObservedQuantity
 
     Returns
@@ -56,8 +56,8 @@ def read_measured(
     Raises
     ------
     FileError
-        The file cannot be read, lacks a column, or an entry is no number; the times do not
-        increase; there is no measured value.
+        The file cannot be read, lacks a column, or contains an entry that is not a number; the
+        times do not increase; there is no measured value.
     """
     path = os.fspath(Path(folder) / file.path)
     try:

@@ -39,7 +39,7 @@ class Evaluation(NamedTuple):
     Parameters
     ----------
     residuals : (n,) array
-        (model − data) / sigma; sigma is 1 where it is to be estimated.
+        (model − data) / sigma; sigma is 1 if it is to be estimated.
     jacobian : (n, k) array
         Derivatives with respect to the fitted quantities.
     """
@@ -49,18 +49,18 @@ class Evaluation(NamedTuple):
 
 
 class FailedRun(Exception):
-    """A run could not be completed: it has no residuals."""
+    """A run could not be completed, so that it has no residuals."""
 
 
 class Experiment:
-    """One experiment: a model with its values, and the data.
+    """One experiment: a model with its parameter and initial values, and the data.
 
     Parameters
     ----------
     equations, system
-        Of a model with the experiment's values.
+        The equations and the System of the model, with the experiment's values.
     settings : Settings
-        Complete; their times are replaced by those of the data.
+        Complete settings; their times are replaced by those of the data.
     observed : sequence of m ObservedQuantity
     names : sequence of k str
         Names of the fitted quantities.
@@ -98,7 +98,7 @@ class Experiment:
         self.directions = self.sensitivity.directions
         self.values, self.slopes = lower_observed(equations, expressions, self.directions.rates)
         self.measured = np.isfinite(data.values)
-        self._near: ConsistentState | None = None  # the start of the last run
+        self._near: ConsistentState | None = None  # initial state of the last run
         self.sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, 1.0)
 
     @property
@@ -132,7 +132,7 @@ class Experiment:
         return self._observe(blocks, p)
 
     def steps(self, values: Sequence[float]) -> int:
-        """Return the steps that a run takes.
+        """Return the number of steps of a run.
 
         Raises
         ------
@@ -197,7 +197,7 @@ def experiments_of(
     data: Sequence[Measured],
     names: Sequence[str],
 ) -> list[Experiment]:
-    """Return the experiments of models that differ in values alone, derived once if they do."""
+    """Return the experiments; models that differ only in values share one derivation."""
     from lagcli.engine.lowering import lower
     from lagcli.equations.derivation.lagrange import derive
 
@@ -216,7 +216,7 @@ def experiments_of(
 
 
 def _refuse_changed(model: Model, expressions: Sequence[se.Basic]) -> None:
-    """Reject observed quantities that depend on parameters to which events give values."""
+    """Reject observed quantities that depend on parameters set by events."""
     changed = {name for event in model.events for name in event.action.set} & {*model.parameters}
     for expression in expressions:
         names = sorted(changed & {symbol.name for symbol in expression.free_symbols})

@@ -1,4 +1,4 @@
-"""Fit files: files of an analysis with the quantities along ``parameter``, and one group for each
+"""Fit files: analysis files with the fitted quantities along ``parameter``, and one group for each
 experiment.
 """
 
@@ -18,7 +18,7 @@ from lagcli.results.hdf5.structure import group, numbers, read_texts, text_attri
 from lagcli.results.metadata import check_model, storable
 from lagcli.version import __version__
 
-#: Datasets with one number for each quantity, and what they are.
+#: Datasets along ``parameter``, and their descriptions.
 _BY_PARAMETER = {
     "values": "values found",
     "start": "values of the model file, from which the first search began",
@@ -35,7 +35,7 @@ _BY_START = {
     "costs": "chi-square at the ends",
 }
 _FACTS = ("model", "model_sha256", "units", "parameters", "options")
-#: Fields of a result that its content has by the same name.
+#: Fields of a result that have the same name in the content.
 _IN_CONTENT = (
     *("level", "intervals", "chi_square", "sigma_estimated"),
     *("probability", "message", "runs", "seconds"),
@@ -43,13 +43,13 @@ _IN_CONTENT = (
 
 
 def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = False) -> None:
-    """Write the result of a fit as HDF5, whole or not at all.
+    """Write the result of a fit as HDF5, atomically.
 
     Parameters
     ----------
     result : FitResult
     path : path
-        A name that ends with ``.h5`` or ``.hdf5``.
+        File name ending in ``.h5`` or ``.hdf5``.
     force : bool
         Replace an existing file.
 
@@ -102,7 +102,7 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
     Raises
     ------
     FileError
-        The file is missing, damaged, or holds no fit.
+        The file is missing, damaged, or does not contain a fit.
     """
     with opened_analysis(path, "fit") as (root, content):
         fields: dict[str, Any] = {

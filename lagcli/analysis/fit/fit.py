@@ -26,10 +26,10 @@ from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.directions import direction_names
 from lagcli.simulations.threads import one_thread
 
-#: A run may take this many steps for each one at the model's values, and this many more: values far
-#: away may be those of a motion that never ends.
+#: Limit of the steps of a run: this multiple of the steps at the model's values, plus this number.
+#: A motion at distant values may need far more steps than the data justify.
 _STEPS = (100, 20_000)
-#: A value this near to a bound, relative to its size, lies on it.
+#: Distance from a bound, relative to its size, below which a value counts as lying on it.
 _ON_BOUND = 1e-6
 
 
@@ -50,17 +50,17 @@ def fit(
     Parameters
     ----------
     model : Model
-        With a `fit` block. Its values are the first start.
+        Model with a `fit` block. Its values are the first starting point.
     settings : SettingsOverrides, optional
         Settings of the runs; the times are those of the data.
     starts : int
-        Number of searches; those beyond the first start between the bounds.
+        Number of searches; all but the first start at points between the bounds.
     ci : "wald" or "profile"
         Confidence intervals from standard errors, or from the profiles of the sum of squares.
     level : float
         Level of the intervals.
     progress : callable, optional
-        Called with the number of searches that have ended and of all.
+        Called with the numbers of completed and of all searches.
     **options
         Settings by name, instead of ``settings``.
 
@@ -165,7 +165,7 @@ def _with_values(model: Model, values: Any, initial: Any) -> Model:
 
 
 def _limit_steps(problem: Problem, values: Array) -> None:
-    """Let no run take very many more steps than those at the model's values."""
+    """Limit the steps of each run relative to those at the model's values."""
     factor, more = _STEPS
     for experiment in problem.experiments:
         try:
@@ -276,7 +276,7 @@ def _fitted(experiment: Experiment, values: Array, sigma: float) -> FittedData:
 
 
 def _units(model: Model, block: FitBlock) -> dict[str, str]:
-    """Return the units that are known, in SI."""
+    """Return the known units, in SI."""
     coordinates = {c.name: si_notation(c.unit) for c in model.coordinates if c.unit}
     found = {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
     found |= coordinates

@@ -13,7 +13,7 @@ from lagcli.arrays import Array
 
 
 class FittedData(NamedTuple):
-    """One experiment: what was measured, and what the fitted model says.
+    """One experiment: the measured values, and those of the fitted model.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ class FitResult:
     units : mapping of str to str
         Units of the fitted and the observed quantities, in SI, where they are known.
     values, start : (k,) arrays
-        Found, and those of the model file, in SI.
+        Fitted values, and those of the model file, in SI.
     bound_low, bound_high : (k,) arrays
         Infinite without a bound.
     active : tuple of k str
-        "min" or "max" where the value lies on that bound, else "".
+        "min" or "max" if the value lies on that bound, else "".
     standard_errors, low, high : (k,) arrays
         Standard errors, and the ends of the confidence intervals; NaN for quantities that are not
         identified or lie on a bound.
@@ -68,9 +68,9 @@ class FitResult:
     chi_square : float
         Sum of squares of (model − measured) / sigma.
     freedom : int
-        Measured values less the quantities that are free.
+        Number of measured values minus the number of free quantities.
     probability : float
-        That chi-square is at least as large by chance; NaN where sigma is estimated.
+        Probability that chi-square is at least as large by chance; NaN if sigma is estimated.
     sigma_estimated : bool
         Whether the standard deviation of the data is estimated from the residuals.
     combinations : tuple of ParameterCombination
@@ -79,13 +79,14 @@ class FitResult:
     message : str
     starts : (starts, k) array
     ends : (starts, k) array
-        Where the searches from the starts ended.
+        End points of the searches from the starting points.
     costs : (starts,) array
-        Chi-square there (with sigma as 1 where it is estimated); NaN where the first run failed.
+        Chi-square at the end points (with sigma = 1 if it is estimated); NaN if the first run
+        failed.
     runs : int
         Evaluations of all experiments.
     failures : mapping of str to int
-        Failed ones, by their reasons.
+        Number of failed evaluations by reason.
     observed : tuple of m str
     data : tuple of FittedData
     parameters : mapping of str to float
@@ -137,13 +138,13 @@ class FitResult:
 
     @property
     def agreeing_starts(self) -> int:
-        """How many searches ended at the least cost, to a part of 1e-6."""
+        """Number of searches that ended at the least cost, to a relative difference of 1e-6."""
         least = np.nanmin(self.costs)
         return int((self.costs <= least + 1e-6 * max(least, 1.0)).sum())
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What speaks against trusting the values, one sentence each."""
+        """Reasons to distrust the values, one sentence each."""
         found = [f"the data do not identify {x.text}" for x in self.combinations]
         found += [
             f"{name} lies on its bound `{bound}` {value:.6g}; its error is not known"
@@ -216,6 +217,6 @@ class FitResult:
 
 
 def _rms(values: Array) -> float:
-    """Return the root mean square of the values that there are."""
+    """Return the root mean square of the values that are not NaN."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else np.nan

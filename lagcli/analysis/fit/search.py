@@ -1,7 +1,7 @@
-"""Least squares over all experiments, from one or many starts.
+"""Least squares over all experiments, from one or several starting points.
 
-The trust-region reflective algorithm of SciPy takes a residual that is not finite as a reason to
-shorten its step: a run that fails is never a fit.
+SciPy's trust-region reflective algorithm shortens its step if a residual is not finite, so that a
+failed run is never the minimum.
 
 References
 ----------
@@ -21,31 +21,31 @@ import numpy as np
 from lagcli.analysis.fit.experiment import Evaluation, Experiment, FailedRun
 from lagcli.arrays import Array, Flags
 
-#: Relative changes of the cost, of the quantities and of the gradient at which a search ends: of
-#: 10⁴ values, a change of chi-square by 1e-4, a hundredth of a standard error.
+#: Relative changes of the cost, of the quantities and of the gradient at which a search ends: for
+#: 10⁴ measured values, a change of chi-square by 1e-4, a hundredth of a standard error.
 _TOLERANCE = 1e-8
-#: Evaluations that are kept.
+#: Number of cached evaluations.
 _KEPT = 2
-#: Runs of one search.
+#: Largest number of runs of one search.
 _MOST_RUNS = 300
-#: Starts of quantities without bounds lie within this factor of the first one.
+#: Starting values of quantities without bounds lie within this factor of the first one.
 _FACTOR = 3.0
 
 
 class Found(NamedTuple):
-    """Where a search ended.
+    """The end point of a search.
 
     Parameters
     ----------
     start, values : (k,) arrays
-        In SI.
+        First and last values, in SI.
     cost : float
         Half the sum of squares; NaN if there is none.
     evaluation : Evaluation or None
         At ``values``.
     converged : bool
     message : str
-        Why it ended, where it did not converge.
+        Why it ended, if it did not converge.
     """
 
     start: Array
@@ -72,7 +72,7 @@ class Problem:
     runs : int
         Evaluations of all experiments so far.
     failures : Counter of str
-        Those that failed, by their reasons.
+        Number of failed evaluations by reason.
     """
 
     def __init__(self, experiments: Sequence[Experiment], low: Array, high: Array, scales: Array):
@@ -88,10 +88,10 @@ class Problem:
         return sum(x.count for x in self.experiments)
 
     def evaluate(self, values: Array) -> Evaluation | None:
-        """Return residuals and Jacobian of all experiments; None where a run fails."""
+        """Return residuals and Jacobian of all experiments; None if a run fails."""
         key = values.tobytes()
         if key not in self._known:
-            # the last accepted point, and one that is tried
+            # the last accepted point, and a trial point
             for old in list(self._known)[: len(self._known) + 1 - _KEPT]:
                 del self._known[old]
             self._known[key] = self._run(values.tolist())
@@ -118,12 +118,12 @@ class Problem:
         ----------
         start : (k,) array
         free : (k,) array of bool, optional
-            The quantities to vary; all of them without.
+            The quantities to vary; all by default.
         """
         from scipy.optimize import least_squares
 
         free = np.ones(len(start), dtype=bool) if free is None else free
-        # the bits that come back from least_squares, so that no run is repeated
+        # the exact values that least_squares passes again, so that no run is repeated
         start = np.where(free, start / self.scales * self.scales, start)
         first = self.evaluate(start)
         if first is None:
@@ -145,7 +145,7 @@ class Problem:
 
         def jacobian(x: Array) -> Array:
             found = self.evaluate(at(x))
-            assert found is not None  # requested at accepted points alone
+            assert found is not None  # requested only at accepted points
             return found.jacobian[:, free] * scales
 
         found = least_squares(
@@ -166,9 +166,9 @@ class Problem:
         )
 
     def starts(self, first: Array, count: int) -> Array:
-        """Return starts, (count, k): the given one, and Sobol points between the bounds.
+        """Return starting points, (count, k): the given one, and Sobol points between the bounds.
 
-        A quantity without a bound on a side has starts within a factor of 3 of the given one.
+        A quantity without a bound on one side starts within a factor of 3 of the given value.
         """
         if count == 1:
             return first[None]

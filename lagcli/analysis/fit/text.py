@@ -10,7 +10,7 @@ from lagcli.analysis.fit.result import FitResult
 from lagcli.results.listing import wrapped
 
 _WIDTH = 80
-#: Correlations from here on are listed, and so many of them.
+#: Smallest correlation that is listed, and the largest number of them.
 _STRONG, _LISTED = 0.9, 6
 
 
@@ -95,7 +95,7 @@ def _unit(result: FitResult, name: str) -> str:
 
 
 def _number(value: float, error: float) -> str:
-    """Return a number with two digits more than its error leaves certain."""
+    """Return a number with two digits more than its error justifies."""
     if not math.isfinite(value):
         return "-"
     digits = 6

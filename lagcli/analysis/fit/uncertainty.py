@@ -1,9 +1,9 @@
-"""How well the data determine what was fitted: covariance, identifiability, intervals.
+"""Covariance, identifiability and confidence intervals of fitted quantities.
 
-With the Jacobian J of the residuals at the minimum, the covariance is s² (JᵀJ)⁻¹; s = 1 where the
-standard deviations of the data are known, else s² is the sum of squares over the degrees of
-freedom. Where a singular value of J vanishes, its columns being scaled by the fitted values, the
-data do not identify a combination of quantities.
+With the Jacobian J of the residuals at the minimum, the covariance is s² (JᵀJ)⁻¹, where s = 1 if
+the standard deviations of the data are known; otherwise, s² is the sum of squares over the degrees
+of freedom. If a singular value of J, with columns scaled by the fitted values, vanishes, the data
+do not identify a combination of quantities.
 
 References
 ----------
@@ -22,24 +22,24 @@ import numpy as np
 from lagcli.analysis.fit.search import Problem
 from lagcli.arrays import Array, Flags
 
-#: Singular values below this part of the largest vanish: the Jacobian's error is smaller.
+#: Singular values below this part of the largest count as zero: the Jacobian is not more accurate.
 _VANISHING = 1e-6
-#: Parts of a combination, of its largest one, that are named.
+#: Components of a combination that are named, relative to the largest.
 _NAMED = 0.05
-#: A profile is followed 2, 3, ... standard errors to each side, each time 1.5 times as many: 34 at
-#: most. Its ends are found to this part of one.
+#: A profile is evaluated at 2, 3, ... standard errors on each side, in steps that grow by 1.5, up
+#: to 34. Its ends are located to this fraction of a standard error.
 _FIRST, _GROWTH, _STEPS, _END = 2.0, 1.5, 8, 1e-3
 
 
 class ParameterCombination(NamedTuple):
-    """Quantities that can change together without a change of the data.
+    """Quantities that can change together without changing the data.
 
     Parameters
     ----------
     names : tuple of str
     changes : tuple of float
-        Relative changes that go together, the largest being 1; of quantities that are zero,
-        absolute ones.
+        Relative changes of the quantities, the largest being 1; absolute ones for quantities that
+        are zero.
     """
 
     names: tuple[str, ...]
@@ -55,18 +55,18 @@ class ParameterCombination(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """What the Jacobian at the minimum says.
+    """Uncertainty of the fitted quantities, from the Jacobian at the minimum.
 
     Parameters
     ----------
     covariance : (k, k) array
         NaN for quantities that are not identified or lie on a bound.
     combinations : tuple of ParameterCombination
-        That are not identified.
+        Combinations that are not identified.
     sigma : float
-        s: 1 where the standard deviations of the data are known.
+        s; 1 if the standard deviations of the data are known.
     freedom : int
-        Measured values less the quantities that were free.
+        Number of measured values minus the number of free quantities.
     """
 
     covariance: Array
@@ -103,20 +103,20 @@ def uncertainty(
     values : (k,) array
     names : sequence of k str
     free : (k,) array of bool
-        Those that do not lie on a bound.
+        The quantities that do not lie on a bound.
     estimated : bool
         Whether the standard deviation of the data is estimated.
     """
     places = np.flatnonzero(free)
     size = np.where(values != 0, np.abs(values), 1.0)[places]
     scaled = jacobian[:, places] * size
-    # columns of very different lengths are units, not combinations
+    # columns differ in length because of units; that is not a dependency
     lengths = np.linalg.norm(scaled, axis=0)
     unseen = lengths <= _VANISHING * max(lengths.max(initial=0.0), 1e-300)
     weight = np.where(unseen, 1.0, np.where(lengths > 0, lengths, 1.0))
     _, singular, right = np.linalg.svd(scaled / weight, full_matrices=False)
     right = right.T
-    if len(singular) < len(places):  # fewer data than quantities
+    if len(singular) < len(places):  # fewer measured values than quantities
         _, singular, right = np.linalg.svd((scaled / weight).T @ (scaled / weight))
         singular, right = np.sqrt(singular), right.T
     vanishing = singular <= _VANISHING * max(singular.max(initial=0.0), 1e-300)
@@ -144,7 +144,7 @@ def uncertainty(
 
 
 def _simple(directions: Array) -> list[Array]:
-    """Return a basis of few entries of the span of columns: by Gaussian elimination."""
+    """Return a sparse basis of the span of columns, by Gaussian elimination."""
     rows = directions.T.copy()
     pivots: list[int] = []
     for k in range(len(rows)):
@@ -166,7 +166,7 @@ def _combination(direction: Array, names: Sequence[str]) -> ParameterCombination
 
 
 def quantile(level: float, freedom: int, estimated: bool) -> float:
-    """Return how many standard errors an interval extends to each side."""
+    """Return the half-width of an interval in standard errors."""
     from scipy.stats import norm, t
 
     upper = 0.5 * (1 + level)
@@ -176,25 +176,25 @@ def quantile(level: float, freedom: int, estimated: bool) -> float:
 def profile_interval(
     problem: Problem, values: Array, place: int, error: float, rise: float
 ) -> tuple[float, float]:
-    """Return where the least cost for a fixed value of one quantity has risen.
+    """Return where the least cost at fixed values of one quantity has risen by a given amount.
 
     Parameters
     ----------
     problem : Problem
     values : (k,) array
-        At the minimum.
+        Values at the minimum.
     place : int
-        Place of the quantity.
+        Index of the quantity.
     error : float
-        Its standard error.
+        Standard error of the quantity.
     rise : float
         Rise of the sum of squares.
 
     Returns
     -------
     low, high : float
-        A bound where the sum of squares rises less; NaN where it does not rise enough within 34
-        standard errors, or a run fails on the way.
+        A bound if the sum of squares rises less up to it; NaN if it does not rise enough within 34
+        standard errors, or a run fails.
     """
     low, high = (_profile_end(problem, values, place, x, rise) for x in (-error, error))
     return low, high

@@ -13,7 +13,7 @@ from lagcli.results.atomic import check_writable, whole_file
 
 
 def check_written(path: str, force: bool) -> None:
-    """Raise UsageError or FileError if a model file could not be written there."""
+    """Raise UsageError or FileError if the model file could not be written."""
     if not path.lower().endswith((".yaml", ".yml")):
         raise UsageError(f"{path}: a model is written as YAML; name it fitted.yaml")
     check_writable(path, force)
@@ -22,15 +22,15 @@ def check_written(path: str, force: bool) -> None:
 def write_model(
     model: Model, result: FitResult, path: str | os.PathLike[str], force: bool = False
 ) -> None:
-    """Write a model file with the values that a fit has found; comments and layout are kept.
+    """Write a model file with the fitted values; comments and layout are preserved.
 
     Parameters
     ----------
     model : Model
-        The one that was fitted; values it was loaded with are written too.
+        The fitted model; values given when it was loaded are written too.
     result : FitResult
     path : path
-        The file to be.
+        Name of the new file.
     force : bool
         Replace an existing file.
 
@@ -51,7 +51,7 @@ def write_model(
 
 
 def _text(model: Model, name: str, value: float) -> str:
-    """Return a value in the unit in which the file gives it."""
+    """Return a value in the unit of the file."""
     unit = model.parameters[name].unit if name in model.parameters else model.initial[name].unit
     if unit is None:
         return f"{value:.15g}"

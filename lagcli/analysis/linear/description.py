@@ -13,8 +13,8 @@ from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
 from lagcli.results.listing import wrapped
 
-_SHOWN = 6  # components of a shape
-_ENTRIES = 12  # rows and columns of matrices that fit on a page
+_SHOWN = 6  # components of a shape that are listed
+_ENTRIES = 12  # largest number of rows and columns of a printed matrix
 
 
 def describe_point(found: OperatingPoint, linear: LinearModel) -> dict[str, Any]:

@@ -20,10 +20,10 @@ MODES_SUFFIXES = (".json", ".h5")
 
 
 def write_linear(linear: LinearModel, model: Model, path: str, force: bool = False) -> None:
-    """Write a linear model in the format that the suffix says.
+    """Write a linear model in the format given by the suffix.
 
-    ``.npz`` and ``.mat`` hold the matrices under their names and the names of the states, inputs
-    and outputs; ``scipy.signal.StateSpace(A, B, C, D)`` and MATLAB's ``ss(A, B, C, D)`` take them.
+    ``.npz`` and ``.mat`` contain the matrices by name and the names of the states, inputs and
+    outputs; ``scipy.signal.StateSpace(A, B, C, D)`` and MATLAB's ``ss(A, B, C, D)`` accept them.
 
     Raises
     ------
@@ -68,5 +68,5 @@ def write_modes(analysis: ModalAnalysis, model: Model, path: str, force: bool = 
 
 
 def _parts(values: np.ndarray) -> np.ndarray:
-    """Return real and imaginary parts along a last axis."""
+    """Return real and imaginary parts along a new last axis."""
     return np.stack([values.real, values.imag], axis=-1)

@@ -1,4 +1,4 @@
-"""Linear models of the motion near an operating point."""
+"""Linear models of the motion about an operating point."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from lagcli.model.model import Model
 Form = Literal["reduced", "descriptor"]
 FORMS: tuple[Form, ...] = ("reduced", "descriptor")
 
-#: Of the rates of the motion, squared: accelerations that are rounding errors.
+#: Accelerations below this part of the motion's squared rates are rounding errors.
 _TURNING = 1e-9
-#: Of the terms' magnitudes: multipliers that are rounding errors.
+#: Multipliers below this part of the terms' magnitudes are rounding errors.
 _ROUNDING = 1e-14
 
 
@@ -51,9 +51,9 @@ class LinearModel:
     position_shape, velocity_shape : (nq, n) arrays
         δq and δv of a state x.
     multiplier_shape : (nc, n) array
-        δλ of a state x without inputs; of redundant constraints, the one of least norm.
+        δλ of a state x without inputs; of least norm if constraints are redundant.
     notes : tuple of str
-        What the reader should know, one sentence each.
+        Notes for the reader, one sentence each.
     """
 
     model: str
@@ -85,14 +85,14 @@ def linearize(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> LinearModel:
-    """Linearize the equations of motion on the constraints' manifold.
+    """Linearize the equations of motion on the constraint manifold.
 
     With G = f − M a + Bᵀλ, small deviations satisfy
 
         M δa = G_q δq + G_v δv + Bᵀδλ + G_u δu,  ∂φ/∂q δq = 0,  B δv + ∂ψ/∂q δq = 0,
 
-    where G_q = ∂f/∂q − ∂(M a)/∂q + Σ λ_β ∂b_β/∂q holds the geometric stiffness of the constraints.
-    About a motion that is not steady the matrices hold at one instant.
+    where G_q = ∂f/∂q − ∂(M a)/∂q + Σ λ_β ∂b_β/∂q contains the geometric stiffness of the
+    constraints. About a motion that is not steady, the matrices are valid at one instant.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def linearize(
     Raises
     ------
     UsageError
-        A name is unknown, a parameter cannot be an input, or the options contradict.
+        A name is unknown, a parameter cannot be an input, or the options contradict each other.
     ModelError, NumericalError
         There is no such operating point, or the equations have no derivatives there.
 
@@ -142,7 +142,7 @@ def linear_model(
     outputs: Outputs | None = None,
     form: Form = "reduced",
 ) -> LinearModel:
-    """Return the linear model about a point that is known; see `linearize`."""
+    """Return the linear model about a known operating point; see `linearize`."""
     inputs = inputs or Inputs(local, ())
     outputs = outputs or Outputs(local, (), inputs)
     build = _reduced if form == "reduced" else _descriptor
@@ -235,7 +235,7 @@ def _descriptor(
 def _accelerations(
     local: LocalEquations, operating_point: OperatingPoint, inputs: Inputs, dq: Array, dv: Array
 ) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Return δa and δλ of the states whose δq and δv are given, and those of the inputs."""
+    """Return δa and δλ for states with given δq and δv, and for the inputs."""
     point, tangent = operating_point.point, operating_point.tangent
     jac, respond = local.jacobians(point), local.response(point, tangent)
     forces = jac.force_position @ dq + jac.force_velocity @ dv
@@ -243,7 +243,7 @@ def _accelerations(
     by_input = inputs.at(point)
     driven = respond(by_input, np.zeros((len(rates), by_input.shape[1])))
     da, multipliers = respond(forces, rates)
-    # multipliers are differences of these forces: what is small beside them is a rounding error
+    # multipliers are differences of these forces; relatively small ones are rounding errors
     terms = np.abs(jac.force_position) @ np.abs(dq) + np.abs(jac.force_velocity) @ np.abs(dv)
     terms += np.abs(respond.mass) @ np.abs(da)
     bound = np.abs(multipliers_of(tangent.decomposition, np.eye(len(terms)))) @ terms

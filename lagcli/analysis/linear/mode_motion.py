@@ -29,11 +29,14 @@ from lagcli.version import __version__
 
 ComplexArray = NDArray[np.complex128]
 
-_PERIODS, _CONSTANTS = 3, 3  # that are shown of oscillations, and time constants of others
+_PERIODS, _CONSTANTS = (
+    3,
+    3,
+)  # periods of oscillations, and time constants of other modes, that are shown
 _SAMPLES = 181
-_DRIFT = 2.0  # s that neutral motions are shown
-_CHOICES = 20  # modes that a message lists
-_LARGE = 0.25  # of the coordinates' lengths: the largest deviation
+_DRIFT = 2.0  # duration of neutral motions, s
+_CHOICES = 20  # largest number of modes in a message
+_LARGE = 0.25  # largest deviation, relative to the coordinates' lengths
 
 
 def mode_motion(
@@ -47,9 +50,9 @@ def mode_motion(
 ) -> Trajectory:
     """Return the motion q₀ + ε Re(δq e^(st)) of a mode, with λ₀ + ε Re(δλ e^(st)).
 
-    Positions are brought back onto the constraints, so that rods keep their lengths. Oscillations
-    have a constant amplitude, whatever their damping. Of a steady motion, coordinates on which the
-    equations do not depend stay where they are: the observer moves along.
+    Positions are projected onto the constraints, so that rods keep their lengths. Oscillations have
+    a constant amplitude, regardless of their damping. In a steady motion, coordinates on which the
+    equations do not depend are constant: the observer moves along.
 
     Parameters
     ----------
@@ -57,8 +60,8 @@ def mode_motion(
     number : int
         Number of the mode, from 1.
     amplitude : float, optional
-        ε, in the unit of the coordinate whose shape is 1; by default such that the motion is
-        large enough to be seen.
+        ε, in the unit of the coordinate whose shape is 1; by default large enough for the motion to
+        be visible.
     at, equilibrium, steady
         As for `lagcli.modes`.
 
@@ -125,12 +128,12 @@ def stored_mode_motion(
 
 
 def no_mode_chosen(path: str | os.PathLike[str]) -> UsageError:
-    """Return the error that a file of modes is to be animated without saying which mode.
+    """Return the error for a file of modes of which none is chosen.
 
     Raises
     ------
     FileError
-        It cannot be read, or is no file of modes.
+        The file cannot be read, or does not contain modes.
     """
     content = read_analysis(path, "modes")
     modes = _stored(content)
@@ -155,7 +158,7 @@ def _counted(modes: Sequence[object]) -> str:
 
 
 def _listed(modes: Sequence[tuple[complex, str]]) -> str:
-    """Return a line for each mode, as far as there are few."""
+    """Return a line for each mode, up to a maximum."""
     lines = [
         f"\n{'   help: ' if number == 1 else '':<9}--mode {number:<3}"
         f"{f'{s.imag / (2 * np.pi):.6g} Hz' if s.imag else f's = {s.real:.6g} 1/s':<20}{kind}"
@@ -221,7 +224,7 @@ def _block(local: LocalEquations, point: Point, mode: Mode, amplitude: float) ->
 
 
 def _wave(s: complex) -> tuple[Array, ComplexArray]:
-    """Return times from 0 on, and e^(st) scaled to a largest magnitude of 1."""
+    """Return times from 0, and e^(st) scaled to a largest magnitude of 1."""
     if s.imag:
         time = np.linspace(0.0, _PERIODS * 2 * np.pi / s.imag, _SAMPLES)
         return time, np.exp(1j * s.imag * time)
@@ -233,7 +236,7 @@ def _wave(s: complex) -> tuple[Array, ComplexArray]:
 
 
 def _placed(local: LocalEquations, t: float, q: Array) -> Array:
-    """Return the point of the constraints next to a guess; the guess itself without one."""
+    """Return the point on the constraints nearest to a guess; the guess itself if there is none."""
     free = np.zeros(len(q), bool)
     given = local.evaluator(local.p).state(t, q, np.zeros(len(q)))
     try:

@@ -22,9 +22,11 @@ Kind = Literal["neutral", "oscillation", "growing oscillation", "decay", "diverg
 
 #: Real parts below this part of an eigenvalue's magnitude are rounding errors.
 _UNDAMPED = 1e-9
-#: Eigenvalues below this part of the largest are zero: a defective pair is disturbed by √ε.
+#: Eigenvalues below this part of the largest count as zero: rounding perturbs a defective pair by
+#: √ε.
 _ZERO = 1e-7
-#: Asymmetry, damping and components of shapes that are rounding errors, of the terms' magnitudes.
+#: Asymmetry, damping and components of shapes below this part of the terms count as rounding
+#: errors.
 _ROUNDING = 1e-11
 
 
@@ -42,7 +44,7 @@ class Mode:
     eigenvalue : complex
         s, 1/s; its imaginary part is not negative.
     position : (nq,) complex array
-        δq, scaled so that of the coordinate with the largest M_jj |δq_j|² it is 1.
+        δq, scaled to 1 for the coordinate with the largest M_jj |δq_j|².
     velocity : (nq,) complex array
         δv.
     multipliers : (nc,) complex array
@@ -67,7 +69,7 @@ class Mode:
 
     @property
     def damping_ratio(self) -> float | None:
-        """−Re s/|s|; None of a neutral mode."""
+        """−Re s/|s|; None for a neutral mode."""
         size = abs(self.eigenvalue)
         return (0.0 - self.eigenvalue.real) / size if size else None
 
@@ -78,7 +80,7 @@ class Mode:
 
     @property
     def time_constant(self) -> float | None:
-        """1/|Re s|, s; None where the amplitude is constant."""
+        """1/|Re s|, s; None if the amplitude is constant."""
         return 1 / abs(self.eigenvalue.real) if self.eigenvalue.real else None
 
 
@@ -89,9 +91,9 @@ class ModalAnalysis:
     Parameters
     ----------
     linear_model : LinearModel
-        In the reduced form.
+        Linear model in the reduced form.
     modes : tuple of Mode
-        By the magnitude of the eigenvalue.
+        Modes, ordered by the magnitude of the eigenvalue.
     undamped : bool
         Whether the eigenvalues are those of a symmetric problem K x = ω² M x.
     """
@@ -115,14 +117,14 @@ def modes(
 ) -> ModalAnalysis:
     """Return the modes of small motions about an operating point.
 
-    Eigenvalues s of ẋ = A x on the constraints' manifold, with the shapes δq on all coordinates
-    and the multipliers δλ of each. Without damping and gyroscopic terms they are found from the
-    symmetric problem K x = ω² M x in independent coordinates, so that frequencies are exact.
+    Eigenvalues s of ẋ = A x on the constraint manifold, with the shapes δq of all coordinates and
+    the multipliers δλ of each mode. Without damping and gyroscopic terms, they are computed from
+    the symmetric problem K x = ω² M x in independent coordinates, so that frequencies are accurate.
 
     Parameters
     ----------
     model, at, equilibrium, steady
-        As for `linearize`, which see for the errors too.
+        As for `linearize`, which also lists the errors.
 
     Returns
     -------
@@ -138,7 +140,7 @@ def modes(
 
 
 def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> ModalAnalysis:
-    """Return the modes about a point that is known; see `modes`."""
+    """Return the modes about a known operating point; see `modes`."""
     linear = linear_model(local, operating_point)
     point = operating_point.point
     mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
@@ -150,16 +152,16 @@ def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> Modal
 
 
 def _order(s: complex) -> tuple[float, float]:
-    # of equal magnitudes the growing one first, whatever the last bits are
+    # of equal magnitudes the growing one first, regardless of the last bits
     return (float(f"{abs(s):.9e}"), -s.real)
 
 
 def symmetric_eigenpairs(
     local: LocalEquations, operating_point: OperatingPoint
 ) -> tuple[ComplexArray, ComplexArray] | None:
-    """Return eigenvalues and states where K is symmetric and D vanishes; None elsewhere.
+    """Return eigenvalues and states if K is symmetric and D vanishes; None otherwise.
 
-    Each oscillation is returned once, a neutral mode too, and a pair ±κ as two.
+    Each oscillation and each neutral mode is returned once, a pair ±κ as two modes.
     """
     from scipy.linalg import LinAlgError, eigh
 
@@ -188,7 +190,7 @@ def symmetric_eigenpairs(
 class ReducedMatrices(NamedTuple):
     """M, D and K of M ẍ + D ẋ + K x = 0 in independent coordinates, (n, n) each.
 
-    At rest, K is the reduced Hessian Zᵀ (∂²V/∂q² − Σ λ_β ∂²φ_β/∂q²) Z, less that of Q.
+    At rest, K is the reduced Hessian Zᵀ (∂²V/∂q² − Σ λ_β ∂²φ_β/∂q²) Z minus that of Q.
 
     Parameters
     ----------
@@ -218,10 +220,9 @@ class ReducedMatrices(NamedTuple):
 def reduced_matrices(
     local: LocalEquations, operating_point: OperatingPoint
 ) -> ReducedMatrices | None:
-    """Return M, D and K by independent coordinates.
+    """Return M, D and K in independent coordinates.
 
-    None where independent coordinates and velocities are not the same, as with nonholonomic
-    constraints.
+    None if independent coordinates and velocities differ, as with nonholonomic constraints.
     """
     point, tangent = operating_point.point, operating_point.tangent
     if tangent.positions != tangent.velocities:
@@ -253,7 +254,7 @@ def eigenpairs(
 ) -> tuple[ComplexArray, ComplexArray, bool]:
     """Return the eigenvalues and states of a reduced model, and whether it is undamped.
 
-    Of complex pairs, those with positive imaginary part.
+    Of complex pairs, only the eigenvalues with positive imaginary part.
     """
     operating_point = linear.operating_point
     pairs = symmetric_eigenpairs(local, operating_point)
@@ -268,16 +269,16 @@ def eigenpairs(
 
 
 def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, ComplexArray]:
-    """Return eigenvalues and right eigenvectors, each pair of complex ones once.
+    """Return eigenvalues and right eigenvectors; complex pairs once.
 
-    Entries that are rounding errors beside the others are set to zero, so that coordinates on
-    which nothing depends give eigenvalues that vanish to the last digit.
+    Entries that are rounding errors relative to the others are set to zero, so that coordinates on
+    which nothing depends give eigenvalues that are exactly zero.
 
     Parameters
     ----------
     matrix : (n, n) array
     sizes : (n,) array
-        Values of the states that count as equal.
+        Values of the states that are considered equal in size.
     """
     if not len(matrix):
         return np.empty(0, complex), np.empty((0, 0), complex)
@@ -288,7 +289,7 @@ def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, Compl
     values[np.abs(values) < _ZERO * np.abs(values).max(initial=0.0)] = 0.0
     real = np.abs(values.imag) <= _UNDAMPED * np.abs(values)
     values[real] = values[real].real
-    # of several neutral motions each vector holds traces of the others
+    # eigenvectors of several neutral motions are contaminated by each other
     small = np.abs(vectors) < _ZERO * np.abs(vectors).max(axis=0, initial=0.0)
     vectors[small & (values == 0.0)] = 0.0
     keep = values.imag >= 0
@@ -303,7 +304,7 @@ def _mode(linear: LinearModel, s: complex, state: ComplexArray, weights: Array) 
     if not carried.any():
         carried = np.abs(position)
     if carried.any():
-        # the first of coordinates that move alike, so that rounding does not choose
+        # the first of coordinates that move equally, so that rounding does not decide
         leading = int(np.flatnonzero(carried >= (1 - 1e-9) * carried.max())[0])
         state = state / position[leading]
     return Mode(
@@ -324,7 +325,7 @@ def _kind(s: complex) -> Kind:
 
 
 def _product(matrix: Array, state: ComplexArray) -> ComplexArray:
-    """Return a shape without what are rounding errors beside the sums of its terms' magnitudes."""
+    """Return a shape without components that are rounding errors relative to their terms."""
     found = matrix @ state
     least = _ROUNDING * (np.abs(matrix) @ np.abs(state)).max(initial=0.0)
     real, imaginary = (np.where(np.abs(x) > least, x, 0.0) for x in (found.real, found.imag))

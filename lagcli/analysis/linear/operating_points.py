@@ -1,4 +1,4 @@
-"""Where models are linearized: at the start, during a run, at an equilibrium, in steady motion."""
+"""Operating points: the initial state, a state of a run, an equilibrium, a steady motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lagcli.engine.state import State
 from lagcli.errors import NumericalError, UsageError
 from lagcli.settings.settings import SettingsOverrides
 
-#: Of the largest acceleration, compared by coordinate: those that are rounding errors.
+#: Accelerations below this part of the largest, compared by coordinate, are rounding errors.
 _CONSTANT = 1e-9
 
 
@@ -25,12 +25,12 @@ def find_operating_point(
     equilibrium: bool = False,
     steady: Mapping[str, float] | None = None,
 ) -> OperatingPoint:
-    """Return the requested operating point, by default the start; see `linearize`.
+    """Return the requested operating point, by default the initial state; see `linearize`.
 
     Raises
     ------
     UsageError
-        Two points are requested, or a velocity cannot be held.
+        Two points are requested, or a velocity cannot be prescribed.
     ModelError, NumericalError
         There is no consistent initial state, no equilibrium, or the run does not reach the time.
     """
@@ -54,7 +54,7 @@ def find_operating_point(
 def _constant_velocities(local: LocalEquations, point: Point) -> tuple[int, ...]:
     """Return the coordinates with constant velocities.
 
-    A motion may be steady in these and not in others: a disk that rolls in a circle.
+    A motion may be steady only in some: a disk that rolls in a circle.
     """
     size = np.abs(point.a / local.lengths)
     jerk, bound = local.jerk(point, local.tangent(point), local.force_scale(point))
@@ -63,7 +63,7 @@ def _constant_velocities(local: LocalEquations, point: Point) -> tuple[int, ...]
 
 
 def _run_to(local: LocalEquations, at: float) -> tuple[State, int]:
-    """Return the state of a run at a time, and the rank of B at its start."""
+    """Return the state of a run at a time, and the rank of B at its initial state."""
     from lagcli.simulations.simulation import prepare
     from lagcli.trajectory.samples import Samples
 

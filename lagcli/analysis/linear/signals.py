@@ -1,4 +1,4 @@
-"""Inputs and outputs of linear models, by their names."""
+"""Inputs and outputs of linear models, by name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LISTED = 20
 
 
 class Inputs:
-    """The derivatives of the forces by inputs.
+    """Derivatives of the forces with respect to inputs.
 
     An input is a parameter of the forces or of V, or ``Q.phi``, a generalized force that acts in
     addition to the model's.
@@ -65,13 +65,13 @@ class Inputs:
                     _check_parameter(eq, name, follower)
                 self._paths.append((number, path))
         changing = dict.fromkeys(n for _, path in self._paths for n in path.followers)
-        #: The parameters that change with an input.
+        #: Parameters that depend on an input.
         self.parameters = tuple(changing)
         self.symbols = [se.Symbol(n) for n in self.parameters]
         self._forcing = Gradients.of(eq, eq.forcing, self.symbols)
 
     def slopes(self, point: Point) -> Array:
-        """Return the derivatives of the parameters that change by the inputs, (n, inputs)."""
+        """Return the derivatives of these parameters with respect to the inputs, (n, inputs)."""
         found = np.zeros((len(self.parameters), len(self.names)))
         for number, path in self._paths:
             places = [self.parameters.index(n) for n in path.followers]
@@ -87,7 +87,7 @@ class Inputs:
 
 
 def _check_parameter(eq: Equations, name: str, follower: str) -> None:
-    """Reject a parameter whose changes in time are more than changes of forces."""
+    """Reject a parameter that affects more than the forces."""
     import symengine as se
 
     symbol = se.Symbol(follower)
@@ -110,7 +110,7 @@ def _check_parameter(eq: Equations, name: str, follower: str) -> None:
 
 
 class Outputs:
-    """The derivatives of outputs by q, v, a, λ and the inputs.
+    """Derivatives of outputs with respect to q, v, a, λ and the inputs.
 
     Parameters
     ----------

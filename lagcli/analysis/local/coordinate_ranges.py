@@ -1,4 +1,4 @@
-"""Which coordinates are angles, and how large changes of the others are."""
+"""Detection of angles, and large changes of the other coordinates."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from lagcli.engine.linear import dense
 from lagcli.equations.derivation.lagrange import Equations
 
 _TURN = 2 * np.pi
-#: Of the largest number that a tape returns: differences that are rounding errors.
+#: Differences below this part of the largest value of a tape are rounding errors.
 _SAME = 1e-9
 _PROBES = 3
 
 
 def angles(equations: Equations, evaluator: Evaluator, t: float, q: Array) -> Flags:
-    """Return which coordinates have the period 2π: M, f, B, γ and φ are the same after a turn.
+    """Return which coordinates have the period 2π, such that M, f, B, γ and φ repeat after a turn.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def _numbers(evaluator: Evaluator, t: float, q: Array, v: Array) -> Array:
 
 
 def enters(eq: Equations, j: int) -> bool:
-    """Whether the equations depend on a coordinate; one that is absent has no period."""
+    """Whether the equations depend on a coordinate; an absent one has no period."""
     symbol = eq.q[j]
     expressions = [eq.lagrangian, *eq.applied_forces, *(c.velocity for c in eq.constraints)]
     expressions += [c.position for c in eq.constraints if c.position is not None]
@@ -61,9 +61,9 @@ def enters(eq: Equations, j: int) -> bool:
 
 
 def turning(eq: Equations) -> Flags:
-    """Return which coordinates stand in sines and cosines, times a number, (nq,).
+    """Return which coordinates occur in sines and cosines, times a number, (nq,).
 
-    They need not have a period: a spring counts the turns.
+    They need not have a period: the moment of a torsion spring depends on the number of turns.
     """
     expressions = [eq.lagrangian, *eq.applied_forces]
     expressions += [c.position for c in eq.constraints if c.position is not None]
@@ -72,10 +72,10 @@ def turning(eq: Equations) -> Flags:
 
 
 def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags, turning: Flags) -> Array:
-    """Return changes of the coordinates that are large, (nq,).
+    """Return large changes of the coordinates, (nq,).
 
-    1 rad of an angle, or more of one that counts its turns. Of others, what the largest coordinate
-    is, compared by inertia, or what the constraints' terms are where all are zero.
+    1 rad for an angle, or more for one without a period. For other coordinates, the size of the
+    largest coordinate, compared by inertia, or the size of the constraints' terms if all are zero.
     """
     zero = np.zeros(len(q))
     c = evaluator.constraints(t, q, zero)

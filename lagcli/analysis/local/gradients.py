@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Point(NamedTuple):
-    """t, q, v, a, λ and the parameters' values: where all expressions of a model have values.
+    """A point t, q, v, a, λ with the parameters' values, at which expressions are evaluated.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Point(NamedTuple):
     p: tuple[float, ...]
 
     def inputs(self) -> list[float]:
-        """Return the inputs of tapes in t, q, v, a, λ and parameters."""
+        """Return the inputs of tapes: t, q, v, a, λ and parameters."""
         parts = (self.q, self.v, self.a, self.multipliers)
         return [self.t, *(float(x) for part in parts for x in part), *self.p]
 
@@ -49,7 +49,7 @@ class Gradients:
     ----------
     equations : Equations
     rows : sequence of n rows
-        The derivatives of each expression by the columns of the symbols, in t, q, v, a, λ and the
+        The derivatives of each expression with respect to the symbols, in t, q, v, a, λ and the
         parameters.
     columns : int
         The number of symbols.
@@ -93,7 +93,7 @@ class Gradients:
 class MotionJacobians(NamedTuple):
     """∂G/∂q, ∂G/∂v (nq, nq), ∂Γ/∂q, ∂Γ/∂v (nc, nq), and ∂G/∂t (nq,), ∂Γ/∂t (nc,).
 
-    G = f − M a + Bᵀλ and Γ = γ − B a at fixed a and λ, so that ∂G/∂q holds the geometric
+    G = f − M a + Bᵀλ and Γ = γ − B a at fixed a and λ, so that ∂G/∂q contains the geometric
     stiffness Σ λ ∂²φ of the constraints.
     """
 
@@ -111,7 +111,7 @@ class MotionJacobianTape:
     Parameters
     ----------
     system : System
-        With its Jacobian tapes.
+        A System with Jacobian tapes.
     """
 
     def __init__(self, system: System):

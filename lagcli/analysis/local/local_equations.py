@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagcli.engine.system import System
 
 
-#: Unbalanced forces that are rounding errors, beside the sum of the magnitudes of all forces.
+#: Unbalanced forces below this part of the sum of the forces' magnitudes are rounding errors.
 _BALANCED = 1e-8
 
 
@@ -57,7 +57,7 @@ class LocalEquations:
 
     @cached_property
     def start(self) -> ConsistentState:
-        """The consistent initial state; ModelError or NumericalError without one."""
+        """The consistent initial state; raises ModelError or NumericalError if there is none."""
         return find_start(self.equations, self.system, self.t)
 
     @cached_property
@@ -72,16 +72,16 @@ class LocalEquations:
 
     @cached_property
     def lengths(self) -> Array:
-        """Changes of the coordinates that are large, (nq,)."""
+        """Large changes of the coordinates, (nq,)."""
         evaluator = self.evaluator(self.p)
         turns = turning(self.equations)
         return lengths(evaluator, self.t, self.start.state.q, self.angles, turns)
 
     @cached_property
     def least_forces(self) -> Array:
-        """Forces that are small: a part of those after large changes of the coordinates, (nq,).
+        """Small forces: a fraction of those after large changes of the coordinates, (nq,).
 
-        The terms of a force may cancel at an equilibrium, so that it does not say how large it is.
+        At an equilibrium the terms of a force may cancel, so that the force has no scale.
         """
         q, zero = self.start.state.q, np.zeros(len(self.equations.q))
         multipliers = np.zeros(len(self.equations.constraints))
@@ -91,11 +91,11 @@ class LocalEquations:
         return np.asarray(LEAST_PART * np.where(np.isfinite(forces), forces, 0.0))
 
     def evaluator(self, p: tuple[float, ...]) -> Evaluator:
-        """Return the evaluator of M, f, B, γ, φ and ψ with these values of the parameters."""
+        """Return the evaluator of M, f, B, γ, φ and ψ for values of the parameters."""
         return self.evaluator_of(p)
 
     def jacobians(self, point: Point) -> MotionJacobians:
-        """Return the Jacobians of the equations of motion; NumericalError if not finite."""
+        """Return the Jacobians of the equations of motion; raises NumericalError if not finite."""
         found = self.jacobian_tape.at(point)
         if not all(np.isfinite(x).all() for x in found):
             raise NumericalError(
@@ -122,8 +122,8 @@ class LocalEquations:
     def decomposition(self, c: Constraints, sizes: Array, v: Array) -> Decomposition:
         """Return the decomposition of B.
 
-        A row that is small beside the terms of its constraint over large changes of the
-        coordinates is judged by these, so that one that vanishes is seen to vanish.
+        The scale of a row is that of the terms of its constraint over large changes of the
+        coordinates, so that a row of rounding errors counts as zero.
         """
         rows = list(self.system.holonomic)
         scale = row_lengths(c.jacobian, sizes, c.velocity_scale, largest(v, sizes))
@@ -132,7 +132,8 @@ class LocalEquations:
         return decompose(c.jacobian, scale=scale, sizes=sizes)
 
     def response(self, point: Point, tangent: Tangent) -> Response:
-        """Return what gives δa and δλ; NumericalError if inertia is missing."""
+        """Return the map from right sides to δa and δλ; raises NumericalError if inertia is
+        missing."""
         mass = self.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
         try:
             found = Response(mass, tangent)
@@ -145,7 +146,7 @@ class LocalEquations:
         return found
 
     def moving(self, state: State, rank: int) -> Point:
-        """Return the point of a state, with its accelerations and multipliers.
+        """Return the point of a state, including accelerations and multipliers.
 
         Raises
         ------
@@ -163,16 +164,16 @@ class LocalEquations:
         return Point(state.t, state.q, state.v, a, multipliers, state.p)
 
     def is_steady(self, point: Point, tangent: Tangent) -> bool:
-        """Whether the independent velocities stay as they are, to rounding errors.
+        """Whether the independent velocities are constant, up to rounding errors.
 
-        Their accelerations vanish, and so do the rates of these.
+        Their accelerations vanish, and so do the derivatives of these.
         """
         j = list(tangent.velocities)
         if not j:
             return True
         d = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
         basis = tangent.velocity_basis
-        demanded = point.a - basis @ point.a[j]  # by the constraints alone
+        demanded = point.a - basis @ point.a[j]  # given by the constraints alone
         inertial = d.mass_matrix @ demanded
         force = self.force_scale(point, np.abs(inertial))
         unbalanced = np.abs(basis.T @ (d.forcing - inertial))
@@ -182,7 +183,7 @@ class LocalEquations:
         return bool((np.abs(jerk[j]) <= bound[j]).all())
 
     def jerk(self, point: Point, tangent: Tangent, force: Array) -> tuple[Array, Array]:
-        """Return the rates of the accelerations, and bounds of their rounding errors, (nq,).
+        """Return the derivatives of the accelerations, and bounds of their rounding errors, (nq,).
 
         Parameters
         ----------
@@ -202,7 +203,7 @@ class LocalEquations:
         respond = self.response(point, tangent)
         forces, rates = (part.sum(axis=1)[:, None] for part in parts)
         jerk = respond(forces, rates)[0][:, 0]
-        # the largest that the terms could add up to
+        # upper bound of the sum of the terms
         nq, nc = len(point.q), len(point.multipliers)
         by_force = np.abs(respond(np.eye(nq), np.zeros((nc, nq)))[0])
         by_rate = np.abs(respond(np.zeros((nq, nc)), np.eye(nc))[0])
@@ -222,13 +223,13 @@ class LocalEquations:
 
 
 def shared_scale(force: Array, sizes: Array) -> Array:
-    """Return scales of forces that do not vanish where a coordinate has hardly any.
+    """Return scales of forces that are positive even for coordinates without forces.
 
     Parameters
     ----------
     force : (nq,) array
         Sums of the magnitudes of the forces on each coordinate.
     sizes : (nq,) array
-        Changes of the coordinates that count as equal.
+        Changes of the coordinates that are considered equal in size.
     """
     return np.asarray(np.maximum(force, LEAST_PART * (force * sizes).max(initial=0.0) / sizes))

@@ -10,17 +10,17 @@ from lagcli.analysis.local.tangent import Tangent
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """A point on the constraints, with the motions that they allow near it.
+    """A point on the constraints, with the tangent space there.
 
     Parameters
     ----------
     name : str
-        What it is, as in "the start" or "the state at t = 2 s".
+        Description, such as "the start" or "the state at t = 2 s".
     point : Point
         t, q, v, a, λ and the parameters' values.
     tangent : Tangent
     steady : bool
-        Whether the independent velocities stay as they are: an equilibrium or a steady motion.
+        Whether the independent velocities are constant: an equilibrium or a steady motion.
     """
 
     name: str

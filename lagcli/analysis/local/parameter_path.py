@@ -11,7 +11,7 @@ from lagcli.model.spelling import did_you_mean, nearest
 
 
 class ParameterPath:
-    """The values of all parameters over one, with those that are defined by it.
+    """The parameters as functions of one of them, including those defined by it.
 
     Parameters
     ----------
@@ -60,12 +60,12 @@ class ParameterPath:
         self._tape = ScalarTape(compile_tape([*values, *slopes], [symbol]))
 
     def values(self, p: tuple[float, ...], value: float) -> tuple[float, ...]:
-        """Return p with another value of the parameter, and what follows from it."""
+        """Return p with another value of the parameter and the parameters that depend on it."""
         found = list(p)
         for place, x in zip(self._places, self._tape([value]), strict=False):
             found[place] = x
         return tuple(found)
 
     def slopes(self, value: float) -> Array:
-        """Return the derivatives of the followers by the parameter, (followers,)."""
+        """Return the derivatives of the followers with respect to the parameter, (followers,)."""
         return np.array(self._tape([value])[len(self._places) :])

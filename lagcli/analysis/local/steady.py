@@ -17,27 +17,27 @@ from lagcli.engine.scales import LEAST_PART
 from lagcli.errors import Diagnostic, UsageError
 from lagcli.model.model import RATE
 
-#: Singular values of the scaled Jacobian below this part of the largest are taken for zero.
+#: Singular values of the scaled Jacobian below this part of the largest count as zero.
 RANK = 1e-9
-#: Of the terms' magnitudes: residuals at which a root is accepted, and at which Newton ends.
+#: Residuals, relative to the terms, at which a root is accepted and at which Newton's method ends.
 ACCEPTED, REACHED = 1e-10, 1e-15
 _ITERATIONS, _RELAXATIONS = 60, 200
-#: Of the terms' magnitudes: residuals at which Newton's method takes over.
+#: Residual, relative to the terms, from which Newton's method is used.
 _NEAR = 1e-4
-#: Of the coordinates' lengths: what is zero except for rounding.
+#: Rounding errors, relative to the coordinates' lengths.
 _ROUNDING = 1e-14
-_BESIDE = 1e-2  # of these lengths: where other roots of a set are searched for
-#: Of the applied forces: constraint forces at which a configuration is taken for singular.
+_BESIDE = 1e-2  # distance of trial points for other roots, relative to these lengths
+#: Constraint forces above this multiple of the applied forces indicate a singular configuration.
 _STRAINED = 1e6
 
 
 class Residual(NamedTuple):
-    """R(q, λ) and what belongs to it.
+    """The residual R(q, λ) and the quantities computed with it.
 
     Parameters
     ----------
     point : Point
-        With the velocities and accelerations that belong to q.
+        The point, with the velocities and accelerations that belong to q.
     value : (nq + nh,) array
         f − M a + Bᵀλ and φ.
     scale : (nq + nh,) array
@@ -45,9 +45,9 @@ class Residual(NamedTuple):
     decomposition : Decomposition
         Decomposition of B.
     independent : tuple of int
-        The coordinates whose velocities are held.
+        The coordinates with prescribed velocities.
     basis : (nq, n) array
-        What B allows, by the independent velocities.
+        Admissible velocities as functions of the independent ones.
     dynamics : Dynamics
     """
 
@@ -61,7 +61,7 @@ class Residual(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """The largest residual over its scale."""
+        """The largest residual relative to its scale."""
         scale = np.where(self.scale > 0.0, self.scale, 1.0)
         return float(np.abs(self.value / scale).max(initial=0.0))
 
@@ -109,7 +109,7 @@ class SteadyProblem:
     def residual(
         self, q: Array, multipliers: Array, p: tuple[float, ...], chosen: Indices | None = None
     ) -> Residual:
-        """Return R(q, λ), for independent velocities that were chosen before, if any."""
+        """Return R(q, λ), with previously chosen independent velocities if given."""
         evaluator = self.local.evaluator(p)
         zero = np.zeros(self.nq)
         c = evaluator.constraints(self.t, q, zero)
@@ -159,7 +159,7 @@ class SteadyProblem:
         return np.asarray(found - basis @ found[list(free)])
 
     def multipliers(self, found: Residual) -> Array:
-        """Return the λ that balance the forces best, of least norm."""
+        """Return the λ of least norm that balance the forces best."""
         forces = found.dynamics.jacobian.T @ found.point.multipliers - found.value[: self.nq]
         return multipliers_of(found.decomposition, forces[:, None])[:, 0]
 
@@ -182,7 +182,7 @@ class SteadyProblem:
     # Newton's method
 
     def scales(self, found: Residual, matrix: Array) -> tuple[Array, Array]:
-        """Return scales of the rows and columns of the Jacobian that make it free of units."""
+        """Return scales of the rows and columns that make the Jacobian dimensionless."""
         sizes, nq = found.decomposition.sizes, self.nq
         lengths = found.decomposition.scale
         stiffness = np.abs(matrix[:nq, :nq] * np.outer(sizes, sizes)).max(initial=0.0) or 1.0
@@ -190,14 +190,14 @@ class SteadyProblem:
         return rows, np.concatenate([sizes, stiffness / lengths])
 
     def newton_step(self, found: Residual, inertia: float = 0.0) -> Array:
-        """Return the Newton step of least size, (nq + nc,).
+        """Return the Newton step of least norm, (nq + nc,).
 
         With inertia μ > 0 it is an implicit step 1/μ of M q̇ = f − M a + Bᵀλ on the constraints.
         """
         matrix, nq = self.jacobian(found), self.nq
         rows, columns = self.scales(found, matrix)
         if inertia:
-            weight = rows[0] / columns[0]  # of forces by sizes: 1 over the stiffness
+            weight = rows[0] / columns[0]  # forces over sizes: the inverse of a stiffness
             matrix[:nq, :nq] -= inertia / weight * found.dynamics.mass_matrix
         scaled = matrix * np.outer(rows, columns)
         u, s, vt = np.linalg.svd(scaled, full_matrices=False)
@@ -211,12 +211,12 @@ class SteadyProblem:
         p: tuple[float, ...],
         multipliers: Array | None = None,
     ) -> Residual | None:
-        """Return the root to which damped Newton steps lead, at once or after relaxation.
+        """Return the root found by damped Newton steps, directly or after relaxation.
 
         Parameters
         ----------
         q : (nq,) array
-            Where to start.
+            Starting point.
         p : tuple of float
         multipliers : (nc,) array, optional
             Where to start; those that balance the forces best by default.
@@ -232,7 +232,7 @@ class SteadyProblem:
         return self.polished(self._relaxed(found)) if root is None else root
 
     def polished(self, found: Residual) -> Residual | None:
-        """Return the root to which damped Newton steps lead, or None; of λ, the least."""
+        """Return the root found by damped Newton steps, with the least λ, or None."""
         root = self._newton(found)
         if root is None or self._strained(root):
             return None
@@ -240,7 +240,7 @@ class SteadyProblem:
         return self.residual(q, self.multipliers(root), root.point.p, root.independent)
 
     def _strained(self, root: Residual) -> bool:
-        """Whether constraint forces are without measure, as near singular configurations."""
+        """Whether constraint forces are extremely large, as near singular configurations."""
         sizes, d, point = root.decomposition.sizes, root.dynamics, root.point
         applied = (np.abs(d.forcing) + np.abs(d.mass_matrix @ point.a)) * sizes
         reaction = (np.abs(d.jacobian.T) @ np.abs(point.multipliers)) * sizes
@@ -258,7 +258,7 @@ class SteadyProblem:
         )
 
     def _newton(self, found: Residual) -> Residual | None:
-        """Return the root to which damped Newton steps lead; None if they lead to none."""
+        """Return the root found by damped Newton steps; None if they do not converge."""
         for _ in range(_ITERATIONS):
             if found.relative <= REACHED:
                 break
@@ -269,7 +269,7 @@ class SteadyProblem:
         return found if found.relative <= ACCEPTED else None
 
     def _relaxed(self, found: Residual) -> Residual:
-        """Follow M q̇ = f − M a + Bᵀλ, with longer steps as the forces fall.
+        """Follow M q̇ = f − M a + Bᵀλ, with longer steps as the forces decrease.
 
         It ends near equilibria that are stable when damped, and passes points where Newton steps
         are arbitrary. Pseudo-transient continuation: Kelley, Keyes, SIAM J. Numer. Anal. 35 (1998)
@@ -289,7 +289,7 @@ class SteadyProblem:
         return found
 
     def limited(self, step: Array) -> Array:
-        """Return a step that is not longer than the coordinates' lengths."""
+        """Return a step limited to the coordinates' lengths."""
         longest = np.abs(step[: self.nq] / self.local.lengths).max(initial=0.0)
         return step / max(1.0, longest)
 
@@ -303,24 +303,24 @@ class SteadyProblem:
                 return trial
         return None
 
-    # what a root is
+    # properties of a root
 
     def neutral(self, found: Residual) -> Array:
-        """Return the changes of q that lead from a root to others, (nq, dimension).
+        """Return the changes of q that lead from a root to other roots, (nq, dimension).
 
-        Directions in which forces vanish to first order alone lead back to the root.
+        Directions in which forces vanish only to first order lead back to the root.
         """
         matrix = self.jacobian(found)
         rows, columns = self.scales(found, matrix)
         _, s, vt = np.linalg.svd(matrix * np.outer(rows, columns))
         rank = int((s > RANK * s.max(initial=0.0)).sum())
-        null = vt[rank:, : self.nq].T  # scaled; redundant multipliers have no part in q
+        null = vt[rank:, : self.nq].T  # scaled; redundant multipliers do not affect q
         u, s, _ = np.linalg.svd(null, full_matrices=False)
         lasting = [x for x in u[:, s > 1e-6].T if self._leads_to_others(found, columns, x)]
         return np.asarray(columns[: self.nq, None] * np.array(lasting).reshape(-1, self.nq).T)
 
     def _leads_to_others(self, found: Residual, columns: Array, direction: Array) -> bool:
-        """Whether there are roots beside one in a scaled direction."""
+        """Whether there are other roots near a root in a scaled direction."""
         sizes, point = columns[: self.nq], found.point
         step = _BESIDE / np.abs(sizes * direction / self.local.lengths).max()
         beside = point.q + step * sizes * direction
@@ -330,7 +330,7 @@ class SteadyProblem:
         return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
 
     def check_held(self, found: Residual) -> None:
-        """Raise UsageError where the constraints determine a velocity that is to be held."""
+        """Raise UsageError if the constraints determine a prescribed velocity."""
         names = self.local.system.coordinates
         for j, value in self.held.items():
             if j not in found.independent:

@@ -1,4 +1,4 @@
-"""The equilibrium or steady motion next to a model's initial values."""
+"""The equilibrium or steady motion closest to a model's initial values."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def held_velocities(local: LocalEquations, steady: Mapping[str, float]) -> dict[
 
 
 def nearest_steady_state(local: LocalEquations, steady: Mapping[str, float]) -> SteadyState:
-    """Return the equilibrium, or steady motion, to which Newton's method leads from the start.
+    """Return the equilibrium, or steady motion, to which Newton's method converges from the start.
 
     Raises
     ------
     UsageError
-        A velocity cannot be held.
+        A velocity cannot be prescribed.
     ModelError, NumericalError
         There is no consistent initial state, or no equilibrium is found.
     """
@@ -88,9 +88,9 @@ def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
     Raises
     ------
     UsageError
-        The constraints determine a velocity that is held.
+        The constraints determine a prescribed velocity.
     NumericalError
-        It does not last: the equations depend on the time or on a coordinate that moves.
+        The state is not steady: the equations depend on time or on a coordinate that moves.
     """
     local = problem.local
     problem.check_held(found)
@@ -108,7 +108,7 @@ def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
 
 
 def none_found(local: LocalEquations, problem: SteadyProblem, q: Array) -> NumericalError:
-    """Return the error of a search without result, with the forces that are not balanced."""
+    """Return the error of an unsuccessful search, with the unbalanced forces."""
     start = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
     what = "steady motion" if problem.held else "equilibrium"
     text = f"no {what} of {local.model.name} was found from its initial values"

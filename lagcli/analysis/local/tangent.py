@@ -1,4 +1,4 @@
-"""The motions near an operating point: independent coordinates and velocities, δa and δλ."""
+"""Tangent space at an operating point: independent coordinates and velocities, δa and δλ."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Indices = tuple[int, ...]
 
 
 class Tangent(NamedTuple):
-    """δq and δv that the constraints allow, by independent coordinates and velocities.
+    """Admissible δq and δv in terms of independent coordinates and velocities.
 
     δq = Z_q x and δv = W x + Z_v y, where x are the δq of the independent coordinates and y the δv
     of the independent velocities: B_h Z_q = 0, B Z_v = 0, B W + (∂ψ/∂q) Z_q = 0.
@@ -70,14 +70,14 @@ def tangent_of(
 def independent(
     null: Array, sizes: Array, preferred: Indices = (), next_best: Indices = ()
 ) -> tuple[Indices, Array]:
-    """Choose independent coordinates, and write the null space by them.
+    """Choose independent coordinates, and express a null space by them.
 
     Parameters
     ----------
     null : (nq, n) array
         A basis.
     sizes : (nq,) array
-        Changes of the coordinates that count as equal.
+        Changes of the coordinates that are considered equal in size.
     preferred : tuple of int
         Coordinates to be chosen if they are independent.
     next_best : tuple of int
@@ -96,7 +96,7 @@ def independent(
     if not n:
         return (), null
     weight = 1.0 / sizes
-    # before others, unless the null space barely moves them
+    # before others, unless the null space hardly moves them
     weight[list(next_best)] *= 30.0
     weight[list(preferred)] *= 1e3
     _, _, pivots = qr((null * weight[:, None]).T, mode="economic", pivoting=True)
@@ -107,7 +107,7 @@ def independent(
 
 
 def least(d: dense.Decomposition, rhs: Array) -> Array:
-    """Return the X of least size with B X = rhs, for many right sides (nc, m)."""
+    """Return the X of least norm with B X = rhs, for several right sides (nc, m)."""
     values = d.values[: d.rank, None]
     return np.asarray(
         d.sizes[:, None] * (d.right @ ((d.left.T @ (rhs / d.scale[:, None])) / values))
@@ -115,7 +115,7 @@ def least(d: dense.Decomposition, rhs: Array) -> Array:
 
 
 def multipliers_of(d: dense.Decomposition, forces: Array) -> Array:
-    """Return the λ of least norm with Bᵀλ = forces, for many right sides (nq, m)."""
+    """Return the λ of least norm with Bᵀλ = forces, for several right sides (nq, m)."""
     parts = (d.right.T @ (d.sizes[:, None] * forces)) / d.values[: d.rank, None]
     multipliers = (d.left @ parts) / d.scale[:, None]
     if d.dependent.shape[1]:
@@ -125,9 +125,9 @@ def multipliers_of(d: dense.Decomposition, forces: Array) -> Array:
 
 
 class Response:
-    """δa and δλ for right sides of M δa − Bᵀ δλ = g, B δa = γ.
+    """Map from right sides of M δa − Bᵀ δλ = g, B δa = γ to δa and δλ.
 
-    Of redundant constraints, δλ is the one of least norm.
+    For redundant constraints, δλ is the solution of least norm.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Response:
     Raises
     ------
     SingularSystem
-        Motion that the constraints allow has no inertia.
+        An admissible motion has no inertia.
     """
 
     def __init__(self, mass: Array, tangent: Tangent):

@@ -1,1 +1,1 @@
-"""Dimensional analysis: the dimensions of what a model states, and the units that follow."""
+"""Dimensional analysis: dimensions of a model's quantities, and derived units."""

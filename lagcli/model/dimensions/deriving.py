@@ -1,4 +1,4 @@
-"""Derivation of the dimensions of a model's quantities, and the check of its statements."""
+"""Derivation of the dimensions of a model's quantities, and their check."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ from lagcli.model.expression.units import read_unit
 from lagcli.model.model import RATE, Constraint, Model
 from lagcli.model.names.members import family_of
 
-#: On a body, in its frame.
+#: Torque on a body, in its frame.
 _TORQUE = TensorDimension(((conjugate(ANGLE),),) * 3)
 
 
 def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> ModelUnits:
-    """Derive the dimensions of a model's quantities and check its statements.
+    """Derive and check the dimensions of a model's quantities.
 
-    T, V and L are energies, D is a power, forces are conjugate to what they act on, sums add like
-    to like, arguments of functions are numbers, both sides of a constraint agree, and initial
-    values fit their coordinates.
+    T, V and L are energies, D is a power, forces are conjugate to the coordinates they act on,
+    terms of a sum and sides of a constraint have the same dimension, arguments of functions are
+    numbers, and initial values have the dimensions of their coordinates.
 
     Parameters
     ----------
     model : Model
     assumed : mapping of str to Dimension or UNKNOWN, optional
-        Dimensions of coordinates and parameters, or of families ``x[]``, instead of those that
-        the model states.
+        Dimensions of coordinates and parameters, or of families ``x[]``, instead of those given by
+        the model.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
 def expression_unit(
     model: Model, tree: Tree, more: Mapping[str, Scalar] | None = None
 ) -> str | None:
-    """Return the SI unit of an expression in a model's names; None if it is not known.
+    """Return the SI unit of an expression in a model's names; None if it is unknown.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def expression_unit(
 
 
 class _Statements:
-    """Checks the statements of one model, and derives the dimensions of λ and of the outputs."""
+    """Checks the entries of one model, and derives the dimensions of λ and of the outputs."""
 
     def __init__(self, model: Model, known: NamedDimensions):
         self.model, self.known = model, known
@@ -176,7 +176,7 @@ class _Statements:
         if c.left is None:
             force = find(self.known.names, c.name.removesuffix(RATE))
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
-        if c.from_sign:  # what is wrong with it is wrong in Q
+        if c.from_sign:  # errors in it are reported for Q
             known = len(self.known.findings)
             found = self.known.evaluated(c.left, "constraints", c.name, c.indices)
             del self.known.findings[known:]
@@ -196,7 +196,7 @@ class _Statements:
         return left if isinstance(left, Dimension) else UNKNOWN
 
     def _table(self, entries: list[tuple[str, Value]]) -> dict[str, Value]:
-        """Return dimensions by name, of members of a family together where they agree."""
+        """Return dimensions by name, with one entry for members of a family that agree."""
         found: dict[str, Value] = {}
         families: dict[str, list[tuple[str, Value]]] = {}
         for name, value in entries:
@@ -216,7 +216,7 @@ class _Statements:
             rate = len(name) - len(coordinate)
             written = given.written
             if written is None or (given.unit is None and isinstance(written.tree, NumberExpr)):
-                continue  # a number alone is in SI
+                continue  # a plain number is in SI
             key = id(written.tree), family_of(coordinate)
             if key in seen and not self.known.varied:
                 continue
@@ -237,7 +237,7 @@ class _Statements:
                 self.known.findings.append(UnitFinding(wrong, "initial", name, given.location))
 
     def reported(self) -> None:
-        """Derive the dimensions of the outputs, and check the units that the model states."""
+        """Derive the dimensions of the outputs, and check the given units."""
         stated: dict[str, str] = {}
         for name, unit in self.model.output_units.items():
             self.known.written[f"outputs.{name}"] = unit

@@ -1,4 +1,4 @@
-"""Dimensions: exponents of the base units, and the SI units that are written for them."""
+"""Dimensions: exponents of the base units, and their SI notation."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _RAD = 7  # place of the angle among the exponents
 class Dimension(NamedTuple):
     """Exponents of kg, m, s, A, K, mol, cd, and of rad.
 
-    A radian is the number 1: dimensions that differ in ``rad`` alone are the same (`same`). It is
-    counted to write rad/s for a rate of rotation and N*m for a torque, which is J/rad.
+    A radian is the number 1: dimensions that differ only in ``rad`` are equal (`same`). Its
+    exponent is kept to write rad/s for a rate of rotation and N*m for a torque, which is J/rad.
     """
 
     kg: Exponent = 0
@@ -43,14 +43,14 @@ class Special:
         return self.name
 
     def __reduce__(self) -> str:
-        return self.name  # there is one of each
+        return self.name  # each is a singleton
 
 
-#: The number 0, which is a value of any dimension.
+#: The number 0, which has any dimension.
 ZERO = Special("ZERO")
-#: A number that the model writes without a unit.
+#: A number without a unit in an expression.
 NUMBER = Special("NUMBER")
-#: A quantity whose unit the model does not state.
+#: A quantity without a unit.
 UNKNOWN = Special("UNKNOWN")
 
 Scalar = Dimension | Special
@@ -63,7 +63,7 @@ POWER = Dimension(kg=1, m=2, s=-3)
 
 
 def same(a: Dimension, b: Dimension) -> bool:
-    """Whether two dimensions are the same, a radian being 1."""
+    """Whether two dimensions are equal, with rad = 1."""
     return a[:_RAD] == b[:_RAD]
 
 
@@ -114,8 +114,8 @@ _BASES = Dimension._fields
 def unit_of(dimension: Dimension) -> str:
     """Return the coherent SI unit of a dimension, in the notation of model files.
 
-    It has N, J, W and the units of electricity where they are shorter than base units. An energy by
-    an angle is written N*m, and the angle where there is nothing else but the time.
+    Uses N, J, W and the electrical units where they are shorter than base units. An energy per
+    angle is written N*m; the angle is written only alone or per time.
     """
     exponents = dict(zip(_BASES, dimension, strict=True))
     angle = exponents.pop("rad")

@@ -1,4 +1,4 @@
-"""Dimensions of syntax trees, and the parts of them that disagree."""
+"""Dimensions of syntax trees, and the subtrees that disagree."""
 
 from __future__ import annotations
 
@@ -48,24 +48,24 @@ from lagcli.model.expression.trees import (
 
 
 class Disagreement(NamedTuple):
-    """Two parts of an expression whose dimensions do not fit, or one that is not as required.
+    """Two parts of an expression with different dimensions, or one part with a wrong dimension.
 
     Parameters
     ----------
     reason : str
-        ``sum``, ``comparison``, ``arguments``, ``cases`` or ``sides`` of an equation, which must be
-        alike; ``number``, where a part must be a number or an angle; ``exponent``, where the base
-        has a dimension and the exponent varies; ``entries`` of a scalar or matrix product;
-        ``required``, where the model states the dimension.
+        ``sum``, ``comparison``, ``arguments``, ``cases`` or ``sides`` of an equation, whose
+        dimensions must agree; ``number``: the part must be a number or an angle; ``exponent``: the
+        base has a dimension and the exponent varies; ``entries`` of a scalar or matrix product;
+        ``required``: the model gives the dimension.
     part : Tree
     found : Dimension or NUMBER
         The dimension of ``part``.
     expected : Dimension or NUMBER
-        That of ``other``, or the one that is required.
+        Dimension of ``other``, or the required one.
     other : Tree, optional
-        The part that ``part`` is compared with.
+        The part compared with ``part``.
     role : str
-        What ``part`` is, for messages: the argument of `sin`.
+        Description of ``part`` for messages: the argument of `sin`.
     """
 
     reason: str
@@ -77,7 +77,7 @@ class Disagreement(NamedTuple):
 
 
 class Lookup(Protocol):
-    """What the names of an expression stand for."""
+    """Resolution of the names of an expression."""
 
     def value(self, name: Name) -> Value:
         """Return the dimension of a name with its primes."""
@@ -103,19 +103,19 @@ _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 
 
 class DimensionEvaluator:
-    """Evaluates the dimensions of trees.
+    """Evaluates the dimensions of syntax trees.
 
     Parameters
     ----------
     names : Lookup
     strict : bool
         Whether a number in an expression has no unit. Otherwise it may stand for a quantity: 0.3
-        for one of any dimension, 2 and 1/2 beside a quantity for one in the same unit.
+        for one of any dimension, 2 and 1/2 next to a quantity for one in the same unit.
 
     Attributes
     ----------
     found : list of Disagreement
-        What disagrees; a part in error has the dimension UNKNOWN, so that it is reported once.
+        Disagreements; a part in error has the dimension UNKNOWN, so that it is reported once.
     """
 
     def __init__(self, names: Lookup, strict: bool):
@@ -132,7 +132,7 @@ class DimensionEvaluator:
         return UNKNOWN if isinstance(value, TensorDimension) else value
 
     def alike(self, parts: Iterable[Tree], reason: str) -> Value:
-        """Return the common dimension of parts; report the first that differs from the others."""
+        """Return the common dimension of parts; report the first that differs."""
         first, *others = parts
         total, shown = self.value(first), first
         for part in others:
@@ -174,7 +174,7 @@ class DimensionEvaluator:
         if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
             if a is ZERO or b is ZERO:
                 return b if a is ZERO else a
-            return UNKNOWN  # of an expression that disagrees in itself, or of a mixed family
+            return UNKNOWN  # of an expression that is inconsistent, or of a mixed family
         if a.shape != b.shape:
             return UNKNOWN
         joined = [self.join(x, y) for x, y in zip(a.flat, b.flat, strict=True)]
@@ -285,7 +285,7 @@ class DimensionEvaluator:
             return power(base, whole(number))
         if same(base, ONE):
             return ONE
-        if isinstance(exponent, Dimension):  # not an index, and nothing wrong in it
+        if isinstance(exponent, Dimension):  # not an index, and without errors
             self.found.append(Disagreement("exponent", base_tree, base, ONE, exponent_tree))
         return UNKNOWN
 

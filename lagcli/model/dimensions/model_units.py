@@ -25,18 +25,18 @@ from lagcli.model.names.members import family_of
 
 
 class UnitFinding(NamedTuple):
-    """A disagreement of dimensions, and the entry of the model file that it is in.
+    """A disagreement of dimensions, and its entry in the model file.
 
     Parameters
     ----------
     disagreement : Disagreement
     block : str
-        Key of the model file: ``T``, ``definitions``, …
+        Key of the model file: ``T``, ``definitions``, ….
     name : str or None
         Name of the entry.
     location : SourceLocation, optional
-        Location of the value, where that is all there is to underline: a number with a unit, or the
-        value of an option.
+        Location of the value, if only this can be underlined: a number with a unit, or the value of
+        an option.
     """
 
     disagreement: Disagreement
@@ -46,30 +46,30 @@ class UnitFinding(NamedTuple):
 
 
 class ModelUnits(NamedTuple):
-    """Dimensions of a model's quantities, the units that follow, and what disagrees.
+    """Dimensions of a model's quantities, derived units, and disagreements.
 
     A family whose members have one dimension has one entry, ``x[]``.
 
     Parameters
     ----------
     stated : bool
-        Whether the model states any unit; without one, nothing is derived.
+        Whether the model gives any unit; if not, nothing is derived.
     throughout : bool
-        Whether all coordinates have a unit, and all parameters, at least one. Then a number in an
-        expression is a number, and what disagrees is an error.
+        Whether all coordinates and parameters have a unit, at least one of them. Then a number in
+        an expression has no unit, and disagreements are errors.
     missing : tuple of str
         Coordinates and parameters without a unit.
     names : mapping of str to dimension
-        Names of coordinates, parameters and definitions.
+        Dimensions of coordinates, parameters and definitions, by name.
     constraints : mapping of str to dimension
-        Constraints of φ, or of ψ for nonholonomic constraints.
+        Dimensions of φ, or of ψ for nonholonomic constraints, by name.
     multipliers : mapping of str to dimension
-        Multipliers of λ, by constraint.
+        Dimensions of λ, by constraint.
     outputs : mapping of str to dimension
     written : mapping of str to str
-        Units that the model states for coordinates, parameters and outputs, in SI.
+        Units given by the model for coordinates, parameters and outputs, in SI.
     findings : tuple of UnitFinding
-        What disagrees, in the order of the blocks.
+        Disagreements, in the order of the blocks.
     """
 
     stated: bool = False
@@ -83,7 +83,7 @@ class ModelUnits(NamedTuple):
     findings: tuple[UnitFinding, ...] = ()
 
     def of(self, name: str) -> str | None:
-        """Return the SI unit of a coordinate, parameter or definition; None if it is not known.
+        """Return the SI unit of a coordinate, parameter or definition; None if it is unknown.
 
         The entries of a vector have one unit, or None.
         """
@@ -110,18 +110,18 @@ class ModelUnits(NamedTuple):
         return text_of(conjugate(value)) if isinstance(value, Dimension) else None
 
 
-#: Of a model that states none.
+#: Units of a model without units.
 NO_UNITS = ModelUnits()
 
 
 def find(table: Mapping[str, Value], name: str) -> Value:
-    """Return the dimension of a name, or of the family that it belongs to."""
+    """Return the dimension of a name, or of its family."""
     value = table.get(name)
     return table.get(family_of(name), UNKNOWN) if value is None else value
 
 
 def text_of(value: Value) -> str | None:
-    """Return the unit of a dimension; None if there is none, or more than one."""
+    """Return the unit of a dimension; None if there is none, or several."""
     if isinstance(value, TensorDimension):
         units = {text_of(x) for x in value.flat if x is UNKNOWN or isinstance(x, Dimension)}
         return units.pop() if len(units) == 1 else None
@@ -129,12 +129,12 @@ def text_of(value: Value) -> str | None:
 
 
 def conjugate(coordinate: Scalar) -> Scalar:
-    """Return the dimension of the generalized force on a coordinate: an energy by it."""
+    """Return the dimension of the generalized force on a coordinate: energy over coordinate."""
     return product(ENERGY, _plain(coordinate), -1)
 
 
 def multiplier_dimension(residual: Scalar, holonomic: bool) -> Scalar:
-    """Return the dimension of λ: energy by φ, or power by ψ."""
+    """Return the dimension of λ: energy over φ, or power over ψ."""
     return product(ENERGY if holonomic else POWER, _plain(residual), -1)
 
 

@@ -1,4 +1,4 @@
-"""Dimensions of what the names of a model stand for."""
+"""Dimensions of the names of a model."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from lagcli.model.names.dependencies import topological_order
 from lagcli.model.names.indices import Indices
 from lagcli.model.names.members import family_of, with_indices
 
-_PASSES = 4  # over definitions that refer to other members of their family
-_DENOMINATOR = 12  # of exponents that are values of parameters
+_PASSES = 4  # number of passes over definitions that refer to other members of their family
+_DENOMINATOR = 12  # largest denominator of exponents given by parameters
 
 
 class NamedDimensions:
@@ -48,22 +48,22 @@ class NamedDimensions:
     ----------
     model : Model
     assumed : mapping of str to Dimension or UNKNOWN
-        Dimensions of coordinates and parameters, or of families ``x[]``, instead of those that
-        the model states.
+        Dimensions of coordinates and parameters, or of families ``x[]``, instead of those given by
+        the model.
 
     Attributes
     ----------
     names : dict of str to dimension
-        Names of coordinates, parameters and definitions; of a family ``x[]`` together where its
-        members agree.
+        Dimensions of coordinates, parameters and definitions, by name; one entry for a family
+        ``x[]`` whose members agree.
     multipliers : dict of str to dimension
-        Multipliers of λ, by constraint; entered by the caller.
+        Dimensions of λ, by constraint; set by the caller.
     written : dict of str to str
-        Units that the model states, in SI.
+        Units given by the model, in SI.
     missing : list of str
         Coordinates and parameters without a unit.
     stated, throughout : bool
-        Whether the model states any unit, and all.
+        Whether the model gives any unit, and whether it gives all.
     varied : set of str
         Families whose members have different dimensions.
     findings : list of UnitFinding
@@ -94,7 +94,7 @@ class NamedDimensions:
             self._computed_parameters(computed)
             self._definitions()
 
-    # what names stand for
+    # lookup of names
 
     def value(self, name: Name) -> Value:
         """Return the dimension of a name with its primes."""
@@ -124,7 +124,7 @@ class NamedDimensions:
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
         if self.model.names.declared(text):
             self._early = True
-            return ZERO  # a definition that is not evaluated yet
+            return ZERO  # a definition that has not been evaluated yet
         return SECOND if text == "t" else NUMBER  # pi, or an index
 
     def number(self, name: Name) -> Fraction | None:
@@ -159,7 +159,7 @@ class NamedDimensions:
         return int(parameter.value)
 
     def enter(self, entries: Iterable[tuple[str, Value]]) -> None:
-        """Enter the dimensions of names; members of a family together where they agree."""
+        """Set the dimensions of names, with one entry for members of a family that agree."""
         touched = set()
         for name, value in entries:
             family = family_of(name)
@@ -205,7 +205,7 @@ class NamedDimensions:
         indices: Mapping[str, int] = NO_INDICES,
         location: SourceLocation | None = None,
     ) -> Value:
-        """Return the dimension of an expression; enter what disagrees in it."""
+        """Return the dimension of an expression; record disagreements in it."""
         self._indices.clear()
         self._indices.update(indices)
         value = self.evaluator.value(tree)
@@ -216,7 +216,7 @@ class NamedDimensions:
         return value
 
     def fits(self, value: Value, expected: Value) -> bool:
-        """Whether a value may have a dimension, as far as both are known."""
+        """Whether a value can have a dimension, as far as both are known."""
         if isinstance(value, TensorDimension) or isinstance(expected, TensorDimension):
             both = isinstance(value, TensorDimension) and isinstance(expected, TensorDimension)
             return not both or all(map(self.fits, value.flat, expected.flat))  # type: ignore[union-attr]
@@ -251,7 +251,7 @@ class NamedDimensions:
         self.enter(found)
 
     def _stated_parameters(self) -> list[Parameter]:
-        """Enter the parameters that are numbers or have a unit; return the others."""
+        """Set the parameters that are numbers or have a unit; return the others."""
         found: list[tuple[str, Value]] = []
         others = []
         for name, p in self.model.parameters.items():
@@ -260,7 +260,7 @@ class NamedDimensions:
                 value = read_unit(p.unit).dimension
                 self.written[name] = si_notation(p.unit)
             elif p.structural and p.value.is_integer():
-                value = ONE  # how many there are of something
+                value = ONE  # a count
             elif p.written is None or not any(isinstance(x, Name) for x in walk(p.written.tree)):
                 value = UNKNOWN
                 self.missing.append(name)
@@ -272,7 +272,7 @@ class NamedDimensions:
         return others
 
     def _computed_parameters(self, others: list[Parameter]) -> None:
-        """Enter the parameters that are expressions of others; check those with a unit."""
+        """Set the parameters that are expressions of others; check those with a unit."""
         needs: dict[str, list[str]] = {}
         members: dict[str, list[Parameter]] = {}
         for p in others:
@@ -299,7 +299,7 @@ class NamedDimensions:
         """Check an expression with a unit: a number in that unit, or a value in SI."""
         numbers = (x for x in walk(written.tree) if isinstance(x, NumberExpr))
         if any(map(is_measured, numbers)):
-            return  # a number may stand for one in SI units
+            return  # a number may be in SI units
         value, stated = self._evaluated_parameter(p, written), read_unit(unit)
         if isinstance(value, Dimension) and not same(value, ONE):
             if not same(value, stated.dimension):
@@ -309,7 +309,7 @@ class NamedDimensions:
                 self.findings.append(UnitFinding(found, "parameters", p.name, p.location))
 
     def _definitions(self) -> None:
-        """Enter the definitions: each after those that it uses, until families agree."""
+        """Set the definitions in the order of their dependencies, until families agree."""
         families: dict[str, list[Definition]] = {}
         for d in self.model.definitions.values():
             families.setdefault(family_of(d.name), []).append(d)
@@ -317,7 +317,7 @@ class NamedDimensions:
         for members in families.values():
             self.enter(self._defined(members))
         if not self._early:
-            return  # the file's order will do
+            return  # the file's order suffices
         needs: dict[str, list[str]] = {}
         for family, members in families.items():
             trees = {id(d.tree): d.tree for d in members}.values()
@@ -332,7 +332,7 @@ class NamedDimensions:
                 self.enter(self._defined(families[family]))
             if not self._changed:
                 return
-        if cycles:  # members that need those that are entered after them
+        if cycles:  # members that depend on later ones
             del self.findings[before:]
             below = {name for cycle in cycles for name in cycle} & self.varied
             self.enter([(d.name, UNKNOWN) for family in below for d in families[family]])

@@ -1,4 +1,4 @@
-"""Messages on units that do not fit: both parts underlined, and what would make them fit."""
+"""Messages on inconsistent units: both parts underlined, and a unit that would fit."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from lagcli.model.yaml.source import Mapping, Sequence, YamlNode
 from lagcli.model.yaml.source import Scalar as ScalarNode
 
 KIND = "units"
-_SHOWN = 6  # names whose units a message lists
-_TRIED = 60  # names that may have a wrong unit
+_SHOWN = 6  # largest number of names whose units a message lists
+_TRIED = 60  # largest number of names whose units are varied to find the error
 _REASONS = {
     "sum": "cannot be added",
     "comparison": "cannot be compared",
@@ -42,13 +42,13 @@ _REASONS = {
 
 
 class Suspect(NamedTuple):
-    """A name whose unit would make everything fit, if it were another.
+    """A name for which another unit would remove all disagreements.
 
     Parameters
     ----------
     name : str
     stated, fitting : str
-        Units.
+        Units that would fit.
     location : SourceLocation, optional
         Location of its declaration.
     """
@@ -60,13 +60,13 @@ class Suspect(NamedTuple):
 
 
 def unit_diagnostics(model: Model, units: ModelUnits, severity: str = "error") -> list[Diagnostic]:
-    """Return what disagrees in a model as diagnostics, in the order of the file.
+    """Return the disagreements in a model as diagnostics, in the order of the file.
 
     Parameters
     ----------
     model : Model
     units : ModelUnits
-        As `derive_units` returns it.
+        Units from `derive_units`.
     severity : str
         ``error``, or ``warning``.
     """
@@ -87,7 +87,7 @@ def _position(diagnostic: Diagnostic) -> tuple[int, int]:
 
 
 class _Message:
-    """The message on one finding."""
+    """The message on one disagreement."""
 
     def __init__(
         self, model: Model, units: ModelUnits, places: ExpressionLocations, finding: UnitFinding
@@ -179,7 +179,7 @@ class _Message:
         return f"a factor in {unit_of(ratio)} is missing, or a unit under `parameters` is wrong"
 
     def used(self, d: Disagreement) -> str:
-        """Say in which units the names of the parts are."""
+        """Return a sentence with the units of the names in the parts."""
         names: dict[str, str] = {}
         for tree in (d.part, d.other):
             if tree is None or (tree is d.other and d.reason == "required"):
@@ -198,7 +198,7 @@ class _Message:
         return f"`{text}`" if text else "it"
 
     def whole(self, d: Disagreement) -> bool:
-        """Whether a finding is about a value with its unit, not about an expression."""
+        """Whether a disagreement concerns a value with its unit instead of an expression."""
         if self.node is None:
             return not self.option
         stated = self.finding.block in ("initial", "parameters") and d.reason == "required"
@@ -216,7 +216,7 @@ class _Message:
 
 
 def _node(places: ExpressionLocations, finding: UnitFinding) -> YamlNode | None:
-    """Return the node of a finding's expression; None if it is not one of the file."""
+    """Return the node of the expression; None if it is not in the file."""
     node = places.entry(finding.block, finding.name)
     if finding.location is not None:
         node = places.at(finding.block, finding.location)
@@ -233,7 +233,7 @@ def _factors(tree: Tree) -> Iterator[NumberExpr]:
 
 
 def _suspects(model: Model, units: ModelUnits) -> Iterator[Suspect]:
-    """Yield the names that would make everything fit, if they had another unit."""
+    """Yield the names for which another unit would remove all disagreements."""
     found = units.findings[0].disagreement
     if not (isinstance(found.found, Dimension) and isinstance(found.expected, Dimension)):
         return
@@ -260,7 +260,7 @@ def _suspects(model: Model, units: ModelUnits) -> Iterator[Suspect]:
 
 
 def _in(dimension: Scalar) -> str:
-    """Say in which unit something is."""
+    """Return a phrase with the unit of a value."""
     if dimension is NUMBER or _unit(dimension) == "1":
         return "a number"
     return f"in {_unit(dimension)}"

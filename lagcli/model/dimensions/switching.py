@@ -1,4 +1,4 @@
-"""Dimensions of what contacts and events say: coefficients are numbers, limits are forces."""
+"""Dimensions in contacts and events: coefficients are numbers, limits are forces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from lagcli.model.model import Model, ModelEvent
 if TYPE_CHECKING:
     from lagcli.model.dimensions.named import NamedDimensions
 
-#: Checks that every term of an expression has a dimension: tree, dimension, block, entry, role.
+#: Function that checks the dimensions of the terms of an expression: tree, dimension, block, entry,
+#: role.
 Terms = Callable[[Tree, Value, str, str, str], None]
 
 _FIELD = re.compile(
@@ -39,13 +40,13 @@ def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
     ----------
     model : Model
     known : NamedDimensions
-        With the multipliers; what disagrees is entered there.
+        Dimensions including the multipliers; disagreements are added to it.
     terms : callable
-        As `Terms`.
+        See `Terms`.
     """
     for entry, field, name, tree in _fields(model):
         expected: Value = find(known.multipliers, entry) if field == "limit" else ONE
-        if not isinstance(tree, NumberExpr):  # a number alone is in SI
+        if not isinstance(tree, NumberExpr):  # a plain number is in SI
             terms(tree, expected, "constraints", name, f"`{field}` of `{entry}`")
     _conditions(model, known)
     for key, tree in model.trees.items():
@@ -60,7 +61,7 @@ def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
 
 
 def _of_target(known: NamedDimensions, target: str, field: str) -> Value:
-    """Return the dimension of what an event sets, or of an impulse."""
+    """Return the dimension of a quantity set by an event, or of an impulse."""
     base = target.rstrip("'")
     value = find(known.names, base)
     if isinstance(value, TensorDimension):
@@ -71,7 +72,7 @@ def _of_target(known: NamedDimensions, target: str, field: str) -> Value:
 
 
 def _conditions(model: Model, known: NamedDimensions) -> None:
-    """Check that the sides of comparisons agree; a number alone is in SI."""
+    """Check that the sides of comparisons agree; a plain number is in SI."""
     seen: set[int] = set()
     for event in model.events:
         if not event.sides or id(event.sides[0]) in seen:
@@ -83,7 +84,7 @@ def _conditions(model: Model, known: NamedDimensions) -> None:
 
 
 def _compared(sides: tuple[Tree, ...]) -> Iterator[tuple[tuple[Tree, ...], str]]:
-    """Yield what a condition compares."""
+    """Yield the sides of the comparisons in a condition."""
     if len(sides) > 1:
         yield sides, "sides"
         return

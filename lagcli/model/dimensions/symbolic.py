@@ -31,14 +31,14 @@ _ANGLES = (se.asin, se.acos, se.atan, se.atan2)
 
 
 def symbolic_unit(model: Model, expression: Basic) -> str | None:
-    """Return the SI unit of an expression; None if it is not known.
+    """Return the SI unit of an expression; None if it is unknown.
 
     Parameters
     ----------
     model : Model
-        Whose units are consistent: of a sum, one term is looked at.
+        A model with consistent units: only one term of a sum is evaluated.
     expression : Basic
-        In t, q, q', q'', parameters, λ and constraint forces.
+        Expression in t, q, q', q'', parameters, λ and constraint forces.
     """
     if not model.units.stated:
         return None

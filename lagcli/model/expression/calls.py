@@ -101,7 +101,7 @@ def check_call(tree: CallExpr, scope: CallScope) -> None:
 
 
 def _count_help(tree: CallExpr) -> str | None:
-    """Return what helps against a wrong number of arguments."""
+    """Return a remedy for a wrong number of arguments."""
     if tree.function == "if":
         return "write if(condition, a, b)"
     first = tree.arguments[0] if len(tree.arguments) == 1 else None
@@ -129,7 +129,7 @@ def _unknown(tree: CallExpr, scope: CallScope) -> ExpressionError:
 
 
 def name_of(name: str) -> str:
-    """Return the name of a function that other programs call differently."""
+    """Return lagcli's name of a function that other programs call differently."""
     return _OTHER_NAMES.get(name, name)
 
 

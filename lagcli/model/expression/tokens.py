@@ -1,6 +1,6 @@
 """Tokenizer of the expression language.
 
-Characters of printed formulas become those of the language: ``½·m·ẋ²`` is ``(1/2)*m*x'^2``.
+Characters of printed formulas are translated: ``½·m·ẋ²`` is ``(1/2)*m*x'^2``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ExpressionError(Exception):
 
 
 class Span(Protocol):
-    """What has offsets in the text: a token, a tree."""
+    """A range of the text: a token or a tree."""
 
     @property
     def start(self) -> int:
@@ -47,7 +47,7 @@ class Span(Protocol):
 
     @property
     def end(self) -> int:
-        """The place after the last one."""
+        """The offset after the last character."""
 
 
 def error_at(
@@ -79,18 +79,18 @@ def _first_invalid(text: str) -> int | None:
     return None
 
 
-#: Characters that mean the same as one of the language.
+#: Characters equivalent to a character of the language.
 _SAME = str.maketrans("·⋅∙×÷−–′’", "****/--''")
 _SAME_MARKS = {"≤": "<=", "≥": ">=", "≠": "!="}
 _POWER_DIGITS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 _POWERS = str.maketrans(_POWER_DIGITS, "0123456789")
 _FRACTIONS = "¼½¾⅐⅑⅒⅓⅔⅕⅖⅗⅘⅙⅚⅛⅜⅝⅞"
-#: Over a letter: first and second time derivative.
+#: Accents over a letter: first and second time derivative.
 _DOTS = {"\u0307": 1, "\u0308": 2}
-#: Letters of alphabets, not second derivatives.
+#: Letters of alphabets that look like second derivatives.
 _LETTERS = frozenset("äëïöüÿÄËÏÖÜŸϊϋΪΫ")
 
-#: Before the dot of a component: ``R[1].x``, ``omega(R).x``, ``r'.x``.
+#: Characters before the dot of a component: ``R[1].x``, ``omega(R).x``, ``r'.x``.
 _BEFORE_DOT = r"(?<=[\])'])"
 _NUMBER = r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|(?<![\])'])\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _OTHER = _POWER_DIGITS + _FRACTIONS  # which \w matches
@@ -176,7 +176,7 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
 
 
 def _printed(token: str, start: int, end: int) -> Iterator[Token]:
-    """Yield the tokens that a power, a fraction, a comparison or a double prime stands for."""
+    """Yield the tokens that a power, a fraction, a comparison or a double prime represents."""
     if token == "″":
         yield Token("mark", "'", start, end)
         yield Token("mark", "'", end, end)
@@ -197,7 +197,7 @@ def _printed(token: str, start: int, end: int) -> Iterator[Token]:
 
 
 def without_dots(name: str) -> tuple[str, int]:
-    """Return a name without the dots over a letter, and the derivative that they denote.
+    """Return a name without the dots over a letter, and the derivative that they represent.
 
     ``ẋ_A`` is the first derivative of ``x_A``; ``ä`` is a letter.
     """
@@ -213,7 +213,7 @@ def without_dots(name: str) -> tuple[str, int]:
 
 
 def words(text: str) -> list[str]:
-    """Return the words of a text that may be meant as names."""
+    """Return the words of a text that may be intended as names."""
     return re.findall(r"[^\W\d]\w*", text)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from fractions import Fraction
 
-#: What stands for indices in the text of a name, by their number.
+#: Placeholders for indices in the text of a name, by their number.
 BRACKETS = {1: "[]", 2: "[,]"}
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of names that are no coordinates: of parameters, the time, π and inputs."""
+"""Derivatives of names other than coordinates: of parameters, the time, π and inputs."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from lagcli.model.expression.tokens import error_at
 from lagcli.model.expression.trees import Name
 
-#: The highest derivative of an input that an expression may write.
+#: The highest derivative of an input in an expression.
 _HIGHEST = 2
 
 
 def check_derivative(inputs: Mapping[str, int], name: Name, text: str, primes: int) -> None:
-    """Raise ExpressionError for a derivative that there is not.
+    """Raise ExpressionError for a derivative that does not exist.
 
     Parameters
     ----------
     inputs : mapping of str to int
-        The inputs, and how often each may be differentiated.
+        The inputs, and the number of times each can be differentiated.
     name : Name
     text, primes : str, int
         The name of an input, of a parameter, ``t`` or ``pi``, and the order of the derivative.

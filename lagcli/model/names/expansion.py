@@ -33,13 +33,13 @@ MAX_NODES = 50_000  # of one expression with its functions expanded
 
 
 class Macro(NamedTuple):
-    """A function with the expression that it stands for; None for one in error."""
+    """A function with its expression; None if the expression has an error."""
 
     arguments: tuple[str, ...]
     tree: Tree | None
 
 
-#: Functions that every model has: the kinetic energy of a rigid body.
+#: Built-in macros: the kinetic energy of a rigid body.
 MACROS: Mapping[str, Macro] = {
     "body": Macro(
         ("m", "J", "r", "R"),
@@ -49,7 +49,7 @@ MACROS: Mapping[str, Macro] = {
 
 
 class Declared(Protocol):
-    """The names of a model, as far as an expansion needs them."""
+    """The names of a model used by expansion."""
 
     @property
     def functions(self) -> Mapping[str, Macro]:
@@ -70,11 +70,11 @@ class Declared(Protocol):
 
 
 def expand(tree: Tree, names: Declared, inside: tuple[str, ...] = ()) -> Tree:
-    """Return a tree with functions expanded, and components of vectors as such.
+    """Return a tree with functions and components of vectors expanded.
 
-    ``body(m, J, r, R)`` and the model's functions are replaced by what they stand for, at the
-    place of the call. ``r.x``, ``r[1]`` and ``R[1, 3]`` are names with dots and members of
-    families unless ``r`` and ``R`` are declared themselves.
+    ``body(m, J, r, R)`` and the model's functions are replaced by their expressions, at the
+    position of the call. ``r.x``, ``r[1]`` and ``R[1, 3]`` are dotted names and members of families
+    unless ``r`` and ``R`` themselves are declared.
 
     Parameters
     ----------
@@ -88,13 +88,13 @@ def expand(tree: Tree, names: Declared, inside: tuple[str, ...] = ()) -> Tree:
     ExpressionError
         A wrong number of arguments, or a function that calls itself.
     Broken
-        A function's own declaration is in error.
+        The declaration of a function has an error.
     """
     return _Expansion(names).tree(tree, inside)
 
 
 def component_of(name: Name, names: Declared) -> Tree:
-    """Return the component of a declared vector that a name stands for; other names unchanged."""
+    """Return the component of a declared vector that a name denotes; other names unchanged."""
     text, primes = names.resolve(name)
     if names.declared(text):
         return name
@@ -129,7 +129,7 @@ class _Expansion:
         self.names = names
 
     def tree(self, tree: Tree, calls: tuple[str, ...] = ()) -> Tree:
-        """Return an expanded tree; ``calls`` are the functions whose expansion it is part of."""
+        """Return an expanded tree; ``calls`` are the functions being expanded."""
         if isinstance(tree, Name):
             return component_of(tree, self.names)
         if isinstance(tree, CallExpr):
@@ -139,7 +139,7 @@ class _Expansion:
         return rebuilt(tree, lambda part: self.tree(part, calls))
 
     def call(self, tree: CallExpr, macro: Macro, calls: tuple[str, ...]) -> Tree:
-        """Return what a call stands for, at its place in the text."""
+        """Return the expansion of a call, at its position in the text."""
         name, given = tree.function, tree.arguments
         if len(given) != len(macro.arguments):
             wanted = len(macro.arguments)
@@ -174,7 +174,7 @@ class _Expansion:
 
 
 def substituted(tree: Tree, arguments: Mapping[str, Tree], place: tuple[int, int]) -> Tree:
-    """Return the expression of a function with its arguments, all at the place of the call."""
+    """Return the expression of a function with its arguments, at the position of the call."""
 
     def at(part: Tree) -> Tree:
         if isinstance(part, Name):
@@ -222,7 +222,7 @@ def rate(tree: Tree, order: int) -> Tree:
 
 
 def rebuilt(tree: Tree, change: Callable[[Tree], Tree]) -> Tree:
-    """Return a tree with its parts and indices changed; the tree itself if none of them is."""
+    """Return a tree with changed parts and indices; the tree itself if nothing changes."""
 
     def every(parts: tuple[Tree, ...]) -> tuple[Tree, ...]:
         return tuple(map(change, parts))
@@ -265,7 +265,7 @@ def rebuilt(tree: Tree, change: Callable[[Tree], Tree]) -> Tree:
 
 
 def _indices(tree: Tree) -> tuple[Tree, ...]:
-    """Return the trees of a node that are integers."""
+    """Return the subtrees that are integers."""
     match tree:
         case Name() | ComponentExpr():
             return tree.indices

@@ -34,12 +34,12 @@ class Declaration(NamedTuple):
     node : Node
         The value of the entry; the key itself if it has none.
     spans : tuple of (str or None, Range or Tree)
-        For each index its name and the range of the members, or the index of one member.
+        For each index, its name and the range of the members, or the index of one member.
     primes : int
     part : str
-        What follows the indices: ``.x`` of a component.
+        Suffix after the indices: ``.x`` of a component.
     kind : str
-        The kind of a coordinate that is a vector or a rotation, if the entry follows from one.
+        The kind of a vector or rotation coordinate, if the entry is derived from one.
     """
 
     name: str

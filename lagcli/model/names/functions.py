@@ -113,7 +113,7 @@ def check_functions(draft: Draft, declared: list[Declaration]) -> None:
 
 
 class _FunctionScope(ModelScope):
-    """Scope of a function's own expression, in which its arguments may stand for anything."""
+    """Scope of a function's expression, in which its arguments may have any value."""
 
     def __init__(self, draft: Draft, name: str, macro: Macro):
         context = Context(f"the function `{name}`", accelerations=True, multipliers=True)

@@ -52,7 +52,7 @@ class Indices(NamedTuple):
         Raises
         ------
         ExpressionError
-            It is not an integer, or uses something that is not allowed in an index.
+            It is not an integer, or contains something that is not allowed in an index.
         """
         value = self._value(tree)
         if not isinstance(value, int):

@@ -27,7 +27,7 @@ _SIGNS = """
     ell hbar partial nabla infty prime ast star perp parallel sum cdot times circ cdots dagger
     quad textstyle displaystyle
 """
-#: Commands that stand for themselves.
+#: Commands written unchanged.
 SYMBOLS = frozenset(f"\\{name}" for name in (_GREEK + _SIGNS).split()) | {
     *(r"\,", r"\;", r"\:", r"\ ")
 }
@@ -49,7 +49,7 @@ FONTS = frozenset(
         *("text", "textrm", "operatorname"),
     )
 )
-#: Characters that stand for themselves, in addition to ASCII letters and digits.
+#: Characters written unchanged, in addition to ASCII letters and digits.
 MARKS = frozenset("+-*/=,.;:()[]'|")
 
 _DEEPEST = 20

@@ -118,7 +118,7 @@ def meant_derivative(names: Symbols, text: str) -> str | None:
 
 
 def _close(names: Symbols, context: Context, text: str) -> list[str]:
-    """Return the most similar names that the context allows, with their kinds."""
+    """Return the most similar names allowed in the context, with their kinds."""
     known: list[str] = []
     for mapping, kind, allowed in (
         (names.parameters, "parameter", True),

@@ -1,4 +1,4 @@
-"""The constraints, and what kind each is."""
+"""The constraints, and their kinds."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from lagcli.model.symbols import Context, Symbols
 from lagcli.model.vectors.kinds import unit_length
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
-_EXPANDED = 1000  # terms of a constraint that is written out to see what cancels
+_EXPANDED = 1000  # largest number of terms of a constraint that is expanded to find cancellations
 _EXAMPLE = "x^2 + y^2 = l^2"
 
 
 def declare_constraints(
     draft: Draft, declared: list[Declaration], constants: Symbols
 ) -> dict[str, Member]:
-    """Return what the entries declare, by name, and enter the names into the draft's."""
+    """Return the constraints declared by the entries, by name; add the names to the draft."""
     names = draft.names
     families = [d for d in declared if d.spans]
     names.constraint_families = {d.family for d in families}
@@ -74,7 +74,7 @@ def read_constraints(
 
 
 class _ConstraintReader:
-    """Reads one entry: its equation, and what it says of impacts, friction and limits."""
+    """Reads one entry: its equation, impacts, friction and limits."""
 
     def __init__(self, draft: Draft, d: Declaration, constants: Symbols):
         what = f"constraint `{d.title}`"
@@ -195,7 +195,7 @@ def _inequality(node: Scalar, compared: Comparison, what: str) -> _Equation:
 
 
 class _ConstraintBuilder:
-    """Builds the constraints of one entry; what is wrong with it is reported once."""
+    """Builds the constraints of one entry; reports each error once."""
 
     def __init__(
         self,
@@ -230,14 +230,14 @@ class _ConstraintBuilder:
         return index is not None and any(uses(f.parsed.tree, index) for f in self.sides)
 
     def fault(self, kind: str, message: str, help_: str, indices: Indices = NO_INDICES) -> None:
-        """Report what is wrong, for some values of the index."""
+        """Report an error that occurs for some values of the index."""
         self.good = False
         at = ", ".join(f"{name} = {value}" for name, value in indices.items())
         at = f", for {at}" if at else ""
         self.draft.report.add(kind, message + at, self.node.location, help_)
 
     def constraints(self, name: str, indices: Indices) -> list[Constraint]:
-        """Return one constraint, or those of the components of a vector; without those in error."""
+        """Return one constraint, or those of the components of a vector; omit those with errors."""
         built = [side.value(indices) for side in self.sides]
         values = [side.value for side in built if side is not None]
         if not self.good or len(values) < len(built):
@@ -248,7 +248,7 @@ class _ConstraintBuilder:
         return [] if found is None else [found]
 
     def components(self, name: str, values: list[Value], indices: Indices) -> Iterator[Constraint]:
-        """Yield the constraints of the components, without those that always hold."""
+        """Yield the constraints of the components, except those that hold identically."""
 
         from lagcli.model.vectors.equations import component_equations
 
@@ -280,7 +280,7 @@ class _ConstraintBuilder:
     def constraint(
         self, name: str, left: Tree, right: Tree | None, sides: list[Basic], indices: Indices
     ) -> Constraint | None:
-        """Return a constraint; None if there is something wrong with it."""
+        """Return a constraint; None if it has an error."""
         expression = sides[0] if right is None else sides[0] - sides[1]
         small = count_terms(expression) <= _EXPANDED
         shown = expand_terms(expression) if small else expression  # x = x + 1 leaves no x
@@ -329,7 +329,7 @@ class _ConstraintBuilder:
         return rates, positions
 
     def without_unknowns(self, sides: list[Basic], value: Basic, indices: Indices) -> None:
-        """Report a constraint in which no coordinate and no velocity is left."""
+        """Report a constraint without coordinates and velocities."""
         if any(any(self.motion_in(side)) for side in sides):
             message = f"{self.what} says {value} = 0, whatever the coordinates"
             harmless = value == 0

@@ -34,7 +34,7 @@ _OTHER_KEYS = {
 
 
 def check_keys(draft: Draft, keys: tuple[str, ...]) -> None:
-    """Report the keys that a model file does not have; what they are meant for is not missing."""
+    """Report unknown keys of a model file; a key they may stand for is not reported as missing."""
     for name, key, _ in draft.root:
         if name in keys:
             continue
@@ -49,14 +49,15 @@ def check_keys(draft: Draft, keys: tuple[str, ...]) -> None:
 
 
 class CoordinateEntry(NamedTuple):
-    """An entry of `coordinates`: its key, and what it says of each member."""
+    """An entry of `coordinates`: its key and its fields."""
 
     declaration: Declaration
     coordinate: Coordinate
 
 
 def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
-    """Return the coordinates' entries; where they cannot be read, any name may be one."""
+    """Return the entries of the coordinates; if they cannot be read, any name may be a
+    coordinate."""
     node = draft.get("coordinates")
     found: list[CoordinateEntry] = []
     if node is None and "coordinates" in draft.misspelled_keys:
@@ -182,7 +183,7 @@ def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
 
 
 def si_unit(draft: Draft, unit: str | None, node: YamlNode) -> str | None:
-    """Check a unit in which results are stated: it must be coherent SI."""
+    """Check a unit for results: it must be coherent SI."""
     if unit is None:
         return None
     try:
@@ -209,7 +210,7 @@ def declare(
     functions: list[Declaration],
     inputs: list[Declaration],
 ) -> None:
-    """Enter the names, and report those declared twice. Members of families are entered later."""
+    """Declare the names, and report duplicates. Members of families are declared later."""
     names, report = draft.names, draft.report
     places: dict[str, tuple[str, SourceLocation]] = {}
 
@@ -273,13 +274,13 @@ def declare(
 def expand_coordinates(
     draft: Draft, entries: list[CoordinateEntry], constants: Symbols, with_units: bool
 ) -> tuple[Coordinate, ...]:
-    """Return the coordinates, and enter them into the draft's names.
+    """Return the coordinates, and add them to the draft's names.
 
     Parameters
     ----------
     draft, entries, constants : Draft, list of CoordinateEntry, Symbols
     with_units : bool
-        Whether the model states units; points are in m then.
+        Whether the model has units; points are then in m.
     """
     given = {id(entry.declaration): entry.coordinate for entry in entries}
     members = expanded(draft, (entry.declaration for entry in entries), constants)
@@ -309,7 +310,7 @@ def expanded(draft: Draft, found: Iterable[Declaration], constants: Symbols) -> 
 
 
 def report_overlaps(draft: Draft) -> None:
-    """Report members that are declared as several kinds of things."""
+    """Report members that are declared in several blocks."""
     names = draft.names
     kinds = {
         "coordinate": names.coordinates,

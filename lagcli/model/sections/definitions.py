@@ -29,7 +29,7 @@ class _DefinitionEntry(NamedTuple):
 def expand_definitions(
     draft: Draft, declared: list[Declaration], constants: Symbols
 ) -> dict[str, Member]:
-    """Return what the entries define, by name, and enter the names into the draft's."""
+    """Return the declared definitions by name; add the names to the draft."""
     members = by_name(draft, expanded(draft, declared, constants))
 
     def unbuilt(name: str) -> Sized:
@@ -40,7 +40,7 @@ def expand_definitions(
 
 
 def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, Definition]:
-    """Build the definitions, and enter their values into the draft's names."""
+    """Build the definitions, and add their values to the draft's names."""
     entries = _parsed(draft, members)
     formulas: dict[int, Formula] = {}
     built: dict[str, Sized] = {}
@@ -84,7 +84,7 @@ def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, D
 
 
 def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _DefinitionEntry]:
-    """Return what the entries say, by the identity of their declarations."""
+    """Return the parsed expressions of the entries, by the identity of their declarations."""
     found: dict[int, _DefinitionEntry] = {}
     seen: set[int] = set()
     for member in members.values():
@@ -110,7 +110,7 @@ def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Definitio
 def _order(
     draft: Draft, members: Mapping[str, Member], entries: Mapping[int, _DefinitionEntry]
 ) -> list[str]:
-    """Return the names so that most stand behind what they need."""
+    """Return the names in an order in which most come after those they depend on."""
     needs: dict[str, list[str]] = {}
     below: dict[str, list[str]] = {}
     for name, member in members.items():
@@ -143,4 +143,4 @@ def report_circle(draft: Draft, what: str, cycle: list[str], keys: Mapping[str, 
     draft.names.broken.update(map(family_of, cycle))
 
 
-_SHOWN = 12  # names of a cycle
+_SHOWN = 12  # largest number of names of a cycle in a message

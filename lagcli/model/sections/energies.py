@@ -95,7 +95,7 @@ def read_forces(
 
 
 def _acted_on(draft: Draft, key: Scalar, node: YamlNode, block: str) -> Declaration | None:
-    """Return what a force acts on; an unknown name is reported."""
+    """Return the target of a force; report an unknown name."""
     names = draft.names
     if "[" in key.value:
         declaration = read_key(draft, key, node, "force")
@@ -177,7 +177,7 @@ def _project(
     parsed: Parsed,
     terms: dict[str, list[Basic]],
 ) -> bool:
-    """Add F·∂r/∂q_i to each Q_i; say whether that could be done."""
+    """Add F·∂r/∂q_i to each Q_i; return whether this succeeded."""
     place = along.value
     both = isinstance(place, Tensor) and isinstance(force, Tensor)
     if both and force.shape == (3, 1) and place.is_rotation:

@@ -1,4 +1,4 @@
-"""The `fit` block: measured data, what of the model they observe, and what is to be found."""
+"""The `fit` block: data files, observed quantities, and quantities to fit."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class DataFile(NamedTuple):
     Parameters
     ----------
     path : str
-        A CSV file, from the model's folder.
+        CSV file, relative to the model's folder.
     time : str
         The column of the times.
     set, initial : mappings of str to str
-        Values of the experiment, as ``--set`` and ``--set-initial`` have them.
+        Values of the experiment, in the syntax of ``--set`` and ``--set-initial``.
     location : SourceLocation
     """
 
@@ -49,17 +49,17 @@ class DataFile(NamedTuple):
 
 
 class ObservedQuantity(NamedTuple):
-    """What a column of the data measures.
+    """A quantity measured by a column of the data.
 
     Parameters
     ----------
     name : str
-        As the file writes it.
+        Text of the quantity in the file.
     expression : expression or str
         In t, q, q', q'', λ and parameters; or the name of a column that every run has.
-    column : str
+    Expression in t, q, q', q'', λ and parameters; or the name of a column of every run.
     sigma : float or None
-        Standard deviation of a measured value; None where it is to be estimated.
+        Standard deviation of a measured value; None if it is to be estimated.
     sigma_si : bool
         Whether sigma is in SI; otherwise in the unit of the column.
     unit : str or None
@@ -100,7 +100,7 @@ def read_fit(
     parameters: dict[str, Parameter],
     outputs: dict[str, Basic],
 ) -> FitBlock | None:
-    """Return the block; None without one, or if something is wrong with it."""
+    """Return the block; None if there is none, or if it has an error."""
     node = draft.get("fit")
     if node is None:
         return None
@@ -170,7 +170,7 @@ class _FitReader:
         return found
 
     def overrides(self, node: YamlNode | None, name: str) -> dict[str, str]:
-        """Return the values of one experiment, as ``--set`` and ``--set-initial`` have them."""
+        """Return the values of one experiment, in the syntax of ``--set`` and ``--set-initial``."""
         if node is None:
             return {}
         if not isinstance(node, Mapping):
@@ -238,7 +238,7 @@ class _FitReader:
         return ObservedQuantity(name, expression, column, sigma, converted, unit, key.location)
 
     def expression(self, name: str, key: Scalar, what: str) -> Basic | str | None:
-        """Return what is observed: an expression, or the name of a column that every run has."""
+        """Return the observed quantity: an expression, or the name of a column of every run."""
         if name in self.outputs:
             return self.outputs[name]
         if name in {quantity.name for quantity in SCALARS}:
@@ -258,7 +258,7 @@ class _FitReader:
                 "with several observed quantities, each needs a `sigma`, which weights its data",
             )
 
-    # what is to be found
+    # quantities to fit
 
     def fitted(self, node: YamlNode) -> list[FittedQuantity]:
         if not isinstance(node, Mapping):
@@ -316,7 +316,7 @@ class _FitReader:
         return FittedQuantity(known, bounds["min"], bounds["max"], key.location)
 
     def has_unit(self, node: YamlNode, unit: str | None, what: str) -> bool:
-        """Return whether a bound can be read: not without its unit where that is not SI."""
+        """Return whether a bound can be read: outside SI, it needs a unit."""
         if unit is None or unit_of(node) is not None or to_si(unit) == 1:
             return True
         self.draft.report.add(

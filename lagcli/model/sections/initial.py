@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     Reader = InitialReader | VectorReader
 
-_SHOWN = 12  # missing entries written out
+_SHOWN = 12  # largest number of missing entries in a message
 Values = dict[str, InitialValue]
 
 
@@ -54,7 +54,7 @@ def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[st
 
 
 def _states_closed(draft: Draft, name: str, node: YamlNode) -> bool:
-    """Whether an entry states that something is closed which is not a coordinate or a velocity."""
+    """Whether an entry declares as closed something that is not a coordinate or a velocity."""
     stated = isinstance(node, Scalar) and node.value.strip() == "closed"
     named = name in draft.names.constraints or "[" not in name
     return stated and named and canonical_name(draft, name, vectors=True) is None
@@ -102,7 +102,7 @@ def read_initial(
 def _values(
     draft: Draft, declaration: Declaration, constants: Symbols
 ) -> Iterator[tuple[Member, Reader]]:
-    """Yield what an entry gives values to, and what reads these."""
+    """Yield the targets of an entry, and the readers of their values."""
     members = members_of(draft, declaration, constants)
     kind = draft.names.kinds.get(declaration.family)
     value, fixed = declaration.node, True
@@ -137,7 +137,7 @@ def _readers(
     kind: str | None,
     constants: Symbols,
 ) -> Iterator[tuple[Member, Reader]]:
-    """Yield members, each component of a vector as one, with the reader of their value."""
+    """Yield members, each component of a vector separately, with the reader of their value."""
     if kind is None:
         reader: Reader = InitialReader(draft, declaration, constants)
         yield from ((member, reader) for member in members)
@@ -152,7 +152,7 @@ def _readers(
 
 
 def _declaration(draft: Draft, name: str, key: Scalar, node: YamlNode) -> Declaration | None:
-    """Return what an entry gives a value to; an unknown name is reported."""
+    """Return the target of an entry; report an unknown name."""
     if "[" not in name:
         canonical = canonical_name(draft, name, vectors=True)
         if canonical is None:
@@ -187,9 +187,9 @@ def _is_coordinate(draft: Draft, d: Declaration) -> bool:
 
 
 def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
-    """Enter what an entry gives a value to; report what has one already, or is no coordinate.
+    """Record the target of an entry; report one that already has a value, or is no coordinate.
 
-    A value for a single member takes the place of that for a range.
+    A value for a single member overrides that of a range.
     """
     names, d = draft.names, member.declaration
     canonical = member.name + "'" * d.primes
@@ -221,7 +221,7 @@ def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
 
 
 def _width(d: Declaration) -> int:
-    """Return how many values an entry gives: a component, a vector, those of a range."""
+    """Return the number of values that an entry gives: of a component, a vector, or a range."""
     return int(d.several) + 2 * bool(d.kind)
 
 
@@ -230,7 +230,7 @@ def _members(draft: Draft, base: str) -> list[str]:
 
 
 def _overriding(draft: Draft, overrides: Mapping[str, object]) -> dict[str, str]:
-    """Return the options by what they give a value to."""
+    """Return the options by the names of their targets."""
     given: dict[str, str] = {}
     for name, value in overrides.items():
         canonical = canonical_name(draft, "".join(name.split()), vectors=True)
@@ -301,7 +301,7 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
 
 
 def _report_no_contact(draft: Draft, name: str, key: Scalar, contacts: list[str]) -> None:
-    """Report a name that is said to be closed, and names no constraint."""
+    """Report a name that is declared as closed but is not a constraint."""
     names = draft.names
     if names.incomplete or name in names.suspects:
         return
@@ -361,7 +361,7 @@ def _whole(draft: Draft, name: str, missing: Collection[str]) -> str:
 
 
 def _example(draft: Draft, name: str) -> str:
-    """Return a value that a coordinate or a vector may have."""
+    """Return an example of a value for a coordinate or a vector."""
     kind = draft.names.kinds.get(family_of(name.rstrip("'")))
     if kind is None:
         return "0"

@@ -1,4 +1,4 @@
-"""What inputs may be used for: the equations differentiate what they stand in."""
+"""Restrictions on inputs: the equations differentiate the expressions that contain them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ENERGY = ", or write its force under `Q`"
 
 
 class InputUses:
-    """Reports where derivatives of an input are needed that it does not have.
+    """Reports inputs whose required derivatives do not exist.
 
     Parameters
     ----------
@@ -37,7 +37,8 @@ class InputUses:
         ----------
         constraints : iterable of Constraint
         expressions : iterable of (key, expressions, order)
-            What stands under a key of the model, and how often the equations differentiate it.
+            Expressions under a key of the model, and how many times the equations differentiate
+            them.
         """
         if not self.inputs:
             return

@@ -28,14 +28,14 @@ _EXAMPLE = "u: {file: road.csv, time: t, column: height}"
 def read_inputs(
     draft: Draft, declared: Iterable[Declaration], known: Mapping[str, InputData]
 ) -> dict[str, Input]:
-    """Read the tables of the inputs, and enter them into the draft's names.
+    """Read the tables of the inputs, and add them to the draft's names.
 
     Parameters
     ----------
     draft : Draft
     declared : iterable of Declaration
     known : mapping of str to InputData
-        Tables that were read before: their files are not read again.
+        Tables that have already been read: their files are not read again.
     """
     found = {}
     for d in declared:
@@ -49,7 +49,7 @@ def read_inputs(
 
 
 class _InputEntry:
-    """One entry on its way to an input."""
+    """Reader of one entry."""
 
     def __init__(self, draft: Draft, declaration: Declaration):
         self.draft, self.declaration = draft, declaration
@@ -58,7 +58,7 @@ class _InputEntry:
         self.fields: dict[str, YamlNode] = {}
 
     def read(self, known: InputData | None) -> Input | None:
-        """Return the input; None where its entry has an error, which is reported."""
+        """Return the input; None if its entry has an error, which is reported."""
         node = self.declaration.node
         if self.declaration.spans:
             self.error("bad-name", self.key, "is a single name", "write one entry for each input")
@@ -200,7 +200,7 @@ class _InputEntry:
         unit: str | None,
         units: dict[str | None, YamlNode] | None = None,
     ) -> float | None:
-        """Return a number, perhaps with a unit, in SI; report errors."""
+        """Return a number, optionally with a unit, in SI; report errors."""
         own = None if units is None else unit
         read = read_quantity(self.draft, node, f"a {what} of {self.what}", self.draft.names, own)
         if read is None:
@@ -235,7 +235,7 @@ class _InputEntry:
         return float(read.number * read.factor)
 
     def of_file(self, unit: str | None) -> InputData | None:
-        """Read a CSV file; errors name the place in the file, and the input."""
+        """Read a CSV file; errors state the location in the file, and the input."""
         draft, fields = self.draft, self.fields
         texts = {
             x: draft.text(fields.get(x), f"`{x}` of {self.what}")
@@ -289,7 +289,7 @@ class _InputEntry:
     def bad_row(
         self, table: CsvTable, row: list[str], line: int, time: tuple[int, float], column: int
     ) -> FileError:
-        """Return the error of a row whose time does not increase, or that lacks a number."""
+        """Return the error for a row whose time does not increase, or that lacks a number."""
         at, t = time
         if math.isnan(t):
             return table.error("bad-data", "the time is missing", "give every time", line, at)
@@ -310,7 +310,7 @@ class _InputEntry:
         )
 
     def fits(self, data: InputData, interpolation: str, extend: str | None) -> bool:
-        """Whether a table suits its interpolation; report why not."""
+        """Return whether a table is valid for its interpolation; report why not."""
         node = self.fields.get("file") or self.fields.get("times") or self.key
         if len(data.times) < 2:
             self.error("bad-data", node, "has a single row", "give at least two rows")

@@ -1,8 +1,9 @@
 """Parser of measures: expressions over a run, such as ``max(abs(lambda.guide))``.
 
-A measure is an expression of reductions. A reduction makes one number of a signal, an expression
-that varies along the run; what stands outside of reductions is the same along it. ``max`` and
-``min`` of one argument are reductions, of several the functions of the grammar.
+A measure is an expression of reductions. A reduction computes one number from a signal, an
+expression that varies along the run; expressions outside of reductions are constant along it.
+``max`` and ``min`` of one argument are reductions, of several arguments the functions of the
+grammar.
 """
 
 from __future__ import annotations
@@ -37,31 +38,31 @@ from lagcli.model.sections.switching.event_measures import EventMeasure, event_m
 from lagcli.model.symbols import Context
 from lagcli.model.yaml.source import Scalar, Source
 
-#: The reductions, and the numbers of arguments that make a call one.
+#: The reductions, and the numbers of arguments of a call.
 REDUCTIONS = {
     **dict.fromkeys(["max", "min", "argmax", "argmin", "mean", "rms", "final", "time_of"], 1),
     "at": 2,
 }
-#: Signals that every run has, by the names that they have in result files.
+#: Signals of every run, by their names in result files.
 COLUMNS = tuple(quantity.name for quantity in (*SCALARS, *RESIDUALS))
 _RESIDUALS = tuple(quantity.name for quantity in RESIDUALS)
 _MARK = "#"  # no name of the grammar begins with it
 
 
 class Reduction(NamedTuple):
-    """One number of a signal.
+    """A reduction of a signal to one number.
 
     Parameters
     ----------
     kind : str
         Kind of ``REDUCTIONS``.
     signal : expression
-        In t, q, v, a, multipliers, constraint forces, parameters and ``COLUMNS``; of ``time_of``
-        1 where the condition holds, and 0 elsewhere.
+        Expression in t, q, v, a, multipliers, constraint forces, parameters and ``COLUMNS``; for
+        ``time_of``, 1 where the condition holds, and 0 elsewhere.
     time : float, optional
         Time of ``at``, s.
     event : EventMeasure, optional
-        Event of a number of the log, which has no signal: 0 stands for it.
+        Event of a number from the log, which has no signal; the expression is then 0.
     """
 
     kind: str
@@ -77,7 +78,7 @@ class Measure(NamedTuple):
     ----------
     name, text : str
     value : expression
-        In parameters and the symbols of `reduced`.
+        Expression in parameters and the symbols of `reduced`.
     reductions : tuple of Reduction
     """
 
@@ -88,7 +89,7 @@ class Measure(NamedTuple):
 
 
 def reduced(place: int) -> Basic:
-    """Return the symbol that stands for a measure's reduction of this place in its value."""
+    """Return the symbol that represents a measure's reduction of this index in its value."""
     return se.Symbol(f"{_MARK}{place}")
 
 
@@ -103,7 +104,7 @@ def read_measures(model: Model, texts: Sequence[tuple[str, str]]) -> tuple[Measu
     Raises
     ------
     ModelError
-        Something is wrong with them; all of it, each at its place.
+        Measures have errors; all are reported, each with its location.
     """
     report = Diagnostics([])
     found = []
@@ -124,7 +125,7 @@ class _SignalScope(ModelScope):
         self.model = model
 
     def column(self, name: Name) -> Basic | None:
-        """Return what a name stands for that a model's own expressions do not know."""
+        """Return the value of a name that exists only in measures."""
         if name.primes or name.text in self.bound:
             return None
         text = name.text
@@ -151,12 +152,12 @@ class _SignalScope(ModelScope):
         return None
 
     def check(self, name: Name) -> None:
-        """Raise ExpressionError for a name that may not stand here."""
+        """Raise ExpressionError for a name that is not allowed here."""
         if self.column(name) is None:
             super().check(name)
 
     def lookup(self, name: Name) -> Sized:
-        """Return what a name stands for."""
+        """Return the value of a name."""
         value = self.column(name)
         return super().lookup(name) if value is None else Sized(value)
 
@@ -169,10 +170,10 @@ class _SignalScope(ModelScope):
 
 
 class _ValueScope(_SignalScope):
-    """What may stand outside of reductions: what they give, parameters, and pi."""
+    """Scope outside of reductions: reductions, parameters, and pi."""
 
     def column(self, name: Name) -> Basic | None:
-        """Return the symbol of a reduction; reject what varies along a run."""
+        """Return the symbol of a reduction; reject quantities that vary along a run."""
         if name.text.startswith(_MARK):
             return se.Symbol(name.text)
         found = super().column(name)
@@ -195,7 +196,7 @@ class _ValueScope(_SignalScope):
             raise self.varying(name)
 
     def lookup(self, name: Name) -> Sized:
-        """Return what a name stands for."""
+        """Return the value of a name."""
         sized = super().lookup(name)
         if not isinstance(sized.value, Tensor) and _varies(self.model, sized.value):
             raise self.varying(name)
@@ -214,14 +215,14 @@ class _ValueScope(_SignalScope):
 
 
 def _varies(model: Model, value: Basic) -> bool:
-    """Whether an expression has other symbols than parameters and reductions."""
+    """Whether an expression has symbols other than parameters and reductions."""
     return any(
         s.name not in model.parameters and not s.name.startswith(_MARK) for s in value.free_symbols
     )
 
 
 class _MeasureReader:
-    """Takes one measure apart."""
+    """Splits a measure into reductions and the expression of these."""
 
     def __init__(self, model: Model, name: str, text: str):
         self.model, self.name, self.text = model, name, text
@@ -237,7 +238,7 @@ class _MeasureReader:
         return Measure(self.name, self.text, self.built(tree, self.values), tuple(self.reductions))
 
     def reduction(self, tree: Tree) -> Tree | None:
-        """Return the name that stands for a reduction; None for any other tree."""
+        """Return the name that represents a reduction; None for any other tree."""
         if isinstance(tree, Name) and tree.text in self.events:
             event = self.events[tree.text]
             return self._named(tree, Reduction(event.kind, se.Integer(0), event=event))
@@ -270,7 +271,7 @@ class _MeasureReader:
         return self._named(tree, Reduction(kind, signal, time))
 
     def _named(self, tree: Tree, found: Reduction) -> Name:
-        """Return the name that stands for a reduction from now on."""
+        """Return a new name for a reduction."""
         if found not in self.reductions:
             self.reductions.append(found)
         return Name(tree.start, tree.end, f"{_MARK}{self.reductions.index(found)}", 0)
@@ -303,7 +304,7 @@ class _MeasureReader:
 
 
 def _replaced(tree: Tree, replacement: Callable[[Tree], Tree | None]) -> Tree:
-    """Return a tree with others instead of some of its parts."""
+    """Return a tree with some of its parts replaced."""
     found = replacement(tree)
     if found is not None:
         return found

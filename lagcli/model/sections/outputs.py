@@ -1,4 +1,4 @@
-"""The outputs: extra columns of a result."""
+"""The outputs: additional columns of a result."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], di
 
 
 def _taken(draft: Draft, name: str) -> bool:
-    """Whether every result has a column of this name."""
+    """Whether every result has a column with this name."""
     coordinates = draft.names.coordinates
     stems = [name, *(name.removesuffix(suffix) for suffix, _ in DOTS)]
     return name in _COLUMNS or any(stem in coordinates for stem in stems)

@@ -40,7 +40,7 @@ from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
 
 
 class _ParameterEntry(NamedTuple):
-    """A parameter's entry as it is given."""
+    """The entry of a parameter."""
 
     declaration: Declaration
     unit: str | None
@@ -50,7 +50,7 @@ class _ParameterEntry(NamedTuple):
 
 
 class _Job(NamedTuple):
-    """A parameter whose value is still an expression."""
+    """A parameter whose value has not been computed."""
 
     member: Member
     quantity: Quantity
@@ -60,15 +60,15 @@ class _Job(NamedTuple):
 def read_parameters(
     draft: Draft, declared: list[Declaration], overrides: Mapping[str, object]
 ) -> tuple[dict[str, Parameter], Symbols]:
-    """Evaluate the parameters, and enter them into the draft's names.
+    """Evaluate the parameters, and add them to the draft's names.
 
     Returns
     -------
     parameters : dict of str to Parameter
-        Those that have a value.
+        Parameters that have a value.
     constants : Names
-        The parameters alone, each standing for its value: where a number is wanted. In the draft's
-        names a parameter stands for its symbol.
+        Only the parameters, represented by their values, for use where a number is required. In the
+        draft's names a parameter is represented by its symbol.
     """
     reader = _ParameterReader(draft, overrides)
     names = list(reader.read(declared))
@@ -87,7 +87,7 @@ def _plain(name: str) -> str:
 
 
 class _ParameterReader:
-    """Parameters on their way from text to numbers."""
+    """Evaluates parameters."""
 
     def __init__(self, draft: Draft, overrides: Mapping[str, object]):
         self.draft = draft
@@ -103,7 +103,7 @@ class _ParameterReader:
     # from entries to members
 
     def read(self, declared: list[Declaration]) -> dict[str, Member]:
-        """Read the entries, and find out which members they declare."""
+        """Read the entries, and determine the members they declare."""
         for d in declared:
             if not d.spans:
                 self.known[d.name] = partial(self.value, d.name)
@@ -129,7 +129,7 @@ class _ParameterReader:
         return found
 
     def members(self, d: Declaration) -> list[Member]:
-        """Return what an entry declares; the parameters in its range are evaluated for it."""
+        """Return the members declared by an entry; evaluates the parameters in its range."""
         while True:
             try:
                 return members_of(self.draft, d, self.constants)
@@ -151,7 +151,7 @@ class _ParameterReader:
             self.jobs[member.name] = _Job(member, quantity, entry.description)
 
     def check_list(self, d: Declaration, entry: _ParameterEntry, count: int) -> None:
-        """Report a list that is not as long as the range of its entry."""
+        """Report a list whose length differs from that of the range of its entry."""
         given = len(entry.quantities)
         if isinstance(entry.value, Sequence) and given and d.several and given != count:
             self.draft.report.add(
@@ -191,7 +191,7 @@ class _ParameterReader:
         return entry
 
     def overridden(self, member: Member, entry: _ParameterEntry) -> Quantity | None:
-        """Return the value that the command line gives instead of the file's."""
+        """Return the value from the command line that overrides the file's."""
         name, what = member.name, f"the parameter `{member.name}`"
         given = entry.quantities[0].unit if entry.quantities else unit_of(entry.value)
         unit = stated = entry.unit or given
@@ -225,7 +225,7 @@ class _ParameterReader:
     # values
 
     def evaluate(self) -> None:
-        """Evaluate all parameters, each after those that it needs."""
+        """Evaluate all parameters in the order of their dependencies."""
         below: dict[str, list[str]] = {}
         for name in self.jobs:
             below.setdefault(family_of(name), []).append(name)
@@ -234,7 +234,7 @@ class _ParameterReader:
         build_on_demand(names, self.build, self.cycle)
 
     def needs(self) -> dict[str, list[str]]:
-        """Return the parameters and families that each of them uses."""
+        """Return the dependencies of each parameter and family."""
         needs: dict[str, list[str]] = {}
         seen: set[tuple[int, int]] = set()
         for name, job in self.jobs.items():
@@ -246,7 +246,7 @@ class _ParameterReader:
         return needs
 
     def value(self, name: str) -> Basic:
-        """Return the value of a parameter, if it has one already."""
+        """Return the value of a parameter, if it has been evaluated."""
         if name in self.found:
             return constant(self.found[name].value)
         if name in self.draft.names.broken or family_of(name) in self.draft.names.broken:
@@ -306,7 +306,7 @@ class _ParameterReader:
 
 
 def names_used(tree: Tree) -> list[str]:
-    """Return the names that an expression uses, those in indices and ranges included."""
+    """Return the names in an expression, including indices and ranges."""
     found: list[str] = []
     for part in walk(tree):
         if isinstance(part, Name):
@@ -318,7 +318,7 @@ def names_used(tree: Tree) -> list[str]:
 
 
 def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters, marked where the number of members depends on them."""
+    """Return the parameters, marked as structural if the number of members depends on them."""
     found = {family_of(name) for name in draft.names.structural}
     stack = list(found)
     while stack:
@@ -333,7 +333,7 @@ def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, P
 
 
 def _unit(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, bool]:
-    """Return the unit that a field gives, and whether it is one."""
+    """Return the unit in a field, and whether it is valid."""
     if node is None:
         return None, True
     unit = draft.text(node, f"`unit` of {what}")
@@ -348,7 +348,7 @@ def _unit(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, b
 
 
 def override_node(option: str, name: str, value: object) -> Scalar:
-    """Return a value from the command line, or from Python, as a node."""
+    """Return a value from the command line or from Python as a node."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         text = str(value)
     else:

@@ -1,4 +1,4 @@
-"""The force of a constraint at points of a view: whether it can stand there."""
+"""Checks of the force of a constraint at points of a view."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _COMPONENTS = {"x", "y", "z", *map(str, range(1, 10))}
 
 
 def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
-    """Return the name of the constraint that a tree stands for.
+    """Return the constraint that a tree names.
 
     Raises
     ------
     ExpressionError
         There is no such constraint.
     Broken
-        Something may have been meant to declare it.
+        A declaration with an error may be the constraint.
     """
     known = list(draft.names.constraints)
     text = member_name(tree, scope)
@@ -65,11 +65,11 @@ def check_force(
     points: Mapping[str, tuple[Basic, ...]],
     node: YamlNode,
 ) -> bool:
-    """Report a constraint that acts on coordinates that none of the points depends on.
+    """Report a constraint that acts on coordinates on which none of the points depends.
 
-    λ b is the force of the constraint on the coordinates, Jᵀ F that of forces F at points, with J
-    their derivatives with respect to the coordinates: where J has no column for a coordinate, b
-    must have none.
+    λ b is the force of the constraint on the coordinates, and Jᵀ F that of forces F at points,
+    where J contains the derivatives of the points with respect to the coordinates: if J has no
+    column for a coordinate, b must not have one.
     """
     coordinates = draft.names.coordinates
     symbols = {s for name in at for x in points[name] for s in x.free_symbols}

@@ -1,4 +1,4 @@
-"""How a view names its points: `A`, `P[i]`, `O-A-B`, `P[i-1]-P[i] for i = 1..N`."""
+"""Names of points in views: `A`, `P[i]`, `O-A-B`, `P[i-1]-P[i] for i = 1..N`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FOR = r"\s+for\s+"
 
 
 class Points:
-    """The points of a view, and what may stand for one.
+    """The points of a view, and definitions that can be used as points.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ class Points:
     Attributes
     ----------
     found : dict of str to expressions
-        The points that have a value; a definition that stands for one is entered when it is used.
+        The points that have a value; a definition is added when it is first used.
     declared : dict with str keys
-        The names of all, those in error among them, in the order of the file.
+        Names of all points, including those with errors, in the order of the file.
     dimension : int
-        2 or 3; 0 as long as it is not known.
+        2 or 3; 0 while unknown.
     """
 
     def __init__(self, draft: Draft, definitions: Mapping[str, Definition]):
@@ -50,14 +50,14 @@ class Points:
         self.dimension = 0
 
     def at(self, tree: Name, scope: ModelScope) -> str:
-        """Return the name of the point that a tree stands for.
+        """Return the name of the point that a tree denotes.
 
         Raises
         ------
         ExpressionError
             There is no such point.
         Broken
-            The point's own declaration is in error.
+            The declaration of the point has an error.
         """
         text = member_name(tree, scope)
         if text in self.found:
@@ -101,7 +101,7 @@ def member_name(tree: Name, scope: ModelScope) -> str:
 
 
 class Path(NamedTuple):
-    """Points in a row as they are written, and the index over which the row repeats."""
+    """A sequence of points as written, and the index over which it repeats."""
 
     what: str
     node: Scalar
@@ -110,21 +110,21 @@ class Path(NamedTuple):
 
     @property
     def title(self) -> str:
-        """The names as they are written."""
+        """The names as written."""
         return "-".join(map(as_written, self.names))
 
 
 def read_path(
     draft: Draft, node: YamlNode, what: str, count: int | None, example: str
 ) -> Path | None:
-    """Read names with hyphens between them, with ``for i = 1..N`` behind; report what is wrong.
+    """Parse names joined by hyphens, optionally followed by ``for i = 1..N``; report errors.
 
     Parameters
     ----------
     draft : Draft
     node : Node
     what : str
-        What runs along the points, for messages.
+        Description for messages.
     count : int or None
         1 for a single point; None for two or more; 0 for any number.
     example : str
@@ -200,10 +200,10 @@ def each(
     ----------
     draft, path, constants : Draft, Path, Names
     declaration : Declaration or None
-        The entry that the path is the value of; its index stands in the key. Without one, the
-        index stands behind the path.
+        The entry whose value is the path and whose key has its index. If not given, the index
+        follows the path.
     resolve : callable
-        Returns what a name stands for; may raise as `Points.at`.
+        Returns the value of a name; raises the errors of `Points.at`.
 
     Yields
     ------
@@ -236,4 +236,4 @@ def each(
             points = tuple(resolve(name, scope) for name in path.names)
             yield points, "-".join(points) if declaration is None else member.name, member.indices
             continue
-        return  # one error says it for all members
+        return  # one error is reported for all members

@@ -1,4 +1,4 @@
-"""The `simulation` block: settings for the command line's options of the same names."""
+"""The `simulation` block: settings with the same names as the command line's options."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lagcli.settings.settings import SettingsOverrides
 
 
 def read_settings(draft: Draft, constants: Symbols) -> tuple[SettingsOverrides, frozenset[str]]:
-    """Return the settings of the file, and the parameters that they depend on."""
+    """Return the settings of the file, and the parameters they depend on."""
     needs: set[str] = set()
     return _read(draft, constants, needs), frozenset(needs)
 
@@ -37,7 +37,7 @@ def _read(draft: Draft, constants: Symbols, needs: set[str]) -> SettingsOverride
 
 
 def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]) -> Any:
-    """Return the value of a setting; None if there is something wrong with it."""
+    """Return the value of a setting; None if it has an error."""
     match SettingsOverrides.DECLARED[name]:
         case Choice():
             return _word(draft, name, node)
@@ -108,7 +108,7 @@ def _tolerances(
 
 
 def _members(draft: Draft, name: str, key: Scalar, constants: Symbols) -> list[str]:
-    """Return the coordinates or velocities that an entry names; an unknown name is reported."""
+    """Return the coordinates or velocities that an entry names; report an unknown name."""
     found = canonical_name(draft, name)
     if found is not None:
         return [found]

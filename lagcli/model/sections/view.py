@@ -1,4 +1,4 @@
-"""The view: what to draw of a model."""
+"""The view: the drawing of a model."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _EXAMPLES = {
     "labels": "A: mass m",
     "vectors": "v_A: {velocity: A}",
 }
-#: What components in a unit are.
+#: Description of components by unit.
 _MEASURED: dict[str, Literal["velocity", "force"]] = {"m/s": "velocity", "N": "force"}
 _SHORT = r"[^\W\d_](?:\d|_[^\W_]{1,2})?"  # names that are labels: O, P1, x_A
 
@@ -53,15 +53,15 @@ def read_view(
     definitions: Mapping[str, Definition],
     constraints: tuple[Constraint, ...],
 ) -> View | None:
-    """Return what the model's ``view`` shows; None where it has none.
+    """Return the model's ``view``; None if it has none.
 
     Parameters
     ----------
     draft : Draft
     constants : Names
-        The parameters by their values, for ranges.
+        Parameters with their values, for ranges.
     definitions, constraints : mapping, tuple
-        Those that are free of errors.
+        Names without errors.
     """
     node = draft.get("view")
     if node is None or (isinstance(node, Scalar) and node.missing):
@@ -88,7 +88,7 @@ class _ViewReader:
         self.draft, self.constants = draft, constants
         self.constraints = {c.name: c for c in constraints}
         self.points = Points(draft, definitions)
-        self.plain: list[str] = []  # points that are no members of families
+        self.plain: list[str] = []  # points that are not members of families
         self.fields: dict[str, YamlNode] = {}
 
     def read(self, node: MappingNode) -> View | None:
@@ -133,7 +133,7 @@ class _ViewReader:
     # points
 
     def read_points(self) -> None:
-        """Read the points; the first good one says how many dimensions there are."""
+        """Read the points; the first valid one determines the number of dimensions."""
         declared = self.entries("points", "point")
         members = [m for d in declared for m in members_of(self.draft, d, self.constants)]
         unique = by_name(self.draft, members)
@@ -156,7 +156,7 @@ class _ViewReader:
     def tuple_of(
         self, formula: Formula, indices: Mapping[str, int], lengths: tuple[int, ...]
     ) -> tuple[Basic, ...] | None:
-        """Return the entries of a vector of as many dimensions as the view has."""
+        """Return the entries of a vector with the dimension of the view."""
         sized = formula.value(indices)
         if sized is None:
             return None
@@ -387,7 +387,7 @@ class _ViewReader:
     def required(
         self, d: Declaration, what: str, fields: dict[str, YamlNode], names: tuple[str, ...]
     ) -> bool:
-        """Report fields that are missing; say whether none is."""
+        """Report missing fields; return whether there is none."""
         missing = [name for name in names if name not in fields]
         if missing:
             self.draft.report.add(
@@ -408,7 +408,7 @@ class _ViewReader:
         what: str,
         multipliers: bool = False,
     ) -> Formula | None:
-        """Return the expression of a field; None where there is none, or one in error."""
+        """Return the expression of a field; None if it is missing or has an error."""
         if key not in fields:
             return None
         where = f"`{key}` of {what}"

@@ -44,17 +44,17 @@ class ComponentEquation(NamedTuple):
 def component_equations(
     left: Tree, right: Tree | None, values: list[Value], build: Callable[[Tree], Value | None]
 ) -> list[ComponentEquation]:
-    """Return the equations that an equation of vectors or rotations stands for.
+    """Return the component equations of an equation of vectors or rotations.
 
-    An equation of rotations R₁ = R₂ stands for the three components of axial(R₂ᵀR₁), whose rate at
-    R₁ = R₂ is the relative angular velocity in the common frame.
+    An equation of rotations R₁ = R₂ becomes the three components of axial(R₂ᵀR₁), whose rate at R₁
+    = R₂ is the relative angular velocity in the common frame.
 
     Parameters
     ----------
     left, right : Tree
         Sides of the equation; ``right`` is None for 0.
     values : list of expressions, vectors or matrices
-        Values of the sides that are given.
+        Values of the given sides.
     build : callable
         Returns the value of a tree; None if it has an error, which has been reported.
 
@@ -104,7 +104,7 @@ def _entry(value: Value, i: int) -> Basic:
 
 
 def _component(tree: Tree, value: Value, i: int, part: str) -> Tree:
-    """Return the tree of a component; the zero of a vector's equation stands for each."""
+    """Return the tree of a component; the zero of a vector equation is used for each."""
     if not isinstance(value, Tensor):
         return tree
     if isinstance(tree, VectorExpr):

@@ -44,10 +44,10 @@ class VectorReader:
     ----------
     draft : Draft
     declaration : Declaration
-        The entry of ``initial``, with its value as its node.
+        The entry of ``initial``, with its value as node.
     kind : str
-        Kind of `KINDS`. The derivative of a quaternion is given by the angular velocity in the
-        frame of the body.
+        One of `KINDS`. The derivative of a quaternion is given by the angular velocity in the body
+        frame.
     constants : Symbols
         Parameters with their values.
     """
@@ -97,7 +97,7 @@ class VectorReader:
             self.cells[part] = reader
 
     def parts_of(self, tree: Tree, quantity: Quantity) -> dict[str, Tree]:
-        """Return the components of an expression, of one with the right shape."""
+        """Return the components of an expression of the right shape."""
         identity = self.rotates and not self.turning
         if quantity.number == identity:  # 0 for a vector, 1 for a rotation
             numbers = [identity, *(0 for _ in self.parts[1:])]
@@ -172,7 +172,7 @@ class VectorReader:
 
 
 def _half_sum(terms: list[tuple[int, InitialValue, InitialValue]]) -> Tree:
-    """Return half the sum of products of initial values, as they are written."""
+    """Return half the sum of products of initial values, unevaluated."""
     half = NumberExpr(0, 0, Fraction(1, 2))
     products = [
         (sign, ProductExpr(0, 0, ((1, half), (1, _tree(a)), (1, _tree(b))))) for sign, a, b in terms

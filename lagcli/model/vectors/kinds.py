@@ -50,7 +50,7 @@ def components(declared: Declaration, kind: str) -> list[Declaration]:
 def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
     """Return the definitions of the vectors and rotations whose components are declared.
 
-    A point stands for the vector of its components, a quaternion for its rotation.
+    A point denotes the vector of its components, a quaternion its rotation.
     """
     found: dict[int, Declaration] = {}
     for d in declared:
@@ -62,12 +62,12 @@ def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
 
 
 def constraints_of(definitions: Iterable[Declaration]) -> list[Declaration]:
-    """Return the declarations of the constraints that keep quaternions at length 1."""
+    """Return the declarations of the constraints that normalize quaternions."""
     return [d._replace(part=".unit") for d in definitions if d.kind == "quaternion"]
 
 
 def value_of(definition: Declaration) -> Tree:
-    """Return the vector or rotation that a name stands for, as an expression of its components."""
+    """Return the vector or rotation that a name denotes, as an expression of its components."""
     parts = tuple(_components(definition))
     place = (0, len(definition.key.value))
     if definition.kind == "quaternion":

@@ -1,1 +1,1 @@
-"""YAML with line and column: text, nodes, error texts, and values written back."""
+"""YAML with line and column: text, nodes, error messages, and replacement of values."""

@@ -19,7 +19,7 @@ MAX_DEPTH = 64  # the format needs 4
 MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
 
 # Inside [ ] and { }, YAML ends a name at a bracket; in a model file, x[1] is one name everywhere.
-# While YAML parses the text, placeholders replace the brackets after a name. An index holds no
+# While YAML parses the text, placeholders replace the brackets after a name. An index contains no
 # quotes, and a prime only after a name, so that brackets in two quoted texts are not paired.
 _INDEX = re.compile(r"""(?<=[\w)\]*/+=(-])\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
 _BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
@@ -38,7 +38,7 @@ def _hidden(match: re.Match[str]) -> str:
 
 
 def _with_hidden_brackets(text: str) -> str:
-    """Return a text for YAML's parser, in which brackets are those of lists only."""
+    """Return a text for YAML's parser, with brackets only for lists."""
     text = _INDEX.sub(_hidden, text)
     parts, done = [], 0
     for start in (match.end() for match in _VECTOR.finditer(text)):
@@ -53,7 +53,7 @@ def _with_hidden_brackets(text: str) -> str:
 
 
 def _end_of_value(text: str, start: int, stop_after_bracket: bool = False) -> int:
-    """Return where a value ends that begins with a bracket: at its line's end, a comma, a brace."""
+    """Return the end of a value that begins with a bracket: the line's end, a comma, or a brace."""
     depth = 0
     for i in range(start, len(text)):
         char = text[i]

@@ -9,7 +9,7 @@ import yaml
 from lagcli.errors import Diagnostic
 from lagcli.model.yaml.source import Source
 
-_LONGEST_KEY = 1000  # the longest that YAML reads
+_LONGEST_KEY = 1000  # the longest key that YAML reads
 
 _INDENT = (
     "entries of one mapping start in the same column;\n"

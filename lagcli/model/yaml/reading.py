@@ -55,7 +55,7 @@ def read_text(path: str | Path) -> tuple[str, str]:
 
 
 def _missing(path: Path) -> str:
-    """Say that there is no file, and which one may be meant."""
+    """Return the error for a missing file, with similar names."""
     try:
         candidates = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
     except OSError:

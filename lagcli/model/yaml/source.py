@@ -20,7 +20,7 @@ class Source:
     ----------
     text : str
     path : str
-        Name of the text for the reader.
+        Name of the text in messages.
     numbered : bool
         False for text from the command line, which has no line numbers.
     """

@@ -33,7 +33,7 @@ def _glyph(character: str) -> tuple[Any, float]:
 
 
 class Raster:
-    """A raster image of its own and drawing operations; x to the right and y up, in pixels.
+    """A raster image and its drawing operations; x to the right and y up, in pixels.
 
     Parameters
     ----------

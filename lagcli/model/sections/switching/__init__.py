@@ -1,1 +1,1 @@
-"""What of a model switches: contacts, friction, limits, events."""
+"""Switching: contacts, friction, limits, events."""

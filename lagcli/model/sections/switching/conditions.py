@@ -1,4 +1,4 @@
-"""Conditions of events: comparisons joined by and, or, not; or what happens to a contact."""
+"""Conditions of events: comparisons joined by and, or, not; or changes of a contact."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ConditionReader:
     draft : Draft
     node : Node
     what : str
-        The event, for messages.
+        Description of the event, for messages.
     indices : tuple of str
         Names of the event's indices.
     """
@@ -154,7 +154,7 @@ class ConditionReader:
     # of one member
 
     def built(self, indices: Indices) -> ReadCondition | None:
-        """Return the condition for an index; None if there is something wrong with it."""
+        """Return the condition for an index; None if it has an error."""
         if not self.good:
             return None
         if self.change is not None:
@@ -185,7 +185,7 @@ class ConditionReader:
         return any(s.name not in parameters for s in function.free_symbols)
 
     def _function(self, tree: Tree, indices: Indices, sign: int) -> Basic:
-        """Return the function that is positive where a condition holds, or where not (sign −1)."""
+        """Return a function that is positive if a condition holds, or if it does not (sign −1)."""
         if isinstance(tree, LogicalExpr):
             if tree.operator == "not":
                 return self._function(tree.operands[0], indices, -sign)
@@ -207,7 +207,7 @@ class ConditionReader:
         return value
 
     def _changed(self, indices: Indices) -> ReadCondition | None:
-        """Return what happens to a contact, for an index."""
+        """Return the change of a contact, for an index."""
         assert self.change is not None
         row, change = self.change
         if row not in self.draft.names.constraints:
@@ -231,10 +231,10 @@ class ConditionReader:
 
 
 class _Wrong(Exception):
-    """A part of a condition has an error, which is reported."""
+    """A part of a condition has an error, which has been reported."""
 
 
 def watched_row(constraint: str, change: ContactChange, names: dict[str, None]) -> str:
-    """Return the row that a contact's change is about: that of its friction where it slips."""
+    """Return the row that a contact's change refers to: that of its friction for slip."""
     friction = constraint + SLIP
     return friction if change in ("slips", "sticks") and friction in names else constraint

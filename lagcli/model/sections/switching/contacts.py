@@ -1,4 +1,4 @@
-"""What a constraint says of impacts, friction and limits."""
+"""Fields of a constraint on impacts, friction and limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lagcli.model.yaml.source import Scalar, YamlNode
 
 
 class _Pair(NamedTuple):
-    """The formulas of a static and a kinetic value; the same one where only one is given."""
+    """The formulas of a static and a kinetic value, which may be the same."""
 
     static: Formula
     kinetic: Formula
@@ -36,12 +36,12 @@ def has_friction(declaration: Declaration) -> bool:
 
 
 def abs_multiplier(constraint: str) -> Basic:
-    """Return |λ| of a constraint as expressions of a model have it."""
+    """Return |λ| of a constraint as an expression of the model."""
     return FUNCTIONS["abs"].apply(symbols.multiplier(constraint))
 
 
 class ContactFields:
-    """The fields of one entry beside its equation; what is wrong with them is reported once.
+    """The fields of one entry besides its equation; reports each error once.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class ContactFields:
     declaration : Declaration
     fields : mapping of str to Node
     relation : Relation
-        The sign in the equation.
+        The relation of the equation.
     constants : Symbols
         The parameters with their values.
     """
@@ -74,12 +74,12 @@ class ContactFields:
         self.active = self._active()
 
     def fault(self, field: str, kind: str, message: str, help_: str) -> None:
-        """Report what is wrong with a field."""
+        """Report an error in a field."""
         self.good = False
         self.draft.report.add(kind, message, self.fields[field].location, help_)
 
     def _check(self) -> None:
-        """Report fields that do not go together."""
+        """Report incompatible fields."""
         given, name = self.fields, shorten(self.declaration.title)
         if "restitution" in given and not self.unilateral:
             self.fault(
@@ -173,7 +173,7 @@ class ContactFields:
     # of one member
 
     def complete(self, constraint: Constraint, indices: Indices) -> Constraint | None:
-        """Return a constraint with its restitution and its limit; None if they are wrong."""
+        """Return a constraint with its restitution and its limit; None if they have errors."""
         if not self.good:
             return None
         if self.unilateral and constraint.kind != "holonomic":
@@ -227,7 +227,7 @@ class ContactFields:
         return MultiplierLimit(static, kinetic, normal_of(self.draft, static, kinetic))
 
     def slip(self, constraint: Constraint, slipping: Constraint) -> Constraint | None:
-        """Return the friction of a constraint, given the one that its slip makes."""
+        """Return the friction of a constraint, given the constraint of its slip."""
         if self.friction is None or not self.good:
             return None
         if slipping.kind != "nonholonomic":
@@ -251,7 +251,7 @@ class ContactFields:
         )
 
     def _both(self, of: _Pair, field: str, indices: Indices) -> tuple[Basic | None, Basic | None]:
-        """Return the static and the kinetic value, which are one formula where one is given."""
+        """Return the static and the kinetic value."""
         static = self._value(of.static, field, indices)
         alike = of.kinetic is of.static
         return static, static if alike else self._value(of.kinetic, field, indices)
@@ -259,7 +259,7 @@ class ContactFields:
     def _value(
         self, formula: Formula | None, field: str, indices: Indices, most: float | None = None
     ) -> Basic | None:
-        """Return a value that is not negative, as far as that follows from the parameters."""
+        """Return a value that must not be negative, as far as the parameters determine it."""
         if formula is None:
             return se.Integer(0) if self.good else None
         value = formula.scalar(indices)
@@ -308,6 +308,6 @@ def normal_of(draft: Draft, static: Basic, kinetic: Basic) -> str | None:
 
 
 def slip_equation(draft: Draft, fields: Mapping[str, YamlNode], what: str) -> Parsed | None:
-    """Parse the field ``slip``; None without one, or if it is wrong."""
+    """Parse the field ``slip``; None if it is missing or has an error."""
     node = fields.get("slip")
     return None if node is None else draft.parse(node, f"`slip` of {what}")

@@ -1,7 +1,8 @@
-"""Dry friction: forces with `sign` of a velocity, and D with `abs` of one, as rows with a limit.
+"""Dry friction: forces with `sign` of a velocity, and D with `abs` of one, as limited rows.
 
-−F sign s on the coordinates along which s changes is the force of a constraint s = 0 with the limit
-F while it slips; as a row it also sticks, exactly and without chatter. D = F |s| is the same force.
+The force −F sign s on the coordinates on which s depends is that of a constraint s = 0 with the
+limit F while it slips; as a row it also sticks, exactly and without chatter. D = F |s| has the same
+force.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ _HELD = se.Symbol("\ufdd0sign")
 
 
 class SmoothForces(NamedTuple):
-    """Q by coordinate and D without dry friction, and the rows that are it."""
+    """Q by coordinate and D without dry friction, and the rows of dry friction."""
 
     forces: dict[str, Basic]
     dissipation: Basic | None
     rows: tuple[Constraint, ...]
 
     def of_forces(self, outputs: Mapping[str, Basic]) -> dict[str, Basic]:
-        """Return outputs with the part of friction that acts instead of each `sign` of a row.
+        """Return outputs with the actual friction force instead of each `sign` of a row.
 
-        Where a row sticks, sign s is between −1 and 1, such that −F sign s is its force λ.
+        While a row sticks, sign s is between −1 and 1, such that −F sign s is its force λ.
         """
         parts = {}
         for row in self.rows:
@@ -52,12 +53,12 @@ class SmoothForces(NamedTuple):
 def dry_friction(
     draft: Draft, forces: Mapping[str, Basic], dissipation: Basic | None, constants: Symbols
 ) -> SmoothForces:
-    """Return the forces without dry friction, and its rows.
+    """Return the forces without dry friction, and the rows of dry friction.
 
     A `sign` is dry friction if its argument s is affine in the velocities and smooth, and if it
-    occurs in Q as −F ∂s/∂q' sign(s) with one F for all coordinates, where F certainly is not
-    negative. So is `abs` of such an argument that D contains as F |s|, if F is no function of
-    velocities.
+    occurs in Q as −F ∂s/∂q' sign(s) with the same F for all coordinates, where F is known not to be
+    negative. The same holds for `abs` of such an argument that D contains as F |s|, if F does not
+    depend on velocities.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def _rates(expression: Basic) -> list[Basic]:
 
 
 def _is_slip(s: Basic) -> bool:
-    """Return whether a row s = 0 can be made: affine in the velocities, smooth, no inputs."""
+    """Return whether s = 0 can be a row: affine in the velocities, smooth, without inputs."""
     rates = _rates(s)
     if not rates or s.atoms(*KINKS) or nonlinear_in(s, rates) is not None:
         return False
@@ -137,7 +138,7 @@ def _is_slip(s: Basic) -> bool:
 def _force(
     draft: Draft, forces: Mapping[str, Basic], kink: Basic, s: Basic, constants: Symbols
 ) -> Basic | None:
-    """Return F of dry friction in Q; None where it is another force."""
+    """Return F of dry friction in Q; None if it is another force."""
     rates = _rates(s)
     force: Basic | None = None
     pairs = []
@@ -162,7 +163,7 @@ def _force(
 
 
 def _distributed(expression: Basic) -> Basic:
-    """Return c (x + y) as c x + c y for a number c, without opening other brackets."""
+    """Return c (x + y) as c x + c y for a number c, without expanding other products."""
     if isinstance(expression, se.Mul) and len(expression.args) == 2:
         factor, rest = expression.args
         if isinstance(factor, se.Number) and isinstance(rest, se.Add):
@@ -171,7 +172,8 @@ def _distributed(expression: Basic) -> Basic:
 
 
 def _nonnegative(expression: Basic, constants: Symbols) -> bool:
-    """Return whether an expression certainly is not negative, by its form and its parameters."""
+    """Return whether an expression is known not to be negative, from its form and its
+    parameters."""
     known = constants.parameters
     if all(x.name in known for x in expression.free_symbols):
         values = {x: known[x.name]() for x in expression.free_symbols}
@@ -217,7 +219,7 @@ def _row(draft: Draft, name: str, s: Basic, force: Basic, key: str, taken: list[
 
 
 def _at_rest(force: Basic, s: Basic) -> Basic:
-    """Return F where s = 0, if s has one velocity; as written otherwise."""
+    """Return F at s = 0 if s has one velocity; F as written otherwise."""
     rates = _rates(s)
     if len(rates) > 1 or rates[0] not in force.free_symbols:
         return force
@@ -230,7 +232,7 @@ def _at_rest(force: Basic, s: Basic) -> Basic:
 
 
 def _location(draft: Draft, name: str, key: str) -> SourceLocation:
-    """Return the place of the force on a coordinate, or of D."""
+    """Return the location of the force on a coordinate, or of D."""
     where = draft.root.entries[key][0].location
     if key == "Q":
         entries = draft.entries("Q") or []

@@ -1,4 +1,4 @@
-"""Numbers of the log: ``count(floor impacts)``, ``time_of(kick)``, ``impulse.floor``."""
+"""Measures of the event log: ``count(floor impacts)``, ``time_of(kick)``, ``impulse.floor``."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _MEASURE = re.compile(
 
 
 class EventMeasure(NamedTuple):
-    """One number of the log of a run.
+    """One number from the event log of a run.
 
     Parameters
     ----------
     kind : "count", "time_of" or "impulse"
-        How often it happened, when it did first, or the sum of the impulses of a constraint.
+        Number of occurrences, time of the first one, or sum of the impulses of a constraint.
     name : str
         Name of the constraint or event.
     occurrence : str
-        As the log has it; none of "impulse".
+        Change as in the log; None for "impulse".
     """
 
     kind: Literal["count", "time_of", "impulse"]
@@ -37,7 +37,7 @@ class EventMeasure(NamedTuple):
 
 
 def event_measures(model: Model, text: str) -> tuple[str, Mapping[str, EventMeasure]]:
-    """Return a measure with names instead of what it says of contacts and events.
+    """Return a measure with names instead of its calls on contacts and events.
 
     Parameters
     ----------
@@ -47,14 +47,14 @@ def event_measures(model: Model, text: str) -> tuple[str, Mapping[str, EventMeas
     Returns
     -------
     text : str
-        As long as before, so that places in it remain.
+        Has the same length as before, so that offsets remain valid.
     measures : mapping of str to EventMeasure
-        By the names that stand for them.
+        By the names that represent them.
 
     Raises
     ------
     ExpressionError
-        The model has no such constraint or event, or that does not happen to it.
+        The model has no such constraint or event, or the change is impossible for it.
     """
     found: dict[str, EventMeasure] = {}
 
@@ -70,7 +70,7 @@ def event_measures(model: Model, text: str) -> tuple[str, Mapping[str, EventMeas
 
 
 def _measure(model: Model, match: re.Match[str]) -> EventMeasure | None:
-    """Return what is requested; None of an ordinary measure, such as a condition by its name."""
+    """Return the requested number; None for an ordinary measure, such as a condition by name."""
     constraints = model.constraint_names
     if match["row"] is not None:
         _check(match, "row", constraints, "constraint")

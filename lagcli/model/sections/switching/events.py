@@ -1,4 +1,4 @@
-"""The events: what happens when, and what it does."""
+"""The events: conditions and actions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _EXAMPLE = "flat: {when: theta <= 0, stop: true}"
 
 
 class EventNames(NamedTuple):
-    """What events may name, beside the names of the draft.
+    """Names for events in addition to those of the draft.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class EventNames(NamedTuple):
 
 
 def read_events(draft: Draft, known: EventNames) -> tuple[ModelEvent, ...]:
-    """Return the events that can be built; report constraints that nothing ever engages."""
+    """Return the valid events; report constraints that no event engages."""
     declared = declarations(draft, draft.entries("events") or [], "event")
     members = by_name(draft, expanded(draft, declared, known.constants))
     readers = {id(d): _EventReader(draft, d, known) for d in declared}
@@ -154,7 +154,7 @@ class _EventReader:
         return None
 
     def _words(self, field: str) -> list[tuple[str, YamlNode]]:
-        """Return the words of a field: one, or a list."""
+        """Return the words in a field: one, or a list."""
         node = self.fields.get(field)
         if node is None:
             return []
@@ -196,7 +196,7 @@ class _EventReader:
         return tuple(found) or None
 
     def _targets(self) -> Iterator[tuple[str, Formula]]:
-        """Yield what is set, with the formula of its value."""
+        """Yield the targets of assignments, with the formulas of their values."""
         node = self.fields.get("set")
         if node is None:
             return
@@ -277,7 +277,7 @@ class _EventReader:
     # of one member
 
     def event(self, name: str, indices: Indices) -> ModelEvent | None:
-        """Return the event of a member; None if there is something wrong with it."""
+        """Return the event of a member; None if it has an error."""
         if not self.good:
             return None
         condition = self.condition.built(indices)
@@ -312,7 +312,7 @@ class _EventReader:
         )
 
     def _rows(self, field: str) -> Iterator[str]:
-        """Yield the constraints that a field names, each with its friction."""
+        """Yield the constraints named in a field, each with its friction."""
         constraints = self.draft.names.constraints
         for text, node in self._words(field):
             if text in constraints:
@@ -332,11 +332,12 @@ class _EventReader:
                 )
 
     def _change(self, name: str, change: ContactChange) -> tuple[str, ContactChange] | None:
-        """Return the row of a change, and the change; report a row to which it cannot happen."""
+        """Return the row of a change, and the change; report changes that are impossible for the
+        row."""
         row = watched_row(name, change, self.draft.names.constraints)
         found = next((c for c in self.known.constraints if c.name == row), None)
         if found is None:
-            return None  # its own error is reported
+            return None  # the row's own error has been reported
         if change in ("slips", "sticks") and found.limit is None:
             self.fault(
                 self.fields["when"],
