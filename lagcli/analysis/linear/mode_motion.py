@@ -29,10 +29,7 @@ from lagcli.version import __version__
 
 ComplexArray = NDArray[np.complex128]
 
-_PERIODS, _CONSTANTS = (
-    3,
-    3,
-)  # periods of oscillations, and time constants of other modes, that are shown
+_PERIODS, _CONSTANTS = 3, 3  # periods of oscillations, time constants of other modes
 _SAMPLES = 181
 _DRIFT = 2.0  # duration of neutral motions, s
 _CHOICES = 20  # largest number of modes in a message

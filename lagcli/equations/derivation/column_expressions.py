@@ -12,17 +12,17 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.model import multiplier
 
-#: Work of the powers since the first sample, and total energy less that work there.
+#: Symbols for the work of the powers since the first sample, and for the total energy there.
 WORK, ENERGY_BEFORE = se.Symbol("#work"), se.Symbol("#before")
 
 #: Columns that `lagcli.simulations.derived` computes from the entries of M and B.
 FROM_ENTRIES = ("power_constraint", "power_friction", "energy_balance", "residual_equation")
-#: The columns that the engine reports, in the order of its tape.
+#: Columns computed by the engine, in the order of its tape.
 REPORTED = tuple(q.name for q in SCALARS if q.name not in FROM_ENTRIES)
 
 
 def column_expression(equations: Equations, name: str) -> Basic:
-    """Return the expression of a column that has one number at each sample.
+    """Return the expression of a column with one number per sample.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ def column_expression(equations: Equations, name: str) -> Basic:
     Returns
     -------
     expression
-        In t, q, v, a, λ, the parameters, and in `WORK` and `ENERGY_BEFORE` for the energy balance.
+        Expression in t, q, v, a, λ, the parameters, and for the energy balance `WORK` and
+        `ENERGY_BEFORE`.
     """
     return _EXPRESSIONS[name](equations)
 
@@ -44,7 +45,7 @@ def reported(equations: Equations) -> list[Basic]:
 
 
 def largest(values: Sequence[Basic]) -> Basic:
-    """Return the largest magnitude; 0 of none."""
+    """Return the largest magnitude; 0 for an empty sequence."""
     if not values:
         return se.Integer(0)
     return FUNCTIONS["max"].apply(*[FUNCTIONS["abs"].apply(x) for x in values])

@@ -15,13 +15,13 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.linearity import is_zero
 from lagcli.model.model import TIME
 
-#: Operations of a form that is integrated: of longer ones it may take minutes.
+#: Largest number of operations of a form that is integrated; longer ones may take minutes.
 _LARGEST = 200
 
 
 @dataclass(frozen=True)
 class FirstIntegral:
-    """Φ(q, t) with dΦ/dt = μ ψ, which the constraint ψ = 0 leaves constant.
+    """A function Φ(q, t) with dΦ/dt = μ ψ, which is constant on ψ = 0.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class FirstIntegral:
 
 
 def first_integral(c: ConstraintEquation, equations: Equations) -> FirstIntegral | None:
-    """Look for an integral of a velocity constraint that is integrable by itself.
+    """Search for an integral of a velocity constraint that is integrable by itself.
 
     Simple integrating factors are tried: 1, and reciprocals of one coefficient, of its square and
     of products of two.
@@ -47,7 +47,7 @@ def first_integral(c: ConstraintEquation, equations: Equations) -> FirstIntegral
     Returns
     -------
     FirstIntegral or None
-        None where none is found, which does not mean that there is none.
+        None if none was found; one may still exist.
     """
     form = {equations.q[j]: b for j, b in c.row.items()}
     if c.drift != 0:

@@ -118,7 +118,7 @@ class Equations:
 
     @property
     def switches(self) -> bool:
-        """Whether constraints come and go, events happen, or forces depend on multipliers."""
+        """Whether constraints switch, events occur, or forces depend on multipliers."""
         return self.model.switches or any(x != ZERO for x in self.reactive_forces)
 
     @cached_property
@@ -319,7 +319,7 @@ def with_forces(
 
 
 class _ConstraintForces:
-    """Constraint forces by their names in outputs, built on demand."""
+    """Constraint forces by their names in outputs, created on demand."""
 
     def __init__(self, model: Model, constraints: tuple[ConstraintEquation, ...]):
         self.positions = {name: j for j, name in enumerate(model.coordinate_names)}
@@ -333,7 +333,7 @@ class _ConstraintForces:
         return read_column_name(text, self.positions, self.constraints)
 
     def of(self, name: ColumnName) -> Basic:
-        """Return a constraint force, in total or of one constraint, as λ b."""
+        """Return a constraint force, total or of one constraint, as λ b."""
         j = self.positions[name.coordinate]
         if name.constraint:
             return self.part(self.constraints[name.constraint], j)

@@ -1,7 +1,7 @@
 """Derivatives of the equations of motion with respect to parameters.
 
-At fixed t, q, v, a and λ, parameters change G = f − M a + Bᵀλ, Γ = γ − B a, φ and ψ. These partial
-derivatives are what sensitivities and continuation add to the `jacobians`:
+At fixed t, q, v, a and λ, parameters change G = f − M a + Bᵀλ, Γ = γ − B a, φ and ψ. Sensitivities
+and continuation need these partial derivatives in addition to the `jacobians`:
 
     M a_p − Bᵀ λ_p = G_q q_p + G_v v_p + G_p,  B a_p = Γ_q q_p + Γ_v v_p + Γ_p,
     φ_q q_p + φ_p = 0,  ψ_q q_p + B v_p + ψ_p = 0.
@@ -26,8 +26,8 @@ from lagcli.equations.derivation.motion import Motion
 class ParameterJacobians:
     """Derivatives of the equations with respect to parameters, at fixed t, q, v, a and λ.
 
-    k coordinates, r constraints, h of them holonomic; each row holds the nonzero derivatives with
-    respect to the number of the parameter.
+    k coordinates, r constraints, h of them holonomic; each row contains the nonzero derivatives by
+    the number of the parameter.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ParameterJacobians:
     velocity : r rows
         ∂ψ/∂p.
     outputs : mapping of str to row
-        Outputs of the model's outputs.
+        Derivatives of the model's outputs.
     """
 
     parameters: tuple[str, ...]
@@ -60,8 +60,8 @@ def differentiate_parameters(equations: Equations, parameters: Sequence[str]) ->
     ----------
     equations : Equations
     parameters : sequence of str
-        Names of the model's parameters. Parameters that depend on others count as independent:
-        the chain rule is the caller's (`lagcli.simulations.directions`).
+        Names of the model's parameters. Parameters that depend on others count as independent: the
+        caller applies the chain rule (`lagcli.simulations.directions`).
 
     Returns
     -------

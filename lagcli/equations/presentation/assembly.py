@@ -1,4 +1,5 @@
-"""The steps that are printed: of one or several kinds of equations, in short or as a derivation."""
+"""Selection of the printed steps: one or several kinds of equations, in short or as a
+derivation."""
 
 from __future__ import annotations
 
@@ -49,14 +50,14 @@ _NAMES = {
 
 
 class Contents(NamedTuple):
-    """What is printed.
+    """The requested content of a printed derivation.
 
     Parameters
     ----------
     kinds : sequence of str
-        Kinds of `KINDS`, in the order of printing.
+        One or several of `KINDS`, in the order of printing.
     partition : CoordinatePartition or None
-        Needed for other kinds than the first and for ``solve``.
+        Coordinate partition; required for kinds other than the first and for ``solve``.
     solve : bool
         Whether λ and the accelerations are given in closed form.
     steps : bool
@@ -73,7 +74,7 @@ class Contents(NamedTuple):
 
 
 def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
-    """Return the steps that are printed, in order."""
+    """Return the steps to print, in order."""
     kinds, p = contents.kinds, contents.partition
     before = _first(f, contents) if "first" in kinds else _without_equations(f, contents)
     motion: dict[str, list[Step]] = {}
@@ -96,7 +97,7 @@ _NUMBER = re.compile(r"\((8\.\d+)\)")
 
 
 def _cited(steps: Iterable[Step]) -> tuple[Step, ...]:
-    """Return steps of which the first one that cites an equation names the source."""
+    """Return steps in which only the first one that cites an equation names the source."""
     found, named = [], False
     for step in steps:
         if not named and step.remark and _NUMBER.search(step.remark):
@@ -107,7 +108,7 @@ def _cited(steps: Iterable[Step]) -> tuple[Step, ...]:
 
 
 def _arranged(f: Formulas, steps: list[Step], full: bool) -> list[Step]:
-    """Return steps in index form, and shortened unless everything is to be written out."""
+    """Return steps in index form, shortened unless everything is to be written out."""
     return steps if full else Extent(f).shortened(IndexForm(f.model).steps(steps))
 
 
@@ -191,7 +192,7 @@ def _compared(
 
 
 def terms_in(nodes: Iterable[Node]) -> int:
-    """Count the terms of formulas: those of sums within factors one by one."""
+    """Count the terms of formulas, including those of sums within factors."""
     return sum(map(_terms, nodes))
 
 

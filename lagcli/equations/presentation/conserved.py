@@ -1,4 +1,4 @@
-"""Conserved quantities with the lines that prove them."""
+"""Conserved quantities with their proofs."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from lagcli.equations.symmetry.conserved import ConservedQuantity
 from lagcli.equations.symmetry.proof import Proof
 from lagcli.model.model import coordinate
 
-#: Characters of a formula that is written out.
+#: Largest number of characters of a formula that is written out.
 _LONG = 300
-#: Operations of products that are arranged.
+#: Largest number of operations of a product that is arranged.
 _OPERATIONS = 400
-#: Constraints whose products are listed.
+#: Largest number of constraints whose products are listed.
 _CONSTRAINTS = 12
 _JACOBI = Sign("h", "h")
 
 
 def title_of(quantity: ConservedQuantity, names: tuple[str, ...]) -> str:
-    """Return what a conserved quantity is, in words.
+    """Return a description of a conserved quantity.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ def conserved_step(
     ----------
     f : Formulas
         Of its system.
-    quantity : ConservedQuantity
+    Formulas of its system.
     value : float, optional
-        Its value at the start.
+        Its value at the initial state.
     unit : str, optional
         Unit of the value.
     """
@@ -88,12 +88,12 @@ def conserved_step(
 
 
 def minus(value: float) -> str:
-    """Return a number with a minus sign that is as long as a plus sign."""
+    """Return a number with a Unicode minus sign."""
     return f"{value:.6g}".replace("-", "−")
 
 
 def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
-    """Return the quantity by the momenta ∂L/∂q̇, and written out where that is short."""
+    """Return the quantity in terms of the momenta ∂L/∂q̇, and written out if that is short."""
     lagrangian = Signs(f.model).lagrangian
     sign = -1 if quantity.time != 0 else 1
     terms: list[tuple[int, Node]] = []
@@ -109,7 +109,7 @@ def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
 
 
 def _proof(f: Formulas, quantity: ConservedQuantity) -> list[Line]:
-    """Return the symmetry, and the conditions that it satisfies, with their terms."""
+    """Return the symmetry and the conditions that it satisfies, term by term."""
     proof = Proof(f.equations, quantity)
     found = [
         Line((VirtualDisplacement(f.coordinates[i]), f.arrange(x)))
@@ -132,7 +132,7 @@ def _proof(f: Formulas, quantity: ConservedQuantity) -> list[Line]:
 
 
 def _sum(f: Formulas, products: Iterable[tuple[Basic, Basic]]) -> Node | None:
-    """Return a sum of products as it stands, or the number of its terms; None if all vanish."""
+    """Return a sum of products as written, or its number of terms; None if all vanish."""
     kept = [(x, y) for x, y in products if x != 0 and y != 0]
     if not kept:
         return None

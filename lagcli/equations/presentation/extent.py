@@ -1,9 +1,8 @@
-"""How much of a system is printed: written out, as matrices with abbreviations, or a part of it.
+"""Length of a printed derivation: written out, as matrices with abbreviations, or shortened.
 
-What a person requested must be there within seconds and be short enough to be read, unless the
-whole is requested. Small systems are written out. Where that takes too many lines, the entries of
-M, f, B and γ are given with abbreviations, if that is much shorter; and of lists that are still too
-long, the first items.
+Without ``full``, printing must take seconds and the output must be short enough to read. Small
+systems are written out. If that takes too many lines, the entries of M, f, B and γ are printed with
+abbreviations, if that is much shorter; lists that are still too long are cut.
 """
 
 from __future__ import annotations
@@ -21,28 +20,28 @@ from lagcli.equations.presentation.matrices import cut_short, first_part
 from lagcli.equations.presentation.typeset import Node, Product, Sign, Sum
 from lagcli.model.model import Model
 
-#: Lines of text, about, that are printed at most.
+#: Approximate maximum number of printed lines.
 ROOM = 380
-_LISTS = 340  # of these, for lists that are cut: each then says so
-#: Operations in M, f and B up to which equations are written out: that takes some seconds.
+_LISTS = 340  # maximum for lists that are cut, with a remark each
+#: Largest number of operations in M, f and B that are written out, which takes some seconds.
 _OPERATIONS = 12_000
-#: Of a model with families, whose formulas are short in index form.
+#: The same for a model with families, whose formulas are short in index form.
 _OPERATIONS_OF_FAMILIES = 60_000
-#: Terms of a long sum that stand before and after the dots.
+#: Number of terms of a long sum before and after the ellipsis.
 _FIRST_TERMS, _LAST_TERMS = 5, 1
 _TITLE = 2  # lines: the title and a blank one
-_WIDTH = 100  # columns of the text that is measured
+_WIDTH = 100  # columns of the text whose lines are counted
 
 
 def is_large(equations: Equations) -> bool:
-    """Whether it would take long to write the equations out."""
+    """Whether writing the equations out would take long."""
     rows = (*equations.mass_matrix, *(c.row for c in equations.constraints))
     entries = (x for row in rows for x in row.values())
     return _take_long(equations.model, chain(entries, equations.forcing))
 
 
 def accelerations_are_large(equations: Equations) -> bool:
-    """Whether it would take long to write out the constraints at acceleration level."""
+    """Whether writing out the constraints at acceleration level would take long."""
     return _take_long(equations.model, (c.rhs for c in equations.constraints))
 
 
@@ -53,7 +52,7 @@ def _take_long(model: Model, expressions: Iterable[Basic]) -> bool:
 
 
 class Extent:
-    """Measures steps of one system by the lines of text that they take.
+    """Counts the lines of text of a system's steps.
 
     Parameters
     ----------
@@ -67,20 +66,20 @@ class Extent:
         self._formula = TextFormula(Notation(formulas.model))
 
     def size(self, steps: Iterable[Step]) -> int:
-        """Return how many lines steps take, titles included."""
+        """Return the number of lines of steps, including titles."""
         return sum(map(self._height, steps))
 
     def longest(self, steps: Iterable[Step]) -> int:
-        """Return how many lines the longest formula takes."""
+        """Return the number of lines of the longest formula."""
         return max((x for s in steps for x in self._heights(s)), default=0)
 
     def shortened(self, steps: list[Step], room: float = _LISTS) -> list[Step]:
-        """Return steps that fit into so many lines: of lists that are too long, the first items."""
+        """Return steps shortened to a number of lines: lists that are too long are cut."""
         heights = list(map(self._height, steps))
         sizes = sorted(heights)
         allowed = room
         for i, smallest in enumerate(sizes):
-            # what short lists leave is for the long ones
+            # long lists get the lines that short ones do not need
             fair = (room - sum(sizes[:i])) / (len(sizes) - i)
             if smallest > fair:
                 allowed = fair
@@ -91,7 +90,7 @@ class Extent:
         ]
 
     def _first(self, step: Step, height: int, room: float) -> Step:
-        """Return the first items of a step."""
+        """Return a step with only its first items."""
         costs = iter(self._heights(step))
         items = [(item, sum(next(costs) for _ in item)) for item in items_of(step.lines)]
         other = height - sum(cost for _, cost in items)
@@ -115,7 +114,7 @@ class Extent:
 
 
 def abridged(node: Node) -> Node:
-    """Return a formula whose long sums have dots in their middle, and a count of their terms."""
+    """Return a formula with ellipses in its long sums, and a remark with their numbers of terms."""
     if isinstance(node, Product):
         return Product(tuple(map(abridged, node.factors)))
     if not isinstance(node, Sum):
@@ -128,7 +127,7 @@ def abridged(node: Node) -> Node:
 
 
 def items_of(lines: Sequence[Line]) -> list[list[Line]]:
-    """Return lines by items: a labelled line and those below it are one."""
+    """Return lines grouped by item: a labelled line and the unlabelled ones after it."""
     found: list[list[Line]] = []
     labelled = any(line.label is not None for line in lines)
     for line in lines:

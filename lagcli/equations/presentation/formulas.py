@@ -41,7 +41,7 @@ class Line:
     note : str, optional
         Remark on the formula.
     span : Sign, optional
-        Range of the index of a formula that is that of many members: i = 2, …, N.
+        Range of the index of a formula that holds for several members: i = 2, …, N.
     """
 
     sides: tuple[Node, ...]
@@ -69,7 +69,7 @@ class Step:
     packed : bool
         Whether short lines may be placed side by side.
     lead : str or None
-        What leads to the lines, printed before them: "Substituting the definitions gives".
+        Text printed before the lines: "Substituting the definitions gives".
     """
 
     title: str
@@ -80,7 +80,7 @@ class Step:
 
 
 def _counted(equations: Equations) -> DegreesOfFreedom:
-    """Return the degrees of freedom by the number of constraints that hold at all times."""
+    """Return the degrees of freedom from the number of constraints that always hold."""
     lasting = [c.constraint for c in equations.constraints if c.constraint.lasting]
     held = tuple(c.name for c in lasting) if len(lasting) < len(equations.constraints) else None
     return DegreesOfFreedom(len(equations.q), len(lasting), held=held)

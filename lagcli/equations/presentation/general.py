@@ -1,7 +1,7 @@
 """General laws: symbols that belong to the theory, and total time derivatives.
 
-The symbols of the theory give way to the names of a model: beside a coordinate φ, a constraint is
-f_β = 0, not φ_β = 0.
+Symbols of the theory differ from the names of a model: if the model has a coordinate φ, a
+constraint is f_β = 0, not φ_β = 0.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ", "M": "ℳ", "B": "ℬ", "J": "�
 
 
 class Signs:
-    """Symbols of the theory, none of which looks like a name of the model.
+    """Symbols of the theory, chosen to differ from the names of the model.
 
     Parameters
     ----------

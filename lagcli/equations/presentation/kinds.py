@@ -51,14 +51,15 @@ ABBREVIATIONS = "Abbreviations of these entries"
 ENTRIES = "Entries of the mass matrix and of the forces"
 _NONE = "There are none: the constraints determine the motion."
 
-#: Operations of equations of motion beyond which they are given as M a = f with abbreviations.
+#: Number of operations of the equations of motion above which they are printed as M a = f with
+#: abbreviations.
 LONGEST = 1200
-#: A formula that keeps the written structure may be longer than the arranged one by this factor.
+#: Largest ratio of the lengths of a formula in the original structure and of the arranged one.
 _KEPT = 1.3
 
 
 def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool = False) -> list[Step]:
-    """Return the equations of the second kind, from the dependent coordinates on.
+    """Return the steps of the second kind, from the dependent coordinates on.
 
     Parameters
     ----------
@@ -184,7 +185,8 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
 
 
 def _inserted(f: Formulas, second: SecondKind, first: Node) -> Node:
-    """Return L with the dependent coordinates replaced, structured as written if that is short."""
+    """Return L with the dependent coordinates replaced, in the original structure if that is
+    short."""
     values: dict[Node, Node] = {}
     for i, rate in second.rates.items():
         values[velocity(f.coordinates[i])] = f.arrange(rate)
@@ -262,12 +264,12 @@ def _law_remark(second: SecondKind) -> str | None:
     return "The right sides are the generalized forces projected onto the independent coordinates."
 
 
-#: Abbreviations beyond which M and f are not listed, and entries beyond which these are not sought.
+#: Largest number of abbreviations of M and f that are listed, and of entries that are derived.
 _MANY, _ENTRIES = 120, 240
 
 
 def projected(f: Formulas) -> tuple[Line, ...]:
-    """Return Jᵀ M J q̈ = Jᵀ (f − M c), the equations of motion that are too long to list."""
+    """Return Jᵀ M J q̈ = Jᵀ (f − M c) for equations of motion that are too long to list."""
     signs = general.Signs(f.model)
     j, m, force, c = signs.null_space, signs.mass_matrix, signs.forcing, signs.drift
     left = Sign(
@@ -329,7 +331,7 @@ def in_matrices(
 
 
 def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
-    """Return Maggi's equations, from the dependent velocities on."""
+    """Return the steps of Maggi's equations, from the dependent velocities on."""
     p, e = maggi.partition, f.equations
     found: list[Step] = []
     if p.rates:
@@ -403,7 +405,7 @@ def _maggi_law(f: Formulas) -> Node:
 def solved_step(
     f: Formulas, found: list[SolvedUnknown], kind: str, redundant: bool = False
 ) -> Step:
-    """Return λ and the accelerations in closed form, or say why not."""
+    """Return λ and the accelerations in closed form, or a remark why they are omitted."""
     title = f"Solved for the unknowns ({kind})"
     if not found:
         reason = "λ is not unique, because constraints are redundant"
@@ -422,15 +424,16 @@ def solved_step(
     return Step(title, tuple(_over_determinants(f, found, nodes)))
 
 
-#: Characters of a fraction from which its denominator is written by itself.
+#: Number of characters of a fraction above which its denominator is named.
 _LONG_FRACTION = 70
-_SHORT_DIVISOR = 8  # characters of a denominator that stays where it is
+_SHORT_DIVISOR = 8  # largest denominator that remains in a fraction, characters
 
 
 def _over_determinants(
     f: Formulas, found: list[SolvedUnknown], nodes: dict[str, Symbol]
 ) -> list[Line]:
-    """Return fractions as products with 1/Δ, and what Δ is; such formulas can be broken."""
+    """Return fractions as products with 1/Δ, and the definition of Δ; such formulas can be
+    broken."""
     below: dict[Node, Sign] = {}
     lines = []
     for s in found:

@@ -16,7 +16,8 @@ from lagcli.equations.presentation.general import Signs
 from lagcli.equations.presentation.typeset import Entry, Node, Sign, Symbol
 
 T = TypeVar("T")
-#: What can be requested: M, f, B, γ, b_0 and φ or ψ of the constraints, Q, and T, V, L.
+#: Matrices and vectors that can be printed: M, f, B, γ, b_0 and φ or ψ of the constraints, Q, and
+#: T, V, L.
 PARTS = ("M", "f", "B", "gamma", "drift", "expression", "Q", "energy")
 Place = tuple[str, int, int]  # the matrix, row and column
 
@@ -29,7 +30,7 @@ class Matrices:
     formulas : Formulas
         Formulas of the system.
     parts : collection of str
-        Which of `PARTS`.
+        One or several of `PARTS`.
     """
 
     def __init__(self, formulas: Formulas, parts: Collection[str] = ("M", "f", "B", "gamma")):
@@ -39,7 +40,7 @@ class Matrices:
 
     @cached_property
     def entries(self) -> Mapping[Place, Basic]:
-        """The nonzero entries; of M those on and above the diagonal. Vectors have one column."""
+        """The nonzero entries; for M, those on and above the diagonal. Vectors have one column."""
         e, constraints = self.equations, self.equations.constraints
         found: dict[Place, Basic] = {}
         for i, row in enumerate(e.mass_matrix):
@@ -60,7 +61,7 @@ class Matrices:
 
     @cached_property
     def short(self) -> Abbreviations:
-        """The entries, in the order of `entries`, with the abbreviations that they use."""
+        """The entries, in the order of `entries`, with abbreviations."""
         names = (*self.model.coordinate_names, *self.model.parameters, *self.model.definitions)
         known = {
             d.value: name
@@ -71,20 +72,20 @@ class Matrices:
 
     @cached_property
     def size(self) -> float:
-        """About how many lines of text all this takes."""
+        """Approximate number of lines of text of the whole system."""
         return sum(map(self._packed, self.short.named.values())) + sum(
             map(self._alone, self.short.expressions)
         )
 
     @cached_property
     def _operation(self) -> float:
-        """Letters for each operation: its sign and a name."""
+        """Number of characters of an operation: its sign and a name."""
         names = self.model.coordinate_names
         return 4.0 + 0.9 * sum(map(len, names)) / len(names)
 
     @cached_property
     def _letters(self) -> Callable[[Basic], float]:
-        """How many letters a formula takes; estimated where many would have to be arranged."""
+        """Return the number of characters of a formula; estimated for long formulas."""
         parts = (*self.short.named.values(), *self.short.expressions)
         if sum(map(se.count_ops, parts)) > _ESTIMATED:
             return lambda value: self._operation * float(se.count_ops(value))
@@ -95,15 +96,15 @@ class Matrices:
         return cache(lambda value: float(len(text(self.formulas.arrange(value)))))
 
     def _packed(self, value: Basic) -> float:
-        """Return about how much of a line of text a short formula takes."""
+        """Return the approximate fraction of a line that a short formula takes."""
         return (self._letters(value) + _NAME) / _LINE
 
     def _alone(self, value: Basic) -> float:
-        """Return about how many lines of text a formula takes that stands by itself."""
+        """Return the approximate number of lines of a formula that is printed on its own."""
         return float(math.ceil((self._letters(value) + 2 * _NAME) / _LINE))
 
     def abbreviations(self, share: float = 1.0) -> list[Line]:
-        """Return the abbreviations, each after those that it uses; or a first part of them."""
+        """Return the abbreviations in order of dependence, or the first of them."""
         shown = first_part(list(self.short.named.items()), lambda x: self._packed(x[1]), share)
         return [Line((Symbol(name), self.formulas.arrange(value))) for name, value in shown]
 
@@ -113,7 +114,7 @@ class Matrices:
         return {place: self.formulas.arrange(value) for place, value in pairs}
 
     def lines(self, matrix: str, share: float = 1.0) -> list[Line]:
-        """Return the entries of M, f, B or gamma, equal ones together; or a first part of them."""
+        """Return the entries of M, f, B or gamma, equal ones together, or the first of them."""
         same: dict[Basic, list[Place]] = {}
         for place, value in zip(self.entries, self.short.expressions, strict=True):
             if place[0] == matrix:
@@ -144,12 +145,12 @@ class Matrices:
         return Entry(self.signs.rhs, (row,))
 
     def steps(self, room: float | None = None) -> list[Step]:
-        """Return the system as it is to be read.
+        """Return the system as printed steps.
 
         Parameters
         ----------
         room : float, optional
-            Lines of text; where more are needed, a first part of each list is given.
+            Number of lines; longer lists are cut.
         """
         share = 1.0 if room is None else min(1.0, room / max(self.size, 1.0))
         signs = self.signs
@@ -194,7 +195,7 @@ class Matrices:
 
 
 def _without(signs: Signs) -> str:
-    """Say that γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is not listed."""
+    """Return the remark that γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is not listed."""
     psi = signs.velocity_residual
     return (
         f"{signs.rhs.text} = −(∂{psi}/∂q) q̇ − ∂{psi}/∂t is omitted for its length; --format json"
@@ -202,16 +203,16 @@ def _without(signs: Signs) -> str:
     )
 
 
-#: Equal entries that are listed before the dots.
+#: Number of equal entries listed before the ellipsis.
 _ALIKE = 4
-#: Letters of a name with its equality sign, and of a line.
+#: Number of characters of a name with its equality sign, and of a line.
 _NAME, _LINE = 8.0, 92.0
-#: Operations from which lengths are estimated: arranging them takes seconds.
+#: Number of operations above which lengths are estimated, because arranging takes seconds.
 _ESTIMATED = 8000
 
 
 def first_part(items: list[T], cost: Callable[[T], float], share: float) -> list[T]:
-    """Return the first items, up to a share of what all cost; at least one."""
+    """Return the first items whose cost is within a share of the total; at least one."""
     if share >= 1.0:
         return items
     costs = list(map(cost, items))
@@ -223,7 +224,7 @@ def first_part(items: list[T], cost: Callable[[T], float], share: float) -> list
 
 
 def cut_short(shown: int, count: int) -> str | None:
-    """Say that a list is not whole."""
+    """Return the remark that a list is incomplete."""
     return (
         None if shown == count else f"The first {shown} of {count}; --full writes everything out."
     )

@@ -71,9 +71,9 @@ def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
     return (*before, replace(law, remark=f"{law.remark} {said}"), *others, last)
 
 
-#: Fraction of lines that matrices must save to be preferred.
+#: Fraction of lines that matrices must save to be used.
 _SHORTER = 0.5
-#: Lines of a formula that is short enough as it is.
+#: Number of lines of a formula that is short enough without abbreviations.
 _READABLE = 8
 _BEFORE = 150  # maximum number of lines before the matrices
 
@@ -98,10 +98,10 @@ def before_equations(f: Formulas) -> list[Step]:
 
 
 _FREEDOM = "Degrees of freedom"
-_SHOWN = 12  # components that are left out
+_SHOWN = 12  # largest number of listed components that hold identically
 
 
-@lru_cache(maxsize=1)  # measured first, then printed
+@lru_cache(maxsize=1)  # used twice: measured, then printed
 def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = constraints_step(f), _equations(f)
     contacts, events = contacts_step(f), events_step(f)
@@ -176,14 +176,14 @@ def _coordinates(f: Formulas) -> Step:
         unit = f"[{c.unit}]" if c.unit else None
         note = " ".join(part for part in (c.description, unit) if part)
         lines.append(Line((symbol,), note=note or None))
-    # many names alone fit side by side
+    # a list of names without descriptions is printed side by side
     packed = len(lines) > 6 and not any(line.note for line in lines)
     count = general.Signs(f.model).coordinate_count
     return Step(f"Coordinates: {count} = {len(lines)}", tuple(lines), packed=packed)
 
 
 def inputs_step(f: Formulas) -> Step | None:
-    """Return the known functions of time; None without any."""
+    """Return the known functions of time; None if there are none."""
     lines = []
     for x in f.model.inputs.values():
         times, origin = x.data.times, f" of {x.data.file}" if x.data.file else ""
@@ -208,7 +208,7 @@ def _definitions(f: Formulas, shown: list[Step]) -> Step | None:
 
 
 def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
-    """Return the constraints with their kinds and virtual displacements; None without any."""
+    """Return the constraints with their kinds and virtual displacements; None if there are none."""
     constraints = f.equations.constraints
     if not constraints:
         return None
@@ -254,7 +254,7 @@ def freedom_step(f: Formulas) -> Step:
         sum_of([(1, whole(k)), (-1, whole(subtracted))]),
         whole(freedom.degrees),
     )
-    if freedom.held is not None:  # fewer than the constraints that are listed
+    if freedom.held is not None:  # fewer than the listed constraints
         sides = sides[1:]
     remark = " ".join(freedom.remarks) or None
     return Step(_FREEDOM, (Line(sides, note=note),), remark)

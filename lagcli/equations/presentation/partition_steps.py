@@ -110,7 +110,7 @@ def _moves(f: Formulas, node: Node) -> bool:
 
 
 def fraction(f: Formulas, above: Basic, below: Basic) -> Node:
-    """Return a fraction, arranged above and below; without common factors if that is shorter."""
+    """Return a fraction with arranged numerator and denominator, reduced if that is shorter."""
     (shorter,), common = cancelled([above], below)
     for value in (1, -1):
         if se.expand(shorter - value * common) == 0:

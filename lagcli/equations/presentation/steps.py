@@ -111,12 +111,12 @@ def _written(f: Formulas, key: str) -> list[Node]:
     return sides
 
 
-#: Characters of a formula beyond which it is not shown in two forms.
+#: Number of characters of a formula above which it is shown in only one form.
 _LONG = 240
 
 
 def energy_sides(f: Formulas) -> Node:
-    """Return L in the coordinates: as written where it uses no definitions."""
+    """Return L in the coordinates; as written if it contains no definitions."""
     if f.model.kinetic is None:
         return _written(f, "L")[-1]
     return sum_of([(1, _written(f, "T")[-1]), (-1, _written(f, "V")[-1])])

@@ -1,4 +1,4 @@
-"""Substitution in display trees, which keeps the written structure of a formula."""
+"""Substitution in display trees that preserves the structure of a formula."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ from lagcli.equations.presentation.typeset import (
 
 
 def substituted(node: Node, values: Mapping[Node, Node]) -> Node | None:
-    """Return a formula with other nodes in the place of some.
+    """Return a formula with some nodes replaced.
 
-    Returns None where a factor would become a quotient beside other factors, because such products
-    are better arranged again.
+    Returns None if a factor would become a quotient next to other factors, because such products
+    are better rearranged.
 
     Parameters
     ----------
     node : Node
-        Node of sums, products, quotients, powers, roots, functions and symbols; other nodes stay.
+        Replacement for sums, products, quotients, powers, roots, functions and symbols; other nodes
+        are unchanged.
     values : mapping of Node to Node
     """
     try:
@@ -39,7 +40,7 @@ def substituted(node: Node, values: Mapping[Node, Node]) -> Node | None:
 
 
 class _ArrangedAnew(Exception):
-    """A product changes its factors."""
+    """Raised if a product would change its factors."""
 
 
 def _replaced(node: Node, values: Mapping[Node, Node]) -> Node:
@@ -74,7 +75,7 @@ def _has_quotient(node: Node) -> bool:
 
 
 def _power(base: Node, exponent: Node) -> Node:
-    """Return a power; of a number its value, of an even power no sign."""
+    """Return a power; numbers are evaluated, even powers lose the sign of the base."""
     if isinstance(exponent, Number) and exponent.value.denominator == 1:
         if isinstance(base, Number) and (base.value or exponent.value > 0):
             return Number(base.value ** int(exponent.value))

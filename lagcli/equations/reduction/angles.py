@@ -15,7 +15,7 @@ _SINE, _COSINE = se.Symbol("\ufdd0s"), se.Symbol("\ufdd0c")
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """An angle w = ± u + … by which an unknown u enters.
+    """An angle w = ± u + … that contains an unknown u.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Angle:
         return expression.xreplace({x: y for x, y in values.items() if y is not None})
 
     def _opened(self, function: Basic, sine: Basic, cosine: Basic) -> Basic | None:
-        """Return sin or cos of n w + … in sin w and cos w; None if n is not ±1 or ±2."""
+        """Return sin or cos of n w + … in terms of sin w and cos w; None unless n is ±1 or ±2."""
         count = function.args[0].diff(self.unknown) / self._slope
         if count not in (-2, -1, 1, 2):
             return None
@@ -74,7 +74,7 @@ class Angle:
 
 
 def angle_of(equations: Sequence[Basic], unknown: Basic) -> Angle | None:
-    """Return the angle by which an unknown enters equations: itself, or the only argument."""
+    """Return the angle that contains an unknown in equations: the unknown, or the only argument."""
     arguments = {
         x.args[0]
         for e in equations

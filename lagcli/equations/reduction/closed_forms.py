@@ -1,11 +1,11 @@
 """Dependent coordinates in closed form, on the branch of given values.
 
-An equation that has one unknown u is solved if it is linear or quadratic in u, or in the form
-A cos w + B sin w + C = 0 with w = ± u + …: then A sin w − B cos w = ± √(A² + B² − C²), where the
-given values decide the sign. Two equations with two unknowns are solved if one unknown can be
-eliminated so that such an equation remains: by cos² + sin² = 1, as in a loop of two bars, or by a
-difference without squares, as for the intersection of two circles. Linear equations are solved
-whatever their number is.
+An equation with one unknown u is solved if it is linear or quadratic in u, or has the form A cos w
++ B sin w + C = 0 with w = ± u + …: then A sin w − B cos w = ± √(A² + B² − C²), where the given
+values determine the sign. Two equations with two unknowns are solved if one unknown can be
+eliminated such that an equation of this kind remains: by cos² + sin² = 1, as in a loop of two bars,
+or by a difference without squares, as for the intersection of two circles. Any number of linear
+equations is solved.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lagcli.equations.reduction.small_systems import (
 )
 
 Value = Callable[[Basic], float]
-#: A coefficient or radicand below this, beside values near one, does not choose a branch.
+#: Coefficients or radicands below this, relative to values of order one, do not determine a branch.
 _SMALL = 1e-9
 
 
@@ -39,13 +39,13 @@ class Solution:
     ----------
     unknown : symbol
     value : expression
-        In symbols that are independent or solved before.
+        Expression in symbols that are independent or solved earlier.
     angle : expression or None
-        For a solution by sine and cosine, the angle w that contains the unknown.
+        Angle w that contains the unknown, for a solution by sine and cosine.
     sine, cosine : expressions or None
         sin w and cos w.
     sign : int
-        Sign of the root on this branch; 0 if there is one solution only.
+        Sign of the root on this branch; 0 if the solution is unique.
     """
 
     unknown: Basic
@@ -56,7 +56,7 @@ class Solution:
     sign: int = 0
 
     def put_into(self, expression: Basic) -> Basic:
-        """Return an expression without the unknown."""
+        """Return an expression with the unknown substituted."""
         if self.unknown not in expression.free_symbols:
             return expression
         if self.angle is not None:
@@ -73,12 +73,12 @@ def solve(equations: Sequence[Basic], unknowns: Sequence[Basic], value: Value) -
     equations : sequence of expressions
     unknowns : sequence of symbols
     value : callable
-        Value of an expression at the state whose branch is wanted.
+        Function that evaluates an expression at the state that determines the branch.
 
     Returns
     -------
     list of Solution
-        In the order of their dependence; empty if no closed form was found.
+        In order of dependence; empty if no closed form was found.
     """
     linear = _linear(equations, unknowns, value)
     if linear:

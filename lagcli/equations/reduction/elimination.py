@@ -19,11 +19,11 @@ from lagcli.equations.reduction.small_systems import (
     solutions,
 )
 
-#: Operations of a numerator or denominator beyond which a closed form is not given.
+#: Largest number of operations of a numerator or denominator of a closed form.
 LONGEST = 400
-#: Factor by which a formula may grow to be without fractions in it.
+#: Factor by which a formula may grow when fractions in it are removed.
 _GROWTH = 2
-#: Operations up to which a fraction is brought to lowest terms, which takes seconds beyond.
+#: Largest number of operations of a fraction that is reduced; longer ones take seconds.
 _CANCELLED = 250
 
 

@@ -1,8 +1,8 @@
 """Coordinate partitioning: independent and dependent coordinates, and the dependent velocities.
 
-The rank of B at a consistent state says how many coordinates depend on the others. The choice of
-independent coordinates is admissible where the block of B that belongs to the dependent ones has a
-nonzero determinant (textbook equations 8.80 to 8.84).
+The rank of B at a consistent state is the number of dependent coordinates. A choice of independent
+coordinates is admissible if the block of B for the dependent ones has a nonzero determinant
+(textbook equations 8.80 to 8.84).
 
 References
 ----------
@@ -37,9 +37,9 @@ from lagcli.model.model import Model
 Values = Mapping[Basic, float]
 Matrix = list[list[float]]
 
-#: A pivot below this part of the largest entry shows a smaller rank.
+#: Pivots below this part of the largest entry count as zero.
 _ZERO_PIVOT = 1e-9
-#: A pivot is good from this part of the largest entry.
+#: Smallest acceptable pivot, relative to the largest entry.
 _GOOD_PIVOT = 0.05
 
 
@@ -66,7 +66,7 @@ class DependentRate:
     denominator : expression
         d.
     acceleration : expression
-        The part of the acceleration that is free of accelerations.
+        The part of the acceleration without accelerations of other coordinates.
     """
 
     coordinate: int
@@ -82,7 +82,7 @@ class DependentRate:
 
     @property
     def drift(self) -> Basic:
-        """The velocity where all others are zero."""
+        """The velocity if all others are zero."""
         return self.numerator / self.denominator
 
     def over(self, v: Sequence[Basic]) -> tuple[Basic, Basic]:
@@ -103,13 +103,13 @@ class CoordinatePartition:
     values : mapping of symbol to float
         q, v, t and the parameters at a consistent state.
     independent, dependent : tuples of int
-        Coordinates.
+        Independent and dependent coordinates.
     constraints : tuple of int
         Independent constraints, as many as dependent coordinates.
     surplus : tuple of int
-        Constraints that follow from the others at that state.
+        Constraints that depend on the others at that state.
     blocks : tuple of CoordinateBlock
-        Order in which constraints give dependent coordinates.
+        Blocks of constraints and dependent coordinates, in order of solution.
     """
 
     equations: Equations
@@ -148,7 +148,7 @@ class CoordinatePartition:
         for place, i in enumerate(block.columns):
             parts, divisor = [x[place] for x in solved], below
             shorter, common = cancelled(parts, divisor)
-            # clearing denominators may also take longer formulas
+            # the formulas may also grow when denominators are cleared
             if operations([*shorter[:-1], common]) < operations([*parts[:-1], divisor]):
                 parts, divisor = shorter, common
             *moving, drift, acceleration = parts
@@ -171,12 +171,12 @@ class CoordinatePartition:
 
     @cached_property
     def drift(self) -> tuple[Basic, ...]:
-        """J_0: the velocities where the independent ones are zero."""
+        """J_0: the velocities if the independent ones are zero."""
         return self._offsets("drift")
 
     @cached_property
     def acceleration_rhs(self) -> tuple[Basic, ...]:
-        """The part of a = J a_independent + … that is free of accelerations."""
+        """The part of a = J a_independent + … without accelerations."""
         return self._offsets("acceleration")
 
     def _offsets(self, kind: str) -> tuple[Basic, ...]:
@@ -208,8 +208,8 @@ def partition(
     values : mapping of symbol to float
         q, v, t and the parameters.
     independent : sequence of str, optional
-        Names of the independent coordinates. By default those with fixed initial values, as far as
-        the constraints determine the others.
+        Names of the independent coordinates. By default, those with fixed initial values, if the
+        constraints determine the others.
 
     Returns
     -------
@@ -218,8 +218,8 @@ def partition(
     Raises
     ------
     UsageError
-        An unknown or repeated name, a wrong number of names, or coordinates that the constraints do
-        not leave independent at that state.
+        An unknown or repeated name, a wrong number of names, or coordinates that are not
+        independent at that state.
     """
     names = equations.model.coordinate_names
     matrix = _jacobian(equations, values)
@@ -251,7 +251,7 @@ def partition(
 
 
 def _given(model: Model, name: str) -> int:
-    """Return how many initial values of a coordinate are fixed: 0, 1 or 2."""
+    """Return the number of fixed initial values of a coordinate: 0, 1 or 2."""
     return model.initial_positions[name].fixed + model.initial_velocities[name].fixed
 
 
@@ -270,8 +270,8 @@ def _jacobian(equations: Equations, values: Values) -> Matrix:
 def _eliminate(matrix: Matrix, groups: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
     """Return pivot rows and columns of Gaussian elimination with complete pivoting.
 
-    Pivots are taken from the first group of columns that has a good one; the last group has every
-    column that is allowed.
+    Pivots are taken from the first group of columns that has an acceptable one; the last group
+    contains all permitted columns.
     """
     left = [list(row) for row in matrix]
     rows: list[int] = []
@@ -300,7 +300,7 @@ def _eliminate(matrix: Matrix, groups: Sequence[Sequence[int]]) -> tuple[list[in
 def _pivot(
     left: Matrix, free: set[int], group: Sequence[int], done: Sequence[int], largest: float
 ) -> tuple[int, int] | None:
-    """Return the place of a good pivot whose row and column have few other entries (Markowitz)."""
+    """Return the position of a pivot whose row and column have few other entries (Markowitz)."""
     columns = [j for j in group if j not in done]
     good = [(i, j) for i in free for j in columns if abs(left[i][j]) > _GOOD_PIVOT * largest]
     if not good:
@@ -312,7 +312,7 @@ def _pivot(
 
 
 def _chosen(model: Model, independent: Sequence[str], default: list[str]) -> list[int]:
-    """Return the indices of the named coordinates, or say what is wrong with the choice."""
+    """Return the indices of the named coordinates, or raise an error on the choice."""
     names = model.coordinate_names
     for name in independent:
         if name not in names:
@@ -335,7 +335,7 @@ def _chosen(model: Model, independent: Sequence[str], default: list[str]) -> lis
 def _singular(
     equations: Equations, chosen: list[int], columns: list[int], default: list[str]
 ) -> UsageError:
-    """Say that the constraints do not determine the dependent coordinates."""
+    """Return the error that the constraints do not determine the dependent coordinates."""
     names = equations.model.coordinate_names
     dependent = [names[j] for j in range(len(names)) if j not in chosen]
     stuck = [name for name in dependent if names.index(name) not in columns]

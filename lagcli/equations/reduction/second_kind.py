@@ -5,9 +5,9 @@ written in the independent ones:
 
     d/dt ∂L/∂q̇_k − ∂L/∂q_k = Σ_i J_ik Q_i,
 
-where J is the matrix of `CoordinatePartition.null_space`. Dependent coordinates whose closed form
-is long, or that are roots without a closed form, stay as names of functions u(q, t); they are
-differentiated by the chain rule, ∂u/∂q_k = J_uk.
+where J is the matrix of `CoordinatePartition.null_space`. Dependent coordinates with a long closed
+form, or without one, remain names of functions u(q, t); they are differentiated by the chain rule,
+∂u/∂q_k = J_uk.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from lagcli.errors import Diagnostic, UsageError
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 
-#: Operations of a closed form up to which it is put into L.
+#: Largest number of operations of a closed form that is substituted into L.
 _SHORT = 30
-#: Operations of the dependent velocities or of L beyond which L is not written out.
+#: Number of operations of the dependent velocities or of L above which L is not written out.
 _LONG = 600
-_FEW = 3  # dependent coordinates of a system whose second kind may be short
+_FEW = 3  # largest number of dependent coordinates for which the second kind may be short
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedBlock:
-    """Constraints and the coordinates that follow from them; no solutions if they are implicit."""
+    """Constraints and the coordinates that they determine; no solutions if they are implicit."""
 
     block: CoordinateBlock
     solutions: tuple[Solution, ...]
@@ -56,7 +56,7 @@ class SecondKind:
     blocks : tuple of SolvedBlock
         The dependent coordinates in the order in which they are solved.
     written_out : bool
-        Whether long closed forms are put into L too.
+        Whether long closed forms are also substituted into L.
     """
 
     partition: CoordinatePartition
@@ -70,14 +70,14 @@ class SecondKind:
 
     @cached_property
     def named(self) -> tuple[int, ...]:
-        """Dependent coordinates that stay as names of functions of the independent ones."""
+        """Dependent coordinates that remain names of functions of the independent ones."""
         place = {x: i for i, x in enumerate(self.equations.q)}
         solved = {place[s.unknown] for s in self.inserted}
         return tuple(i for i in self.partition.dependent if i not in solved)
 
     @cached_property
     def inserted(self) -> tuple[Solution, ...]:
-        """Solutions that are put into L, each after those that it uses."""
+        """Solutions that are substituted into L, in order of dependence."""
         found: list[Solution] = []
         unknown = {self.equations.q[i] for i in self.partition.dependent}
         for solution in (s for block in self.blocks for s in block.solutions):
@@ -126,7 +126,8 @@ class SecondKind:
 
     @cached_property
     def is_long(self) -> bool:
-        """Whether L written out would be long: M and f are then projected, not differentiated."""
+        """Whether L written out would be long: M and f are then projected instead of derived from
+        L."""
         if self.written_out:
             return False
         operations = sum(se.count_ops(x) for x in self.rates.values())
@@ -134,7 +135,7 @@ class SecondKind:
 
     @property
     def entries(self) -> int:
-        """The number of entries of M on and above its diagonal, and of f, that are not zero."""
+        """Number of nonzero entries of f and of M on and above its diagonal."""
         rows = self._projected.mass_matrix
         return len(rows) + sum(x != 0 for i, row in enumerate(rows) for x in row[i:])
 
@@ -238,7 +239,7 @@ def second_kind(partition: CoordinatePartition, written_out: bool = False) -> Se
     ----------
     partition : CoordinatePartition
     written_out : bool
-        Whether long closed forms of dependent coordinates are put into L too.
+        Whether long closed forms of dependent coordinates are also substituted into L.
 
     Returns
     -------
@@ -264,7 +265,7 @@ def second_kind(partition: CoordinatePartition, written_out: bool = False) -> Se
         )
     blocks = []
     for block in partition.blocks:
-        # The sides as they are written, because their squares are recognized
+        # the sides as written, because their squares are recognized
         sides = [e.constraints[i].constraint.expression for i in block.rows]
         unknowns = [e.q[i] for i in block.columns]
         found = solve(sides, unknowns, lambda x: number(x, partition.values))

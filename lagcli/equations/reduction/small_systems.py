@@ -13,9 +13,9 @@ from lagcli.equations.simplification.monomials import content_of
 
 Rows = Sequence[Sequence[Basic]]
 
-#: Unknowns up to which Cramer's rule is used; the number of its terms grows as the factorial.
+#: Largest number of unknowns for Cramer's rule; the number of its terms grows factorially.
 CRAMER = 3
-#: Operations from which fractions stay as they are.
+#: Number of operations from which fractions are not reduced.
 _LONG = 400
 
 
@@ -42,14 +42,14 @@ def solutions(
     columns : sequence of n expressions each
         Right sides.
     value : callable
-        Value of an expression where the system is regular; elimination chooses pivots by it.
+        Function that evaluates an expression at a state, used to choose pivots.
 
     Returns
     -------
     numerators : list of n expressions each
         By right side.
     denominator : expression
-        Common to all: the determinant by Cramer's rule, 1 for a large system.
+        Common denominator: the determinant by Cramer's rule, 1 for a large system.
     """
     if len(matrix) > CRAMER:
         return _eliminated(matrix, columns, value), ONE

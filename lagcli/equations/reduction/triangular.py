@@ -1,4 +1,4 @@
-"""CoordinateBlock triangular form of a square system by its structure."""
+"""Block triangular form of a square system, from its structure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class CoordinateBlock(NamedTuple):
 
 
 def triangular_blocks(incidence: Sequence[set[int]]) -> list[CoordinateBlock]:
-    """Order a structurally nonsingular system so that each block needs only earlier ones.
+    """Order a structurally nonsingular system so that each block depends only on earlier ones.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def triangular_blocks(incidence: Sequence[set[int]]) -> list[CoordinateBlock]:
     Raises
     ------
     ValueError
-        There is no perfect matching: the system is singular whatever its entries are.
+        There is no perfect matching: the system is structurally singular.
     """
     row_of = _matching(incidence)
     column_of = {row: column for column, row in row_of.items()}

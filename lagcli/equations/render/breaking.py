@@ -14,12 +14,12 @@ class Break:
     Parameters
     ----------
     depth : int
-        Level of nesting. What stands between two breaks of a depth is a term, a factor or the
-        content of a bracket; it is broken only if it is longer than a line.
+        Level of nesting. Between two breaks of a depth lies a term, a factor or the content of a
+        bracket; it is broken only if it is longer than a line.
     space : str
-        What stands here if the line is not broken.
+        Text at this position if the line is not broken.
     term : bool
-        Whether a term of a sum follows, which begins a line if the one before was broken.
+        Whether a term of a sum follows, which starts a line if the previous term was broken.
     """
 
     depth: int
@@ -62,7 +62,7 @@ def lines(
 
 
 class _Layout:
-    """Lines as they are filled."""
+    """Lines being filled."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class _Layout:
         self.found, self.used = [""], 0.0
 
     def _width(self, start: int, end: int) -> float:
-        """Return the width of pieces, the last one included."""
+        """Return the width of pieces, including the last one."""
         trailing = self.spaces[end] if end < len(self.spaces) else 0.0
         return self.ends[end + 1] - self.ends[start] - trailing
 

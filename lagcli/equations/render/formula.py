@@ -15,14 +15,14 @@ from lagcli.equations.render.names import Notation
 PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
 
 
-#: Added to the depth of breaks before factors without brackets, which are broken last.
+#: Added to the depth of breaks before factors without brackets, which are the last to be broken.
 LAST_RESORT = 100
 
 
 def factor_depth(factors: Sequence[Node], i: int, depth: int) -> int:
     """Return the depth of the break before factor i of a product at a depth.
 
-    A number stays with its bracket.
+    A number is not separated from its bracket.
     """
     factor = factors[i]
     base = factor.base if isinstance(factor, t.Power) else factor
@@ -44,9 +44,9 @@ class FormulaWriter:
         Whether numbers are decimals of six digits at most.
     """
 
-    #: Between terms, and before a first one that is negative.
+    #: Separators between terms, and before a negative first term.
     plus, minus, negative = "+ ", "- ", "-"
-    #: Between the items of a list.
+    #: Separator between the items of a list.
     comma = ","
 
     def __init__(
@@ -73,7 +73,7 @@ class FormulaWriter:
         raise NotImplementedError
 
     def _factor(self, node: t.Product, i: int, depth: int) -> list[Token]:
-        """Return a factor; a Σ that comes last needs no brackets."""
+        """Return a factor; a trailing Σ needs no brackets."""
         factor = node.factors[i]
         if isinstance(factor, t.IndexedSum) and i == len(node.factors) - 1:
             return self.tokens(factor, depth)
@@ -109,7 +109,8 @@ class FormulaWriter:
 class DisplayWriter(FormulaWriter):
     """Writer for formulas that are set in two dimensions, with fractions and roots."""
 
-    #: Between a function and a name, and what stands around the argument of ``abs`` and the like.
+    #: Separator between a function and a name, and delimiters of the argument of ``abs`` and
+    #: others.
     space = " "
     fences: ClassVar[Mapping[str, Any]] = {}
 
@@ -142,7 +143,7 @@ def rows_of(node: t.Vector) -> list[tuple[Node, ...]]:
 
 
 def cases_of(node: t.Cases) -> tuple[list[tuple[Node, Node]], Node]:
-    """Return the conditions with their values, and the value where none holds."""
+    """Return the conditions with their values, and the value if none holds."""
     found: list[tuple[Node, Node]] = []
     rest: Node = node
     while isinstance(rest, t.Cases):

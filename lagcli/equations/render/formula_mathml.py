@@ -109,7 +109,7 @@ class MathmlFormula(DisplayWriter):
         base, below = self._name(node)
         if raised:
             tag = "msubsup" if below else "msup"
-            if base.startswith("<mover>"):  # the exponent stands beside the letter, not its dots
+            if base.startswith("<mover>"):  # the exponent belongs to the letter, not to its dots
                 base = f'<mpadded height="0.7em">{base}</mpadded>'
             return f"<{tag}>{base}{below}{raised}</{tag}>"
         found = f"<msub>{base}{below}</msub>" if below else base
@@ -155,7 +155,7 @@ class MathmlFormula(DisplayWriter):
         *before, last = self._tight(base, depth)
         if not before:
             return [f"<msup>{_row(str(last))}{raised}</msup>"]
-        # the bracket's end carries the exponent
+        # the closing bracket carries the exponent
         return [*before, f"<msup>{last}{raised}</msup>"]
 
     def _write_call(self, node: t.Call, depth: int) -> list[Token]:
@@ -211,7 +211,7 @@ class MathmlFormula(DisplayWriter):
         ]
         if node.operator == "not":
             return [f"<mrow><mtext>not\u00a0</mtext>{_joined(self._fenced([parts[0]]))}</mrow>"]
-        # of usual spaces at its ends, a browser shows none
+        # browsers ignore ordinary spaces at the ends
         word = f"<mtext>\u00a0{node.operator}\u00a0</mtext>"
         return [f"<mrow>{word.join(parts)}</mrow>"]
 

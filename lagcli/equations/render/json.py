@@ -102,7 +102,7 @@ def render_json(f: Formulas, contents: Contents) -> str:
     f : Formulas
         Formulas of the system.
     contents : Contents
-        What is printed; its steps are added as a list.
+        Requested content; its steps are added as a list.
     """
     full = contents.full
     plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)

@@ -16,7 +16,7 @@ from lagcli.equations.render.names import LATEX_GREEK, latex_ascii
 from lagcli.model.model import Model
 
 TEXT_WIDTH = 455.0  # in points: 160 mm
-_ROWS = 60  # of one display; more than a page
+_ROWS = 60  # rows of one display; more than a page
 _INDENT = 20.0  # points: \quad and the alignment
 _NUMBER = 34.0  # points: the number of an equation and the space before it
 
@@ -204,7 +204,7 @@ def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
 
 
 def is_item(line: Line) -> bool:
-    """Whether a line is that of a list: a name, not an equation or inequality."""
+    """Whether a line is an item of a list: a name, not an equation or inequality."""
     return len(line.sides) == 1 and not isinstance(line.sides[0], Relation | Logical)
 
 
@@ -250,7 +250,7 @@ def displays(
 
 
 def _head(line: Line, formula: LatexFormula) -> str:
-    """Return the coordinate to which a formula belongs, as it stands before the formula."""
+    """Return the coordinate to which a formula belongs, written before the formula."""
     label = line.label
     if label is None or isinstance(label, str):
         return ""
@@ -294,7 +294,7 @@ def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[
 
 
 def _note(line: Line) -> list[Token]:
-    """Return note and range of a line, to be written after the formula; a label's stand with it."""
+    """Return note and range of a line, written after the formula; those of a label stay with it."""
     if isinstance(line.label, str):
         return []
     parts = [rf"\text{{{escape(line.note)}}}"] if line.note else []

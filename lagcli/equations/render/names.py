@@ -16,7 +16,7 @@ from lagcli.model.names.latex_symbol import InvalidLatex, parse, to_latex
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-#: Of indices; other letters have no subscript in Unicode.
+#: Subscript letters in Unicode.
 _INDEX_SIGNS = str.maketrans("0123456789ijknpsu+−-", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₖₙₚₛᵤ₊₋₋")
 _MEMBER = re.compile(r"([^\[]+)(\[.*\])(.*)")
 _DOTS = ("", "\u0307", "\u0308")
@@ -184,7 +184,7 @@ def _latex(name: str) -> tuple[str, str]:
     return letter, f"_{{{_latex_subscript(subscript)}}}"
 
 
-#: An index of a general member, such as i, i−1 or N+1.
+#: Matches the index of a general member, such as i, i−1 or N+1.
 _INDEX = re.compile(r"([A-Za-z]\w*)([+−]\d+)?")
 
 

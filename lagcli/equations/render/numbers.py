@@ -39,14 +39,14 @@ def decimal(value: Fraction, decimals: frozenset[int]) -> str | None:
 def is_rounded(value: Fraction, plain: str | None, numeric: bool) -> bool:
     """Return whether a number is printed with six significant digits.
 
-    With parameter values inserted, every longer decimal and every fraction is. In symbolic
-    equations only fractions of long numbers are, which come from measured or computed constants of
-    the model: 0.704466 is easier to read than 35223315263779/50000000000000.
+    With parameter values inserted, every longer decimal and every fraction is rounded. In symbolic
+    equations, only fractions of long numbers are, which result from measured or computed constants
+    of the model: 0.704466 is easier to read than 35223315263779/50000000000000.
 
     Parameters
     ----------
     plain : str or None
-        What `decimal` gives for the value.
+        Result of `decimal` for the value.
     numeric : bool
         Whether parameter values are inserted.
     """

@@ -62,12 +62,12 @@ def _padded(text: str, width: int) -> str:
 
 
 def heights(step: Step, formula: TextFormula, width: int) -> list[int]:
-    """Return how many lines of text each formula of a step takes that are not packed."""
+    """Return the number of lines of each formula of a step that is not packed."""
     return list(map(len, _blocks(step.lines, formula, width)))
 
 
 def height(step: Step, formula: TextFormula, width: int) -> int:
-    """Return how many lines of text a step takes, with its title and the blank line after it."""
+    """Return the number of lines of a step, including its title and the blank line after it."""
     inner = width - len(_INDENT)
     said = _paragraph(step.lead or "", inner) + _paragraph(step.remark or "", inner)
     write = _packed if step.packed else _group
@@ -110,7 +110,7 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
 
 
 def _is_name(line: Line) -> bool:
-    """Whether a line is a name with its meaning."""
+    """Whether a line is a name with its description."""
     return len(line.sides) == 1 and isinstance(line.sides[0], Symbol)
 
 
@@ -167,7 +167,7 @@ def _formula(
 
 
 def _unaligned(line: Line, formula: TextFormula, room: int) -> list[str]:
-    """Return a formula on one line if it fits, and each of its sides on a new one otherwise."""
+    """Return a formula on one line if it fits; otherwise each side on a separate line."""
     whole = " = ".join(map(formula.text, line.sides))
     if display_width(whole) <= room:
         return [whole]

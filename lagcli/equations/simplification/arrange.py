@@ -99,7 +99,7 @@ class Arranger:
             In the model's symbols.
         own : SymEngine symbol, optional
             Symbol whose terms come first among those with accelerations, or velocities: q̈ᵢ in the
-            equation of qᵢ, so that the equations of like coordinates are arranged alike.
+            equation of qᵢ, so that the equations of similar coordinates are arranged equally.
         follows : bool
             Whether the expression follows other terms and so may begin with a minus sign.
 
@@ -124,12 +124,12 @@ class Arranger:
             return whole
         candidates = [whole, self._multiplied_out(e)]
         if isinstance(e, se.Add | se.Mul | se.Pow):
-            first = 0 if _has_roots(e) else len(candidates)  # (s − s₀)/s, even if as long
+            first = 0 if _has_roots(e) else len(candidates)  # (s − s₀)/s, even if it is not shorter
             candidates.insert(first, self._structured(e))
         best = min((c for c in candidates if c is not None), key=weight)
         collected = self._collected(e)
         if collected is not None and weight(collected) < 1.5 * weight(best):
-            return collected  # collected accelerations may cost some more characters
+            return collected  # collected accelerations may take a few more characters
         return best
 
     def _collected(self, e: Basic) -> Node | None:
@@ -191,7 +191,8 @@ class Arranger:
     def _parts(
         self, outer: Term, parts: list[Pair], expansion: MonomialExpansion, style: ContentStyle
     ) -> Term:
-        """Return a factor times a sum, with what its terms share in front of the bracket."""
+        """Return a factor times a sum, with the common factors of its terms in front of the
+        bracket."""
         if len(parts) == 1:
             return outer * self._pair(parts[0].functions, parts[0].motion, expansion)
         common = shared_by(parts, expansion)
@@ -225,7 +226,7 @@ class Arranger:
         expansion: MonomialExpansion,
         style: ContentStyle,
     ) -> list[tuple[Key, Node]]:
-        """Return the terms of a bracket, as one with a common factor if that is shorter."""
+        """Return the terms of a bracket, factored if that is shorter."""
         found = [
             (self._place(p, expansion), self._pair(p.functions, p.motion, expansion).node())
             for p in parts

@@ -63,7 +63,7 @@ def pairs(terms: Polynomial, expansion: MonomialExpansion) -> list[Pair]:
 
 
 def shared_by(parts: list[Pair], expansion: MonomialExpansion) -> Monomial:
-    """Return the common factor to take out: common symbols, and functions with equal exponents.
+    """Return the common factor of terms: common symbols, and functions with equal exponents.
 
     sin² φ and sin φ cos φ keep their sines, as in the textbook.
     """

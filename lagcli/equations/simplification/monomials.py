@@ -1,9 +1,8 @@
 """SymEngine expressions as sums of monomials.
 
-A monomial is a product of generators with integer exponents; a generator is a symbol, a function
-of something, a root, or a sum that is better left whole. Generators fall into three classes, by
-which formulas are arranged: parameters, functions of position and time, and what moves
-(multipliers, accelerations, velocities).
+A monomial is a product of generators with integer exponents; a generator is a symbol, a function, a
+root, or a sum that is not expanded. Formulas are arranged by three classes of generators:
+parameters, functions of position and time, and motion (multipliers, accelerations, velocities).
 """
 
 from __future__ import annotations
@@ -27,24 +26,24 @@ Place = tuple[tuple[int, ...], int, str]
 Head = Literal["symbol", "function", "root", "power", "sum", "cases"]
 Class = Literal["parameter", "function", "multiplier", "acceleration", "velocity"]
 
-MAX_TERMS = 500  # beyond it nobody reads an expansion
+MAX_TERMS = 500  # longer expansions are not readable
 UNIT: Monomial = ()
 
 
 class TooLarge(Exception):
-    """An expansion grows beyond what is worth printing."""
+    """An expansion is too long to be printed."""
 
 
 @dataclass(frozen=True)
 class Generator:
-    """What monomials are made of.
+    """A generator of monomials.
 
     Parameters
     ----------
     head : str
-        What it is.
+        Kind of the generator.
     name : str
-        Name of a symbol or function.
+        Name of the symbol or function.
     arguments : tuple of expressions
         Arguments of a function; the base of a root; base and exponent of a power; the sum or the
         cases.
@@ -65,7 +64,7 @@ def exact(value: Basic) -> Exact:
     if isinstance(value, se.Rational):
         p, q = value.get_num_den()
         return Fraction(int(p), int(q))
-    return Fraction(repr(float(value)))  # the decimal that the double was written as
+    return Fraction(repr(float(value)))  # the decimal from which the double was read
 
 
 def times(a: Monomial, b: Monomial) -> Monomial:
@@ -109,11 +108,11 @@ class MonomialExpansion:
     ----------
     model : Model
     order : sequence of str
-        The parameters, in the order in which they are to be written.
+        The parameters, in the order in which they are written.
     values : mapping of str to exact numbers, optional
         Parameters to be replaced by their values.
     open_sums : bool
-        Whether sums of parameters are multiplied out too, or stay whole: (e − e_a).
+        Whether sums of parameters are expanded too; otherwise they are kept: (e − e_a).
     """
 
     def __init__(
@@ -155,15 +154,16 @@ class MonomialExpansion:
         return found
 
     def order(self, monomial: Monomial) -> tuple[tuple[Place, int], ...]:
-        """Return a key that sorts x² before x y before y², sin before cos, as names are written."""
+        """Return a key that sorts x² before x y before y², sin before cos, in the order of
+        writing."""
         return tuple(sorted((self.places[g], -n) for g, n in monomial))
 
     def ranks(self, symbols: Iterable[Basic]) -> tuple[int, ...]:
-        """Return the places of symbols in the order of writing."""
+        """Return the ranks of symbols in the order of writing."""
         return tuple(sorted(self.index(Generator("symbol", s.name)) for s in symbols))
 
     def _place(self, generator: Generator, index: int) -> Place:
-        """Return where a generator stands among others: by its symbols, then sin before cos."""
+        """Return the sort key of a generator: by its symbols, then sin before cos."""
         if generator.head == "symbol":
             return (index,), 0, ""
         free = set().union(*(a.free_symbols for a in generator.arguments))
@@ -226,11 +226,11 @@ class MonomialExpansion:
         return {((self.index(generator), exponent),): 1}
 
     def _constant(self, value: float) -> Polynomial | None:
-        """Return a number where parameters have values; else constants stay what they are."""
+        """Return a number if parameters have values; else constants are kept."""
         return {UNIT: Fraction(repr(value))} if self.values and math.isfinite(value) else None
 
     def _number(self, e: Basic) -> Fraction | None:
-        """Return the value of an expression that is a number once parameters have values."""
+        """Return the value of an expression that is a number after substitution of parameters."""
         if not self.values or any(s.name not in self.values for s in e.free_symbols):
             return None
         terms = self.polynomial(e)
@@ -258,13 +258,13 @@ class MonomialExpansion:
         return total
 
     def _of_parameters(self, e: Basic) -> bool:
-        """Whether a sum holds parameters only, and stands for itself: (e − e_a)."""
+        """Whether a sum contains only parameters and is kept: (e − e_a)."""
         if self.values or self.open_sums:
             return False
         return all(self._class_of.get(s.name) == "parameter" for s in e.free_symbols)
 
     def oriented(self, e: Basic) -> tuple[int, Basic]:
-        """Return ±1 and ±e, so that the first name in writing order has a positive sign."""
+        """Return ±1 and ±e, such that the first name in writing order has a positive sign."""
         first: tuple[tuple[int, ...], Exact] | None = None
         for term, coefficient in e.as_coefficients_dict().items():
             ranks = tuple(
@@ -322,13 +322,13 @@ class MonomialExpansion:
         return self._one(Generator("sum", "", (base,)), n)
 
     def opened(self, terms: Polynomial, below: Monomial) -> Polynomial | None:
-        """Return terms with the sums multiplied out that a denominator has; None if there are none.
+        """Return terms with the sums of a denominator expanded; None if there are none.
 
         Parameters
         ----------
         terms : Polynomial
         below : Monomial
-            Its negative powers are the denominator.
+            Monomial whose negative powers are the denominator.
         """
         sums = {g for g, n in below if n < 0 and self.generators[g].head in ("sum", "root")}
         degrees = {g: self.generators[g].degree for g in sums}
@@ -349,7 +349,7 @@ class MonomialExpansion:
         return total
 
     def _hard(self, terms: Polynomial) -> bool:
-        """Whether a sum knows roots or quotients, which squaring would only multiply."""
+        """Whether a sum contains roots or quotients, which squaring would multiply."""
         return any(
             exponent < 0 or self.generators[g].head in ("root", "cases", "power")
             for monomial in terms
@@ -358,7 +358,7 @@ class MonomialExpansion:
         )
 
     def _cases(self, e: Basic) -> Polynomial:
-        """Return cases that agree as their common value; else a generator."""
+        """Return cases that agree as their common value; otherwise as a generator."""
         first, *others = [self.polynomial(value) for value in e.args[::2]]
         if all(other == first for other in others):
             return first

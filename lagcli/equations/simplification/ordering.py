@@ -21,7 +21,7 @@ from lagcli.model.names.members import family_of
 def writing_order(model: Model) -> tuple[str, ...]:
     """Return the parameters in the order in which the model writes them in products.
 
-    m*g*r is displayed as m g r regardless of the order of declaration, which decides only between
+    m*g*r is displayed as m g r regardless of the order of declaration, which is used only for
     parameters that no product orders.
     """
     families: dict[str, list[str]] = {}

@@ -26,9 +26,9 @@ def ordered(terms: Iterable[tuple[Key, Node]], follows: bool = False) -> Node:
     Parameters
     ----------
     terms : iterable of (key, node)
-        The terms with their sort keys, of which the first entry is the class of a term.
+        The terms with their sort keys, whose first entry is the class of a term.
     follows : bool
-        Whether the sum follows other terms. If not, a leading class that has a positive term begins
+        Whether the sum follows other terms. If not, a leading class with a positive term starts
         with it: b − a, not −a + b.
     """
     found = _sorted(terms)
@@ -44,13 +44,13 @@ def ordered(terms: Iterable[tuple[Key, Node]], follows: bool = False) -> Node:
 def oriented(terms: Iterable[tuple[Key, Node]]) -> tuple[int, Node]:
     """Return ±1 and ±sum, so that the first term is positive.
 
-    The order does not depend on signs: sums that differ only in them are arranged alike.
+    The order does not depend on signs: sums that differ only in signs are arranged equally.
     """
     return forward(sum_of((sign, term) for _, sign, term in _sorted(terms)))
 
 
 def _sorted(terms: Iterable[tuple[Key, Node]]) -> list[tuple[Key, int, Node]]:
-    """Return the terms of a sum in order, those of sums among them one by one."""
+    """Return the terms of a sum in order, with nested sums flattened."""
     return [
         (key, sign, term)
         for key, node in sorted(terms, key=lambda t: t[0])

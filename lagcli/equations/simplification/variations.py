@@ -1,4 +1,4 @@
-"""Arrangement of differentiated constraints: factored, with differences as they are written."""
+"""Arrangement of differentiated constraints: factored, with differences in their original order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lagcli.equations.presentation.typeset import (
 
 
 def displaced(node: Node) -> Node | None:
-    """Return a formula with δq in the place of q̇, each at the end of its product.
+    """Return a formula with δq instead of q̇, each at the end of its product.
 
     Returns None if a fraction or a root contains a velocity.
     """
@@ -58,9 +58,9 @@ def differences(nodes: Iterable[Node]) -> frozenset[Node]:
 
 
 def oriented(node: Node, written: frozenset[Node]) -> Node:
-    """Return a formula whose products have differences as they are written elsewhere.
+    """Return a formula whose products contain differences in their original order.
 
-    (x₁ − x₂) (ẋ₁ − ẋ₂) becomes (x₂ − x₁) (ẋ₂ − ẋ₁) if the author wrote x₂ − x₁.
+    (x₁ − x₂) (ẋ₁ − ẋ₂) becomes (x₂ − x₁) (ẋ₂ − ẋ₁) if the model contains x₂ − x₁.
     """
     if not written:
         return node

@@ -1,1 +1,1 @@
-"""Linear symmetries of a system, and the conserved quantities that follow from them."""
+"""Linear symmetries of a system, and its conserved quantities."""

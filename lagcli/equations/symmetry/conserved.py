@@ -16,7 +16,7 @@ from lagcli.equations.symmetry.linear import Extent, Symmetry, linear_symmetries
 from lagcli.equations.symmetry.monomials import coefficients, symbolic
 from lagcli.model.expression.linearity import is_zero
 
-#: Terms that may be looked at: in `lagcli check`, some seconds; before a run, some 20 ms.
+#: Limits of the number of terms: `lagcli check` may take some seconds, a run some 20 ms.
 THOROUGH, QUICK = 1e5, 1e3
 
 Kind = Literal["energy", "jacobi", "momentum"]
@@ -29,15 +29,15 @@ class ConservedQuantity(NamedTuple):
     Parameters
     ----------
     name : str
-        ``p_theta`` of a cyclic coordinate; ``energy``, ``jacobi``; ``J_1``, ``J_2``, … of others.
+        ``p_theta`` for a cyclic coordinate; ``energy``, ``jacobi``; ``J_1``, ``J_2``, … otherwise.
     kind : str
         ``energy``: h = T + V; ``jacobi``: h = q̇·∂L/∂q̇ − L otherwise, or with ξ; ``momentum``.
     field : mapping of int to expression
         The nonzero components of ξ by coordinate, linear in q.
     time : expression
-        τ: 1 if the quantity belongs to a shift of time, else 0.
+        τ: 1 if the symmetry shifts time, else 0.
     gauge : expression
-        F(q), whose rate is what ξ and τ change L by.
+        F(q), whose time derivative is the change of L by ξ and τ.
     multiples : mapping of (int, int) to expression
         μ in B ξ + τ b_0 = μ φ, by constraint and by position constraint.
     expression : expression
@@ -45,8 +45,7 @@ class ConservedQuantity(NamedTuple):
     momentum_form : expression
         I in the momenta p_q and h.
     general : bool
-        Whether it is conserved for all values of the parameters, and not for those of the model
-        alone.
+        Whether it is conserved for all values of the parameters, not only for those of the model.
     """
 
     name: str
@@ -61,7 +60,7 @@ class ConservedQuantity(NamedTuple):
 
     @property
     def in_momenta(self) -> str:
-        """The quantity by the momenta p_q and h, as text: ``x*p_y - y*p_x``."""
+        """The quantity in the momenta p_q and h, as text: ``x*p_y - y*p_x``."""
         terms = list(coefficients(self.momentum_form).items())
         terms.sort(key=lambda pair: str(pair[0]))
         signs, factors = zip(*(_factor(x, str(term)) for term, x in terms), strict=True)
@@ -76,8 +75,8 @@ class Conserved(NamedTuple):
     ----------
     quantities : tuple of ConservedQuantity
     extent : str
-        ``linear``: all of linear symmetries were searched for; ``translations``: those of constant
-        ξ; ``absent coordinates``: of coordinates that occur nowhere.
+        ``linear``: all linear symmetries were searched; ``translations``: those with constant ξ;
+        ``absent coordinates``: coordinates that do not occur in the equations.
     """
 
     quantities: tuple[ConservedQuantity, ...]
@@ -96,8 +95,8 @@ def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Cons
     Returns
     -------
     Conserved
-        For the values of the parameters in the model; `lagcli.equations.symmetry.generality` says
-        whether they matter.
+        For the model's parameter values; `lagcli.equations.symmetry.generality` determines whether
+        they matter.
     """
     symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
     return Conserved(_named(equations, _lasting(equations, symmetries)), extent)
@@ -116,10 +115,10 @@ def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
 
 
 def _lasting(equations: Equations, symmetries: list[Symmetry]) -> list[Symmetry]:
-    """Return the symmetries whose quantities stay constant while constraints come and go.
+    """Return the symmetries whose quantities remain constant when constraints switch.
 
-    Momenta are conserved by impacts and friction as they are by constraints, since B ξ = 0 of all
-    rows. Energy is lost by them, and what events set follows no law.
+    Impacts and friction conserve momenta as constraints do, since B ξ = 0 for all rows. They
+    dissipate energy, and assignments by events change any quantity.
     """
     model = equations.model
     if any(e.action.set or e.action.impulse for e in model.events):
@@ -192,9 +191,9 @@ def quantity_of(
 
 
 def _size(equations: Equations, symmetry: Symmetry) -> Fraction:
-    """Return the number by which a symmetry is divided, so that its largest part is 1.
+    """Return the number by which a symmetry is divided so that its largest component is 1.
 
-    A rotation of a unit quaternion at the rate 1 changes it by half of that.
+    A rotation of a unit quaternion with rate 1 changes it by half of that.
     """
     if symmetry.time:
         return symmetry.time
@@ -205,7 +204,7 @@ def _size(equations: Equations, symmetry: Symmetry) -> Fraction:
 
 
 def _quaternions(equations: Equations) -> set[int]:
-    """Return the coordinates of unit quaternions: of constraints e·e = 1."""
+    """Return the coordinates of unit quaternions: those of constraints e·e = 1."""
     found: set[int] = set()
     for c in equations.constraints:
         ratios = {b / equations.q[i] for i, b in c.row.items()}
@@ -216,7 +215,7 @@ def _quaternions(equations: Equations) -> set[int]:
 
 
 def _factor(coefficient: Basic, term: str) -> tuple[str, str]:
-    """Return the sign of a term, and its text without."""
+    """Return the sign of a term, and its text without the sign."""
     numerator, denominator = map(int, coefficient.get_num_den())
     front = f"{abs(numerator)}*" if abs(numerator) != 1 else ""
     below = f"/{denominator}" if denominator != 1 else ""

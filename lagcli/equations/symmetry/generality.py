@@ -14,20 +14,20 @@ from lagcli.equations.symmetry.conserved import ConservedQuantity, quantity_of
 from lagcli.equations.symmetry.monomials import coefficients, rational, symbolic
 from lagcli.equations.symmetry.proof import Proof
 
-#: Ways to name the numbers of a symmetry by parameters that are tried.
+#: Number of candidate expressions of a symmetry's numbers in terms of parameters.
 _MOST_NAMINGS = 32
-#: Factors of parameters.
+#: Numbers tried as factors of parameters.
 _PLAIN = (Fraction(1), Fraction(1, 2), Fraction(2))
 
 
 def generalized(equations: Equations, quantity: ConservedQuantity) -> ConservedQuantity:
-    """Return a quantity with its numbers written by parameters, where it then holds for all values.
+    """Return a quantity with its numbers expressed by parameters, if it then holds for all values.
 
     Parameters
     ----------
     equations : Equations
     quantity : ConservedQuantity
-        As `conserved_quantities` finds it.
+        Quantity from `conserved_quantities`.
     """
     if Proof(equations, quantity).holds_generally():
         return quantity._replace(general=True)
@@ -62,7 +62,8 @@ def _namings(equations: Equations, quantity: ConservedQuantity) -> Iterator[dict
 
 
 def _equal(number: Fraction, known: Mapping[Basic, Fraction]) -> list[Basic]:
-    """Return the products with a plain number that have a value, those with 1 first."""
+    """Return the products of parameters and a plain number that have a given value, factor 1
+    first."""
     factors = {symbol: number / x for symbol, x in known.items() if abs(number / x) in _PLAIN}
     exact = sorted(factors, key=lambda symbol: abs(factors[symbol]) != 1)
     return [symbolic(factors[symbol]) * symbol for symbol in exact]

@@ -46,7 +46,7 @@ Extent = Literal["linear", "translations", "absent coordinates"]
 
 #: An unknown: its letter and its indices.
 Unknown = tuple[str, int, int]
-#: Numerators of numbers that do not come from parameters.
+#: Numerators of numbers that are not given by parameters.
 _SMALL = (-2, -1, 1, 2)
 #: An unknown with a factor of its coefficient.
 _Use = tuple[Unknown, Basic]
@@ -60,7 +60,7 @@ class Symmetry(NamedTuple):
     linear : mapping of (int, int) to Fraction
         The nonzero entries of A.
     shift : mapping of int to Fraction
-        Those of b.
+        The nonzero entries of b.
     time : Fraction
         τ.
     gauge_linear, gauge_quadratic : mappings to Fraction
@@ -78,7 +78,7 @@ class Symmetry(NamedTuple):
 
     @property
     def is_energy(self) -> bool:
-        """Whether it is a shift of time alone, by which h is conserved."""
+        """Whether it is a pure shift of time, which conserves h."""
         return not (self.linear or self.shift or self.gauge_linear or self.gauge_quadratic)
 
 
@@ -91,16 +91,16 @@ def linear_symmetries(
     ----------
     equations : Equations
     parameters : mapping of str to float
-        Values that are put in; symmetries may hold for these alone.
+        Parameter values to substitute; symmetries may hold only for these.
     effort : float
-        About how many terms may be looked at. Where there are more, less is searched.
+        Approximate limit of the number of terms. If there are more, the search is restricted.
 
     Returns
     -------
     list of Symmetry
         A basis of the linear space of symmetries.
     Extent
-        What was searched.
+        Extent of the search.
     """
     if 2 * term_count(equations.lagrangian) * len(equations.q) > effort:
         return _absent(equations), "absent coordinates"
@@ -112,7 +112,7 @@ def linear_symmetries(
         extent = "translations"
     vectors = system.solutions(extent == "linear")
     if any(x.numerator not in _SMALL or x.denominator > 2 for v in vectors for x in v.values()):
-        # numbers that come from parameters: of those that depend on them as few as possible
+        # prefer unknowns whose numbers do not come from parameters
         general = _Conditions(equations, Monomials({})).solutions(extent == "linear")
         vectors = [*general, *vectors]
     known = system.unknowns(extent == "linear")
@@ -137,13 +137,13 @@ class _Conditions:
 
     @property
     def size(self) -> float:
-        """About how many terms the conditions have."""
+        """Approximate number of terms of the conditions."""
         parts = [*self.forces, *self.momenta, self.time, *self.drifts, *self.positions]
         parts += [b for row in self.rows for b in row.values()]
         return sum(map(term_count, parts))
 
     def solutions(self, with_rotations: bool) -> list[SparseVector]:
-        """Return a basis of the symmetries, with A or with A = 0, in the unknowns."""
+        """Return a basis of the symmetries, with A or with A = 0, in terms of the unknowns."""
         known = self.unknowns(with_rotations)
         places = {unknown: place for place, unknown in enumerate(known)}
         rows: dict[tuple[int, Basic, int], SparseVector] = defaultdict(dict)
@@ -162,9 +162,9 @@ class _Conditions:
         return null_space([row for row in equations if row], len(known))
 
     def on_constraints(self, vector: SparseVector, known: list[Unknown]) -> SparseVector:
-        """Return ξ and τ, with ξ less multiples of the position constraints that are linear in q.
+        """Return ξ and τ, with ξ reduced by the position constraints that are linear in q.
 
-        A field that vanishes on the constraints has a momentum that is always zero.
+        The momentum of a field that vanishes on the constraints is identically zero.
         """
         k = len(self.momenta)
         rows: dict[int, SparseVector] = defaultdict(dict)
@@ -192,7 +192,7 @@ class _Conditions:
         return echelon(rows)
 
     def unknowns(self, with_rotations: bool) -> list[Unknown]:
-        """Return the unknowns; of those that depend on each other the last ones stay free."""
+        """Return the unknowns; of linearly dependent ones, the last ones are free."""
         k, r, rh = len(self.momenta), len(self.rows), len(self.positions)
         both = [(i, j) for i in range(k) for j in range(k)]
         found = [("mu", i, j) for i in range(r) for j in range(rh)]
@@ -205,7 +205,7 @@ class _Conditions:
         return [*found, ("tau", 0, 0)]
 
     def _entries(self, with_rotations: bool) -> Iterator[tuple[int, Iterable[Term], list[_Use]]]:
-        """Yield the number of a condition, the terms of a sum, and the unknowns it is a factor of.
+        """Yield the number of a condition, the terms of a sum, and the unknowns multiplied by it.
 
         Condition −1 is that of L, condition β that of constraint β.
         """

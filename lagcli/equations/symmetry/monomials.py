@@ -1,9 +1,9 @@
 """Expressions as sums of independent monomials with rational coefficients.
 
 A sum vanishes identically if and only if all of its coefficients vanish, once sines and cosines are
-written in exponentials: cos θ = (E + 1/E)/2, sin θ = (E − 1/E)/(2i) with E = exp(iθ). By this the
-identities of trigonometry hold without further rules. Other functions, roots and denominators count
-as independent: a relation between them may be missed, but no false one is found.
+written as exponentials: cos θ = (E + 1/E)/2, sin θ = (E − 1/E)/(2i) with E = exp(iθ). Trigonometric
+identities then hold without further rules. Other functions, roots and denominators count as
+independent: a relation between them may be missed, but no false one is found.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from lagcli.model.expression.linearity import count_terms, expand_terms
 
 ONE, TWO = se.Integer(1), se.Integer(2)
 _SMALL_DENOMINATOR = 10**6
-_ROUNDING = 4e-16  # of a parameter that was computed from others
+_ROUNDING = 4e-16  # rounding error of a parameter computed from others
 
 
 def rational(value: float) -> Fraction:
-    """Return the simple rational number that a double stands for: 3/4000 for 7.5e-4."""
+    """Return the simple rational number that a double represents: 3/4000 for 7.5e-4."""
     found = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
     if abs(found - Fraction(value)) <= _ROUNDING * abs(Fraction(value)):
         return found
@@ -34,7 +34,7 @@ def symbolic(value: Fraction) -> Basic:
     return se.Integer(value.numerator) / se.Integer(value.denominator)
 
 
-#: A rational number; most are integers, of which arithmetic is ten times as fast.
+#: A rational number; most are integers, whose arithmetic is ten times as fast.
 Exact = int | Fraction
 #: A monomial with the real and imaginary parts of its coefficient.
 Term = tuple[Basic, Exact, Exact]
@@ -46,8 +46,8 @@ class Monomials:
     Parameters
     ----------
     values : mapping of str to float
-        Values of parameters that are put in. Parameters that are left out count as independent
-        symbols, so that what vanishes does so for all of their values.
+        Parameter values to substitute. Other parameters count as independent symbols, so that a
+        result holds for all of their values.
     """
 
     def __init__(self, values: Mapping[str, float]):
@@ -74,7 +74,7 @@ class Monomials:
                 yield monomial, *_parts(coefficient)
 
     def _wave(self, function: Basic) -> Basic:
-        """Return sin or cos of a linear combination of terms by their exponentials."""
+        """Return sin or cos of a linear combination of terms in terms of their exponentials."""
         angle = expand_terms(function.args[0])
         factors = []
         for term, coefficient in (
@@ -95,7 +95,8 @@ def term_count(exponential: Basic) -> float:
 
 
 def _number(coefficient: Basic | int) -> Basic:
-    """Return a coefficient as SymEngine's; of single terms it is Python's."""
+    """Return a coefficient as a SymEngine number; coefficients of single terms are Python
+    numbers."""
     return se.Integer(coefficient) if isinstance(coefficient, int) else coefficient
 
 

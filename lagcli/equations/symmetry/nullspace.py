@@ -15,7 +15,7 @@ _Integers = dict[int, int]
 def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]:
     """Return a basis of the vectors x with A x = 0.
 
-    Gaussian elimination of rows of integers, which need no common divisors in every operation.
+    Gaussian elimination with rows of integers, whose common divisors are removed only occasionally.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
     Returns
     -------
     list of sparse vectors
-        In the reduced form: each has an entry 1 in a column where the others have none. Of columns
-        that depend on each other, the later ones are chosen for that.
+        In reduced form: each has an entry 1 in a column where the others have 0. Of linearly
+        dependent columns, the later ones are used for that.
     """
     left, vanishing = _without_single_entries(rows)
     pivots: dict[int, _Integers] = {column: {column: 1} for column in vanishing}
@@ -39,7 +39,8 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
 
 
 def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVector], set[int]]:
-    """Return rows without the unknowns that must vanish, which most do, and these."""
+    """Return rows without the unknowns that must vanish, which are the majority, and these
+    unknowns."""
     left, vanishing = [row for row in rows if row], set[int]()
     while found := {column for row in left if len(row) == 1 for column in row}:
         vanishing |= found
@@ -52,13 +53,13 @@ def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVe
 
 
 def independent(vectors: Iterable[SparseVector]) -> list[int]:
-    """Return the places of the vectors that are linearly independent of those before them."""
+    """Return the indices of the vectors that are linearly independent of the previous ones."""
     pivots: dict[int, _Integers] = {}
     return [place for place, vector in enumerate(vectors) if _add(_integers(vector), pivots)]
 
 
 def echelon(vectors: Iterable[SparseVector]) -> list[SparseVector]:
-    """Return a basis of the space of some vectors, by their first entries, which are 1."""
+    """Return a basis of the span of some vectors, by their first entries, which are 1."""
     pivots: dict[int, _Integers] = {}
     for vector in vectors:
         _add(_integers(vector), pivots)
@@ -66,7 +67,7 @@ def echelon(vectors: Iterable[SparseVector]) -> list[SparseVector]:
 
 
 def remainder(vector: SparseVector, basis: Iterable[SparseVector]) -> SparseVector:
-    """Return a vector less multiples of those of `echelon`, without their first entries."""
+    """Return a vector reduced by those of `echelon`."""
     found = dict(vector)
     for row in basis:
         factor = found.get(min(row))
@@ -77,7 +78,7 @@ def remainder(vector: SparseVector, basis: Iterable[SparseVector]) -> SparseVect
 
 
 def _add(row: _Integers, pivots: dict[int, _Integers]) -> bool:
-    """Add a row to a basis, if it is independent of it."""
+    """Add a row to a basis if it is linearly independent."""
     while row:
         lead = min(row)
         if lead not in pivots:
@@ -88,7 +89,7 @@ def _add(row: _Integers, pivots: dict[int, _Integers]) -> bool:
 
 
 def _integers(row: SparseVector) -> _Integers:
-    """Return a multiple of a row in integers without a common divisor, the first positive."""
+    """Return a multiple of a row with coprime integers, the first one positive."""
     common = lcm(*(x.denominator for x in row.values()))
     return _primitive({c: x.numerator * (common // x.denominator) for c, x in row.items()})
 
@@ -101,7 +102,7 @@ def _primitive(row: _Integers) -> _Integers:
 
 
 def _without(row: _Integers, lead: int, pivot: _Integers) -> _Integers:
-    """Return a combination of a row and a pivot row without the column of the pivot."""
+    """Return a combination of a row and a pivot row that eliminates the pivot column."""
     divisor = gcd(row[lead], pivot[lead])
     own, other = pivot[lead] // divisor, row[lead] // divisor
     found = {c: own * x for c, x in row.items()}
@@ -111,7 +112,8 @@ def _without(row: _Integers, lead: int, pivot: _Integers) -> _Integers:
 
 
 def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> SparseVector:
-    """Return the solution with one free unknown 1 and the others 0, by back substitution."""
+    """Return the solution with one free unknown equal to 1 and the others 0, by back
+    substitution."""
     found: SparseVector = {free: 1}
     for lead in solved:
         row = pivots[lead]

@@ -26,7 +26,7 @@ class Proof:
         self.equations, self.quantity = equations, quantity
 
     def products(self) -> Iterator[tuple[Basic, Basic]]:
-        """Yield factors whose products' sum is (∂L/∂q + Q)·ξ + p·ξ̇ + τ (∂L/∂t − Q·v)."""
+        """Yield the factors of the products in (∂L/∂q + Q)·ξ + p·ξ̇ + τ (∂L/∂t − Q·v)."""
         eq, quantity = self.equations, self.quantity
         for i, x in quantity.field.items():
             yield eq.gradient[i] + eq.applied_forces[i], x
@@ -37,7 +37,7 @@ class Proof:
                 yield -quantity.time * force, v
 
     def constraint_products(self, beta: int) -> Iterator[tuple[Basic, Basic]]:
-        """Yield factors whose products' sum is b_β·ξ + τ b_0."""
+        """Yield the factors of the products in b_β·ξ + τ b_0."""
         c = self.equations.constraints[beta]
         for i, b in c.row.items():
             if i in self.quantity.field:
@@ -51,7 +51,7 @@ class Proof:
         return se.Add(*[x * positions[j] for (i, j), x in multiples if i == beta])
 
     def rate(self, expression: Basic) -> Basic:
-        """Return the rate of a function of q."""
+        """Return the time derivative of a function of q."""
         pairs = zip(self.equations.q, self.equations.v, strict=True)
         return se.Add(*[expression.diff(q) * v for q, v in pairs])
 

@@ -1,1 +1,1 @@
-"""Families of names in formulas."""
+"""Families in formulas: recognition and index form."""

@@ -1,4 +1,4 @@
-"""Values of formulas for comparison: with indexed sums written out, whatever their arrangement."""
+"""Values of formulas for comparison, with expanded indexed sums and independent of arrangement."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from lagcli.equations.presentation.typeset import (
     Symbol,
 )
 
-#: The indices of a member: j, N−1, 3.
+#: Matches the indices of a member: j, N−1, 3.
 _INDICES = re.compile(r"\[([^\]]*)\]")
 _INDEX = re.compile(r"([A-Za-z]\w*)(?:([+−-])(\d+))?")
 
 
 class NotCompared(ValueError):
-    """A formula has a part of which it is not known when it is equal to another."""
+    """A formula contains a part that cannot be compared."""
 
 
 def are_equal(one: Node, two: Node, numbers: Mapping[str, int]) -> bool:
-    """Return whether two formulas are equal, as far as it is known; see `formula_value`."""
+    """Return whether two formulas are known to be equal; see `formula_value`."""
     try:
         return bool(se.expand(formula_value(one, numbers) - formula_value(two, numbers)) == 0)
     except NotCompared:
@@ -50,7 +50,7 @@ def formula_value(node: Node, numbers: Mapping[str, int]) -> Basic:
     Raises
     ------
     NotCompared
-        The formula is more than sums, products, powers and functions of names.
+        The formula contains more than sums, products, powers and functions of names.
     """
 
     def value(inner: Node) -> Basic:
@@ -93,7 +93,7 @@ def _whole(value: Basic) -> int:
 
 
 def _written(indices: str, numbers: Mapping[str, int]) -> str:
-    """Return indices with their values."""
+    """Return indices with values substituted."""
     return ",".join(_index(text, numbers) for text in indices.split(","))
 
 

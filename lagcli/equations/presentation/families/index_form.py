@@ -1,9 +1,9 @@
-"""Families in index form: one formula for all members, and sums with an index.
+"""Index form of families: one formula for all members, and indexed sums.
 
-Formulas of consecutive members that differ by their index only become one formula, valid over a
-range; terms of a sum that differ so become an indexed sum. Members at the ends of a family belong
-to it where the formula holds for them, with sums that are empty; others stay by themselves. The
-length of a derivation then does not depend on the number of members.
+Formulas of consecutive members that differ only by their index become one formula, valid over a
+range; likewise, terms of a sum become an indexed sum. Members at the ends of a family are included
+if the formula holds for them with empty sums; otherwise they are printed separately. The length of
+a derivation then does not depend on the number of members.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from lagcli.equations.presentation.typeset import (
 )
 from lagcli.model.model import Model
 
-#: Consecutive members from which they are written as one.
+#: Smallest number of consecutive members that are merged.
 SHORTEST = 3
-#: A bound that differs from the number of members by at most this is written with its name.
+#: A bound that differs from the number of members by at most this is written in terms of its name.
 _NEAR = 3
 _LETTERS = ("i", "j", "k", "n", "p", "s", "u", "w")
-#: A member, whose last index runs: x[3], r[3].x, u[2,3].
+#: Matches a member; its last index varies: x[3], r[3].x, u[2,3].
 _MEMBER = re.compile(r"(.*\[(?:-?\d+,)?)(-?\d+)(\].*)")
 
 
@@ -55,14 +55,14 @@ class _Member(Node):
 
 @dataclass(frozen=True)
 class _Linear(Node):
-    """A number that is linear in the index."""
+    """An integer that is linear in the index."""
 
     start: Fraction
     slope: Fraction
 
 
 def with_hint(steps: Sequence[Step]) -> list[Step]:
-    """Return steps of which the first in index form says how to see all members."""
+    """Return steps; the first one in index form explains how to show all members."""
     found = list(steps)
     for i, step in enumerate(found):
         if any(map(_in_index_form, step.lines)):
@@ -82,7 +82,7 @@ def _in_index_form(line: Line) -> bool:
 
 
 class IndexForm:
-    """Writes families of one model in index form.
+    """Converts the families of one model to index form.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class IndexForm:
 
     def __init__(self, model: Model):
         names = {*model.coordinate_names, *model.parameters, *model.definitions}
-        #: Whether the model has any.
+        #: Whether the model has families.
         self.families = any("[" in name for name in (*names, *model.constraint_names))
         self._letters = [x for x in _LETTERS if x not in names]
         self._sizes = [
@@ -101,7 +101,7 @@ class IndexForm:
         ]
 
     def steps(self, steps: Sequence[Step]) -> list[Step]:
-        """Return steps in index form; those of a model without families unchanged."""
+        """Return steps in index form; unchanged if the model has no families."""
         return list(map(self.step, steps)) if self.families else list(steps)
 
     def step(self, step: Step) -> Step:
@@ -130,9 +130,10 @@ class IndexForm:
     def _extended(
         self, run: _Run, items: Sequence[Sequence[Line]], begun: int, at: int
     ) -> tuple[int, int]:
-        """Return the first item and the end of a run with the members beside it that it holds for.
+        """Return the first item and the end of a run, extended by adjacent members for which it
+        holds.
 
-        At the ends of a family, sums have one term or none: they are written otherwise.
+        At the ends of a family, sums have one term or none and are written differently.
         """
         numbers = dict(self._sizes)
 
@@ -147,7 +148,7 @@ class IndexForm:
         return first, last
 
     def _alone(self, line: Line) -> Line:
-        """Return a line whose last members are named by the number of members: x[N]."""
+        """Return a line in which the last members are named by the number of members: x[N]."""
         label = line.label
         if isinstance(label, str):
             shown = self._named(Symbol(label, kind="constraint"))
@@ -189,7 +190,7 @@ class IndexForm:
         return self._named(self._with_sums(node)) if self.families else node
 
     def _with_sums(self, node: Node) -> Node:
-        """Return a formula whose sums have an index where their terms differ by it only."""
+        """Return a formula in which sums are indexed if their terms differ only by the index."""
         node = rebuilt(node, self._with_sums)
         if not isinstance(node, Sum) or len(node.terms) < SHORTEST:
             return node
@@ -215,14 +216,14 @@ class IndexForm:
         return sum_of(terms)
 
     def _letter_for(self, node: Node) -> str:
-        """Return a letter for the index of a sum that its terms do not use."""
+        """Return a letter for the index of a sum that does not occur in its terms."""
         used = {x.index for x in _walk(node) if isinstance(x, IndexedSum)}
         return next(x for x in self._letters[1:] if x not in used)
 
     # display
 
     def _shown(self, node: Node, letter: str) -> Node:
-        """Return a template as a formula with the letter of its index."""
+        """Return a template as a formula with its index letter."""
         match node:
             case _Member():
                 index = _offset(letter, node.offset)
@@ -261,7 +262,7 @@ class IndexForm:
         return sum_of(sorted(ordered, key=lambda x: x[0] < 0 and not terms))
 
     def _bound(self, value: int) -> str:
-        """Return an index, in terms of the number of members if it is near to it."""
+        """Return an index, in terms of the number of members if it is close."""
         for name, size in self._sizes:
             if abs(value - size) <= _NEAR and value > _NEAR:
                 return _offset(name, value - size)
@@ -278,7 +279,7 @@ def _signed_line(sign: int, term: Node) -> Line:
 
 
 def _nodes(line: Line) -> list[Node]:
-    """Return label and sides; a constraint's label as its symbol."""
+    """Return label and sides; the label of a constraint as its symbol."""
     label = line.label
     if isinstance(label, str):
         label = Symbol(label, kind="constraint")
@@ -286,7 +287,7 @@ def _nodes(line: Line) -> list[Node]:
 
 
 def _base(one: Sequence[Line], two: Sequence[Line]) -> int | None:
-    """Return the first index of an item that is one higher in the next item."""
+    """Return the first index of an item that is larger by one in the next item."""
     here, there = _indices(one), _indices(two)
     if len(here) != len(there):
         return None
@@ -354,7 +355,7 @@ def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list
 
 
 def _alike(item: Sequence[Line], first: Sequence[Line], template: list[list[Node]]) -> bool:
-    """Return whether an item has the notes of another one, and as many sides as its template."""
+    """Return whether an item has the same notes as another and as many sides as its template."""
     sides = [len(x.sides) + 1 for x in item]
     return [x.note for x in item] == [x.note for x in first] and sides == list(map(len, template))
 
@@ -378,7 +379,7 @@ def _holds(
     index: int,
     numbers: Mapping[str, int],
 ) -> bool:
-    """Return whether a template holds for an item, in whatever arrangement."""
+    """Return whether a template holds for an item, in any arrangement."""
     if not _alike(item, first, template):
         return False
     for line, (label, *sides) in zip(item, template, strict=True):
@@ -392,7 +393,7 @@ def _holds(
 
 
 def _common(a: Node, b: Node, index: int) -> Node | None:
-    """Return what two formulas have in common, for an index and the next one."""
+    """Return the common template of two formulas, for an index and the next one."""
     if a == b:
         return a
     if type(a) is not type(b):
@@ -434,14 +435,14 @@ def _common_symbol(a: Symbol, b: Symbol, index: int) -> Node | None:
 
 
 def _at(template: Node, index: int) -> Node:
-    """Return a template for one index."""
+    """Return a template for a value of the index."""
     match template:
         case _Member():
             name = f"{template.family}{index + template.offset}{template.part}"
             return Symbol(name, template.dots, template.kind)  # type: ignore[arg-type]
         case _Linear():
             return Number(template.start + template.slope * index)
-        case Product():  # a factor 1 is not written
+        case Product():  # a factor 1 is omitted
             factors = [_at(x, index) for x in template.factors]
             left = tuple(x for x in factors if x != ONE)
             return left[0] if len(left) == 1 else Product(left)

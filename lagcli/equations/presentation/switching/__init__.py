@@ -1,1 +1,1 @@
-"""What switches, as formulas: contacts, friction, impacts, events."""
+"""Switching in formulas: contacts, friction, impacts, events."""

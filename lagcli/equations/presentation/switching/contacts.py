@@ -1,4 +1,4 @@
-"""Unilateral constraints, friction and limits as a textbook writes them."""
+"""Unilateral constraints, friction and limits in textbook notation."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def is_friction(c: ConstraintEquation) -> bool:
 
 
 def as_inequality(line: Line, c: ConstraintEquation) -> Line:
-    """Return the line of a constraint with its sign between the sides."""
+    """Return the line of a constraint with its relation between the sides."""
     if not c.constraint.sign:
         return line
     left, right = line.sides
@@ -52,7 +52,8 @@ def as_inequality(line: Line, c: ConstraintEquation) -> Line:
 
 
 def contacts_step(f: Formulas) -> Step | None:
-    """Return the conditions of unilateral constraints, limits and friction; None without any."""
+    """Return the conditions of unilateral constraints, limits and friction; None if there are
+    none."""
     lines = [line for c in f.equations.constraints for line in _laws(f, c)]
     if not lines:
         return None
@@ -99,7 +100,7 @@ def _difference(f: Formulas, c: ConstraintEquation, sign: int = 1) -> Node:
 
 
 def _size(f: Formulas, limit: MultiplierLimit, value: Basic) -> Node:
-    """Return a limit; friction as its coefficient times |λ|, without the bars where λ ≥ 0."""
+    """Return a limit; friction as its coefficient times |λ|, or times λ if λ ≥ 0."""
     if limit.normal is None:
         return f.arrange(value)
     size = se.Symbol("|lambda|")
@@ -114,7 +115,7 @@ def _size(f: Formulas, limit: MultiplierLimit, value: Basic) -> Node:
 def _limit(
     f: Formulas, c: ConstraintEquation, limit: MultiplierLimit, multiplier: Symbol
 ) -> Iterator[Line]:
-    """Yield the law of a row that sticks up to a limit, and slips beyond it."""
+    """Yield the law of a row that sticks up to a limit and slips beyond it."""
     slip = _difference(f, c)
     static, kinetic = (_size(f, limit, x) for x in (limit.static, limit.kinetic))
     borne = Relation(Call("abs", (multiplier,)), "<=", static)

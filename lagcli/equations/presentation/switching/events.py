@@ -10,7 +10,7 @@ from lagcli.model.model import ModelEvent
 
 
 def events_step(f: Formulas) -> Step | None:
-    """Return the conditions and actions of the events; None without any."""
+    """Return the conditions and actions of the events; None if there are none."""
     lines = [line for event in f.model.events for line in _lines(f, event)]
     if not lines:
         return None
@@ -20,7 +20,7 @@ def events_step(f: Formulas) -> Step | None:
 
 
 def _lines(f: Formulas, event: ModelEvent) -> Iterator[Line]:
-    """Yield the condition of an event with what it does, then what it sets."""
+    """Yield the condition of an event with its actions, then its assignments."""
     sides = tuple(f.written(tree, event.indices) for tree in event.sides)
     if not sides:
         sides = (Sign(event.when, rf"\text{{{event.when}}}"),)
@@ -40,7 +40,7 @@ def _impulse(coordinate: str) -> Node:
 
 
 def said_actions(event: ModelEvent) -> str:
-    """Return what an event does besides setting values, in words."""
+    """Return the actions of an event other than assignments, in words."""
     action = event.action
     said = [f"releases {x}" for x in action.release if not x.endswith(".slip")]
     said += [f"engages {x}" for x in action.engage if not x.endswith(".slip")]
