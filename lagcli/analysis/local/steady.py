@@ -219,7 +219,7 @@ class SteadyProblem:
             Starting point.
         p : tuple of float
         multipliers : (nc,) array, optional
-            Where to start; those that balance the forces best by default.
+            Starting value; by default the λ that balance the forces best.
         """
         nc = len(self.local.system.constraints)
         given = np.zeros(nc) if multipliers is None else multipliers

@@ -15,7 +15,7 @@ _Integers = dict[int, int]
 def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]:
     """Return a basis of the vectors x with A x = 0.
 
-    Gaussian elimination with rows of integers, whose common divisors are removed only occasionally.
+    Fraction-free Gaussian elimination: rows are integers without a common divisor.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class ConditionReader:
         self._condition(left)
 
     def _contact(self, words: re.Match[str]) -> None:
-        """Read what happens to a contact."""
+        """Parse a change of a contact."""
         change = words["change"]
         if change not in _CHANGES:
             raise ExpressionError(
