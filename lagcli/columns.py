@@ -321,7 +321,7 @@ class ColumnName(NamedTuple):
     constraint, coordinate : str
         Of which constraint and coordinate, where it is along such an axis.
     conserved : str
-        Conserved of which conserved quantity.
+        Name of the conserved quantity it belongs to.
     """
 
     quantity: str

@@ -26,13 +26,13 @@ def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
     Returns
     -------
     Model
-        Model of a model file or a shipped model, as `load`.
+        Of a model file or a shipped model, as `load`.
     Trajectory
-        Trajectory of a result file, as `read`.
+        Of a result file, as `read`.
     xarray.Dataset
         Of a sweep: a variable for each measure.
     dict
-        Dict of a file of an analysis (check, equilibrium, modes, fit): its content.
+        Content of an analysis file (check, equilibrium, modes, fit).
 
     Raises
     ------

@@ -295,7 +295,7 @@ class Stopped(Exception):
     event : Event or str
         A sign change, or the name of an event of the model.
     time : float, optional
-        Time of the latter, s.
+        Time of the occurrence, s.
     """
 
     def __init__(self, event: Event | str, time: float = 0.0):

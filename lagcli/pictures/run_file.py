@@ -42,7 +42,7 @@ class RunFile:
         Number of samples.
     record : Record
     varied : mapping of str to float
-        Varied of a row of a sweep: what tells it from the others, by name.
+        Varied quantities of a row of a sweep, by name.
     fields : frozenset of str or None
         The fields that there are; None for all.
 
@@ -82,7 +82,7 @@ class RunFile:
         Parameters
         ----------
         names : iterable of str
-            Names of `lagcli.trajectory.samples.Samples`; an output is ``outputs/NAME``.
+            Fields of `lagcli.trajectory.samples.Samples`; an output is ``outputs/NAME``.
         samples : (m,) array of int, optional
             Which samples, increasing; all by default.
 

@@ -204,7 +204,7 @@ def from_number(value: float | str | None) -> float:
     Returns
     -------
     float
-        Float of the same bits, except that every NaN becomes the one of Python.
+        The same bits, with every NaN replaced by Python's.
 
     Raises
     ------

@@ -41,9 +41,9 @@ class Setting(Generic[T]):
     metavar : str
         The value in the command line's help, where its type does not say enough.
     check : callable, optional
-        Check of numbers: their range.
+        Check of the range of numbers.
     choices : tuple of str
-        Choices of words: those that there are.
+        Allowed words.
     """
 
     name: str

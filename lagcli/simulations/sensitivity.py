@@ -181,7 +181,7 @@ class Sensitivity:
         ----------
         start : ConsistentState
         values : sequence of n float
-            Values of θ, for which it was found.
+            Values of θ at this state.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Sensitivity:
         Parameters
         ----------
         given : State
-            Given of `Directions.state`.
+            State from `Directions.state`.
         near : ConsistentState, optional
             That for similar values. Where the constraints leave no choice, it is where the search
             begins, which then stays on its branch.

@@ -50,7 +50,7 @@ class Summary:
     run : int
         Rows that were run now, not taken from the journal.
     rows_per_second : float
-        Rows per second of those.
+        Rows per second of these.
     seconds : float
     keep : str
     measures : list of str
@@ -103,7 +103,7 @@ def sweep(
     Parameters
     ----------
     model : path or Model
-        Model of a Model, its text and the values that it was loaded with count.
+        Model, or its file. A Model is used with its text and the values it was loaded with.
     vary : sequence of str
         ``m=1:2:0.1``, ``l=0.2,0.3``, ``@file.csv``, …; see docs/sweeps.md.
     output : str or path

@@ -124,7 +124,7 @@ class Samples(Columns):
     outputs : mapping of str to (nt,) array
         The model's own columns.
     conserved_names : tuple of str
-        Conserved names of the conserved quantities.
+        Names of the conserved quantities.
     sensitivity : tuple of n str
         Parameters and initial values with respect to which the motion was differentiated; mostly
         none.

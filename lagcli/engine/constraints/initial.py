@@ -72,7 +72,7 @@ class NoConsistentState(NoStart):
     level : "position" or "velocity"
     violations : list of Violation
     stuck : list of str
-        Stuck of the violated constraints' unknowns, those that are fixed.
+        The fixed ones among the unknowns of the violated constraints.
     contradiction : bool
         Whether the free entries cannot improve the residual at all: the fixed values, or the
         constraints among each other, contradict.
@@ -113,7 +113,7 @@ def consistent_state(
         Its q and v are fixed values and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool
     evaluator : Evaluator, optional
-        Evaluator of the System, for any values of its parameters; made here without.
+        Evaluator of the System, for any values of its parameters; created if not given.
 
     Returns
     -------

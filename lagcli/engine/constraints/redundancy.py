@@ -31,7 +31,7 @@ def dependent_sets(
     state : State
         On the constraints.
     rank : int
-        Rank of the rows of B that hold.
+        Rank of the active rows of B.
     held : sequence of int
         The constraints that hold.
 

@@ -50,11 +50,11 @@ class Phases:
     watched : list of Watched
         What ends them; the conditions of events follow these in `values`.
     impact_times : dict of int to list of float
-        Impact times of each switched row.
+        Impact times by switched row, s.
     entries : list of EventEntry
         The log.
     branches : Branches or None
-        Branches of the kinks, where the System is a frozen one.
+        Branches of the kinks, if the System is frozen.
     on_parameters : callable
         Called with the values of the parameters when they change.
     """

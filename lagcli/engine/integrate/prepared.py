@@ -48,7 +48,7 @@ class Prepared(NamedTuple):
     whole : Program or None
         The dynamics with the elimination unrolled, where it is.
     tangent : Program, optional
-        Tangent of a System with derivatives.
+        Program of the derivatives' right sides, for a System with derivatives.
     """
 
     elimination: Elimination | None

@@ -14,7 +14,7 @@ class Blocks:
     Parameters
     ----------
     counts : Counts
-        Counts of the motion alone.
+        Counts of the motion, without derivatives.
     directions : int
     """
 

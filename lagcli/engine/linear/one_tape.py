@@ -25,7 +25,7 @@ def in_one_tape(system: System, elimination: Elimination) -> tuple[System, Tape]
     Parameters
     ----------
     system : System
-        System of `lagcli.engine.sensitivity.augmented.with_derivatives`.
+        System from `lagcli.engine.sensitivity.augmented.with_derivatives`.
     elimination : Elimination
         Elimination of the motion.
 

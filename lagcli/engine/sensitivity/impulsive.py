@@ -28,7 +28,7 @@ class ImpulsiveRow(NamedTuple):
     row : int
         The constraint.
     normal : int or None
-        Normal of a row that slips: the constraint whose impulse limits it. None: of others.
+        For a slipping row, the constraint whose impulse limits it; otherwise None.
     holds : bool
     factor : float
         c of a row that holds; w of an open one; Λ/Λ_N of one that slips.

@@ -47,12 +47,12 @@ class DifferentiatedResolution(InstantResolution):
         As of `InstantResolution`.
     system : DirectionalSystem
     change : Change
-        Change of the state before, with that of the time.
+        Change of the state before the instant, and of its time.
 
     Attributes
     ----------
     change : Change
-        Change of the state reached so far; NaN in directions that have none.
+        Change of the current state; NaN in directions without a derivative.
     jumped : bool
         Whether an action or an impact has changed the state, parameters, or what holds.
     reasons : list of str

@@ -100,7 +100,7 @@ class TangentProblem:
         Returns
         -------
         Outcome
-            Outcome of the motion: ``undefined`` and ``tolerances`` are its own.
+            For the motion only, including ``undefined`` and ``tolerances``.
         """
         full = self._whole_request(request, start)
         emit = partial(self._emit, request, sink)

@@ -68,7 +68,7 @@ def start_derivatives(
     state : State
         The consistent initial state.
     given : StartDerivatives
-        Given of the initial values as they are given, fixed values and guesses.
+        Derivatives of the given initial values, fixed ones and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool
 
     Returns

@@ -60,7 +60,7 @@ class SwitchedTangent(SwitchedIntegration):
     system : System
     request : IntegrationRequest
     start : StartDerivatives
-        Start of q and v, (n, nq).
+        Derivatives of the initial q and v, (n, nq).
     parameters : (n, np) array
         Derivatives of the parameters.
     names : sequence of n str

@@ -46,9 +46,8 @@ def solve_contacts(problem: ContactProblem) -> ContactSolution | None:
     Returns
     -------
     ContactSolution or None
-        ContactSolution or None of redundant contacts, the forces of least norm among those that
-        obey the laws. None: there is no solution, or, beyond the bounds of enumeration, none was
-        found.
+        For redundant contacts, the forces of least norm among those that satisfy the laws. None:
+        there is no solution, or, beyond the bounds of enumeration, none was found.
     """
     return next(_Normalized(problem).solutions(None), None)
 

@@ -23,7 +23,7 @@ class RecordedInstants:
     records : bool
         Whether there is such an event.
     limits : list of OneSidedLimits
-        Limits of the instants that have ended.
+        One-sided limits of the completed instants.
     open : bool
         Whether an instant has begun and not ended.
     first : int

@@ -38,20 +38,18 @@ class SwitchedRow(NamedTuple):
     row : int
         Its index in ``System.constraints``.
     sign : int
-        Sign of a unilateral constraint: 1 for φ ≥ 0, λ ≥ 0; −1 for φ ≤ 0, λ ≤ 0. 0 of any other
-        row.
+        For a unilateral constraint, 1 for φ ≥ 0, λ ≥ 0, and −1 for φ ≤ 0, λ ≤ 0; 0 for other rows.
     limit : int or None
-        Limit of a row that bears only so much: its number among the limits.
+        Index of the limit of a limited row.
     normal : int or None
-        Normal of friction: the constraint whose multiplier limits it, an index in
-        ``System.constraints``. Where that one is unilateral, the row is open with it, and takes
-        part in its impacts.
+        For friction, the index in ``System.constraints`` of the constraint whose multiplier limits
+        it. Where that one is unilateral, the row is open with it, and takes part in its impacts.
     active : bool
         Whether it is there at the start; events engage and release it.
     closed : bool
         Whether the initial state is solved with it as a constraint.
     unit : str or None
-        Unit of φ or ψ; None where it is not known.
+        Unit of φ or ψ; None if unknown.
     """
 
     row: int

@@ -51,8 +51,7 @@ ABBREVIATIONS = "Abbreviations of these entries"
 ENTRIES = "Entries of the mass matrix and of the forces"
 _NONE = "There are none: the constraints determine the motion."
 
-#: Number of operations of the equations of motion above which they are printed as M a = f with
-#: abbreviations.
+#: Operations of the equations of motion above which they are printed as M a = f, abbreviated.
 LONGEST = 1200
 #: Largest ratio of the lengths of a formula in the original structure and of the arranged one.
 _KEPT = 1.3
@@ -432,8 +431,7 @@ _SHORT_DIVISOR = 8  # largest denominator that remains in a fraction, characters
 def _over_determinants(
     f: Formulas, found: list[SolvedUnknown], nodes: dict[str, Symbol]
 ) -> list[Line]:
-    """Return fractions as products with 1/Δ, and the definition of Δ; such formulas can be
-    broken."""
+    """Return fractions as products with 1/Δ, which can be broken, and the definitions of Δ."""
     below: dict[Node, Sign] = {}
     lines = []
     for s in found:

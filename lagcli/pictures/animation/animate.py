@@ -46,7 +46,7 @@ class Animation(NamedTuple):
     speed : float
         Seconds of the motion per second.
     frames : int
-        Frames of a film; in a page, the samples that it holds.
+        Frame rate of a film; number of samples in a page.
     notes : tuple of str
         What the reader should know of the run.
     """

@@ -256,10 +256,10 @@ def look(names: Notation | None, name: str, dots: int = 0) -> str:
     Parameters
     ----------
     names : Notation or None
-        Names of the model; without it, the name is written as columns are called.
+        Names of the model; if not given, the name is written as in columns.
     name : str
     dots : int
-        Dots of the derivative with respect to time.
+        Order of the derivative with respect to time.
     """
     letter, _ = split(name)
     typed = raw(str(ColumnName("qva"[dots], "", name)))

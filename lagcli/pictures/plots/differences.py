@@ -26,7 +26,7 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
         For matplotlib. By parameters that differ; else by initial values, by options, by file
         names.
     values : list of float or None
-        Values of the parameter that differs, or of several that with the most values.
+        Values of the differing parameter; of several, the one with the most values.
     name : str
         That parameter with its unit, and the others that differ.
     """

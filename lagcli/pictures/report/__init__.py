@@ -25,7 +25,7 @@ class Report(NamedTuple):
     size : int
         Bytes.
     samples : int or None
-        Samples of the run; none of an analysis.
+        Number of samples of the run; none for an analysis.
     notes : tuple of str
         What the reader should know of the run.
     """
@@ -73,8 +73,8 @@ def report(
     model : path, optional
         A model file instead of the text that the result holds: the same model, with another view.
     modes : str, optional
-        Modes of a run: add the modes of its model about its ``start``, the ``equilibrium`` next to
-        it, or its state at a time, s; their plot needs matplotlib.
+        For a run: add the modes of its model about its ``start``, the ``equilibrium`` next to it,
+        or its state at a time, s; their plot needs matplotlib.
     force : bool
         Replace an existing file.
 

@@ -47,7 +47,7 @@ class ReportCurve(NamedTuple):
     field : str
         Field of `Samples`, or ``outputs/NAME``.
     place : tuple of int
-        Place of the values in a sample of that field.
+        Index of the values in a sample of that field.
     scale : float
         By which the values are divided.
     """
@@ -78,7 +78,7 @@ class Plot:
     least : float, optional
         Curves that nowhere exceed it in magnitude are left out.
     symbol : str
-        Symbol of the upright axis; by default the labels of the curves.
+        Label of the vertical axis; by default the labels of the curves.
     """
 
     title: str

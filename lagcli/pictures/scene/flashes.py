@@ -26,7 +26,7 @@ def with_contacts(scene: Scene, log: EventLog | None, constraints: Sequence[str]
     ----------
     scene : Scene
     log : EventLog or None
-        Log of the run; without it, the scene is as it was.
+        Log of the run; without it, the scene is unchanged.
     constraints : sequence of str
         Names of all constraints, in the model's order.
     """

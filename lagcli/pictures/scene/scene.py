@@ -118,7 +118,7 @@ class Scene:
     labels : dict of str to str
         Texts by points.
     unit : str
-        Unit of the points; empty where the model states no units.
+        Unit of the points; empty if the model has no units.
     flashes : tuple of DrawnFlashes
     """
 

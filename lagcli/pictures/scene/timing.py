@@ -96,9 +96,8 @@ def timing(
     speed : float, optional
         Seconds of the motion per second.
     duration : float, optional
-        Duration of the animation, s; instead of the speed. Without both it is real time, but for
-        motions shorter than a second, which are slowed down, and longer than a minute, which are
-        sped up.
+        Duration of the animation, s, instead of the speed. By default real time, except for motions
+        shorter than a second, which are slowed down, and longer than a minute, which are sped up.
 
     Raises
     ------

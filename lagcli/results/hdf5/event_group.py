@@ -45,10 +45,10 @@ def write_events(
     Parameters
     ----------
     root : h5py.Group
-        Root of the file.
+        Root group of the file.
     log : EventLog
     time : (nt,) array
-        Time of the samples.
+        Times of the samples, s.
     axes : mapping of str to dataset
         ``time``, ``coordinate`` and ``constraint`` of the file, and ``parameter`` if it has that.
     """

@@ -29,7 +29,7 @@ class SurfaceValues(NamedTuple):
     residual : (n,) array
         The largest difference of the forces from what the motion requires.
     report : (outputs, n) array
-        Report of the System's report tape.
+        Outputs of the System's report tape.
     """
 
     residual: Array

@@ -84,7 +84,7 @@ class Cluster:
         Yields
         ------
         Results
-            Results of each row once. A row that ends the processes that run it is a failed one.
+            Of each row once. A row that terminates its processes is a failed row.
 
         Raises
         ------

@@ -43,7 +43,7 @@ class FinishedRuns(NamedTuple):
     rank : int
         Rank of B at the starts.
     changes : sequence of (int, tuple of float)
-        Changes of one run alone: samples from which events give other values to its parameters.
+        For a single run: samples from which events set other parameter values.
     """
 
     places: Indices

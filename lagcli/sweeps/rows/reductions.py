@@ -65,8 +65,7 @@ class Measuring:
     Attributes
     ----------
     reductions : list of Reduction
-        Reductions of all measures, each once: their signals, in this order, are what it is called
-        with.
+        Distinct reductions of all measures; the signals passed are in this order.
     count : int
         m.
     """

@@ -80,7 +80,7 @@ class Signals:
         parameters : (runs, np) array
             At the first sample.
         changes : sequence of (int, tuple of float), optional
-            Changes of one run alone: samples from which events give other values to the parameters.
+            For a single run: samples from which events set other parameter values.
         """
         runs, count = samples.shape[:2]
         before = np.zeros(runs)

@@ -39,7 +39,7 @@ class Branches:
     ----------
     frozen : FrozenSystem
     full : Evaluator
-        Full of its System; its parameters end with the branches, which are changed there.
+        Evaluator of the frozen System; its last parameters are the branches, which are set here.
     span : float
         Span of the run, s.
 
@@ -125,7 +125,7 @@ class Branches:
         Parameters
         ----------
         values : (nk,) array
-            Values of `values`.
+            Result of `values`.
         k : int
         upwards : bool
         """

@@ -17,7 +17,7 @@ class HeldEvaluator(Evaluator):
     Parameters
     ----------
     full : Evaluator
-        Full of the System with all its constraints.
+        Evaluator of the System with all its constraints.
     rows : sequence of int
         The constraints that hold, increasing.
 

@@ -40,7 +40,7 @@ class ModalMotion(Index1):
     modes : (ns,) array of int
         `RowMode` of each switched row.
     rank : int
-        Rank of the rows of B that hold.
+        Rank of the active rows of B.
 
     Attributes
     ----------
