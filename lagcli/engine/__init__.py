@@ -1,1 +1,1 @@
-"""Equations → numbers."""
+"""Numerical engine: Systems, their integration and linear algebra."""

@@ -29,11 +29,11 @@ class Event(NamedTuple):
     Parameters
     ----------
     number : int
-        Which of the functions.
+        Index of the function.
     direction : int
-        1 where it rises through zero, −1 where it falls.
+        1 if it rises through zero, −1 if it falls.
     time : float
-        s; the first time at which the function has its new sign.
+        Time, s: the first one at which the function has its new sign.
     q, v : (nq,) arrays
         The state there, on the constraints.
     """
@@ -45,16 +45,16 @@ class Event(NamedTuple):
     v: Array
 
 
-#: What follows an event: "go on", "stop", or the state (q, v) from which to continue.
+#: Reaction to an event: "go on", "stop", or the state (q, v) from which to continue.
 Reaction = Literal["go on", "stop"] | tuple[Array, Array]
 
 
-#: What an entry of the log is. "rest" ends a sequence of impacts that has a limit in time; "event"
-#: is one of the model's events.
+#: Kinds of log entries. "rest" ends a sequence of impacts that has a limit in time; "event" is one
+#: of the model's events.
 Occurrence = Literal[
     "closes", "opens", "slips", "sticks", "impact", "rest", "releases", "engages", "event"
 ]
-#: What an occurrence is as a change of a contact that events name.
+#: Kinds of log entries by the changes of a contact named in events.
 CHANGES: dict[Occurrence, ContactChange] = {
     "closes": "closes",
     "rest": "closes",
@@ -66,7 +66,7 @@ CHANGES: dict[Occurrence, ContactChange] = {
 
 
 class EventEntry(NamedTuple):
-    """What happened to one row, or one of the model's events, at an instant.
+    """Change of one row, or occurrence of one of the model's events, at an instant.
 
     Parameters
     ----------
@@ -74,20 +74,21 @@ class EventEntry(NamedTuple):
         s.
     occurrence : Occurrence
     which : int
-        An index in ``System.constraints``; of "event", in ``Switching.events``.
+        An index in ``System.constraints``; for "event", in ``Switching.events``.
     q : (nq,) array
     before, after : (nq,) arrays
         The velocities.
     impulse : (nc,) array
         Impulse of all constraints at that instant; 0 without an impact.
     loss : float
-        Energy that this row's impulse takes, −Λ (γ⁻ + γ⁺)/2 with its friction; J.
+        Energy absorbed by this row's impulse, −Λ (γ⁻ + γ⁺)/2 including its friction; J.
     supplied : float
-        Energy that moving constraints supply by their impulses; J.
+        Energy supplied by the impulses of moving constraints; J.
     work : float
-        Work of the event's actions, with what velocities lose where it engages a constraint; J.
+        Work of the event's actions, and the energy lost by velocities when it engages a constraint;
+        J.
     modes : (ns,) array of int
-        `RowMode` of each switched row afterwards.
+        `RowMode` of each switched row after the instant.
     """
 
     time: float
@@ -104,15 +105,15 @@ class EventEntry(NamedTuple):
 
 
 class OneSidedLimits(NamedTuple):
-    """The limits of the motion at an instant at which one of the model's events happens.
+    """One-sided limits of the motion at an instant at which one of the model's events occurs.
 
     Parameters
     ----------
     entry : int
         Entry of the event in ``Outcome.events``.
     left, right : (width,) arrays
-        Sample rows before anything happens at the instant, and after all has: `SampleLayout`. a
-        and λ are NaN on the left of the start, and where the run ends in the midst of the instant.
+        Sample rows before and after the instant: `SampleLayout`. a and λ are NaN on the left of the
+        initial time, and if the run ends during the instant.
     left_p, right_p : tuples of float
         Values of the parameters.
     """
@@ -125,39 +126,40 @@ class OneSidedLimits(NamedTuple):
 
 
 class IntegrationRequest(NamedTuple):
-    """What to integrate.
+    """A request to integrate a System.
 
     Parameters
     ----------
     state : State
-        The consistent state at the start, ``settings.t_start``.
+        The consistent initial state, at ``settings.t_start``.
     rank : int
         Rank of B there; below nc, the constraints are redundant.
     settings : Settings
-        How to integrate: the interval, the method, its tolerances and limits.
+        Complete settings: interval, method, tolerances and limits.
     times : (nt,) array
         Sample times, increasing, within the interval.
     atol : float or (2 nq + 1,) array
-        Absolute tolerances on q, v and the work; 0 where they follow the size of the entry, as
-        core/sizes.h says.
+        Absolute tolerances of q, v and the work; 0 if they follow the size of the entry, as defined
+        in core/sizes.h.
     kinds : tuple of int, optional
-        By coordinate, a number that those of the same unit share, from 0 on; all alike without.
+        Kind of each coordinate, from 0: coordinates of the same unit have the same number; by
+        default all are of one kind.
     block_rows : int
         The largest number of samples in a block.
     elimination : Elimination, optional
-        The order of elimination that is found at this state, where that was done already.
+        The order of elimination found at this state, if it is already known.
     prepared : Prepared, optional
-        What a run with other values was made ready by: it is taken where this one needs the same.
-        Compiled engine only.
+        Prepared programs of a run with other values, used if they are suitable. Compiled engine
+        only.
     on_event : callable, optional
         Event → Reaction; without it, events are not searched for.
     on_parameters : callable, optional
-        Called with the values of all parameters when an event sets some, after the samples before
+        Called with the values of all parameters when an event sets some, after the previous samples
         were emitted.
     breaks : (nb,) array
         Times at which the right side is not smooth, increasing, s: steps end there, the integration
-        restarts, and a sample at such a time is that of what follows. The knots of the System's
-        functions of time are added by the engine: see `breaks_of`.
+        restarts, and a sample at such a time is taken after it. The engine adds the knots of the
+        System's functions of time: see `breaks_of`.
     """
 
     state: State
@@ -191,7 +193,7 @@ def breaks_of(system: System, request: IntegrationRequest) -> Array:
 
 
 class Block(NamedTuple):
-    """Consecutive samples, as an engine emits them; `np.column_stack` makes sample rows of them.
+    """Consecutive samples from an engine; `np.column_stack` makes sample rows of them.
 
     Parameters
     ----------
@@ -224,18 +226,17 @@ class Block(NamedTuple):
 
 @dataclass(eq=False, repr=False)
 class Outcome:
-    """What an engine returns: how it ended, and what it took.
+    """Result of an engine: how the run ended, and statistics.
 
-    ``undefined`` is the state at which the equations had no finite value, where that ended the run;
-    ``constraints`` are those that did, where they have no gradient at the start. ``methods`` are
-    those that took steps, where the engine chose. ``tolerances`` are the absolute ones on q, v and
-    the work at the end, (2 nq + 1,). ``events`` is what happened at contacts and events, in order,
-    and ``modes`` the modes of the switched rows at the start:
-    those at a sample are those after the last entry up to its time. ``limits`` are those of the
-    events of the model that record something. ``kinks`` counts how often branches of the
-    equations changed: `lagcli.engine.switching.kinks`. ``event_changes`` are derivatives of the
-    times of ``events`` with respect to n directions, (ne, n), where the run carries them, and
-    ``notes`` say where derivatives of the motion end.
+    ``undefined`` is the state at which the equations were not finite, if that ended the run;
+    ``constraints`` are the constraints that ended it because they have no gradient at the initial
+    state. ``methods`` are the methods that took steps, if the engine chose. ``tolerances`` are the
+    final absolute tolerances of q, v and the work, (2 nq + 1,). ``events`` are the log entries, in
+    order, and ``modes`` the modes of the switched rows at the initial state: those at a sample are
+    the modes after the last entry up to its time. ``limits`` are those of the model's events that
+    record columns. ``kinks`` is the number of changes of branches: `lagcli.engine.switching.kinks`.
+    ``event_changes`` are derivatives of the times of ``events`` with respect to n directions, (ne,
+    n), if the run computes them, and ``notes`` state where derivatives of the motion end.
     """
 
     status: Status
@@ -256,7 +257,7 @@ class Outcome:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What it took, by name; kinks where there were any."""
+        """Statistics by name; kinks if there were any."""
         counts = {"steps": self.steps, "rejected": self.rejected, "evaluations": self.evaluations}
         return {**counts, "kinks": self.kinks} if self.kinks else counts
 
@@ -267,7 +268,7 @@ class Stop(Exception):
     Parameters
     ----------
     message : str
-        For the user: what happened, when, and a remedy.
+        Message: what happened, when, and a remedy.
     undefined : State, optional
     constraints : tuple of str
         As in Outcome.
@@ -281,19 +282,19 @@ class Stop(Exception):
 
 
 class Undefined(Stop):
-    """Ends a run at a state where the equations have no finite value."""
+    """Ends a run at a state at which the equations are not finite."""
 
     def __init__(self, state: State):
         super().__init__(f"the equations have no finite value at t = {state.t:.9g} s", state)
 
 
 class Stopped(Exception):
-    """Ends a run where an event asks for it.
+    """Ends a run at the request of an event.
 
     Parameters
     ----------
     event : Event or str
-        A sign change, or the name of an event of the model.
+        Sign change, or the name of a model event.
     time : float, optional
         Time of the occurrence, s.
     """
@@ -307,11 +308,11 @@ class Stopped(Exception):
 
 
 class Interrupted(Exception):
-    """Ends a run that the user cancels; raised by what an engine is given as ``progress``."""
+    """Ends a run that the user cancels; raised by the callback ``progress``."""
 
 
 class Limits:
-    """The steps and the wall time that a run may take; the clock starts here.
+    """Limits of steps and wall time; the clock starts at construction.
 
     Parameters
     ----------
@@ -351,7 +352,7 @@ def outcome(integrate: Callable[[], None]) -> Outcome:
 
 
 class Engine(Protocol):
-    """Integrates a System."""
+    """An engine: integrates a System."""
 
     def __call__(
         self,
@@ -367,9 +368,9 @@ class Engine(Protocol):
         system : System
         request : Request
         sink : callable
-            Takes the samples in blocks, in order: whatever ends the run, those reached by then
-            are emitted. What it raises ends the run at once and goes on to the caller.
+            Takes the samples in blocks, in order; if the run ends early, the samples up to then are
+            emitted. An exception raised here ends the run and propagates to the caller.
         progress : callable, optional
-            Called with the time reached, s, several times per 0.1 s, as far as single steps and
+            Called with the current time, s, several times per 0.1 s, as far as single steps and
             samples allow. May raise `Interrupted`.
         """

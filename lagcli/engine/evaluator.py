@@ -1,4 +1,4 @@
-"""A System's matrices as NumPy arrays, for one state or for many."""
+"""Matrices of a System as NumPy arrays, at one state or many."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
-#: Powers of ten that the change of a constraint is searched for in: beyond, its terms are rounding.
+#: Powers of ten searched for the change of a constraint; beyond, its terms are rounding errors.
 _DECADES = 20
 
 
@@ -31,7 +31,7 @@ class Dynamics(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """φ, B, b_0 and the constraints' own scales at one state (or, with a last axis, at many)."""
+    """φ, B, b_0 and the constraints' scales at one state (or, with a last axis, at many)."""
 
     position: Array
     jacobian: Array
@@ -41,7 +41,7 @@ class Constraints(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """Whether φ, B and b_0 have values."""
+        """Whether φ, B and b_0 are finite."""
         return all(np.isfinite(x).all() for x in (self.position, self.jacobian, self.drift))
 
     def velocity(self, v: Array) -> Array:
@@ -68,7 +68,7 @@ class Entries(NamedTuple):
 
 
 class TapeMatrices:
-    """Makes matrices of the outputs of a System's tapes, at one state or at many."""
+    """Converts outputs of a System's tapes to matrices, at one state or many."""
 
     def __init__(self, system: System):
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
@@ -126,7 +126,7 @@ class Evaluator:
         return other
 
     def hold(self, t: float) -> None:
-        """Take the pieces that known functions of time have from a time on, from now on."""
+        """Fix the pieces of the known functions of time to those from a time on."""
         pieces = self.system.functions.pieces_at(t)
         self._dynamics.hold(pieces)
         self._constraint.hold(pieces)
@@ -144,7 +144,7 @@ class Evaluator:
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
         """Return M, f, B, γ and the external power."""
         numbers = self.entries(t, q, v)
-        # a sum is finite when its terms are, and costs nothing next to them
+        # a sum is finite if its terms are, and is cheap to compute
         return self._matrices.dynamics(np.array(numbers), math.isfinite(sum(numbers)))
 
     def with_tangent(
@@ -167,12 +167,12 @@ class Evaluator:
         return self._matrices.constraints(np.array(numbers))
 
     def sizes(self, t: float, q: Array, v: Array) -> Array:
-        """Return changes of the coordinates that count as equal at a state."""
+        """Return changes of the coordinates that are considered equal in size at a state."""
         d = self.dynamics(t, q, v)
         return coordinate_sizes(self.system.inertia(np.diag(d.mass_matrix)), d.jacobian)
 
     def row_lengths(self, t: float, q: Array, v: Array, c: Constraints, sizes: Array) -> Array:
-        """Return scales for the rows of B times sizes that do not vanish with the rows, (nc,).
+        """Return scales of the rows of B times sizes that do not vanish with the rows, (nc,).
 
         Parameters
         ----------
@@ -198,8 +198,8 @@ class Evaluator:
     ) -> float:
         """Return the change of the coordinates that changes a constraint by an amount.
 
-        In sizes, by powers of ten from the least. The size of the coordinates themselves is none
-        where they are zero except for rounding, while l in x + l cos φ = l is not.
+        In multiples of the sizes, by powers of ten. The size of coordinates that are zero except
+        for rounding is meaningless, while l in x + l cos φ = l is not.
         """
         for far in least * 10.0 ** np.arange(_DECADES):
             beside = self.constraints(t, q + far * apart(sizes), v)
@@ -233,7 +233,7 @@ class Batch:
         return self._matrices.dynamics(out, bool(np.isfinite(out).all()))
 
     def entries(self) -> Entries:
-        """Return M, f, B and the constraints without the zeros."""
+        """Return M, f, B and the constraints as their nonzero entries."""
         s = self.system
         inputs = [*self._state, *self.p]
         dynamics = self._matrices.of_dynamics.split(run_arrays(s.dynamics, inputs, self.count))

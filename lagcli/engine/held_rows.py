@@ -1,4 +1,4 @@
-"""Which constraints hold at samples of a run that switches."""
+"""Active constraints at the samples of a run that switches."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from lagcli.engine.contract import Block
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
 
-#: Of the kinetic limit: a force that is the limit itself.
+#: Relative difference of a force from the kinetic limit below which the row slips.
 _AT_LIMIT = 1e-9
 
 
 def held_rows(system: System, p: tuple[float, ...], block: Block) -> Flags:
-    """Return which constraints hold at each sample, (nt, nc).
+    """Return which constraints are active at each sample, (nt, nc).
 
-    A row that bears nothing is open, and one that bears its kinetic limit slips: both have no
-    residual. A row that holds without any force is taken for open.
+    A row without force is open, and one with its kinetic limit slips: both have no residual. An
+    active row without force counts as open.
 
     Parameters
     ----------

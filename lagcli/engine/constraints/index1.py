@@ -1,4 +1,4 @@
-"""The index-1 form: the constraints differentiated twice give a and λ at every state.
+"""The index-1 form: twice differentiated constraints determine a and λ at every state.
 
 y = (q, v, W), where W is the work done on the system; y' = (v, a, power).
 """
@@ -14,9 +14,9 @@ from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.state import State
 
-#: Relative defect of B a = γ beyond which redundant constraints contradict each other.
+#: Relative residual of B a = γ above which redundant constraints contradict each other.
 _CONTRADICTION = 1e-6
-#: Of a constraint's terms: residuals up to this are rounding errors.
+#: Residuals up to this part of a constraint's terms are rounding errors.
 _ROUNDING = 1e-15
 
 
@@ -32,14 +32,14 @@ class Index1:
     Attributes
     ----------
     sizes : (nq,) array
-        Changes of the coordinates that count as equal; known from the first `measure` on.
+        Changes of the coordinates that are considered equal in size; set by the first `measure`.
     lengths : (nc,) array
-        Scales of the rows of B times sizes, by which its rank is judged.
+        Scales of the rows of B times sizes, used to determine its rank.
     damping : (float, float) or None
-        Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0, and ψ̇ + α ψ = 0 where nonholonomic.
+        Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0; for nonholonomic constraints, ψ̇ + α ψ = 0.
     evaluations : int
     undefined : State or None
-        The last (finite) state without finite accelerations.
+        The last finite state with accelerations that are not finite.
     """
 
     def __init__(self, evaluator: Evaluator, rank: int):
@@ -63,7 +63,7 @@ class Index1:
         return self.evaluator.state(t, *self.split(y))
 
     def measure(self, t: float, q: Array, v: Array) -> None:
-        """Keep the largest length that each row of B times sizes has had."""
+        """Record the largest length of each row of B times sizes."""
         c = self.evaluator.constraints(t, q, v)
         if c.finite:
             if not self.lengths.any():
@@ -72,11 +72,11 @@ class Index1:
             self.lengths = np.maximum(self.lengths, lengths)
 
     def decompose(self, jacobian: Array) -> dense.Decomposition:
-        """Decompose B by its rank, sizes and lengths."""
+        """Decompose B with its rank, sizes and lengths."""
         return dense.decompose(jacobian, self.rank, scale=self.lengths, sizes=self.sizes)
 
     def rate(self, t: float, y: Array) -> Array:
-        """Return y'; NaN where it is undefined."""
+        """Return y'; NaN if it is undefined."""
         q, v = self.split(y)
         a, _, power = self.accelerations(t, q, v)
         out = np.empty_like(y)
@@ -86,7 +86,7 @@ class Index1:
         return out
 
     def accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
-        """Return a, λ and the power at a state; NaN where they are undefined."""
+        """Return a, λ and the power at a state; NaN if they are undefined."""
         self.evaluations += 1
         d = self.evaluator.dynamics(t, q, v)
         if d.finite:
@@ -127,13 +127,13 @@ class Index1:
         return term
 
     def force_terms(self, t: float, q: Array, v: Array) -> Array:
-        """Return forces beside f that may balance it and vanish later: those of contacts, (nq,)."""
+        """Return forces in addition to f that may vanish later: those of contacts, (nq,)."""
         return np.zeros(self.nq)
 
     def contradicting(self, t: float, q: Array, v: Array) -> int | None:
         """Return a redundant constraint that contradicts the others at a state on them, or None.
 
-        B a = γ has a solution only if the combinations of rows that vanish in B do so in γ.
+        B a = γ is solvable only if the combinations of rows that vanish in B also vanish in γ.
         """
         d = self.evaluator.dynamics(t, q, v)
         if not d.finite:
@@ -148,8 +148,8 @@ class Index1:
 
 
 def _beyond_rounding(residual: Array, scale: Array) -> Array:
-    """Return what of residuals exceeds their rounding errors.
+    """Return the part of residuals that exceeds their rounding errors.
 
-    Damping would turn these into noise: with the short steps of a start from rest, β is large.
+    Stabilization would amplify these: with the short steps of a start from rest, β is large.
     """
     return np.asarray(residual - np.clip(residual, -_ROUNDING * scale, _ROUNDING * scale))

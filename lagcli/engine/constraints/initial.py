@@ -1,4 +1,4 @@
-"""Consistent initial state: guesses move until the constraints hold, fixed values stay."""
+"""Consistent initialization: guesses are adjusted until the constraints hold; fixed values stay."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from lagcli.engine.system import System
 
 Level = Literal["position", "velocity"]
 
-#: Fixed values may violate a constraint by this much of its scale: they were written with so many
-#: digits. The first projection removes it.
+#: Fixed values may violate a constraint by this part of its scale, because they are given with a
+#: limited number of digits. The first projection removes the residual.
 ACCEPTED = 1e-10
-REACHED = 1e-15  # of the constraint's scale: where iteration ends
+REACHED = 1e-15  # of the constraint's scale: end of the iteration
 _ITERATIONS = 200
-_LARGE = 60  # unknowns from which regularity is first searched for by sparse elimination
-REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
-#: Where all that a guess has is to vanish, residuals are judged by this part of the guess's scale.
+_LARGE = 60  # number of unknowns above which regularity is first tested by sparse elimination
+REGULAR = 1e-6  # smallest pivot of a regular matrix with entries of order one
+#: If all terms of the guess must vanish, residuals are compared with this part of the guess's
+#: scale.
 OF_GUESS = 1e-5
-LONGEST = 2.0  # of the coordinates' size: the longest step
-_ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
+LONGEST = 2.0  # of the coordinates' size: longest step
+_ASIDE = (1e-3, 0.1)  # of the coordinates' size: displacements of a guess without a solution
 
 
 class ConsistentState(NamedTuple):
@@ -39,11 +40,11 @@ class ConsistentState(NamedTuple):
     rank : int
         Rank of B.
     elimination : Elimination or None
-        An order found on the way that shows [[M, Bᵀ], [B, 0]] to be regular: B has full rank and
-        inertia resists every motion that it allows. None says nothing. B has the rows of
+        An order of elimination that proves [[M, Bᵀ], [B, 0]] to be regular, if one was found: B
+        then has full rank and no admissible motion is without inertia. B contains the rows of
         ``System.held_at_start``.
     moved : mapping of str to (float, float)
-        What was moved, coordinate or velocity (``phi'``), from where to where.
+        Adjusted coordinates and velocities (``phi'``), with the values before and after.
     """
 
     state: State
@@ -53,7 +54,7 @@ class ConsistentState(NamedTuple):
 
 
 class Violation(NamedTuple):
-    """A constraint that does not hold: its name, its residual and that relative to its scale."""
+    """A violated constraint: its name, its residual, and the residual relative to its scale."""
 
     constraint: str
     residual: float
@@ -61,7 +62,7 @@ class Violation(NamedTuple):
 
 
 class NoStart(Exception):
-    """A start that cannot be used."""
+    """An initial state that cannot be used."""
 
 
 class NoConsistentState(NoStart):
@@ -74,8 +75,8 @@ class NoConsistentState(NoStart):
     stuck : list of str
         The fixed ones among the unknowns of the violated constraints.
     contradiction : bool
-        Whether the free entries cannot improve the residual at all: the fixed values, or the
-        constraints among each other, contradict.
+        Whether the free entries cannot reduce the residual at all: the fixed values, or the
+        constraints, contradict each other.
     """
 
     def __init__(
@@ -87,7 +88,7 @@ class NoConsistentState(NoStart):
 
 
 class UndefinedStart(NoStart):
-    """The equations have no finite value at the initial state."""
+    """The equations are not finite at the initial state."""
 
     def __init__(self, state: State):
         super().__init__("undefined")
@@ -103,14 +104,14 @@ def consistent_state(
 ) -> ConsistentState:
     """Solve for an initial state that satisfies φ = 0 and ψ = 0.
 
-    Positions by damped Gauss–Newton steps of least M-weighted length, then velocities, which enter
-    linearly. Where several branches exist, the one nearest the guess is taken.
+    Positions by damped Gauss–Newton steps of least M-weighted length, then velocities, which occur
+    linearly. If several solutions exist, the one nearest to the guess is taken.
 
     Parameters
     ----------
     system : System
     given : State
-        Its q and v are fixed values and guesses.
+        Fixed values and guesses of q and v.
     fixed_q, fixed_v : (nq,) arrays of bool
     evaluator : Evaluator, optional
         Evaluator of the System, for any values of its parameters; created if not given.
@@ -122,18 +123,18 @@ def consistent_state(
     Raises
     ------
     NoConsistentState
-        With the residuals and what could be freed.
+        Contains the residuals and the values that could be freed.
     UndefinedStart
-        The equations have no finite value there.
+        The equations are not finite there.
     VanishingGradient
-        A constraint holds only where it has no gradient.
+        A constraint holds only at points where its gradient vanishes.
     """
     known = Evaluator(system, given.p) if evaluator is None else evaluator
     return _Start(known.with_parameters(given.p), given.t, fixed_q, fixed_v).solve(given.q, given.v)
 
 
 class VanishingGradient(NoStart):
-    """Constraints that hold only where they have no gradient, as for a rod of length 0.
+    """Constraints that hold only where their gradient vanishes, such as a rod of length 0.
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ class VanishingGradient(NoStart):
 
 
 class _Start:
-    """The search for one start."""
+    """The search for one initial state."""
 
     def __init__(self, evaluator: Evaluator, t: float, fixed_q: Flags, fixed_v: Flags):
         self.evaluator, self.system, self.t = evaluator, evaluator.system, t
@@ -155,7 +156,7 @@ class _Start:
         held = set(self.held)
         self.places = [k for k, i in enumerate(self.system.holonomic) if i in held]
         self.holonomic = [self.system.holonomic[k] for k in self.places]
-        self.of_guess: Array | None = None  # a part of the first scales of positions
+        self.of_guess: Array | None = None  # of the first scales of positions
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
         new_q = self.positions(q.copy(), v)
@@ -181,9 +182,9 @@ class _Start:
         return ConsistentState(self.evaluator.state(self.t, new_q, new_v), rank, elimination, moved)
 
     def elimination(self, q: Array, v: Array) -> Elimination | None:
-        """Return a sparse elimination that shows a large system to be regular, if there is one.
+        """Return a sparse elimination that proves a large system to be regular, or None.
 
-        Singular values would cost the third power of its size.
+        The cost of singular values grows with the third power of the size.
         """
         system = self.system
         if len(system.coordinates) + len(self.held) < _LARGE:
@@ -213,8 +214,8 @@ class _Start:
         if not self.holonomic:
             return q
         for aside in (0.0, *_ASIDE):
-            # at a singular guess (a rod of no length) the constraints say nothing about where to
-            # go; a step aside finds out whether they do beside it
+            # at a singular guess (a rod of length 0) the constraints give no direction; a
+            # displacement shows whether they do nearby
             found = self.descend(self.aside(q, v, aside) if aside else q, v)
             phi, scale, _ = self.residual(found, v)
             if np.abs(phi / scale).max() <= ACCEPTED:
@@ -226,10 +227,11 @@ class _Start:
         raise self.failure("position", phi, scale, jacobian * sizes, self.fixed_q)
 
     def check_gradients(self, c: Constraints, q: Array, v: Array) -> None:
-        """Stop where the gradient of a constraint has no direction.
+        """Raise an error if the gradient of a constraint has no direction.
 
-        All terms of a constraint may vanish at the start, as those of x = 0 do; it is then judged
-        by what they were at the guess. Within the accuracy of that, its gradient must not turn.
+        All terms of a constraint such as x = 0 may vanish at the initial state; its scale is then
+        that of its terms at the guess. Within the accuracy of that, its gradient must not change
+        its direction.
         """
         if self.of_guess is None:
             return
@@ -251,7 +253,8 @@ class _Start:
             raise VanishingGradient(turned)
 
     def aside(self, q: Array, v: Array, part: float) -> Array:
-        """Return a guess with its free coordinates moved by a part of their size, each its own."""
+        """Return a guess with its free coordinates displaced by different fractions of their
+        size."""
         return q + np.where(self.fixed_q, 0.0, part * apart(self.size(q, v)))
 
     def inertia(self, q: Array, v: Array) -> Array:
@@ -260,9 +263,9 @@ class _Start:
         return self.system.inertia(np.diag(mass))
 
     def size(self, q: Array, v: Array) -> Array:
-        """Return the sizes of the coordinates, (nq,): what the largest is for the others.
+        """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate.
 
-        Where all are zero, that of the constraints' terms.
+        If all are zero, those that change the constraints by their terms.
         """
         c = self.evaluator.constraints(self.t, q, v)
         sizes = self.evaluator.sizes(self.t, q, v)
@@ -273,7 +276,7 @@ class _Start:
         return np.asarray(largest * sizes)
 
     def descend(self, q: Array, v: Array) -> Array:
-        """Return what damped Gauss–Newton steps of least M-weighted length lead to."""
+        """Return the result of damped Gauss–Newton steps of least M-weighted length."""
         free = np.flatnonzero(~self.fixed_q)
         phi, scale, jacobian = self.residual(q, v)
         for _ in range(_ITERATIONS):
@@ -281,10 +284,11 @@ class _Start:
                 break
             part = jacobian[:, free]
             size = self.size(q, v)
-            # near a singular point of the free Jacobian a full step would be wild: cut its rank
+            # near a singular point of the free Jacobian a full step would be too long: reduce its
+            # rank
             rank = dense.count_rank(part, 1e-6, sizes=size[free])
             step = dense.least_change(part, phi, self.weight(q, v, free), rank, sizes=size[free])
-            # a length beyond the model's size means a bad direction
+            # a step longer than the model's size indicates a bad direction
             length = np.abs(step / size[free]).max()
             step *= min(1.0, LONGEST / length) if length else 1.0
             trial = self.search(q, v, free, step, phi, scale)
@@ -311,7 +315,7 @@ class _Start:
         return None
 
     def weight(self, q: Array, v: Array, free: Indices) -> Array | None:
-        """Return M of the free coordinates; None where it is undefined."""
+        """Return M of the free coordinates; None if it is undefined."""
         mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
         return mass[np.ix_(free, free)] if np.isfinite(mass).all() else None
 
@@ -321,7 +325,7 @@ class _Start:
         if not self.held:
             return v
         free = np.flatnonzero(~self.fixed_v)
-        # linear but for few constraints: the later steps remove rounding
+        # linear, except for a few constraints: the later steps remove rounding errors
         steps = _ITERATIONS if self.system.nonlinear else 4
         of_guess: Array | None = None
         for left in reversed(range(steps)):
@@ -354,9 +358,9 @@ class _Start:
         jacobian: Array,
         fixed: Flags,
     ) -> NoConsistentState:
-        """Return what violates and why, at the state nearest to the constraints.
+        """Return the violated constraints and the cause, at the state nearest to the constraints.
 
-        The Jacobian is that of coordinates over their sizes.
+        The Jacobian is scaled by the sizes of the coordinates.
         """
         relative = np.abs(residual / scale)
         bad = np.flatnonzero(relative > ACCEPTED)
@@ -373,7 +377,7 @@ class _Start:
             )
             if is_fixed and is_touched
         ]
-        # the free entries are at a least-squares solution: they cannot improve anything
+        # the free entries are at a least-squares solution and cannot be improved
         length = dense.row_scale(jacobian)
         scaled = residual / length
         slope = (scaled @ (jacobian / length[:, None]))[~fixed]

@@ -1,4 +1,4 @@
-"""Consistent initialization of many runs at once: the ordinary case of `initial`."""
+"""Consistent initialization of many runs together: the regular case of `initial`."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from lagcli.engine.system import Pattern, System
 
 _ITERATIONS = 50
 _HALVINGS = 30
-_STEP_RANK = 1e-6  # as in `initial`: below this, a full step would be wild
-#: Rows that are worked on together, by the numbers of their matrices: 16 MB.
+_STEP_RANK = 1e-6  # as in `initial`: below this, a full step would be too long
+#: Size of the matrices of rows that are processed together: 16 MB.
 _NUMBERS = 1 << 21
 
 
 class Starts(NamedTuple):
-    """Starts of n runs.
+    """Initial states of n runs.
 
     Parameters
     ----------
     q, v : (n, nq) arrays
-        Consistent states, where ``found``.
+        Consistent states, valid where ``found``.
     found : (n,) array of bool
-        Whether the row is an ordinary one: consistent, B of full rank, every motion resisted by
-        inertia. The others are for `lagcli.simulations.start.find_start`, which finds a start or
-        says why not.
+        Whether the row is regular: consistent, B of full rank, and no motion without inertia. The
+        others are handled by `lagcli.simulations.start.find_start`, which finds an initial state or
+        reports why there is none.
     """
 
     q: Array
@@ -43,12 +43,12 @@ class Starts(NamedTuple):
 class StartSearch:
     """Solves for initial states that satisfy φ = 0 and ψ = 0, as `initial.consistent_state` does.
 
-    What is found for a row does not depend on the other rows. One thread at a time may call it.
+    The result of a row does not depend on the other rows. Not thread-safe.
 
     Parameters
     ----------
     system : System
-        Its tapes are assembled here, for all calls.
+        The System, whose tapes are assembled once.
     """
 
     def __init__(self, system: System):
@@ -62,7 +62,7 @@ class StartSearch:
     def __call__(
         self, t: float, parameters: Array, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
     ) -> Starts:
-        """Search for the starts of n runs.
+        """Compute the initial states of n runs.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class StartSearch:
 
 
 class _StartSearch:
-    """The search for starts with the same free entries."""
+    """The search for initial states with the same free entries."""
 
     def __init__(
         self, system: System, tables: tuple[Any, ...], t: float, free_q: Indices, free_v: Indices
@@ -100,7 +100,7 @@ class _StartSearch:
         self.holonomic = np.array(system.holonomic, dtype=np.intp)
 
     def __call__(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array, Flags]:
-        """Return q, v and which of them were found."""
+        """Return q, v and which rows were found."""
         with np.errstate(all="ignore"):
             q, found = self.positions(parameters, q, v)
             v, met = self.velocities(parameters, q, v)
@@ -158,7 +158,7 @@ class _StartSearch:
         return c.position / scale, jacobian / scale[:, :, None]
 
     def positions(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
-        """Return q on φ = 0, by damped Gauss–Newton steps, and where it was reached."""
+        """Return q on φ = 0, by damped Gauss–Newton steps, and which rows converged."""
         count, free = len(q), self.free_q
         if not len(self.holonomic):
             return q, np.ones(count, dtype=bool)
@@ -175,7 +175,9 @@ class _StartSearch:
             step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
             length = np.abs(step / sizes[:, free]).max(axis=1)
             size = LONGEST * np.abs(q[rows] / sizes).max(axis=1)
-            usual &= (length == 0.0) | (size > 0.0)  # else the constraints' terms give the size
+            usual &= (length == 0.0) | (
+                size > 0.0
+            )  # else the constraints' terms decide
             step *= np.minimum(1.0, size / np.where(length > 0, length, 1.0))[:, None]
             ordinary[rows[~usual]] = going[rows[~usual]] = False
             rows, step = rows[usual], step[usual]
@@ -192,8 +194,9 @@ class _StartSearch:
         free: Indices,
         constraints: Indices,
     ) -> tuple[Array, Flags]:
-        """Return the least change of the free entries that removes a residual, and where."""
-        # what no free entry is in cannot be helped; the others then decide, where they can
+        """Return the smallest change of the free entries that removes a residual, and where it
+        exists."""
+        # rows without free entries cannot be changed; the others are solved
         helped = np.isin(constraints, [i for i, j in self.system.jacobian_pattern if j in free])
         if not helped.all() and helped.sum() != len(free):
             return np.zeros((len(mass), len(free))), np.zeros(len(mass), dtype=bool)
@@ -213,7 +216,8 @@ class _StartSearch:
         rows: Indices,
         step: Array,
     ) -> Flags:
-        """Take the steps of some rows, halved until the residual falls; return where it does."""
+        """Take the steps of some rows, halved until the residual falls; return which rows
+        succeeded."""
         moved: Flags = np.zeros(len(rows), dtype=bool)
         for halving in range(_HALVINGS):
             left = np.flatnonzero(~moved)
@@ -232,11 +236,11 @@ class _StartSearch:
     # velocities
 
     def velocities(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
-        """Return v on ψ = 0, and where it was reached."""
+        """Return v on ψ = 0, and which rows converged."""
         ordinary, free = np.ones(len(q), dtype=bool), self.free_v
         if not self.nc:
             return v, ordinary
-        for left in reversed(range(4)):  # linear: the later steps remove rounding
+        for left in reversed(range(4)):  # linear: the later steps remove rounding errors
             c = self.constraints(parameters, q, v)
             least = least_scales(self.inertia(parameters, q, v), c.jacobian, v)
             scale = np.maximum(c.velocity_scale, least)
@@ -257,7 +261,7 @@ class _StartSearch:
         return v, ordinary & (np.abs(psi).max(axis=1) <= ACCEPTED)
 
     def regular(self, parameters: Array, q: Array, v: Array) -> Flags:
-        """Return where all is defined and [[M, Bᵀ], [B, 0]], scaled, has a moderate inverse."""
+        """Return which rows are finite and have a well-conditioned scaled [[M, Bᵀ], [B, 0]]."""
         entries = self.entries(parameters, q, v)
         matrix, finite = _saddle(*self.matrices(entries)), _finite(entries)
         matrix[~finite] = 0.0
@@ -269,11 +273,11 @@ class _StartSearch:
         return finite & (np.abs(inverse).max(axis=(1, 2), initial=0.0) < 1 / REGULAR)
 
 
-# linear algebra of many small matrices, each by itself
+# linear algebra of many small matrices, each computed independently
 
 
 def _finite(x: Array) -> Flags:
-    """Return which rows, or matrices, are finite: those whose sum is."""
+    """Return which rows, or matrices, are finite: those with a finite sum."""
     return np.isfinite(x.reshape(len(x), -1).sum(axis=1))
 
 
@@ -290,7 +294,7 @@ def _times(matrix: Array, x: Array) -> Array:
 
 
 def _lengths(x: Array) -> Array:
-    """Return the lengths of rows (n, k), added up from the left."""
+    """Return the lengths of rows (n, k), summed from the left."""
     total = np.zeros(len(x))
     for column in x.T:
         total += column * column
@@ -298,7 +302,7 @@ def _lengths(x: Array) -> Array:
 
 
 def _full_rank(jacobian: Array) -> Flags:
-    """Return where the rows over their lengths are independent."""
+    """Return where the normalized rows are independent."""
     length = np.sqrt((jacobian * jacobian).sum(axis=2))
     full: Flags = _finite(length) & (length > 0.0).all(axis=1)
     if jacobian.shape[1] > 1 and full.any():
@@ -318,7 +322,7 @@ def _saddle(mass: Array, jacobian: Array) -> Array:
 
 
 def _inverses(matrix: Array) -> Array:
-    """Return inverses; ∞ where there is none."""
+    """Return inverses; ∞ for singular matrices."""
     inverse = np.full(matrix.shape, np.inf)
     sign, _ = np.linalg.slogdet(matrix)
     rows = np.flatnonzero(np.isfinite(sign) & (sign != 0.0))
@@ -327,7 +331,7 @@ def _inverses(matrix: Array) -> Array:
 
 
 def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array:
-    """Return the steps δ with B δ = −residual of least δᵀMδ; not finite where there is none.
+    """Return the δ with B δ = −residual of least δᵀMδ; not finite if there is none.
 
     See `linear.least_change`; coordinates are over their sizes.
     """

@@ -1,4 +1,4 @@
-"""Position on the constraints that is nearest to what is wanted of it."""
+"""The position on the constraints with the smallest deviation from a target."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 
-#: Returns a deviation (m,) at a position and its derivatives (m, nq).
+#: Function that returns a deviation (m,) at a position and its derivatives (m, nq).
 Deviation = Callable[[Array], tuple[Array, Array]]
 
-_STEPS = 60  # of a descent; a point that is moved by a part of the model needs about ten
+_STEPS = 60  # of a descent; moving a point by a fraction of the model takes about ten
 _CORRECTIONS = 30  # of a projection; Newton's method needs three or four
-REACHED = 1e-14  # of a constraint's scale: where a projection ends
-ACCEPTED = 1e-11  # of a constraint's scale: of a projection that rounding ends earlier
-_SMALL = 1e-6  # of the length: deviations and steps that nobody sees
-LONGEST = 0.25  # of the length: the longest step, so that no branch of the solutions is skipped
+REACHED = 1e-14  # of a constraint's scale: end of a projection
+ACCEPTED = 1e-11  # of a constraint's scale: accepted if rounding ends the projection earlier
+_SMALL = 1e-6  # of the length: deviations and steps that are not visible
+LONGEST = 0.25  # of the length: longest step, so that no branch of solutions is skipped
 _PROBE = 1e-7  # of a step: for its derivative
-_DAMPING = 1e-4  # at first, of the derivatives' size
-_HARDEST = 1e8  # the damping beyond which no step helps
-_REGULAR = 1e-13  # beside rows of length one: what keeps redundant constraints solvable
+_DAMPING = 1e-4  # initial value, of the derivatives' size
+_HARDEST = 1e8  # damping at which the search ends
+_REGULAR = 1e-13  # relative to rows of length one: regularization for redundant constraints
 
 
 def nearest_position(
@@ -44,21 +44,21 @@ def nearest_position(
     t : float
         s.
     q : (nq,) array
-        Near the constraints: the search begins at its projection.
+        Near the constraints: the search starts from its projection.
     v : (nq,) array
-        Any velocities at which the equations have values.
+        Velocities at which the equations can be evaluated.
     deviation : callable
-        What is to be small.
+        The deviation to be minimized.
     places : callable
-        Returns lengths that tell configurations apart, (n,). Where a deviation hardly depends on
-        the position, as at a dead point, they bound the steps.
+        Returns lengths that distinguish configurations, (n,). If a deviation hardly depends on the
+        position, as at a dead point, they bound the steps.
     length : float
-        By which deviations are judged; steps change them and the places by a quarter of it at most.
+        Scale of deviations; steps change deviations and positions by at most a quarter of it.
 
     Returns
     -------
     (nq,) array or None
-        None where q has no projection.
+        None if q has no projection.
     """
     search = _Search(evaluator, t, v)
     start = search.projected(q)
@@ -108,7 +108,7 @@ class _Search:
         return c.position, scale, c.jacobian[self.holonomic]
 
     def projected(self, q: Array) -> Array | None:
-        """Return a position on the constraints near another; None if none is found."""
+        """Return a position on the constraints near another; None if there is none."""
         while True:
             found = self.corrected(q)
             if found is None:
@@ -155,13 +155,13 @@ class _Search:
         return np.asarray(sizes * np.linalg.solve(matrix, right)[:n])
 
     def sizes(self, q: Array) -> Array:
-        """Return changes of the coordinates that count as equal."""
+        """Return changes of the coordinates that are considered equal in size."""
         sizes = self.evaluator.sizes(self.t, q, self.v)
         return np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
 
 
 def _unit_rows(rows: Array) -> tuple[Array, Array]:
-    """Return the rows of a matrix as unit vectors, and their lengths; a row of zeros stays."""
+    """Return the rows of a matrix as unit vectors, and their lengths; zero rows are unchanged."""
     lengths = np.linalg.norm(rows, axis=1)
     lengths[lengths == 0] = 1.0
     return rows / lengths[:, None], lengths

@@ -1,10 +1,10 @@
-"""Through a singular configuration, on the branch of the momentum.
+"""Passage through a singular configuration, on the branch that conserves momentum.
 
-In the configuration itself the constraints do not determine the accelerations, and close to it
-rounding spoils them; the motion through it is smooth all the same. So a, λ and the power are
-interpolated between states on both sides: those before are known, those after follow from the
-integral of a itself, by iteration. The accelerations come from regular states only, and nothing is
-extrapolated but the first guess.
+In the configuration itself, the constraints do not determine the accelerations, and nearby the
+accelerations have large rounding errors, although the motion is smooth. Therefore a, λ and the
+power are interpolated between states on both sides: those before are known; those after follow from
+the integral of a itself, by iteration. Accelerations are computed only at regular states, and only
+the first guess is extrapolated.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from lagcli.engine.contract import Stop
 Project = Callable[[float, Array, Array], tuple[Array, Array]]
 
 _ITERATIONS = 6
-#: The iteration ends when the states after the configuration move less than this, relatively; it
-#: contracts like the square of the passage's time, so that this leaves no error but rounding.
+#: The iteration ends when the states after the configuration change by less than this, relatively.
+#: It contracts with the square of the passage's duration, so that only rounding errors remain.
 _SETTLED = 1e-12
-#: What the end of the iteration must keep: beyond it, the motion goes on in another branch.
+#: Largest change at the end of the iteration; beyond it, the motion continues on another branch.
 _CONTINUED = 1e-6
 
 
@@ -35,7 +35,7 @@ class Crossing:
     ----------
     motion : Index1
     project : callable
-        (t, q, v) → the consistent state next to it.
+        (t, q, v) → the nearest consistent state.
     before : sequence of (t, y)
         The last states before the configuration.
     singular : float

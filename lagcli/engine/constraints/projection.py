@@ -1,4 +1,4 @@
-"""Coordinate projection: back to φ = 0 by the smallest change in the metric of M, then to ψ = 0.
+"""Coordinate projection: onto φ = 0 by the smallest change in the metric of M, then onto ψ = 0.
 
 Hairer & Wanner, Solving Ordinary Differential Equations II, VII.2.
 """
@@ -14,20 +14,20 @@ from lagcli.engine.linear import dense
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import System
 
-#: Newton steps: from the drift of one step, two reach rounding error; a drift of a tenth of the
-#: coordinates (rtol = 0.1) needs five.
+#: Largest number of Newton steps: from the drift of one step, two reach rounding errors; a drift of
+#: a tenth of the coordinates (rtol = 0.1) needs five.
 _ITERATIONS = 10
-#: Residuals are brought below this times the constraint's own scale ...
+#: The iteration ends when residuals are below this part of the constraint's scale ...
 _RESIDUAL = 2e-15
-#: ... and must come below this: beyond rounding error, there is no consistent state nearby.
+#: ... and fails if they remain above this: no consistent state is nearby.
 _NOT_REACHED = 1e-10
-#: Of a step's tolerances, and of the largest size of its kind: what no step's error moves a
-#: coordinate by.
+#: Largest change by a projection, relative to the step's tolerances and to the largest size of the
+#: coordinate's kind; errors of a step are smaller.
 _FAR, _FAR_PART, _FAR_ROUNDING = 100.0, 1e-3, 1e-12
 
 
 class Projection:
-    """Brings states onto the constraints.
+    """Projects states onto the constraints.
 
     Parameters
     ----------
@@ -43,21 +43,21 @@ class Projection:
         self.holonomic = list(system.holonomic)
         self.redundant = rank < len(self.names)
         # the constraints' largest scales so far, and the largest lengths of the rows of B times
-        # sizes: a row that vanishes in passing is rounding error over its own length
+        # sizes: relative to its current length, a vanishing row is rounding error
         self.position_scale = np.zeros(len(self.holonomic))
         self.velocity_scale = np.zeros(len(self.names))
         self.sizes: Array | None = None
         self.lengths = np.zeros(len(self.names))
 
     def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the consistent state next to a state.
+        """Return the nearest consistent state.
 
         Raises
         ------
-        Undefined
+        The equations are not finite during the iteration.
             The equations have no finite value on the way.
         Stop
-            The constraints cannot be met near the state.
+            The constraints cannot be satisfied near the state.
         """
         if not self.names:
             return q, v
@@ -88,7 +88,7 @@ class Projection:
             if worst <= _RESIDUAL or worst >= 0.5 * best:
                 break
             best = worst
-            # the rank is that of all rows together; of the holonomic ones alone it is counted
+            # the rank is that of all rows together; that of the holonomic rows is computed
             rank = self._count_rank(jacobian, lengths) if self.redundant else None
             q = q + self._change(jacobian, c.position, mass, rank, lengths)
         bad = np.abs(c.position) > _NOT_REACHED * scale
@@ -97,7 +97,7 @@ class Projection:
         return q, c
 
     def _measure(self, t: float, q: Array, v: Array, c: Constraints, mass: Array) -> None:
-        """Keep the largest scales and lengths."""
+        """Record the largest scales and lengths."""
         inertia = self.evaluator.system.inertia(np.diag(mass))
         if self.sizes is None:
             self.sizes = coordinate_sizes(inertia, c.jacobian)
@@ -125,7 +125,7 @@ class Projection:
         parts = dense.decompose(jacobian, scale=lengths, sizes=self.sizes)
         scaled = residual / lengths
         contradiction = parts.dependent.T @ scaled
-        # else the coordinates could still reduce the residual
+        # otherwise the coordinates could still reduce the residual
         if np.linalg.norm(contradiction) > 0.5 * np.linalg.norm(scaled):
             return Stop(
                 f"the redundant constraints contradict each other at t = {t:.9g} s: {listed} cannot"
@@ -138,7 +138,7 @@ class Projection:
 
 
 def is_far(before: Array, after: Array, allowed: Array, largest: Array, sizes: Array) -> bool:
-    """Return whether a projection moved a coordinate far further than a step's error does.
+    """Return whether a projection moved a coordinate much further than the error of a step.
 
     Parameters
     ----------
@@ -149,8 +149,8 @@ def is_far(before: Array, after: Array, allowed: Array, largest: Array, sizes: A
     largest : (nq,) array
         The largest size of each coordinate's kind so far.
     sizes : (nq,) array
-        Changes of the coordinates that count as equal: what is beyond rounding errors is judged by
-        the largest coordinate, since another kind may have been at rest so far.
+        Changes of the coordinates that are considered equal in size: rounding errors are estimated
+        from the largest coordinate, since another kind may have been at rest so far.
     """
     moved = np.abs(after - before)
     rounding = _FAR_ROUNDING * (np.abs(after) / sizes).max() * sizes
@@ -159,7 +159,7 @@ def is_far(before: Array, after: Array, allowed: Array, largest: Array, sizes: A
 
 
 def jumped(system: System, t: float, before: Array, after: Array) -> Stop:
-    """Return what ends a run whose constraints are met only far from where a step ended."""
+    """Return the end of a run whose constraints are satisfied only far from the end of a step."""
     moved = np.abs(after - before)
     i = int(moved.argmax())
     return Stop(

@@ -11,7 +11,7 @@ from lagcli.engine.tape.tape import Tape
 def with_rates(system: System) -> Tape:
     """Append ψ (nc) to the constraint tape.
 
-    Asked for alone are φ with its scale, and B, ψ and its scale.
+    Output subsets are φ with its scale, and B, ψ and its scale.
     """
     given, layout = system.constraint, ConstraintLayout(system.counts)
     v = system.sample_layout.v.start

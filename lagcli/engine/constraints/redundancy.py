@@ -1,4 +1,4 @@
-"""Which constraints depend on each other where B has a deficient rank."""
+"""Sets of dependent constraints if the rank of B is deficient."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from lagcli.engine.linear import dense
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 
-#: Entries of the projection onto the dependencies that count: those that vanish are some 1e-8,
-#: the rank's tolerance.
+#: Entries of the projection onto the dependencies above this count: vanishing ones are about 1e-8,
+#: the tolerance of the rank.
 _TAKES_PART = 1e-6
 
 
 def dependent_sets(
     system: System, state: State, rank: int, held: Sequence[int]
 ) -> list[tuple[list[int], int]]:
-    """Return the sets of constraints whose rows of B depend on each other at a state.
+    """Return the sets of constraints whose rows of B are linearly dependent at a state.
 
-    The projection P onto the combinations of rows that vanish does not depend on how they are
-    written. Constraints that it joins form a set; P's trace over the set is the number of rows in
-    it that follow from the others.
+    The projection P onto the combinations of rows that vanish does not depend on their basis.
+    Constraints coupled by it form a set; the trace of P over the set is the number of redundant
+    rows in it.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ def dependent_sets(
     rank : int
         Rank of the active rows of B.
     held : sequence of int
-        The constraints that hold.
+        The active constraints.
 
     Returns
     -------
     list of (list of int, int)
-        The constraints of each set, and how many of them follow from the others.
+        The constraints of each set, and the number of redundant ones.
     """
     held = list(held)
     if rank == len(held):

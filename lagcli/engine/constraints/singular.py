@@ -1,10 +1,10 @@
-"""Singular configurations: where constraints become dependent and do not determine the motion.
+"""Singular configurations, in which dependent constraints do not determine the motion.
 
-The rank of B is judged by the singular values of its scaled rows. The one that vanishes at a
-singular configuration is watched inside each step and along the path ahead.
+The rank of B is determined from the singular values of its scaled rows. The value that vanishes at
+a singular configuration is monitored inside each step and along the extrapolated path.
 
-SciPy's interpolation and minimization, slow to import, are imported where a path is looked along:
-the compiled engine comes to that only next to a singular configuration.
+SciPy's interpolation and minimization, which are slow to import, are imported when a path is
+examined: in the compiled engine only near a singular configuration.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from lagcli.engine.scales import lengths_of_rows
 
 Path = Callable[[float], Array]  # time → (q, v, …)
 
-#: The weakest singular value that marks a singular configuration.
+#: The weakest singular value at which a configuration counts as singular.
 SINGULAR = 1e-5
-#: Below this part of the largest weakest value of the run, steps are short: each brings it down by
-#: at most _DESCENT, so that the last states are not too far apart ...
+#: Below this part of the largest weakest value of the run, steps are shortened: each reduces the
+#: value by at most _DESCENT, so that the last states are close enough together ...
 NEAR = 0.2
 _DESCENT = 0.02
-#: ... and below this part the path ahead is looked at. Not later: the rounding error of a and λ
-#: grows like one over the square of the value.
+#: ... and below this part the path ahead is examined. Not later, because the rounding errors of a
+#: and λ grow with the inverse square of the value.
 _LOOK = 0.04
-#: States on each side that a passage is made of.
+#: Number of states on each side used for a passage.
 _NODES = 4
-#: Places inside a step at which the rank is watched.
+#: Number of points inside a step at which the rank is monitored.
 _WATCH = (0.25, 0.5, 0.75, 1.0)
-#: Of a row's scale, which is one millionth of its usual length: below it, it is none.
+#: Rows below this part of their scale, which is one millionth of their usual length, count as zero.
 _VANISHING = 0.1
-#: Part of the coordinates' size by which a start is moved to see whether it is singular.
+#: Displacement of an initial state, relative to the coordinates' size, to test for a singularity.
 _ASIDE = 1e-3
 
 
@@ -56,7 +56,7 @@ class _Node:
 
 @dataclass(frozen=True)
 class Ahead:
-    """A singular configuration that the motion leads to.
+    """A singular configuration that the motion approaches.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Ahead:
     before : tuple of (t, y)
         The last states before it.
     path : callable
-        t → q, v: their continuation, which keeps the momentum.
+        t → q, v: their continuation, which conserves momentum.
     """
 
     time: float
@@ -74,7 +74,7 @@ class Ahead:
 
 
 class RankWatch:
-    """Watches the rank of B along a run.
+    """Monitors the rank of B along a run.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class RankWatch:
         self._usual = 0.0
 
     def values(self, t: float, q: Array, v: Array) -> Array | None:
-        """Return the singular values of the scaled B, largest first; None where undefined."""
+        """Return the singular values of the scaled B, largest first; None if undefined."""
         jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
         if not np.isfinite(jacobian).all():
             return None
@@ -101,7 +101,7 @@ class RankWatch:
         return 1.0 if values is None else float(values[self.rank - 1])
 
     def restart(self) -> None:
-        """Forget the path so far."""
+        """Discard the path so far."""
         self._history.clear()
         self._nodes.clear()
 
@@ -115,8 +115,8 @@ class RankWatch:
         Parameters
         ----------
         path : callable
-            The step's dense output; it costs evaluations, and is used only where a cubic through
-            the step's ends comes near a singular configuration.
+            Dense output of the step; it costs evaluations and is used only if a cubic through the
+            step's ends comes near a singular configuration.
         """
         if not self.rank:
             return None
@@ -138,10 +138,10 @@ class RankWatch:
         return None
 
     def _suspects(self, history: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-        """Yield the intervals in which the weakest value may have vanished, in order."""
+        """Yield the intervals in which the weakest value may vanish, in order."""
         rates = [(s1 - s0) / (t1 - t0) for (t0, s0), (t1, s1) in pairwise(history)]
         for i, ((t0, s0), (t1, s1)) in enumerate(pairwise(history)):
-            # it falls to zero, and rises from it, at a rate: |t − singular|
+            # near the singularity it is proportional to |t − singular|
             falling = -rates[i - 1] * (t1 - t0) if i else 0.0
             rising = rates[i + 1] * (t1 - t0) if i + 1 < len(rates) else 0.0
             if falling > 0.8 * s0 or rising > 0.8 * s1:
@@ -150,13 +150,13 @@ class RankWatch:
                 yield t0, history[i + 2][0]
 
     def _slope(self, y: Array) -> Array:
-        """Return y' as far as B's rank depends on it: v for q, zero for the rest."""
+        """Return y' for the rank of B: v for q, zero for the rest."""
         slope = np.zeros_like(y)
         slope[: self.motion.nq] = self.motion.split(y)[1]
         return slope
 
     def singular_time(self, path: Path, low: float, high: float) -> float | None:
-        """Return the time between two at which a path is singular, or None."""
+        """Return the time between two times at which a path is singular, or None."""
         from scipy.optimize import minimize_scalar
 
         found = minimize_scalar(
@@ -180,7 +180,7 @@ class RankWatch:
         return self.weakest(t, y) < NEAR * self._usual
 
     def _descent(self, below: float) -> float | None:
-        """Return the rate of the weakest value's fall where it is below a part of its largest."""
+        """Return the rate at which the weakest value falls if it is below a part of its maximum."""
         if len(self._nodes) < 3:
             return None
         before, now = self._nodes[-2:]
@@ -189,12 +189,12 @@ class RankWatch:
         return (before.weakest - now.weakest) / (now.t - before.t)
 
     def largest_step(self) -> float:
-        """Return the step that is short enough next to a singular configuration."""
+        """Return the step size limit near a singular configuration."""
         rate = self._descent(NEAR)
         return math.inf if rate is None else _DESCENT * self._usual / rate
 
     def ahead(self) -> Ahead | None:
-        """Look along the path for a singular configuration that the last steps lead to."""
+        """Examine the path for a singular configuration that the last steps approach."""
         rate = self._descent(_LOOK)
         if rate is None:
             return None
@@ -219,10 +219,10 @@ class RankWatch:
             return None
         return Ahead(found, tuple((node.t, node.y) for node in self._nodes), path)
 
-    # what a run that stops says
+    # messages of stopped runs
 
     def stop(self, t: float, q: Array, v: Array) -> Stop:
-        """Return the end of a run in a singular configuration."""
+        """Return the end of a run at a singular configuration."""
         why = _dependency(self._dependent(t, q, v), "become")
         return Stop(
             f"singular configuration at t = {t:.9g} s: {why}"
@@ -255,9 +255,9 @@ class RankWatch:
             )
 
     def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:
-        """Stop if the start is singular: B has a higher rank at consistent states beside it.
+        """Stop if the initial state is singular: B has a higher rank at nearby consistent states.
 
-        Where it has not, the constraints are redundant everywhere.
+        If the rank is not higher there, the constraints are redundant everywhere.
         """
         c = self.motion.evaluator.constraints(t, q, v)
         if self.rank == self.motion.nc or not c.finite:
@@ -276,14 +276,14 @@ class RankWatch:
                 values = self.values(t, beside, v)
                 jacobian = self.motion.evaluator.constraints(t, beside, v).jacobian
                 gone &= self._vanishing(jacobian)
-                # beside a singular point the weakest value grows like the distance
+                # near a singular point the weakest value is proportional to the distance
                 if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
                     raise _start_stop(self._dependent(t, q, v))
         if gone:
             raise _start_stop([self.names[i] for i in sorted(gone)], _no_gradient)
 
     def _vanishing(self, jacobian: Array) -> set[int]:
-        """Return the rows of B that are zero, or rounding beside what their constraints give."""
+        """Return the rows of B that are zero except for rounding errors."""
         own = lengths_of_rows(jacobian, self.motion.sizes)
         return set(np.flatnonzero((own == 0.0) | (own < _VANISHING * self.motion.lengths)).tolist())
 

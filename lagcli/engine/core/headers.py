@@ -1,7 +1,7 @@
-"""The headers ``tables.h`` and ``layout.h`` of the core, from what Python and C share.
+"""The headers ``tables.h`` and ``layout.h`` of the core, generated from Python modules.
 
-``setup.py`` writes them before it compiles the core, so this module imports the standard library
-alone.
+``setup.py`` writes them before it compiles the core, so this module imports only the standard
+library.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LAYOUT = """\
 {parts}
 #endif
 """
-#: What the functions of a layout begin with.
+#: Prefixes of the functions of layouts.
 _PREFIXES: dict[str, type[Layout]] = {
     "lag_sample_": SampleLayout,
     "lag_first_": UnrolledLayout,

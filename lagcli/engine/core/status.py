@@ -1,4 +1,4 @@
-"""Why the core returns. `lagcli.engine.core.headers` writes the same for C."""
+"""Statuses returned by the core; `lagcli.engine.core.headers` writes them for C."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class _Described(IntEnum):
-    """Numbered from 0 in the order of their rows; each row is a sentence."""
+    """Enumeration whose members are numbered from 0 and described by a sentence each."""
 
     sentence: str
 
@@ -18,7 +18,7 @@ class _Described(IntEnum):
 
 
 class Status(_Described):
-    """Why a run returns from the core."""
+    """Reason for returning from the core."""
 
     RUNNING = "the slice of steps is over"
     DONE = "t_end is reached"
@@ -49,7 +49,7 @@ class Status(_Described):
 
 
 class LaneStatus(_Described):
-    """What has become of a run of a batch."""
+    """Result of a run in a batch."""
 
     WAITING = "the run has not begun"
     UNDER_WAY = "a lane has the run"

@@ -1,1 +1,1 @@
-"""Known functions of time: splines, and their pieces between knots."""
+"""Known functions of time: splines, and their polynomial pieces."""

@@ -1,13 +1,13 @@
-"""Known functions of time: one polynomial between any two knots.
+"""Known functions of time, as polynomials between knots.
 
 A tape does not look a function up: its inputs after the parameters hold the *piece* at t of each
 function, the time from which it counts and its coefficients in ascending order,
 
     u(t) = c_0 + (t − origin) (c_1 + (t − origin) (c_2 + …)).
 
-Along a step they stay the same, also where the step ends at a knot. So the right side is smooth
-within each step, a power series of u is the polynomial itself, and derivatives are those of a
-polynomial. At a knot, the piece is the one that begins there.
+They are constant during a step, including its end at a knot. Thus the right side is smooth within
+each step, a power series of u is the polynomial itself, and derivatives are those of a polynomial.
+At a knot, the piece that begins there is used.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ import numpy as np
 
 from lagcli.arrays import Array
 
-#: Of |t|: times that are nearer than this are one; core/breaks.c has the same.
+#: Times closer than this, relative to |t|, coincide; core/breaks.c has the same value.
 RESOLUTION = 16 * float(np.finfo(float).eps)
 
 
 class PiecewiseFunction(NamedTuple):
-    """A function of time in pieces.
+    """A piecewise polynomial function of time.
 
     Parameters
     ----------
     name : str
     knots : (n,) array
-        Where each piece begins, s; the first one holds before its knot too.
+        Start of each piece, s; the first piece is also used before its knot.
     origins : (n,) array
-        The time from which each counts, s.
+        Origin of each piece, s.
     coefficients : (n, degree + 1) array
-        Ascending.
+        Coefficients, ascending.
     first, last : float
-        The times between which the function is defined; infinite where it is everywhere.
+        Interval on which the function is defined; infinite if it is defined everywhere.
     period : float
-        s; 0 where there is none.
+        Period, s; 0 if there is none.
     """
 
     name: str
@@ -57,11 +57,11 @@ class PiecewiseFunction(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many inputs of a tape a piece takes."""
+        """Number of inputs of a tape for one piece."""
         return self.degree + 2
 
     def pieces(self, t: Array) -> Array:
-        """Return the pieces at times, (len(t), size); NaN where the function is not defined."""
+        """Return the pieces at times, (len(t), size); NaN where the function is undefined."""
         slack = RESOLUTION * np.abs(t)
         shift = np.zeros(len(t))
         if self.period:
@@ -92,13 +92,13 @@ def interpolated(
     ----------
     name : str
     times, values : (n,) arrays
-        The times increase; n ≥ 2.
+        Increasing times, s; n ≥ 2.
     interpolation : str
-        "step": each value holds from its time on; "linear"; or "cubic", a spline. With "hold" its
-        slopes at the ends are zero, with "periodic" those of the next period, otherwise its third
-        derivative is continuous next to the ends.
+        "step": each value holds from its time on; "linear"; or "cubic", a spline. Its slopes at the
+        ends are zero with "hold", periodic with "periodic"; otherwise its third derivative is
+        continuous next to the ends (not-a-knot).
     extend : str or None
-        "hold": the first and the last value, outside; "periodic"; None: not defined there.
+        "hold": constant outside the table; "periodic"; None: undefined outside.
     """
     h = np.diff(times)
     columns = [values[:-1]]
@@ -146,11 +146,11 @@ class InputFunctions(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many inputs of a tape their pieces take."""
+        """Number of inputs of a tape for their pieces."""
         return sum(f.size for f in self.functions)
 
     def places(self) -> dict[str, tuple[int, int]]:
-        """Return where the piece of each function begins among those inputs, and its degree."""
+        """Return the index of each function's piece among those inputs, and its degree."""
         found, at = {}, 0
         for f in self.functions:
             found[f.name] = at, f.degree
@@ -166,13 +166,13 @@ class InputFunctions(NamedTuple):
         return list(self.pieces(np.array([t]))[0].tolist()) if self.functions else []
 
     def breaks(self, start: float, end: float, others: Sequence[float] | Array = ()) -> Array:
-        """Return the knots after a time, up to another, and other times, without repetitions."""
+        """Return the knots and other times between two times, without repetitions."""
         every = [f.breaks(start, end) for f in self.functions]
-        # not np.unique, which imports masked arrays: a tenth of the start of a short run
+        # not np.unique, which imports masked arrays: a tenth of the start-up of a short run
         found = np.sort(np.concatenate([np.asarray(others, dtype=float), *every]))
         apart = np.diff(found, prepend=-math.inf) > RESOLUTION * np.abs(found)
         return found[apart]
 
 
-#: Of a System without any.
+#: For a System without inputs.
 NO_FUNCTIONS = InputFunctions()

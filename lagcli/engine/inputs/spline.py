@@ -1,10 +1,10 @@
-"""Cubic splines: the slopes at the knots of a twice continuously differentiable interpolant.
+"""Cubic splines: slopes at the knots of a twice continuously differentiable interpolant.
 
 With h_i = t_{i+1} − t_i and d_i = (y_{i+1} − y_i)/h_i, continuity of the second derivative is
 
     h_i s_{i−1} + 2 (h_{i−1} + h_i) s_i + h_{i−1} s_{i+1} = 3 (h_i d_{i−1} + h_{i−1} d_i)
 
-(de Boor, A Practical Guide to Splines, IV). What holds at the ends closes the tridiagonal system.
+(de Boor, A Practical Guide to Splines, IV). The end conditions complete the tridiagonal system.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ def spline_slopes(times: Array, values: Array, ends: Ends) -> Array:
         Increasing; n ≥ 2.
     values : (n,) array
     ends : str
-        "not-a-knot": the third derivative is continuous at the second knot and at the last but one
-        (of three knots, a parabola; of two, a line). "clamped": the slopes at the ends are zero.
-        "periodic": as the next period; the last value is the first.
+        "not-a-knot": the third derivative is continuous at the second and the last but one knot
+        (three knots give a parabola, two a line). "clamped": the slopes at the ends are zero.
+        "periodic": the last value equals the first.
 
     Returns
     -------
@@ -60,13 +60,13 @@ def spline_slopes(times: Array, values: Array, ends: Ends) -> Array:
 
 
 def _periodic(h: Array, d: Array) -> Array:
-    """Return the slopes of a periodic spline: a cyclic system, by Sherman and Morrison."""
+    """Return the slopes of a periodic spline: a cyclic system, by the Sherman–Morrison formula."""
     if len(h) == 1:
         return np.zeros(2)
     before, h_before = np.roll(d, 1), np.roll(h, 1)
     lower, upper, diagonal = h.copy(), h_before.copy(), 2 * (h + h_before)
     right = 3 * (h * before + h_before * d)
-    if len(h) == 2:  # both neighbours of a knot are the other one
+    if len(h) == 2:  # both neighbours of a knot are the same
         matrix = np.array([[diagonal[0], lower[0] + upper[0]], [lower[1] + upper[1], diagonal[1]]])
         found = np.linalg.solve(matrix, right)
         return np.append(found, found[0])
@@ -85,7 +85,7 @@ def _periodic(h: Array, d: Array) -> Array:
 def _tridiagonal(lower: Array, diagonal: Array, upper: Array, right: Array) -> Array:
     """Solve a tridiagonal system by elimination without pivoting.
 
-    The rows of splines are diagonally dominant, and those at the ends leave them so.
+    The rows of splines are diagonally dominant, including those at the ends.
     """
     a, b, c, r = lower.tolist(), diagonal.tolist(), upper.tolist(), right.tolist()
     for i in range(1, len(b)):

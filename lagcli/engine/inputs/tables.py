@@ -1,4 +1,4 @@
-"""The inputs of a model as known functions of time."""
+"""Inputs of a model as known functions of time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @lru_cache(maxsize=4)
 def input_functions(model: Model) -> InputFunctions:
-    """Return the known functions of time that a model's inputs are.
+    """Return the known functions of time of a model's inputs.
 
     Parameters
     ----------

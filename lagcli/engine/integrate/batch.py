@@ -2,10 +2,10 @@
 
 The core integrates eight runs through one stream of operations, each in a lane (one slot of the
 vector registers) with its own parameters, state, time and step size; a lane whose run ends takes
-the next. A run that needs a decision (undefined values, a singular configuration ahead, stiffness,
-an inaccurate elimination, limits) leaves its lane; `lagcli.engine.integrate.compiled_engine` then
-repeats it from its start. The numbers of a run do not depend, not even in the last bit, on the
-other runs of the batch.
+the next. A run that requires a decision (undefined values, a singular configuration ahead,
+stiffness, an inaccurate elimination, limits) leaves its lane;
+`lagcli.engine.integrate.compiled_engine` then repeats it from its initial state. The results of a
+run do not depend on the other runs of the batch, to the last bit.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Tape
 
-#: Seconds that the core may take before it comes back, and the tries of a step it begins with.
+#: Time after which the core returns, s, and the number of step attempts of the first call.
 _SLICE = 0.03
 _FIRST_SLICE = 16
 _GROWTH = 4
-#: Runs whose samples are held beside those in the lanes, and the numbers of all of them at most.
+#: Largest number of runs with samples in memory besides those in the lanes, and of their values.
 _HELD = 24
 _MOST_NUMBERS = 1 << 25
 
 
 class Finished(NamedTuple):
-    """Runs that ended.
+    """Completed runs.
 
     Parameters
     ----------
     rows : (k,) array of int
-        Which of the given runs.
+        Indices of the runs.
     samples : (k, nt, width) array
-        Sample rows, as in `SampleLayout`. Where k
-        is 1 and the run failed, those that were reached; otherwise all of ``request.times``.
+        Sample rows, as in `SampleLayout`: all of ``request.times``; for a failed run, if k is 1,
+        those up to its end.
     runs : list of k Run
-        How each ended, and what it took.
+        Outcome of each run.
     """
 
     rows: Indices
@@ -61,12 +61,12 @@ class Finished(NamedTuple):
 def prepare_batch(
     system: System, request: IntegrationRequest, progress: Callable[[], None] | None = None
 ) -> Prepared:
-    """Return what the lanes need: an order of elimination that suits one run from end to end.
+    """Return the preparation of batches: an order of elimination that suits one complete run.
 
     Parameters
     ----------
     system, request
-        Of a run like those that are to come. It is done for this, without its samples.
+        A representative run. It is integrated for this, without samples.
     progress : callable, optional
         As for `run_batch`.
     """
@@ -89,27 +89,27 @@ def run_batch(
     sink: Callable[[Finished], None],
     progress: Callable[[], None] | None = None,
 ) -> None:
-    """Integrate many runs; each is emitted once, in no certain order.
+    """Integrate many runs; each is emitted once, in any order.
 
-    Several threads may do so at once: the core holds no lock while it runs.
+    May be called by several threads: the core releases the interpreter's lock.
 
     Parameters
     ----------
     system : System
     request : Request
-        What all runs have in common: of its ``state``, the time alone. Its ``rank`` must be that
-        of all runs. Without ``prepared``, from `prepare_batch`, there are no lanes: an order of
-        elimination that comes from elsewhere makes what a run gives depend on itself alone.
+        Common part of all runs; of its ``state``, only the time is used. Its ``rank`` must be that
+        of all runs. Without ``prepared``, from `prepare_batch`, batches are not used: with a given
+        order of elimination, the result of a run depends only on itself.
     parameters : (n, np) array
         Parameters of each run.
     q, v : (n, nq) arrays
-        Consistent states at the start; see `lagcli.engine.constraints.initial_batch`.
+        Consistent initial states; see `lagcli.engine.constraints.initial_batch`.
     sink : callable
-        Takes the runs that ended, a few dozen at a time at most. What it raises ends all runs and
-        goes on to the caller.
+        Takes the completed runs, at most a few dozen at a time. An exception raised here ends all
+        runs and propagates to the caller.
     progress : callable, optional
         Called at least every 0.05 s, as far as single steps allow. May raise `Interrupted`, which
-        goes on to the caller; runs under way are lost.
+        propagates to the caller; active runs are lost.
     """
     rest: Iterable[int] = range(len(parameters))
     check_cancelled = progress or (lambda: None)
@@ -122,11 +122,11 @@ def run_batch(
 
 
 def suits_batch(system: System, request: IntegrationRequest) -> bool:
-    """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
+    """Return whether runs can be integrated in batches; otherwise they are integrated one by one.
 
-    There are none for implicit methods, Baumgarte's stabilization, redundant constraints, contacts,
-    events, branches that are fixed within a step, breaks, functions of time, constraints nonlinear
-    in the velocities, an elimination that is not unrolled, or samples that would fill the memory.
+    Not supported are implicit methods, Baumgarte's stabilization, redundant constraints, contacts,
+    events, kinks, breaks, functions of time, constraints nonlinear in the velocities, an
+    elimination that is not unrolled, or samples that would fill the memory.
     """
     width = system.sample_layout.size
     return (
@@ -144,7 +144,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
 
 
 class _BatchRuns:
-    """The core, with the runs that it is to do."""
+    """The core with the runs of a batch."""
 
     def __init__(
         self, system: System, request: IntegrationRequest, parameters: Array, q: Array, v: Array
@@ -153,7 +153,7 @@ class _BatchRuns:
         assert prepared is not None
         self.request, self.steps = request, ("DOP853",) if request.settings.method == "auto" else ()
         first = _of_row(request, parameters, q, v, 0)
-        # in the order of all, whatever that of the first one is
+        # in the common order, whatever that of the first one is
         first = first._replace(elimination=prepared.elimination)
         single = Integration(system, first, lambda block: None, None)
         width = system.sample_layout.size
@@ -171,7 +171,7 @@ class _BatchRuns:
         self.began: dict[int, float] = {}
 
     def run(self, sink: Callable[[Finished], None], check_cancelled: Callable[[], None]) -> None:
-        """Do the runs, but for those that leave."""
+        """Integrate the runs, except for those that leave."""
         core, tries = self.core, _FIRST_SLICE
         status: int = Status.RUNNING
         while status != Status.DONE:
@@ -193,7 +193,7 @@ class _BatchRuns:
         return Outcome("completed", "", steps, rejected, evaluations, methods=self.steps)
 
     def let_leave(self, timeout: float) -> None:
-        """Let runs leave that have been under way for too long."""
+        """Remove runs that have been active for too long."""
         now = time.monotonic()
         under_way = self.core.under_way()
         self.began = {row: self.began.get(row, now) for row in under_way if row >= 0}
@@ -224,7 +224,7 @@ def _singly(
     row: int,
     check_cancelled: Callable[[], None],
 ) -> Finished:
-    """Do one run by itself."""
+    """Integrate a single run."""
     blocks: list[Block] = []
     run = compiled_engine.run(
         system, _of_row(request, parameters, q, v, row), blocks.append, lambda t: check_cancelled()
@@ -237,13 +237,13 @@ def _singly(
 
 
 class SampleTape:
-    """A tape evaluated over the samples of many runs, eight at a time; by one thread at a time.
+    """A tape evaluated at the samples of many runs, eight at a time; not thread-safe.
 
     Parameters
     ----------
     tape : Tape
-        Its inputs are the first numbers of a sample (t, q, v, a, λ, W: as many as it has inputs
-        besides), then the parameters.
+        Tape whose inputs are the first entries of a sample (of t, q, v, a, λ, W, as many as it has
+        inputs), then the parameters.
     """
 
     def __init__(self, tape: Tape):

@@ -1,9 +1,9 @@
-"""A run of the compiled engine: steps with projection in C, driven from here.
+"""A run of the compiled engine: steps with projection in C, controlled from Python.
 
-The core runs in slices and comes back when it is done, when its sample block is full, when a slice
-is over (for interrupts, progress and limits), and when something needs a decision: a singular
-configuration ahead or inside the last step, a state without finite values, a step size at its
-floor. What is then done is the same code as the reference engine's.
+The core runs in slices and returns when it is done, when its sample block is full, when a slice is
+over (for interrupts, progress and limits), and when a decision is required: a singular
+configuration ahead or inside the last step, a state that is not finite, a step size at its minimum.
+These are handled by the code of the reference engine.
 """
 
 from __future__ import annotations
@@ -51,30 +51,30 @@ if TYPE_CHECKING:
     from lagcli.engine.linear.elimination import Elimination
 
 
-#: Seconds that a slice of steps should take: what an interrupt waits for.
+#: Target duration of a slice of steps, s: the latency of an interrupt.
 _SLICE = 0.03
-#: Seconds that a step takes at most for each operation of the equations, before it is known.
+#: Initial upper estimate of a step's duration for each operation of the equations, s.
 _MOST_SECONDS = 1e-6
-#: How many times longer than the last a slice may become: the first steps are no measure of others.
+#: Largest ratio of successive slices: the first steps are not representative.
 _GROWTH = 16
-#: States for an order of elimination, beyond which the dense solution helps where it fails.
+#: Number of states for an order of elimination; after that, failures use the dense solution.
 _MOST_STATES = 20
 
 
 class Integration:
-    """One run: the core, made ready for it, where its samples go, and what decides for it.
+    """One run: the core, its programs, the sink of its samples, and its decisions.
 
     Parameters
     ----------
     system, request, sink, progress
         As in the contract.
     for_batch : bool
-        Whether what is in use after the run is for lanes, which refine no solutions.
+        Whether the result is used for batches, which do not refine solutions.
 
     Attributes
     ----------
     in_use : Prepared
-        How a and λ are solved for; after the run, what has sufficed for the last of it.
+        The current method of solving for a and λ; after the run, the last one.
     """
 
     def __init__(
@@ -141,7 +141,8 @@ class Integration:
         return binding.Integrator(*arguments)
 
     def prepared(self) -> Prepared:
-        """Return the programs to begin with; redundant constraints have no order of elimination."""
+        """Return the initial programs; there is no order of elimination for redundant
+        constraints."""
         order = self.request.elimination
         if self.redundant:
             order = None
@@ -150,26 +151,26 @@ class Integration:
         return self.ready(order, self.request.prepared)
 
     def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
-        """Return the programs for an order, or for none; what is known of others is taken over."""
+        """Return the programs for an order, or for none; reuse those that do not depend on it."""
         prepared = prepare(self.system, order, known)
         # power series are those of the unrolled operations
         return unrolled(self.system, prepared) if self.settings.method == "Taylor" else prepared
 
     def use(self, prepared: Prepared) -> None:
-        """Solve for a and λ in a way."""
+        """Use a method of solving for a and λ."""
         self.in_use = prepared
         if prepared.elimination is None:
             self.core.use_dense(prepared.dynamics)
         else:
             self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
-        # a step count, not a time: runs are the same on every machine
+        # a number of steps, not a time, so that runs are reproducible
         self.unroll_at = math.inf
         if prepared.worth_unrolling:
             self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
         self.no_series = self.expand(prepared) if self.settings.method == "Taylor" else ""
 
     def expand(self, prepared: Prepared) -> str:
-        """Make Taylor's method ready; return why there are no power series, if there are none."""
+        """Prepare Taylor's method; return why there are no power series, if there are none."""
         from lagcli.engine.taylor.expansion import NotAnalytic
         from lagcli.engine.taylor.series import depending_on_time, expand, order_for
 
@@ -193,9 +194,9 @@ class Integration:
         return ""
 
     def reorder(self) -> None:
-        """Find an order that suits the end of the step that failed too; else take it densely.
+        """Find an order that also suits the end of the failed step; otherwise solve densely.
 
-        It comes to this only where refined solutions are not accurate enough either.
+        Called only if refined solutions are not accurate enough either.
         """
         core = self.core
         again, self.reordered = self.reordered == core.t, core.t
@@ -210,11 +211,11 @@ class Integration:
         core.allow_dense(1)
         core.size_again()
 
-    # made when needed: most runs need none of it
+    # created on demand: most runs need none of these
 
     @cached_property
     def motion(self) -> Index1:
-        """The right-hand side in Python, for what is rare."""
+        """The right-hand side in Python, for rare cases."""
         from lagcli.engine.constraints.index1 import Index1
 
         motion = Index1(self.evaluator, self.request.rank)
@@ -224,14 +225,14 @@ class Integration:
 
     @cached_property
     def projection(self) -> Projection:
-        """The projection in Python, for what is rare."""
+        """The projection in Python, for rare cases."""
         from lagcli.engine.constraints.projection import Projection
 
         return Projection(self.evaluator, self.request.rank)
 
     @cached_property
     def watch(self) -> RankWatch:
-        """What decides whether a configuration is singular."""
+        """The monitor of singular configurations."""
         from lagcli.engine.constraints.singular import RankWatch
 
         watch = RankWatch(self.motion)
@@ -262,7 +263,7 @@ class Integration:
             self.watch.check_start(start.t, start.q, start.v, self.projection)
             self.check_redundancy()
         self.handle_status(core.start())
-        # a step of a large model may take as long as a slice should
+        # a step of a large model may take as long as a slice
         most_seconds = _MOST_SECONDS * (1 + len(self.system.dynamics.code))
         slice_ = min(max(1, int(_SLICE / most_seconds)), _GROWTH)
         while True:
@@ -286,7 +287,7 @@ class Integration:
             self.progress(core.t)
 
     def handle_status(self, status: int) -> bool:
-        """Do what a status of the core asks for; return whether the run is complete."""
+        """Handle a status of the core; return whether the run is complete."""
         core = self.core
         if status == Status.UNDEFINED:
             state = self.evaluator.state(core.t_bad, *self.split(core.y_bad))
@@ -333,7 +334,7 @@ class Integration:
         return bool(status == Status.DONE)
 
     def check_ahead(self) -> bool:
-        """Look along the path of the last steps, which go towards a singular configuration."""
+        """Examine the path of the last steps, which approach a singular configuration."""
         core, watch = self.core, self.watch
         t, y, steps = core.t, core.state, core.counts[0]
         self.measure()
@@ -372,12 +373,12 @@ class Integration:
         return crossing.end >= self.settings.t_end or self.handle_status(core.start())
 
     def measure(self) -> None:
-        """Measure B here, and take over the largest lengths of its rows from the core."""
+        """Measure B at this state, and get the largest lengths of its rows from the core."""
         self.motion.measure(self.core.t, *self.split(self.core.state))
         self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
 
     def react(self) -> bool:
-        """Do what an event asks for; return whether the end of the run is reached."""
+        """Handle an event; return whether the end of the run is reached."""
         core = self.core
         number, direction, at, y = core.event
         q, v = self.split(y)
@@ -392,7 +393,7 @@ class Integration:
         return False
 
     def check_stepped_over(self) -> None:
-        """Stop where the last step went over a singular configuration."""
+        """Stop if the last step passed a singular configuration."""
         core = self.core
         t_old, t = core.step
         self.measure()
@@ -414,11 +415,11 @@ class Integration:
     # samples
 
     def collect(self) -> None:
-        """Emit the samples that the core holds."""
+        """Emit the samples in the core's block."""
         rows = self.core.take()
         if len(rows):
             self.emit(rows)
 
     def emit(self, rows: Array) -> None:
-        """Emit samples: t, q, v, a, λ, W by row."""
+        """Emit samples, given as rows t, q, v, a, λ, W."""
         self.sink(Block.of_rows(rows, self.system.sample_layout))

@@ -1,4 +1,4 @@
-"""Events along a step: the reference engine's search, by the rules of ``core/events.c``."""
+"""Event location along a step: the reference engine's counterpart of ``core/events.c``."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from lagcli.engine.tape.interpreter import ScalarTape
 
 Path = Callable[[float], Array]  # t → (q, v, W) inside the last step
 
-_PARTS = 8  # of a step, at whose ends the signs are compared
-_EXACT = 1e-14  # of the time, or of the step: where a root is located
+_PARTS = 8  # number of parts of a step at whose ends signs are compared
+_EXACT = 1e-14  # accuracy of a root, relative to the time or the step
 _ITERATIONS = 200
 
 
 class EventCrossing(NamedTuple):
-    """A sign change: which function, 1 where it rises and −1 where it falls, and when, s."""
+    """A sign change: index of the function, 1 if it rises and −1 if it falls, and time, s."""
 
     number: int
     direction: int
@@ -26,7 +26,7 @@ class EventCrossing(NamedTuple):
 
 
 class EventSearch:
-    """Finds the sign changes of a System's event functions, one after the other.
+    """Finds the sign changes of a System's event functions in order.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ class EventSearch:
     def __init__(self, system: System, p: tuple[float, ...]):
         self._tape = None if system.events is None else ScalarTape(system.events)
         self._parameters = p
-        self._signs: list[int] = []  # at `_since`; 0 where not known yet
+        self._signs: list[int] = []  # at `_since`; 0 if unknown
         self._since = math.nan
         self._last: EventCrossing | None = None
 
     def start(self, t: float, y: Array) -> None:
-        """Begin at a state: what has just happened does not happen again."""
+        """Start at a state: an event that has just occurred does not occur again."""
         if self._tape is None:
             return
         self._signs = [_sign(x) for x in self._values(t, y)]
@@ -53,7 +53,7 @@ class EventSearch:
             self._signs[self._last.number] = 0
 
     def first(self, path: Path, t_old: float, t: float, end: float) -> EventCrossing | None:
-        """Return the first sign change of the step from t_old to t that was not returned yet.
+        """Return the first sign change of the step from t_old to t that has not been returned yet.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class EventSearch:
         t_old, t : float
             The ends of the step, s.
         end : float
-            Up to where the step is valid, s.
+            End of the valid part of the step, s.
         """
         if self._tape is None:
             return None
@@ -92,8 +92,7 @@ class EventSearch:
     def _locate(self, path: Path, number: int, low: float, high: float, step: float) -> float:
         """Return the first time at which a function has its new sign.
 
-        Regula falsi with halved ends (Illinois), and a bisection where that does not halve the
-        interval.
+        Regula falsi (Illinois), and bisection where that does not halve the interval.
         """
 
         def value(t: float) -> float:
@@ -107,7 +106,7 @@ class EventSearch:
             if width <= exact:
                 break
             t = low + 0.5 * width if i % 3 == 2 else high - b * width / (b - a)
-            # a step beyond the root, so that the interval closes from both sides
+            # a step beyond the root, so that the interval shrinks from both sides
             t = min(max(t, low + 0.5 * exact), high - 0.5 * exact)
             g = value(t)
             if _sign(g) == after:

@@ -1,4 +1,4 @@
-"""What happens at one instant, in its order: actions, impacts, modes, projections."""
+"""Resolution of one instant: actions, impacts, modes, projections, in order."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from lagcli.engine.switching.reference.instant import ImpactOutcome, NextModes
 from lagcli.engine.switching.stops import check_engagement, endless, jams, sets_violation
 from lagcli.engine.switching.switching import RowMode
 
-#: Rounds at one instant after which it does not end.
+#: Largest number of rounds at one instant.
 _ROUNDS = 100
-#: Multiple of the rounding error of a sliding velocity up to which it has come to rest where it
-#: changes its sign. A redundant row at its limit may have a larger one of the other sign.
+#: Multiple of the rounding error of a sliding velocity below which a velocity that changes its sign
+#: counts as zero. That of a redundant row at its limit may be larger.
 _AT_REST = 1e3
-#: Of the scale of a constraint: a residual that a jump has left.
+#: Residuals above this part of a constraint's scale are caused by a jump.
 _JUMPS = 1e-6
 
 
 class Resolved(NamedTuple):
-    """The state and the modes after an instant; the event that stops the run, if one does."""
+    """The state and the modes after an instant; the event that stops the run, if any."""
 
     y: Array
     modes: Indices
@@ -40,11 +40,11 @@ class InstantResolution:
     Parameters
     ----------
     run : Phases
-        It gets the entries of the log.
+        Receives the entries of the log.
     t : float
         s.
     y : (2 nq + 1,) array
-        The state before, on the rows that hold.
+        The state before the instant, on the active rows.
     """
 
     def __init__(self, run: Phases, t: float, y: Array):
@@ -57,10 +57,10 @@ class InstantResolution:
         self.names = run.system.constraints
         self.stop: str | None = None
         self.entries: list[EventEntry] = []
-        self.struck: ImpactOutcome | None = None  # of the last impact
+        self.struck: ImpactOutcome | None = None  # the last impact
 
     def resolve(self, numbers: Sequence[int], started: bool) -> Resolved:
-        """Do what the functions that fell through zero ask for."""
+        """Handle the functions that fell through zero."""
         before = self._energy()
         ended, pinned, touched, fired = self._causes(numbers)
         for k in range(_ROUNDS):
@@ -85,7 +85,7 @@ class InstantResolution:
     def _causes(
         self, numbers: Sequence[int]
     ) -> tuple[set[int], dict[int, ContactLaw], set[int], list[int]]:
-        """Return what ended: rows that open, laws of rows with limits, contacts; and rules."""
+        """Return the causes: rows that open, laws of limited rows, contacts, and event rules."""
         run = self.run
         ended: set[int] = set()
         pinned: dict[int, ContactLaw] = {}
@@ -112,13 +112,13 @@ class InstantResolution:
                 forward = self.guess[row.row] < 0
                 pinned[k] = ContactLaw.FORWARD if forward else ContactLaw.BACKWARD
             elif kind == "slip" and abs(rates[k]) <= _AT_REST * zero[k]:
-                pinned[k] = ContactLaw.LIMITED  # at rest, whatever rounding says
+                pinned[k] = ContactLaw.LIMITED  # at rest, except for rounding errors
         return ended, pinned, touched, fired
 
     # actions
 
     def _interferes(self, number: int) -> bool:
-        """Return whether the actions of an event change the state or what holds."""
+        """Return whether the actions of an event change the state or the active rows."""
         rule = self.run.switching.events[number]
         return bool(rule.targets or rule.impulses or rule.release or rule.engage)
 
@@ -154,7 +154,7 @@ class InstantResolution:
             held = self.modes.copy()
             for k, switched in enumerate(self.rows):
                 if switched.sign or switched.limit is not None:
-                    held[k] = RowMode.OPEN  # what becomes of contacts is seen afterwards
+                    held[k] = RowMode.OPEN  # the state of contacts is determined afterwards
                 else:
                     held[k] = RowMode.HOLDS if self.problems.active[k] else RowMode.OPEN
             self.q, self.v = self.problems.projected(self.t, self.q, self.v, held)
@@ -176,7 +176,7 @@ class InstantResolution:
                     self.modes[k] = RowMode.OPEN
 
     def _check_gap(self, row: int) -> None:
-        """Stop if a holonomic constraint is engaged off its surface."""
+        """Stop if a holonomic constraint is engaged while it is violated."""
         system = self.run.system
         if row not in system.holonomic:
             return
@@ -189,7 +189,7 @@ class InstantResolution:
     # contacts
 
     def _settle(self, touched: set[int], ended: set[int], pinned: dict[int, ContactLaw]) -> None:
-        """Resolve impacts, and find the modes that follow."""
+        """Resolve impacts, and determine the next modes."""
         zero_set: set[int] = set()
         for _ in range(_ROUNDS):
             touching = self._touching(touched)
@@ -220,7 +220,7 @@ class InstantResolution:
             self.run.branches.check_corner(self.t, before, self.v)
 
     def _check_jump(self) -> None:
-        """Stop where the constraints on a new branch move the positions."""
+        """Stop if the constraints on a new branch change the positions."""
         branches, run = self.run.branches, self.run
         if branches is None or not branches.surfaces:
             return
@@ -250,7 +250,7 @@ class InstantResolution:
         return touching
 
     def _impact(self, contacts: list[int]) -> set[int]:
-        """Do the impact of contacts; return them."""
+        """Compute the impact of contacts; return them."""
         before = self.v
         self.struck = found = self.problems.impact(self.t, self.q, before, contacts)
         drift = self.run.full.constraints(self.t, self.q, before).drift
@@ -265,7 +265,8 @@ class InstantResolution:
         return set(contacts)
 
     def _losses(self, found: ImpactOutcome, contacts: Sequence[int]) -> dict[int, float]:
-        """Return the loss of each contact with its friction; what is of none goes to the first."""
+        """Return the loss of each contact including its friction; other losses are assigned to the
+        first one."""
         losses = {k: float(found.loss[self.rows[k].row]) for k in contacts}
         own = {self.rows[k].row: k for k in contacts}
         first = next((k for k in contacts if found.impulse[self.rows[k].row]), contacts[0])
@@ -277,7 +278,7 @@ class InstantResolution:
         return losses
 
     def _fallen(self, leaving: Flags, resting: set[int], pinned: dict[int, ContactLaw]) -> set[int]:
-        """Return contacts that would fall back from a height that counts as no gap."""
+        """Return contacts whose bounce would remain within the gap that counts as closed."""
         if not leaving.any():
             return set()
         a = self._modes(resting, pinned).a
@@ -293,7 +294,7 @@ class InstantResolution:
         return found
 
     def _rest_time(self, k: int) -> float:
-        """Return where the impacts of a contact have their limit in time, by Aitken's rule."""
+        """Return the limit of a contact's impact times, by Aitken's extrapolation."""
         times = self.run.impact_times.get(k, [])
         if len(times) < 3:
             return self.t
@@ -303,7 +304,7 @@ class InstantResolution:
     # the log
 
     def _log_changes(self, previous: Indices) -> None:
-        """Log how the modes have changed."""
+        """Log the changes of the modes."""
         rest = {x.which for x in self.entries if x.occurrence == "rest"}
         for k, row in enumerate(self.rows):
             was, now = RowMode(int(previous[k])), RowMode(int(self.modes[k]))
@@ -343,7 +344,7 @@ class InstantResolution:
         )
 
     def _following(self, entries: Sequence[EventEntry], started: bool) -> list[int]:
-        """Return the rules that fire by what has happened in this round."""
+        """Return the event rules triggered by the changes of this round."""
         run = self.run
         happened = {(x.which, CHANGES[x.occurrence]) for x in entries if x.occurrence in CHANGES}
         fired = [

@@ -1,8 +1,8 @@
-"""Which method the compiled engine runs: the requested one, or one for the model's stiffness.
+"""Choice of the compiled engine's method: the requested one, or one by stiffness.
 
-``auto`` starts with the explicit DOP853. Where stability, not accuracy, has limited its steps for
-a while, or its step size falls to the floor, it goes on with an implicit method; where that does
-not take longer steps either, it goes back, and looks for stiffness less often.
+``auto`` starts with the explicit DOP853. If stability rather than accuracy has limited its steps
+for some time, or its step size reaches its minimum, it switches to an implicit method; if that does
+not take longer steps either, it switches back, and tests for stiffness less often.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.settings.methods import METHODS
 
-#: From this relative tolerance on, Rodas5P takes less time than Radau for the same error.
+#: Relative tolerance from which Rodas5P takes less time than Radau for the same error.
 _LOOSE = 1e-4
-#: Explicit steps that must be left: the derivatives take about as long as so many.
+#: Number of remaining explicit steps that justifies the cost of the derivatives.
 _WORTH = 300
-#: How much longer its steps must be where stability limits the explicit ones: each takes about so
-#: many times as long. Where nothing but patience asks for a trial, it must be worth much more.
+#: Required ratio of implicit to explicit steps if stability limits the explicit ones: an implicit
+#: step takes about this many times as long. The ratio is larger for a trial that is due only to the
+#: number of steps.
 _LONGER = 1.5
 _MUCH_LONGER = 5.0
-#: Steps after which an implicit method must have proved itself.
+#: Steps after which an implicit method is evaluated.
 _TRIAL = 30
-#: Explicit steps after which an implicit method is tried all the same, if there are many more to
-#: come: at tight tolerances accuracy and stability limit them together. Before that, the path over
-#: so many steps, twice, must be smooth enough for an implicit step of that length.
+#: Explicit steps after which an implicit method is tried in any case, if many more remain: at tight
+#: tolerances, accuracy and stability limit them together. Before that, the path over this number of
+#: steps, twice, must be smooth enough for an implicit step of that length.
 _PATIENCE = 2000
 _MANY = 5000
 _STRETCH = 3
-#: How many tolerances the path may differ from that of a smooth step.
+#: Largest deviation of the path from a smooth step, in tolerances.
 _ROUGH = 2.0
 
 
@@ -59,9 +60,9 @@ class Methods:
     steps : dict of str to int
         The steps that each method has taken.
     changes : list of (float, str)
-        When the run went on with which implicit method, s; without trials in vain.
+        Time of the switch to an implicit method, s, and the method; failed trials are omitted.
     rejected : str
-        Why another method runs than the one requested, for the user.
+        Message why a method other than the requested one runs.
     """
 
     def __init__(self, core: Any, system: System, request: IntegrationRequest, no_series: str = ""):
@@ -73,8 +74,10 @@ class Methods:
         self._prepared = False
         self._patience, self._deaf_until = _PATIENCE, 0
         self._next_look = _PATIENCE
-        self._trial: tuple[int, float, float] | None = None  # steps, time, implicit step that helps
-        self._path: list[tuple[float, Array]] = []  # what shows whether the motion is smooth
+        self._trial: tuple[int, float, float] | None = (
+            None  # steps, time, least useful step
+        )
+        self._path: list[tuple[float, Array]] = []  # points that show whether the motion is smooth
         self._vain: set[str] = set()
         self.refused = ""
         if self.settings.method == "Taylor" and no_series:
@@ -106,7 +109,7 @@ class Methods:
         self._go_on(method)
 
     def most_steps(self) -> int:
-        """Return how many steps may be taken before the next review."""
+        """Return the number of steps until the next review."""
         if self._path:
             return _STRETCH
         if self._trial is None:
@@ -114,7 +117,7 @@ class Methods:
         return max(1, self._trial[0] + _TRIAL - self.core.counts[0])
 
     def review(self) -> None:
-        """Go back to the explicit method where the implicit one takes no longer steps."""
+        """Switch back to the explicit method if the implicit one takes no longer steps."""
         steps = self.core.counts[0]
         if self.may_help() and (steps >= self._next_look or self._path):
             if self._path or self._left() > _MANY:
@@ -142,15 +145,15 @@ class Methods:
 
     @property
     def used(self) -> tuple[str, ...]:
-        """The methods that took steps, without those that were tried in vain."""
+        """The methods that took steps, without failed trials."""
         return tuple(method for method in self.steps if method not in self._vain)
 
     def _smooth(self) -> bool:
-        """Return whether an implicit step over the last stretches may meet its tolerance.
+        """Return whether an implicit step over the last stretches would meet its tolerance.
 
-        Its error is judged like that of the cubic through the positions and velocities at the ends
-        of a step: both are of fourth order. Where fast motion goes on, the cubic misses it. Making
-        derivatives for an implicit method takes longer than many explicit steps.
+        Its error is estimated by that of the cubic through the positions and velocities at the ends
+        of a step: both are of fourth order. During fast motion the cubic deviates. Deriving the
+        Jacobians of an implicit method takes longer than many explicit steps.
         """
         (t0, y0), (t1, y1), (t2, y2) = self._path
         nq = len(self.request.state.q)
@@ -165,7 +168,7 @@ class Methods:
         return bool(np.linalg.norm((np.concatenate([q, v]) - y) / allowed) <= _ROUGH)
 
     def _left(self) -> float:
-        """Return how many steps like the last are left."""
+        """Return the number of remaining steps of the last size."""
         before, now = self.core.step
         return (self.settings.t_end - now) / (now - before)
 
@@ -176,7 +179,7 @@ class Methods:
         self.core.order(pivot_order)
 
     def message(self) -> str:
-        """Return what was found to be chosen, for the user."""
+        """Return the message on the chosen method."""
         if not self.changes:
             return self.refused
         t, method = self.changes[-1]
@@ -184,7 +187,7 @@ class Methods:
 
     @cached_property
     def _jacobians(self) -> JacobianTapes:
-        """The derivatives that implicit methods need."""
+        """The derivatives for implicit methods."""
         assert self.system.variation is not None
         return self.system.variation()
 

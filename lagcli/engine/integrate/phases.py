@@ -1,4 +1,4 @@
-"""The phases of a run of a system that switches: modes, their right-hand side, what ends them."""
+"""Phases of a run that switches: modes, their right-hand side, and the functions that end them."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode
 from lagcli.engine.tape.interpreter import ScalarTape
 
-#: Of the scale of a gap or a rate, and of the largest force so far: what is rounding, and no event.
+#: Gaps, rates and forces below this part of their scale, or of the largest force, are rounding
+#: errors.
 _GAP_NOISE, _FORCE_NOISE = 4e-15, 1e-13
-#: Of the largest: parts that are no rounding, of redundant contacts.
+#: Multipliers of redundant contacts above this part of the largest are not rounding errors.
 _SHARED = 1e-9
-#: Place of the total energy among the outputs of the report tape.
+#: Index of the total energy among the outputs of the report tape.
 _ENERGY = 2
 
 
 class Watched(NamedTuple):
-    """A function that ends a mode as it falls through zero, and the row that it belongs to."""
+    """A function that ends a mode when it falls through zero, and its row."""
 
     kind: str  # gap, force, stick, slip, jam, below, above: of a kink
     row: int
@@ -46,9 +47,9 @@ class Phases:
     Attributes
     ----------
     motion : ModalMotion
-        The right-hand side in the present modes.
+        The right-hand side in the current modes.
     watched : list of Watched
-        What ends them; the conditions of events follow these in `values`.
+        Event functions of the modes; the conditions of events follow these in `values`.
     impact_times : dict of int to list of float
         Impact times by switched row, s.
     entries : list of EventEntry
@@ -92,14 +93,14 @@ class Phases:
         self.enter(self.modes, state.t, state.q, state.v)
 
     def enter(self, modes: Indices, t: float, q: Array, v: Array) -> None:
-        """Take modes from a state on."""
+        """Set the modes from a state on."""
         self.modes = modes
         before, self.motion = self.motion, self._motion(t, q, v)
         self.motion.evaluations, self.motion.damping = before.evaluations, before.damping
         self.watched = self._watched()
 
     def set_parameters(self, p: tuple[float, ...]) -> None:
-        """Go on with other values of the parameters."""
+        """Continue with other values of the parameters."""
         self.full = self.problems.evaluator = self.full.with_parameters(p)
         self.motion.full = self.motion.held.full = self.full
         if self.branches is not None:
@@ -117,7 +118,7 @@ class Phases:
         return self._report((t, *q.tolist(), *v.tolist(), *nothing, *self.full.p))[_ENERGY]
 
     def measure(self, t: float, y: Array) -> None:
-        """Keep the largest scales of the rows."""
+        """Record the largest scales of the rows."""
         self.problems.measure(t, *self.motion.split(y), self.motion)
 
     def _motion(self, t: float, q: Array, v: Array) -> ModalMotion:
@@ -129,7 +130,7 @@ class Phases:
         return motion
 
     def _watched(self) -> list[Watched]:
-        """Return the functions that end the present modes."""
+        """Return the functions that end the current modes."""
         found: list[Watched] = []
         for k, (row, mode) in enumerate(zip(self.rows, self.modes, strict=True)):
             if row.sign and mode == RowMode.HOLDS:
@@ -146,7 +147,7 @@ class Phases:
         return found
 
     def values(self, t: float, y: Array) -> Array:
-        """Return the functions that end the modes, then those of the events' conditions."""
+        """Return the event functions of the modes, then those of the events' conditions."""
         q, v = self.motion.split(y)
         motion, branches = self.motion, self.branches
         needs = self.tapes.conditions_on_forces or any(
@@ -221,7 +222,7 @@ class Phases:
     def size_of(self, number: int) -> float:
         """Return the largest size of a function of `values` so far.
 
-        Of a gap, it is what the row's largest rate would make of it during the run.
+        For a gap, the change at the row's largest rate during the run.
         """
         if number >= len(self.watched):
             return float(self.conditions.largest[number - len(self.watched)])
@@ -237,9 +238,9 @@ class Phases:
     def _common_slack(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array
     ) -> dict[int, float]:
-        """Return by how much redundant contacts can obey their laws together, by constraint.
+        """Return the common slack of redundant contacts in their laws, by constraint.
 
-        The largest s for which some λ of the same forces obeys each law by s.
+        The largest s such that some λ with the same forces satisfies each law with slack s.
         """
         motion = self.motion
         if not (motion.redundant and motion.cones):
@@ -265,7 +266,7 @@ class Phases:
         if found.status != 0:
             return {}
         slack: dict[int, float] = {}
-        # a law without a price could be obeyed by more: only the others end the mode
+        # a law that is independent of the choice has a larger slack: only the others end the mode
         owners = [
             row for row, is_shared in zip(motion.cone_owners(), shared, strict=True) if is_shared
         ]

@@ -1,9 +1,9 @@
-"""What the runs of a System have in common, whatever its parameters' values.
+"""Programs shared by the runs of a System, for any parameter values.
 
-Unrolling an elimination into the tape and assembling that takes Python some 50 µs for each
-operation, and saves the core some nanoseconds at each evaluation. So a short one is unrolled before
-the first step, a longer one when a run has taken many steps or when many runs are to come, and one
-that fills up never: its columns are long enough for the loop in C.
+Unrolling an elimination into the tape and assembling it takes some 50 µs of Python time for each
+operation, and saves the core some nanoseconds at each evaluation. Therefore a short elimination is
+unrolled before the first step, a longer one when a run has taken many steps or when many runs are
+to come, and one with large fill never: its columns are long enough for the loop in C.
 """
 
 from __future__ import annotations
@@ -20,33 +20,34 @@ from lagcli.engine.program.vectorize import LONG
 from lagcli.engine.state import State
 from lagcli.engine.system import System, without_numbers
 
-#: Operations of the dynamics and updates of an elimination up to which it is unrolled at once.
+#: Largest number of operations of the dynamics and updates of an elimination that is unrolled
+#: immediately.
 SHORT = 1000
-#: Steps of a run after which unrolling takes no longer than what it has cost not to have done so.
+#: Number of steps of a run after which unrolling pays off.
 STEPS_TO_UNROLL = 2500
-#: Updates in all, and for each unknown, beyond which an elimination is not unrolled.
+#: Largest number of updates, in total and per unknown, of an elimination that is unrolled.
 MOST_UNROLLED = 30_000
 _MOST_FOR_EACH = 100
-#: Members of a family on average, and the operations from which right sides of derivatives of so
-#: many are put in vectors.
+#: Average size of families, and number of operations, from which right sides of derivatives are
+#: vectorized.
 _MEMBERS, _LONG_OF_MEMBERS = 8, 500
 
 
 class Prepared(NamedTuple):
-    """A System made ready for the core: its programs, and how a and λ are solved for.
+    """A System prepared for the core: its programs, and how a and λ are computed.
 
-    It serves the runs of all Systems that differ in the parameters' values alone.
+    Shared by all Systems that differ only in parameter values.
 
     Parameters
     ----------
     elimination : Elimination or None
-        None: the equations are solved densely.
+        Order of elimination; None: the equations are solved densely.
     constraint : Program
-        With ψ.
+        The constraint tape with ψ.
     plain : Program or None
-        The dynamics; None where nothing has needed them without the elimination.
+        The dynamics; None if they are not needed without the elimination.
     whole : Program or None
-        The dynamics with the elimination unrolled, where it is.
+        The dynamics with the unrolled elimination, if it is unrolled.
     tangent : Program, optional
         Program of the derivatives' right sides, for a System with derivatives.
     """
@@ -70,12 +71,12 @@ class Prepared(NamedTuple):
         return program
 
     def serves(self, elimination: Elimination | None) -> bool:
-        """Return whether it is what an order of elimination, or None, is made ready by."""
+        """Return whether it has been prepared for an order of elimination, or for None."""
         return self.elimination == elimination
 
     @property
     def worth_unrolling(self) -> bool:
-        """Whether a long run, or many runs, should have the elimination unrolled."""
+        """Whether a long run, or many runs, should use the unrolled elimination."""
         return not self.unrolled and _may_unroll(self.elimination)
 
 
@@ -89,8 +90,8 @@ def prepare(
     system : System
     elimination : Elimination or None
     known : Prepared, optional
-        What the System was made ready by, perhaps with another order: its programs are taken where
-        they do not depend on that.
+        A previous preparation of the System, possibly with another order; its programs are reused
+        if they do not depend on the order.
     """
     if known is not None and known.serves(elimination):
         return known
@@ -107,7 +108,7 @@ def prepare(
 
 
 def unrolled(system: System, prepared: Prepared) -> Prepared:
-    """Return what long runs, or many, are done with: the elimination is unrolled if it may be."""
+    """Return the preparation for long or many runs: the elimination is unrolled if permitted."""
     elimination = prepared.elimination
     if prepared.unrolled or not _may_unroll(elimination):
         return prepared
@@ -129,7 +130,8 @@ def _with(system: System, elimination: Elimination) -> Program:
 
 
 def _tangent(system: System) -> Program:
-    """Return the program of the derivatives' right sides; it runs beside that of the dynamics."""
+    """Return the program of the derivatives' right sides, which uses the registers of the
+    dynamics."""
     assert system.tangent is not None
     motion, families = system.motion, system.families
     first = len(families) - system.held
@@ -143,7 +145,7 @@ def _tangent(system: System) -> Program:
 
 
 def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:
-    """Find an order of elimination that suits states; None where there is none."""
+    """Find an order of elimination for some states; None if there is none."""
     motion = evaluator.system.motion
     if motion is not evaluator.system:
         nq, evaluator = len(motion.coordinates), Evaluator(motion, evaluator.p)
