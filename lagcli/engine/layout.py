@@ -1,7 +1,7 @@
-"""Layouts: which numbers stand where in sample rows and in the outputs of tapes.
+"""Layouts: the order of numbers in sample rows and in the outputs of tapes.
 
 `lagcli.engine.core.headers` writes the same for C when the core is built, so this module imports
-the standard library alone.
+only the standard library.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class Counts(NamedTuple):
 
 
 class Layout:
-    """Parts that lie one after the other, each a slice.
+    """Consecutive parts of an array, each a slice.
 
     Attributes
     ----------
     size : int
-        Numbers in all parts that have counts.
+        Numbers of elements, by which parts have their sizes.
     """
 
     size: int
@@ -51,7 +51,7 @@ class Layout:
     @classmethod
     @cache
     def parts(cls) -> dict[str, tuple[str, ...]]:
-        """Return what the size of each part is the sum of; nothing: all that follows."""
+        """Return the summands of each part's size; none for a part that extends to the end."""
         hints = get_type_hints(cls, include_extras=True)
         return {
             name: tuple(filter(None, hint.__metadata__))
@@ -71,7 +71,7 @@ Rest = Annotated[slice, ""]
 
 
 class SampleLayout(Layout):
-    """The layout of a sample and of a tape's inputs, where parameters follow q and v or a and λ."""
+    """Layout of a sample, and of a tape's inputs (parameters follow q and v, or a and λ)."""
 
     t: One
     q: Coordinates
@@ -94,9 +94,9 @@ class DynamicsLayout(Layout):
 class UnrolledLayout(DynamicsLayout):
     """The outputs of the dynamics tape with the elimination unrolled.
 
-    The solution is a, λ, and the power that of all forces. What the pivots keep of their terms is
-    followed by the squares of the lengths of B's rows, by the solution for another right side
-    (a, λ), and by a for a right side of the constraints alone.
+    The solution is a, λ, and the power of all forces. It is followed by the cancellation of the
+    pivots, the squares of the lengths of B's rows, the solution for another right side (a, λ), and
+    a for a right side of the constraints only.
     """
 
     solution: Unknowns

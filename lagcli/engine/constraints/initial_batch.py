@@ -175,9 +175,7 @@ class _StartSearch:
             step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
             length = np.abs(step / sizes[:, free]).max(axis=1)
             size = LONGEST * np.abs(q[rows] / sizes).max(axis=1)
-            usual &= (length == 0.0) | (
-                size > 0.0
-            )  # else the constraints' terms decide
+            usual &= (length == 0.0) | (size > 0.0)  # else the constraints' terms decide
             step *= np.minimum(1.0, size / np.where(length > 0, length, 1.0))[:, None]
             ordinary[rows[~usual]] = going[rows[~usual]] = False
             rows, step = rows[usual], step[usual]

@@ -74,9 +74,7 @@ class Methods:
         self._prepared = False
         self._patience, self._deaf_until = _PATIENCE, 0
         self._next_look = _PATIENCE
-        self._trial: tuple[int, float, float] | None = (
-            None  # steps, time, least useful step
-        )
+        self._trial: tuple[int, float, float] | None = None  # steps, time, least useful step
         self._path: list[tuple[float, Array]] = []  # points that show whether the motion is smooth
         self._vain: set[str] = set()
         self.refused = ""

@@ -1,7 +1,7 @@
 """A run of the reference engine: SciPy's integrators on the index-1 form, with projection.
 
-After each accepted step, and at each written sample, the state is brought back onto the
-constraints; the integrator goes on from there.
+After each accepted step, and at each sample, the state is projected onto the constraints; the
+integrator continues from there.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from lagcli.engine.integrate.tolerances import Sizes
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
 
-#: Baumgarte's α = β times the step size, where the user gives none.
+#: Baumgarte's α = β times the step size, if the user does not set it.
 _BAUMGARTE_STEP = 0.1
-#: Growth of a tolerance after which LSODA, which takes no others on the way, starts again.
+#: Growth of a tolerance after which LSODA is restarted, because its tolerances are fixed.
 _LSODA_GROWTH = 10.0
-#: LSODA goes on with a drift of so many tolerances; samples are projected all the same.
+#: LSODA continues with a drift of this many tolerances; samples are projected in any case.
 _LSODA_DRIFT = 10.0
-#: SciPy raises smaller ones to this, with a warning.
+#: SciPy raises smaller tolerances to this, with a warning.
 _LEAST_RTOL = 100 * float(np.finfo(float).eps)
 
 
 class ScipyIntegration:
-    """One run: its state, its samples that wait to be emitted, and its counts."""
+    """One run: its state, the samples to be emitted, and its statistics."""
 
     def __init__(
         self,
@@ -75,17 +75,17 @@ class ScipyIntegration:
             self.damp(1.0 if self.settings.alpha is None else self.settings.alpha)
 
     def prepare(self, evaluator: Evaluator) -> None:
-        """Make the right-hand side, the projection and the watch of the rank."""
+        """Create the right-hand side, the projection and the monitor of the rank."""
         self.motion = Index1(evaluator, self.request.rank)
         self.projection = Projection(evaluator, self.request.rank)
         self.watch = RankWatch(self.motion)
 
     def begin_run(self, t: float, y: Array) -> Array:
-        """Return the state from which the run begins."""
+        """Return the initial state of the run."""
         return self.begin(t, y)
 
     def integrate(self) -> None:
-        """Integrate up to the end; stop by raising."""
+        """Integrate to the end; raise `Stop` to end early."""
         request = self.request
         t = request.state.t
         y = self.begin_run(t, request.state.y)
@@ -127,14 +127,14 @@ class ScipyIntegration:
                 self.watch.add(t, y)
 
     def begin(self, t: float, y: Array) -> Array:
-        """Return the consistent state next to one from which the integration begins."""
+        """Return the nearest consistent state, from which the integration starts."""
         y = self.consistent(t, y)
         if self.events is not None:
             self.events.start(t, y)
         return y
 
     def consistent(self, t: float, y: Array) -> Array:
-        """Return the consistent state next to one, where y' is as it is from now on."""
+        """Return the nearest consistent state, with y' as it is from now on."""
         self.stop = self.next_stop(t)
         self.motion.evaluator.hold(t)
         self.motion.measure(t, *self.motion.split(y))
@@ -154,7 +154,7 @@ class ScipyIntegration:
         return at < len(self.breaks) and bool(self.breaks[at] == t)
 
     def pass_break(self, t: float, y: Array) -> Array:
-        """Return the state from which the integration goes on beyond a break, or ends."""
+        """Return the state from which the integration continues after a break, or stops."""
         y = self.consistent(t, y)
         assert self.sizes is not None
         self.sizes.restart(t, y)
@@ -164,8 +164,8 @@ class ScipyIntegration:
 
     def solver(self, t: float, y: Array) -> OdeSolver:
         """Return an integrator that starts at a state."""
-        # SciPy judges a step by the root mean square over y; with this factor its largest
-        # component obeys the tolerance
+        # SciPy controls the root mean square of the error over y; with this factor its largest
+        # component satisfies the tolerance
         strict = 1 / math.sqrt(len(y))
         assert self.sizes is not None
         self.at_construction = self.sizes.tolerances
@@ -187,7 +187,7 @@ class ScipyIntegration:
             raise Undefined(self.motion.state(t, y)) from error
 
     def step(self, solver: OdeSolver, t: float) -> None:
-        """Take one step, or say why there is none."""
+        """Take one step, or raise an error."""
         motion, evaluations = self.motion, solver.nfev
         motion.undefined = None
         try:
@@ -210,9 +210,9 @@ class ScipyIntegration:
         return self.watch.floor(t, y, self.settings.method, remark)
 
     def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array, bool]:
-        """Sample the last step, and return the state at its end, on the constraints.
+        """Sample the last step, and return the projected state at its end.
 
-        Where an event moves the state, the step ends there; the last value says so.
+        If an event changes the state, the step ends there, which the last value indicates.
         """
         t, reached = solver.t, solver.y
         made: list[Callable[[float], Array]] = []
@@ -243,7 +243,7 @@ class ScipyIntegration:
     def react(
         self, inside: Callable[[float], Array], t_old: float, t: float, end: float
     ) -> tuple[float, Array] | None:
-        """Do what the events of a step ask for; return the state from which one continues."""
+        """Handle the events of a step; return the state from which to continue."""
         if self.events is None:
             return None
         assert self.request.on_event is not None
@@ -261,7 +261,7 @@ class ScipyIntegration:
         return None
 
     def go_on(self, solver: OdeSolver, t: float, y: Array) -> OdeSolver:
-        """Let the integrator go on from the projected state, with the damping of this step."""
+        """Continue the integrator from the projected state, with the damping of this step."""
         if solver.status != "running":
             return solver
         damped = False
@@ -278,7 +278,7 @@ class ScipyIntegration:
         if y is solver.y and not damped:
             return solver
         if isinstance(solver, LSODA):
-            # its history cannot be moved: it starts again, from order one, when the drift matters
+            # its history cannot be changed: it restarts at order one when the drift matters
             moved = np.abs(y - solver.y)[:-1]
             allowed = self.sizes.tolerances[:-1] + self.settings.rtol * np.abs(y[:-1])
             return self.solver(t, y) if (moved > _LSODA_DRIFT * allowed).any() else solver
@@ -290,12 +290,12 @@ class ScipyIntegration:
         return solver
 
     def damp(self, alpha: float) -> None:
-        """Set Baumgarte's α, and β, which is equal unless it is given."""
+        """Set Baumgarte's α, and β, which equals α unless it is given."""
         beta = self.settings.beta
         self.motion.damping = alpha, alpha if beta is None else beta
 
     def project(self, t: float, y: Array) -> Array:
-        """Return the consistent state next to y; y itself where nothing is projected."""
+        """Return the nearest consistent state; y itself without projection."""
         if self.settings.formulation != "projection" or not self.system.constraints:
             return y
         before, v = self.motion.split(y)
@@ -307,15 +307,15 @@ class ScipyIntegration:
         return np.concatenate([q, v, y[-1:]])
 
     def due(self, end: float) -> Iterator[float]:
-        """Yield the sample times up to a time that are not yet sampled."""
+        """Yield the sample times up to a time that have not been sampled."""
         times = self.request.times
         while self.sampled < len(times) and times[self.sampled] <= end:
             self.sampled += 1
             yield float(times[self.sampled - 1])
 
     def sample(self, t: float, y: Array) -> None:
-        """Keep the consistent state at a sample time, with its a and λ."""
-        if self.sampled > 1:  # one step may hold more samples than the time allows
+        """Add the consistent state at a sample time, with its a and λ."""
+        if self.sampled > 1:  # one step may contain more samples than the time limit allows
             self.limits.check_time(t)
             self.progress(t)
         q, v = self.motion.split(self.project(t, y))
@@ -325,19 +325,19 @@ class ScipyIntegration:
         self.keep(t, q, v, a, multipliers, float(y[-1]))
 
     def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:
-        """Add a sample to those that wait, and emit them when they fill a block."""
+        """Add a sample to the pending ones; emit them when they fill a block."""
         self.waiting.append(np.concatenate([[t], q, v, a, multipliers, [work]]))
         if len(self.waiting) == self.request.block_rows:
             self.emit()
 
     def emit(self) -> None:
-        """Emit the samples that are complete."""
+        """Emit the complete samples."""
         rows, self.waiting = self.waiting, []
         if rows:
             self.sink(Block.of_rows(np.array(rows), self.system.sample_layout))
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
-        """Go through a singular configuration, sampling on the way."""
+        """Pass a singular configuration, sampling on the way."""
         crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
         for at in self.due(crossing.end):
             self.keep(at, *crossing(at))
@@ -346,5 +346,5 @@ class ScipyIntegration:
     def check_redundancy(self, t: float, y: Array) -> None:
         """Stop if redundant constraints contradict each other."""
         if not self.motion.redundant or self.settings.formulation != "projection":
-            return  # beside the constraints, the combinations that vanish on them do not
+            return  # off the constraints, the combinations of rows do not vanish
         self.watch.check_redundancy(t, y)

@@ -1,8 +1,8 @@
 """The reference engine for systems that switch: modes, instants, impacts, events.
 
-Each mode is a phase of the integration with its own right-hand side and projection. In every
-step the functions that end the mode are watched; where one falls through zero, the instant is
-resolved, and the integration restarts.
+Each mode is a phase of the integration with its own right-hand side and projection. In every step
+the functions that end the mode are monitored; when one falls through zero, the instant is resolved,
+and the integration restarts.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lagcli.engine.switching.stops import endless, jamming, jams
 from lagcli.engine.switching.switching import RowMode
 from lagcli.engine.system import System
 
-#: Instants at one time after which it does not end; of max(|t|, 1): times of one instant.
+#: Largest number of instants at one time; times of one instant, relative to max(|t|, 1).
 _ROUNDS, _SAME = 100, 1e-12
 
 
@@ -56,7 +56,7 @@ class SwitchedIntegration(ScipyIntegration):
         self._landing: Crossings | None = None
 
     def row(self, t: float, y: Array, moving: bool = True) -> Array:
-        """Return the sample row of a state; a and λ are NaN where nothing moves yet."""
+        """Return the sample row of a state; a and λ are NaN if they are undefined."""
         q, v = self.motion.split(y)
         a, multipliers, _ = self.motion.accelerations(t, q, v)
         row = np.concatenate([[t], q, v, a, multipliers, y[-1:]])
@@ -66,18 +66,18 @@ class SwitchedIntegration(ScipyIntegration):
         return row
 
     def _tell_parameters(self, p: tuple[float, ...]) -> None:
-        """Emit the samples before parameters change, and tell the values from now on."""
+        """Emit the samples before parameters change, and report the new values."""
         self.emit()
         if self.request.on_parameters is not None:
             self.request.on_parameters(p)
 
     def prepare(self, evaluator: Evaluator) -> None:
-        """Make the right-hand side, projection and watch of the modes at the start."""
+        """Create the right-hand side, projection and monitor of the initial modes."""
         self.phases = Phases(evaluator, self.request, self.frozen)
         self._take_phase()
 
     def _take_phase(self) -> None:
-        """Take the right-hand side, projection and watch of the present modes."""
+        """Use the right-hand side, projection and monitor of the current modes."""
         self.motion = motion = self.phases.motion
         self.projection = self.phases.problems.projection(motion.held, motion.rank)
         self.watch = RankWatch(motion)
@@ -85,7 +85,7 @@ class SwitchedIntegration(ScipyIntegration):
             self.sizes.motion = motion
 
     def project(self, t: float, y: Array) -> Array:
-        """Return the consistent state next to y, on the surface on which the motion slides."""
+        """Return the nearest consistent state, on the sliding surface if there is one."""
         y = super().project(t, y)
         branches = self.phases.branches
         if branches is None or branches.slides is None:
@@ -95,8 +95,8 @@ class SwitchedIntegration(ScipyIntegration):
         return y if held is v else np.concatenate([q, held, y[-1:]])
 
     def begin_run(self, t: float, y: Array) -> Array:
-        """Resolve the instant at which the run begins."""
-        # a first set of modes gives a meaning to forces in conditions
+        """Resolve the initial instant."""
+        # initial modes, so that forces in conditions are defined
         y = self.resolve(t, y, (), started=False)
         self.start_modes = tuple(int(x) for x in self.phases.modes)
         self.phases.conditions.start(self.phases.condition_values(t, y))
@@ -110,7 +110,7 @@ class SwitchedIntegration(ScipyIntegration):
     def react(
         self, inside: Callable[[float], Array], t_old: float, t: float, end: float
     ) -> tuple[float, Array] | None:
-        """Resolve the first instant of a step; return the state from which one continues."""
+        """Resolve the first instant of a step; return the state from which to continue."""
         timed = self._timed_rules()
 
         def functions(at: float) -> Array:
@@ -118,7 +118,7 @@ class SwitchedIntegration(ScipyIntegration):
 
         def counted(values: Array) -> Array:
             of_modes = np.arange(len(values)) < len(self.phases.watched)
-            # what begins is positive, whatever rounding says
+            # the new function is positive, except for rounding
             return np.where(of_modes & (values <= 0), 0.0, values)
 
         def seen(at: float) -> bool:
@@ -137,12 +137,12 @@ class SwitchedIntegration(ScipyIntegration):
             if k >= len(self.phases.watched)
         ]
         if found.time < end and any(rule in timed for rule in rules):
-            self._landing = found  # a time that is given is the end of a step
+            self._landing = found  # a given time is the end of a step
             return t_old, inside(t_old)
         return self.instant(inside, found.time, found.numbers)
 
     def floor(self, t: float, y: Array, remark: str) -> Stop:
-        """Return the end of a run whose step size fell to the floor, by jamming or otherwise."""
+        """Return the end of a run at the minimum step size, by jamming or otherwise."""
         modes = zip(self.phases.rows, self.phases.modes, strict=True)
         slipping = [row for row, mode in modes if RowMode(int(mode)).slips]
         if jamming(self.phases.motion.margin, slipping):
@@ -165,7 +165,7 @@ class SwitchedIntegration(ScipyIntegration):
         """Sample up to an instant, and resolve it."""
         for at in self.due(math.nextafter(t, -math.inf)):
             self.sample(at, inside(at))
-        self._landing = None  # what happens may change the time
+        self._landing = None  # the instant may change the time
         step = abs(t - self._last)
         self._rounds = self._rounds + 1 if step <= _SAME * max(abs(t), 1.0) else 0
         self._last = t
@@ -178,11 +178,11 @@ class SwitchedIntegration(ScipyIntegration):
         return t, y
 
     def resolution(self, t: float, y: Array) -> InstantResolution:
-        """Return what resolves an instant."""
+        """Return the resolution of an instant."""
         return InstantResolution(self.phases, t, y)
 
     def resolve(self, t: float, y: Array, numbers: Sequence[int], started: bool) -> Array:
-        """Do what happens at an instant; return the state afterwards, in its new modes."""
+        """Resolve an instant; return the state afterwards, in its new modes."""
         y, stop = self.pass_instant(t, y, numbers, started)
         if stop is not None:
             for at in self.due(t):
@@ -193,7 +193,8 @@ class SwitchedIntegration(ScipyIntegration):
     def pass_instant(
         self, t: float, y: Array, numbers: Sequence[int], started: bool
     ) -> tuple[Array, str | None]:
-        """Do what happens at an instant; return the state afterwards, and what stops the run."""
+        """Resolve an instant; return the state afterwards, and the event that stops the run, if
+        any."""
         logged, records = len(self.phases.entries), self.instants.records
         if records:
             self.instants.begin(self.row(t, y, moving=started), self.phases.parameters)

@@ -1,4 +1,4 @@
-"""What events of a model do at an instant of the compiled engine."""
+"""Actions of model events at an instant of the compiled engine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lagcli.engine.tape.interpreter import ScalarTape
 
 
 class Actions:
-    """Does what events ask for, and keeps how often they have happened.
+    """Performs the actions of events, and counts their occurrences.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Actions:
     first_modes : tuple of int
         Modes of the switched rows at the start.
     stopped : str
-        Which event has stopped the run; empty if none has.
+        Name of the event that has stopped the run; empty if none has.
     """
 
     def __init__(self, system: System, request: IntegrationRequest, core: Any):
@@ -51,12 +51,12 @@ class Actions:
         return tuple(self.core.first_modes[: len(self.switching.rows)])
 
     def react(self, changes: Sequence[tuple[int, str]]) -> list[EventEntry]:
-        """Do the actions of what has happened at this instant, in the order of the file.
+        """Perform the actions of the events triggered at this instant, in the order of the file.
 
         Parameters
         ----------
         changes : sequence of (int, str)
-            What happened to constraints.
+            Changes of constraints at this instant.
         """
         conditions, entries = set(self.core.happened()), list[EventEntry]()
         for number, rule in enumerate(self.switching.events):
@@ -142,7 +142,7 @@ class Actions:
         return float(kinetic + potential)
 
     def _check_gap(self, constraint: int, y: Array) -> None:
-        """Refuse to engage a holonomic constraint that is not met."""
+        """Refuse to engage a holonomic constraint that is violated."""
         system = self.system
         if constraint not in system.holonomic:
             return

@@ -1,7 +1,7 @@
 """Runs with contacts, friction and events on the compiled engine.
 
-The core finds the instants, their impacts and the modes that follow. It comes back where an event
-of the model has actions: they are done here, and the core goes on with the instant.
+The core finds the instants, their impacts and the next modes. It returns if an event of the model
+has actions: they are performed here, and the core continues with the instant.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.system import System
 
-#: Entries of the log that the core keeps.
+#: Capacity of the core's log.
 _LOG_ROWS = 512
 _OCCURRENCES: tuple[Occurrence, ...] = ("closes", "opens", "slips", "sticks", "impact", "rest")
-#: What events of the model do.
+#: Statuses of model events.
 _OF_EVENTS: tuple[Occurrence, ...] = ("event", "releases", "engages")
-#: What ends a run at a contact.
+#: Statuses that end a run at a contact.
 _REFUSED = (
     Status.ENDLESS,
     Status.NO_MODE,
@@ -51,7 +51,7 @@ _REFUSED = (
     Status.VIOLATED,
     Status.JAMMED,
 )
-#: What takes the steps while a row holds or slips, or a force depends on λ.
+#: The method that takes the steps while a row holds or slips, or a force depends on λ.
 _ACTING = "DOP853"
 _AT_SURFACES = (Status.SURFACES, Status.FORKED, Status.CORNER)
 _IMPACTS = ("poisson", "newton", "sequential")
@@ -67,7 +67,8 @@ def rank_at(system: System, state: State) -> int:
 
 
 class _Common:
-    """What runs of a System have in common: its parts, and what the rows that always hold need.
+    """Shared data of the runs of a System: its parts, and the preparation of the rows that always
+    hold.
 
     Parameters
     ----------
@@ -82,15 +83,15 @@ class _Common:
 
 @lru_cache(maxsize=4)
 def _common_to(system: System) -> _Common:
-    """Return what is common to runs; that of many is made once."""
+    """Return the shared data; cached for many runs."""
     return _Common(system)
 
 
 class SwitchingIntegration(Integration):
     """One run of a System that switches.
 
-    While a row holds or slips, DOP853 takes the steps, whatever the method: the power series and
-    the derivatives of implicit methods are those of the constraints that always hold.
+    While a row holds or slips, DOP853 takes the steps, regardless of the method: the power series
+    and the derivatives of implicit methods are those of the constraints that always hold.
 
     Parameters
     ----------
@@ -114,13 +115,16 @@ class SwitchingIntegration(Integration):
             request = request._replace(state=self.frozen.frozen(request.state))
         self.common = _common_to(system)
         self.split_system = split = self.common.split
-        if split.base != system.held_at_start:  # the start says nothing of these rows alone
+        if (
+            split.base != system.held_at_start
+        ):  # the initial state does not determine the rank of these rows
             rank = rank_at(split.fixed, request.state)
             request = request._replace(rank=rank, elimination=None)
         self.log: list[EventEntry] = []
         self.waiting: list[EventEntry] = []
         self.stopped, self.acted = "", False
-        #: The entry of an event that engages, and the work before the velocities adapt.
+        #: The entry of an event that engages a constraint, and the work before the velocities
+        #: change.
         self.engaging: tuple[int, float] | None = None
         self.core: binding.SwitchingIntegrator
         super().__init__(
@@ -133,7 +137,7 @@ class SwitchingIntegration(Integration):
         self.instants = RecordedInstants(self.split_system.switching.events)
 
     def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
-        """Return the programs for an order, or for none; later runs of the System take them."""
+        """Return the programs for an order, or for none; later runs of the System reuse them."""
         self.common.prepared = prepare(self.system, order, self.common.prepared)
         return super().ready(order, self.common.prepared)
 
@@ -159,7 +163,7 @@ class SwitchingIntegration(Integration):
         return run
 
     def handle_status(self, status: int) -> bool:
-        """Do what a status of the core asks for; return whether the run is complete."""
+        """Handle a status of the core; return whether the run is complete."""
         core = self.core
         if self.frozen is not None:
             self.evaluator.p = (*self.actions.p, *core.branches)
@@ -187,14 +191,14 @@ class SwitchingIntegration(Integration):
     # events
 
     def happen(self) -> bool:
-        """Do what events of the model ask for; return whether the run is complete."""
+        """Handle events of the model; return whether the run is complete."""
         core = self.core
         self.collect()
         since, self.waiting = self.waiting, []
         changes = [(e.which, CHANGES[e.occurrence]) for e in since]
         if not self.instants.open:
             y, a, multipliers = core.motion
-            if not core.begun:  # nothing has moved yet
+            if not core.begun:  # before the initial state is complete
                 a, multipliers = np.full_like(a, np.nan), np.full_like(multipliers, np.nan)
             left = np.concatenate([[core.t], y[:-1], a, multipliers, y[-1:]])
             self.instants.begin(left, tuple(self.actions.p))
@@ -214,7 +218,7 @@ class SwitchingIntegration(Integration):
             return True
         if core.begun:
             return False
-        # before the first step, `start` goes on with the instant; else the next slice
+        # before the first step, `start` continues the instant; otherwise the next slice does
         complete = self.handle_status(core.start())
         if self.instants.open:
             self.resolve()
@@ -234,7 +238,7 @@ class SwitchingIntegration(Integration):
         self.collect()
 
     def resolve(self) -> None:
-        """Complete the entries of an instant of which all is done."""
+        """Complete the entries of a finished instant."""
         self.collect()
         modes = np.array(self.core.modes[: len(self.split_system.switching.rows)], dtype=int)
         for entry in range(self.instants.first, len(self.log)):
@@ -246,7 +250,7 @@ class SwitchingIntegration(Integration):
         self.instants.end(right, tuple(self.actions.p))
 
     def complete_engagement(self) -> None:
-        """Complete the entry of the event that engages by what the velocities lose to that."""
+        """Add the energy lost by the velocities to the entry of the event that engages."""
         if self.engaging is None:
             return
         (k, work), self.engaging = self.engaging, None
@@ -259,7 +263,7 @@ class SwitchingIntegration(Integration):
     # samples
 
     def collect(self) -> None:
-        """Emit the samples that the core holds, and take over its log."""
+        """Emit the samples in the core's block, and copy its log."""
         entries = self.entries(self.core.take_log())
         self.log += entries
         self.waiting += entries
@@ -288,7 +292,8 @@ class SwitchingIntegration(Integration):
         self.sink(Block.of_rows(self.whole_rows(rows), self.whole.sample_layout))
 
     def whole_rows(self, rows: Array) -> Array:
-        """Return sample rows of the System: λ of the core's constraints and of rows that switch."""
+        """Return sample rows of the System, with λ of the core's constraints and of the switched
+        rows."""
         fixed, whole = self.system.sample_layout, self.whole.sample_layout
         out = np.empty((len(rows), whole.size))
         out[:, : whole.multipliers.start] = rows[:, : fixed.multipliers.start]

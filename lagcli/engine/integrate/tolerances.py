@@ -1,6 +1,7 @@
-"""Absolute tolerances that follow the size of each entry of the state, for the reference engine.
+"""Absolute tolerances that follow the size of each state variable, for the reference engine.
 
-The rules are those of core/sizes.h; only A, what accelerations are made of, is found by a small
+The rules are those of core/sizes.h; only A, the magnitude of the terms of accelerations, is found
+by a small
 change of the state instead of by rounding up and down.
 """
 
@@ -12,7 +13,7 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.contract import IntegrationRequest
 
-#: The numbers of core/sizes.h, by the same names.
+#: The constants of core/sizes.h, with the same names.
 _FOLLOWING = 0.1
 _ROUNDING = 100 * float(np.finfo(float).eps)
 _SUMMING = 100 * float(np.finfo(float).eps)
@@ -22,12 +23,12 @@ _NO_SIZE = 1e-100
 _LOOKS = 64
 _HORIZON = 1e-4
 _BESIDE = 1e-3
-#: Of the state: the change that shows what accelerations are made of.
+#: Relative change of the state that reveals the terms of accelerations.
 _PERTURBATION = 1e-7
 
 
 class Sizes:
-    """The sizes of y = (q, v, W) along a run, and the absolute tolerances that follow from them.
+    """The sizes of y = (q, v, W) along a run, and the resulting absolute tolerances.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ class Sizes:
     Attributes
     ----------
     tolerances : (2 nq + 1,) array
-        Absolute, for the next step.
+        Absolute tolerances for the next step.
     """
 
     def __init__(self, motion: Index1, request: IntegrationRequest, y: Array):
@@ -55,7 +56,7 @@ class Sizes:
         self.update(self.start, y, self.first_step(self.start, y, 8.0))
 
     def restart(self, t: float, y: Array) -> None:
-        """Take into account what accelerations are made of where y' has jumped."""
+        """Update the terms of accelerations where y' has jumped."""
         found = self._acceleration_terms(t, y, self.motion.rate(t, y))
         self.acceleration_terms = np.fmax(self.acceleration_terms, found)
         if t < self.settings.t_end:
@@ -70,7 +71,7 @@ class Sizes:
             change = np.abs(self.motion.rate(t, y * (1 + part)) - rate)[nq:-1] / _PERTURBATION
             found = np.fmax(found, np.where(np.isfinite(change), change, 0.0))
         found = self._of_kind(found)
-        # what balances: the largest forces over the largest inertia
+        # balanced forces: the largest force over the largest inertia
         d = self.motion.evaluator.dynamics(t, *self.motion.split(y))
         inertia = self._of_kind(np.diag(d.mass_matrix))
         forces = np.abs(d.forcing) + np.abs(d.mass_matrix) @ np.abs(rate[nq:-1])
@@ -86,7 +87,7 @@ class Sizes:
         return np.asarray(largest[self.kind])
 
     def _future_acceleration(self, y: Array, rate: Array) -> Array:
-        """Return the largest acceleration to come of each coordinate that is at rest: R."""
+        """Return the largest future acceleration of each coordinate that is at rest: R."""
         nq = self.nq
         resting = (y[:nq] == 0) & (y[nq:-1] == 0) & (rate[nq:-1] == 0)
         found = np.zeros(nq)
@@ -97,11 +98,13 @@ class Sizes:
         return found
 
     def update(self, t: float, y: Array, h: float) -> None:
-        """Take the state before a step of about size h into account."""
+        """Update the sizes before a step of about size h."""
         nq, size = self.nq, self.size
         mass = self.motion.evaluator.dynamics(t, *self.motion.split(y)).mass_matrix
         v = y[nq:-1]
-        if not size.any():  # M at the start, where velocities may be zero: those after the step
+        if (
+            not size.any()
+        ):  # M at the initial state, where velocities may be zero; otherwise after the step
             v = v + np.copysign(h * (self.acceleration_terms + self.future_acceleration), v)
         energy = 0.5 * abs(float(v @ mass @ v))
         np.fmax(size, np.abs(y), out=size)
@@ -124,7 +127,7 @@ class Sizes:
         return self._of_kind(self.size[: self.nq])
 
     def first_step(self, t: float, y: Array, order: float) -> float:
-        """Return the size of a first step; lag_first_step of core/sizes.c."""
+        """Return the first step size; lag_first_step of core/sizes.c."""
         nq = self.nq
         horizon = _HORIZON * (self.settings.t_end - t)
         most = min(self.settings.max_step, self.settings.t_end - t)

@@ -1,4 +1,4 @@
-"""Where the motion and its derivatives stand in a System that has both, in blocks."""
+"""Blocks of a System that contains a motion and its derivatives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from lagcli.engine.layout import Counts
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Where the numbers of the motion and of each direction stand in an augmented System.
+    """Positions of the motion and of each direction in an augmented System.
 
     Parameters
     ----------
@@ -27,11 +27,11 @@ class Blocks:
         return Counts(*(x * (1 + self.directions) for x in self.counts))
 
     def coordinates(self, block: int) -> slice:
-        """Return the places of a block among the coordinates; block 0 is the motion."""
+        """Return the indices of a block among the coordinates; block 0 is the motion."""
         return slice(block * self.counts.nq, (block + 1) * self.counts.nq)
 
     def constraints(self, block: int) -> slice:
-        """Return the places of a block among the constraints."""
+        """Return the indices of a block among the constraints."""
         return slice(block * self.counts.nc, (block + 1) * self.counts.nc)
 
 

@@ -1,9 +1,9 @@
-"""The linear algebra of one state: accelerations and multipliers, projection, rank.
+"""Dense linear algebra at one state: accelerations and multipliers, projection, rank.
 
-B is judged by its scaled rows and columns, so that the units in which constraints and coordinates
-are written do not decide its rank. A column's scale is the size of its coordinate
-(`lagcli.engine.scales`). A row's is its length then, or the length that it had along
-the run: a row that vanishes in a singular configuration must be seen to vanish.
+B is scaled by rows and columns, so that its rank does not depend on the units of constraints and
+coordinates. The scale of a column is the size of its coordinate (`lagcli.engine.scales`). The scale
+of a row is its current length, or its largest length along the run: a row that vanishes in a
+singular configuration must not be normalized.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.scales import coordinate_sizes
 
-#: Singular values of the row-scaled B below this are taken for zero. Directions weaker than this
-#: would carry an error of 1e-16/1e-8 into the accelerations.
+#: Singular values of the row-scaled B below this count as zero. Weaker directions would cause
+#: errors of 1e-16/1e-8 in the accelerations.
 RANK_TOLERANCE = 1e-8
 
 
@@ -25,14 +25,14 @@ class SingularSystem(ArithmeticError):
 
 
 class Decomposition(NamedTuple):
-    """Singular value decomposition of the scaled B, cut at its rank."""
+    """Singular value decomposition of the scaled B, truncated at its rank."""
 
     scale: Array  # (nc,) lengths of the rows
     sizes: Array  # (nq,) of the coordinates
     left: Array  # (nc, rank)
     values: Array  # (min(nc, nq),) all singular values
     right: Array  # (nq, rank): of B times sizes
-    null: Array  # (nq, nq − rank): changes of the coordinates that B allows
+    null: Array  # (nq, nq − rank): admissible changes of the coordinates
     dependent: Array  # (nc, nc − rank): combinations of scaled rows that vanish
 
     @property
@@ -41,7 +41,7 @@ class Decomposition(NamedTuple):
         return self.left.shape[1]
 
     def least(self, rhs: Array) -> Array:
-        """Return the x of least size with B x = rhs, as far as there is one."""
+        """Return the x of least norm with B x = rhs, or the least-squares solution."""
         return self.sizes * (self.right @ ((self.left.T @ (rhs / self.scale)) / self._values))
 
     def multipliers(self, forces: Array) -> Array:
@@ -68,9 +68,9 @@ def decompose(
     scale: Array | None = None,
     sizes: Array | None = None,
 ) -> Decomposition:
-    """Decompose B; the rank is counted by `RANK_TOLERANCE` where it is not given.
+    """Decompose B; by default, the rank is determined by `RANK_TOLERANCE`.
 
-    Without ``scale``, rows are scaled by their lengths; without ``sizes``, columns are not.
+    By default, rows are scaled by their lengths, and columns are not scaled.
     """
     scaled, scale, sizes = _scaled(jacobian, scale, sizes)
     u, s, vt = np.linalg.svd(scaled)
@@ -101,7 +101,7 @@ def singular_values(
 def _scaled(
     jacobian: Array, scale: Array | None, sizes: Array | None
 ) -> tuple[Array, Array, Array]:
-    """Return B over the scales of rows and times the sizes of coordinates, and these."""
+    """Return B scaled by rows and columns, and the scales."""
     if sizes is None:
         sizes = np.ones(jacobian.shape[1])
     scaled = jacobian * sizes
@@ -126,7 +126,7 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
         The matrix is singular to working precision.
     """
     nq, n = len(forcing), len(forcing) + len(rhs)
-    # rows of B are brought to M's magnitude, so that pivoting compares like with like
+    # rows of B are scaled to the magnitude of M, so that pivots are comparable
     weight = (mass.max() or 1.0) / row_scale(jacobian)  # M's largest entry is on its diagonal
     matrix = np.zeros((n, n))
     matrix[:nq, :nq] = mass
@@ -187,10 +187,10 @@ def least_change(
     jacobian : (n, nq) array
     residual : (n,) array
     mass : (nq, nq) array or None
-        Smallness is δᵀMδ; with None, or where M or B do not allow it, it is measured by the sizes
+        The norm is δᵀMδ; if M is None, or if M or B do not permit it, the norm scaled by the sizes
         of the coordinates.
     rank : int or None
-        Rank to use; None: full rank if the numbers allow it, otherwise counted.
+        Rank to use; by default full rank if the numbers permit it, otherwise the numerical rank.
     scale, sizes : arrays, optional
         As for `decompose`.
     """
@@ -205,7 +205,7 @@ def least_change(
         sizes = coordinate_sizes(np.diag(mass), jacobian)
     d = decompose(jacobian, rank, scale=scale, sizes=sizes)
     if mass is not None and 0 < d.rank < n:
-        # as many combinations of the rows are independent
+        # the number of independent combinations of the rows
         rows, rhs = d.left.T @ (jacobian / d.scale[:, None]), d.left.T @ (residual / d.scale)
         delta = _least_change(rows, rhs, mass)
         if delta is not None:
@@ -214,7 +214,7 @@ def least_change(
 
 
 def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array | None:
-    """Return the smallest δ in the metric of M for B of full rank; None where there is none."""
+    """Return the smallest δ in the metric of M for B of full rank; None if there is none."""
     try:
         delta, _ = solve_regular(mass, np.zeros(len(mass)), jacobian, -residual)
     except SingularSystem:

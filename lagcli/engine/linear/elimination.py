@@ -1,14 +1,14 @@
-"""The static order in which [[M, Bᵀ], [B, 0]] = LDLᵀ is eliminated, found from numbers.
+"""Static order of the elimination [[M, Bᵀ], [B, 0]] = LDLᵀ, determined from sampled values.
 
 The order is that of least degree among the pivots that are large enough at every sampled state
-(Markowitz with a threshold); where no entry of the diagonal is, two unknowns are eliminated at
-once (Bunch and Kaufman's pivots of order two: a coordinate without inertia and its constraint). A
-static order is only as good as the states that it was found at, so the engine watches the residual
-of what it computes.
+(Markowitz with a threshold); if no diagonal entry is, two unknowns are eliminated together (Bunch
+and Kaufman's pivots of order two: a coordinate without inertia and its constraint). A static order
+is only suitable near the sampled states, so the engine monitors the residual of its solutions.
 
-Systems are eliminated in rounds of pivots that do not touch each other (Liu's multiple
-elimination): a chain in log N rounds, with somewhat more operations than from one end to the other,
-but none waits for its neighbour's, and in long systems many are done at a time (`packing.py`).
+Systems are eliminated in rounds of pivots that are not adjacent (Liu's multiple elimination): a
+chain in log N rounds, with somewhat more operations than from one end to the other, but without
+dependence between neighbours, so that in long systems many are eliminated together
+(`vectorize.py`).
 
 References
 ----------
@@ -35,34 +35,34 @@ from lagcli.engine.system import Pattern, System
 
 Rows = list[dict[int, Array]]
 
-#: A pivot is at least this part of the largest entry of its row, at every sampled state.
+#: Smallest pivot relative to the largest entry of its row, at every sampled state.
 THRESHOLD = 0.3
-#: What is accepted where no pivot reaches the threshold; the engine's check of residuals decides.
+#: Smallest pivot if none reaches the threshold; the engine's check of residuals decides.
 _LEAST = 1e-6
-#: Updates of entries beyond which the matrix is treated as dense.
+#: Number of updates above which the matrix is treated as dense.
 MOST_UPDATES = 60_000
 
 
 class NoElimination(ArithmeticError):
-    """There is no static order: the matrix is singular at a sampled state, or fills up."""
+    """There is no static order: the matrix is singular at a sampled state, or has large fill."""
 
 
 class Elimination(NamedTuple):
-    """The order of an elimination and the places of the nonzero entries of L.
+    """The order of an elimination and the pattern of L.
 
-    n unknowns: the accelerations, then −λ. Places are numbers in the order of elimination.
+    n unknowns: the accelerations, then −λ. Positions are numbers in the order of elimination.
 
     Parameters
     ----------
     order : tuple of n int
-        The unknown at each place.
+        The unknown at each position.
     paired : tuple of n bool
-        Whether the place begins a pivot of order two.
+        Whether a pivot of order two begins at the position.
     columns : tuple of n tuples of int
-        Below each place, the places where L is not zero; those of a pair are alike.
+        For each position, the later positions at which L is not zero; the same for both of a pair.
     smallest : float
-        The smallest pivot at the sampled states, of the matrix scaled to entries near one; near 0
-        where the matrix is nearly singular. Orders that differ in it alone are equal.
+        The smallest pivot at the sampled states, of the matrix scaled to entries of order one; near
+        0 if the matrix is nearly singular. Ignored in comparisons of orders.
     """
 
     order: tuple[int, ...]
@@ -78,17 +78,17 @@ class Elimination(NamedTuple):
 
     @property
     def updates(self) -> int:
-        """Updates of entries that the factorization takes."""
+        """Number of updates of the factorization."""
         return sum(len(c) * (len(c) + 1) // 2 for c in self.columns)
 
     @property
     def starts(self) -> list[int]:
-        """Where the entries of each column of L begin, and where the last ends; n + 1."""
+        """Start of each column of L, and the end of the last one; n + 1."""
         return [0, *accumulate(len(c) for c in self.columns)]
 
     @property
     def left(self) -> tuple[list[int], list[int], list[int]]:
-        """L by rows: where each row begins (n + 1), and the columns and numbers of its entries."""
+        """L by rows: the start of each row (n + 1), and the columns and indices of its entries."""
         rows: list[list[tuple[int, int]]] = [[] for _ in self.order]
         entry = 0
         for k, column in enumerate(self.columns):
@@ -100,7 +100,7 @@ class Elimination(NamedTuple):
         return starts, [k for k, _ in found], [e for _, e in found]
 
     def targets(self, places: Iterable[tuple[int, int]]) -> list[int]:
-        """Return where the matrix' entries go among D's diagonal, D's pairs and L.
+        """Return the destinations of the matrix' entries in D's diagonal, D's pairs and L.
 
         Parameters
         ----------
@@ -128,16 +128,16 @@ def order_at(
 ) -> Elimination:
     """Find a static order of elimination for [[M, Bᵀ], [B, 0]].
 
-    Beside the given states it is to suit M and B near the first one: an entry that vanishes there
-    by the state's special position (a chain that hangs straight) is not taken for zero.
+    In addition to the given states, the order must suit M and B near the first one: an entry that
+    vanishes only in a special configuration (a chain that hangs straight) does not count as zero.
 
     Parameters
     ----------
     system : System
     states : sequence of outputs of ``system.dynamics``
-        Those with values that are not finite are left out.
+        States with values that are not finite are omitted.
     rows : sequence of int, optional
-        The constraints to take; all of them without.
+        The constraints to include; all by default.
 
     Raises
     ------
@@ -166,19 +166,19 @@ def order_at(
 
 
 def _mass_beside(system: System, mass: Array) -> Array:
-    """Return entries of M near given ones: changed by a part of what is in their rows."""
+    """Return entries of M near given ones: changed by a fraction of the entries in their rows."""
     m = np.array(system.mass_pattern, dtype=np.intp).reshape(-1, 2)
     inertia = np.zeros(len(system.coordinates))
     diagonal = m[:, 0] == m[:, 1]
     inertia[m[diagonal, 0]] = np.abs(mass[diagonal])
-    # alike for both triangles, and small enough that M stays positive where it has few entries
+    # symmetric, and small enough that M remains positive in rows with few entries
     size = np.sqrt(inertia[m[:, 0]] * inertia[m[:, 1]])
     changed: Array = mass + 0.05 * size * np.cos(1.7 * (m[:, 0] + m[:, 1]) + m[:, 0] * m[:, 1])
     return changed
 
 
 def _jacobian_beside(pattern: Pattern, count: int, jacobian: Array) -> Array:
-    """Return entries of B near given ones, likewise."""
+    """Return entries of B near given ones, in the same way."""
     row = np.array([i for i, _ in pattern], dtype=np.intp)
     largest = np.zeros(count)
     np.maximum.at(largest, row, np.abs(jacobian))
@@ -218,7 +218,7 @@ def find_order(
     heapq.heapify(queue)
     refused: set[int] = set()
     alive = [True] * size
-    # a round: pivots that do not touch each other, so that their operations can be done together
+    # a round: pivots that are not adjacent, so that their operations can be vectorized
     touched: set[int] = set()
     waiting: list[tuple[int, int]] = []
     most = math.inf
@@ -265,7 +265,7 @@ def find_order(
 
 
 def _scaled_rows(size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array, b: Array) -> Rows:
-    """Return the matrix by rows, scaled so that the largest entry of each row is near one."""
+    """Return the matrix by rows, scaled so that the largest entry of each row is of order one."""
     places = [*mass, *((j, nq + i) for i, j in jacobian), *((nq + i, j) for i, j in jacobian)]
     values = np.concatenate([m, b, b])
     if not np.isfinite(values).all():
@@ -273,7 +273,7 @@ def _scaled_rows(size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array,
     row, column = np.array(places, dtype=np.intp).reshape(-1, 2).T
     scale = np.ones(size)
     magnitude = np.abs(values).max(axis=1, initial=0.0)
-    for _ in range(4):  # Ruiz: each time the square root of what is left
+    for _ in range(4):  # Ruiz: the square root of the remaining imbalance each time
         largest = np.zeros(size)
         np.maximum.at(largest, row, magnitude * scale[row] * scale[column])
         if not largest.all():
@@ -287,7 +287,8 @@ def _scaled_rows(size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array,
 
 
 def _large(row: dict[int, Array], i: int) -> float:
-    """Return the least ratio, over the states, of a diagonal entry to its row's largest other."""
+    """Return the smallest ratio, over the states, of a diagonal entry to the largest other in its
+    row."""
     if i not in row:
         return 0.0
     others = [np.abs(x) for j, x in row.items() if j != i]
@@ -298,7 +299,7 @@ def _large(row: dict[int, Array], i: int) -> float:
 
 
 def _fallback_pivot(rows: Rows, refused: set[int]) -> tuple[int, ...]:
-    """Return the best pivot where no diagonal entry is large enough: a pair, or the largest."""
+    """Return the best pivot if no diagonal entry is large enough: a pair, or the largest entry."""
     best: tuple[float, int, tuple[int, ...]] = (-_LEAST, 0, ())
     for i in sorted(refused, key=lambda i: len(rows[i])):
         row = rows[i]
@@ -318,7 +319,7 @@ def _fallback_pivot(rows: Rows, refused: set[int]) -> tuple[int, ...]:
 
 
 def _pair_size(rows: Rows, i: int, j: int) -> float:
-    """Return 1 over the largest entry of L that a pivot of order two gives."""
+    """Return 1 over the largest entry of L for a pivot of order two."""
     zero = np.zeros_like(rows[i][j])
     a, b, c = rows[i].get(i, zero), rows[i][j], rows[j].get(j, zero)
     others = (rows[i].keys() | rows[j].keys()) - {i, j}
@@ -332,7 +333,7 @@ def _pair_size(rows: Rows, i: int, j: int) -> float:
 
 
 def _pivot_size(rows: Rows, pivots: tuple[int, ...]) -> float:
-    """Return the least magnitude of a pivot; of a pair, a bound on its least eigenvalue."""
+    """Return the smallest magnitude of a pivot; for a pair, a bound on its smallest eigenvalue."""
     i, j = pivots[0], pivots[-1]
     if i == j:
         return float(np.abs(rows[i][i]).min())
@@ -343,7 +344,7 @@ def _pivot_size(rows: Rows, pivots: tuple[int, ...]) -> float:
 
 
 def _eliminate(rows: Rows, pivots: tuple[int, ...], neighbours: list[int]) -> None:
-    """Take the pivots' part off the rows of their neighbours."""
+    """Subtract the contribution of the pivots from the rows of their neighbours."""
     zero = np.zeros_like(next(iter(rows[pivots[0]].values())))
     columns = [[rows[i].get(j, zero) for j in neighbours] for i in pivots]
     if len(pivots) == 1:

@@ -1,8 +1,8 @@
-"""The motion and its derivatives in one tape, from which power series are made.
+"""The motion and its derivatives in one tape, for power series.
 
-The engines find a and λ before the right sides of the derivatives, which depend on them. A power
-series has all of it in one tape: a and λ are found there, by an elimination that is written out;
-equal operations are one, so that the matrix is factored once.
+The engines compute a and λ before the right sides of the derivatives, which depend on them. A power
+series needs all of it in one tape: a and λ are computed there by an unrolled elimination; equal
+operations are merged, so that the matrix is factored once.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def in_one_tape(system: System, elimination: Elimination) -> tuple[System, Tape]
     Returns
     -------
     System
-        Its dynamics have f and γ of the derivatives too.
+        A System whose dynamics include f and γ of the derivatives.
     Tape
-        As `unroll` returns it.
+        Result of `unroll`.
     """
     assert system.tangent is not None
     blocks = Blocks(system.motion.counts, system.tangent.directions)
@@ -44,7 +44,7 @@ def in_one_tape(system: System, elimination: Elimination) -> tuple[System, Tape]
 
 
 def repeated_elimination(elimination: Elimination, blocks: Blocks) -> Elimination:
-    """Return the elimination of all blocks in the order of one."""
+    """Return the elimination of all blocks, in the order of a single one."""
     n, nq, nc = blocks.directions, blocks.counts.nq, blocks.counts.nc
     size, all_q = nq + nc, blocks.total.nq
 
@@ -91,7 +91,7 @@ class _WholeDynamics(Arithmetic):
             first = k * (nq + nc)
             own_force, own_rhs = sides[first : first + nq], sides[first + nq : first + nq + nc]
             force, rhs = force + own_force, rhs + own_rhs
-            # the engine adds the power λ_θ·(B ṡ), which is none of the motion's
+            # the engine adds the power λ_θ·(B ṡ), which is not part of the motion's power
             found = self.solve([*state, *p], own_force, own_rhs)[nq:]
             for (i, j), b in entries:
                 speed = self.times(b, v[(k + 1) * nq + j])
@@ -109,7 +109,7 @@ class _WholeDynamics(Arithmetic):
     def solve(
         self, inputs: Sequence[int], force: Sequence[int] = (), rhs: Sequence[int] = ()
     ) -> list[int]:
-        """Emit a and λ of the motion, or for another right side."""
+        """Emit a and λ of the motion, or the solution for another right side."""
         counts = self.system.counts
         if not force:
             places = UnrolledLayout(counts).solution.indices(len(self.solved.outputs))

@@ -1,7 +1,7 @@
-"""The sparse matrices of implicit methods: their pattern, and an order of pivots found once.
+"""Sparse matrices of implicit methods: their pattern, and a static order of pivots.
 
-The order is Markowitz's: of the entries that are large enough for their row and column, the one
-whose elimination can fill in least. It holds for all steps until the numbers no longer suit it.
+The order is Markowitz's: among the entries that are large enough for their row and column, the one
+with the least potential fill. It is used for all steps until it becomes inaccurate.
 
 H. M. Markowitz, Management Science 3 (1957) 255; I. S. Duff, A. M. Erisman and J. K. Reid, Direct
 Methods for Sparse Matrices, ch. 7.
@@ -22,25 +22,25 @@ if TYPE_CHECKING:
 
 Rows = list[dict[int, float]]
 
-#: A pivot's least part of the largest entry in its row and in its column, of the balanced matrix.
+#: Smallest pivot relative to the largest entry in its row and in its column, after balancing.
 _THRESHOLD = 0.1
-#: Rows and columns that are searched for a pivot, those with the fewest entries first.
+#: Number of rows and columns that are searched for a pivot, those with the fewest entries first.
 _SEARCHED = 4
-#: From this part of all entries on, what is left is taken for a full matrix.
+#: Density from which the remaining matrix is treated as dense.
 _FULL = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class MatrixPattern:
-    """A sparse matrix's entries, row by row.
+    """The entries of a sparse matrix, by rows.
 
     Parameters
     ----------
     start : (n + 1,) array
-        Where each row begins.
+        Start of each row.
     columns : (entries,) array
     parts : array
-        Where each number that the matrix is summed of goes.
+        Destination of each summand of the matrix.
     """
 
     start: Int32
@@ -60,13 +60,14 @@ class PivotOrder:
     Parameters
     ----------
     row, column : (n,) arrays
-        The pivots' places.
+        The positions of the pivots.
     start, columns : arrays
-        The factors' entries, row by row, columns increasing; both in the order of the pivots.
+        The entries of the factors, by rows with increasing columns; both in the order of the
+        pivots.
     diagonal : (n,) array
-        The diagonal's entries.
+        The diagonal entries.
     places : array
-        Where the matrix's entries go.
+        Destinations of the matrix' entries.
     """
 
     row: Int32
@@ -131,7 +132,7 @@ def pivot_order(pattern: MatrixPattern, values: Array) -> PivotOrder | None:
 
 
 def _balance(pattern: MatrixPattern, values: Array) -> Array:
-    """Return the entries with rows and columns scaled to about one (Ruiz's iteration)."""
+    """Return the entries with rows and columns scaled to order one (Ruiz's iteration)."""
     n = len(pattern.start) - 1
     scaled = np.abs(values)
     sign = np.sign(values)
@@ -144,7 +145,7 @@ def _balance(pattern: MatrixPattern, values: Array) -> Array:
 
 
 class _Elimination:
-    """Gaussian elimination with Markowitz's choice of pivots; numbers decide what is large."""
+    """Gaussian elimination with Markowitz's choice of pivots and a numerical threshold."""
 
     def __init__(self, rows: Rows):
         self.n = len(rows)
@@ -154,7 +155,7 @@ class _Elimination:
             for j in row:
                 self.columns[j].add(i)
         self.pivots: list[tuple[int, int]] = []
-        self.lower: list[list[int]] = [[] for _ in rows]  # by row: the columns eliminated
+        self.lower: list[list[int]] = [[] for _ in rows]  # by row: the eliminated columns
         self.upper: list[list[int]] = []  # by pivot: the columns of its row
         self.active_rows, self.active_columns = set(range(self.n)), set(range(self.n))
         # rows and columns by their number of entries
@@ -167,7 +168,7 @@ class _Elimination:
         self.entries = sum(map(len, rows))
 
     def run(self) -> bool:
-        """Eliminate all; return whether the matrix is regular."""
+        """Eliminate all rows; return whether the matrix is regular."""
         while self.active_rows:
             left = len(self.active_rows)
             if left > 1 and self.entries > _FULL * left * left:
@@ -248,7 +249,7 @@ class _Elimination:
             counts[after].add(item)
 
     def finish(self) -> bool:
-        """Eliminate what is left as a full matrix, by rows of largest pivots."""
+        """Eliminate the remaining matrix as dense, with partial pivoting."""
         rest, places = sorted(self.active_rows), sorted(self.active_columns)
         at = {j: k for k, j in enumerate(places)}
         full = np.zeros((len(rest), len(places)))
