@@ -1,4 +1,4 @@
-"""Equations → System, and the derivatives that implicit methods need."""
+"""Lowering: Equations → System, and the derivatives for implicit methods."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def lower(equations: Equations) -> System:
-    """Turn symbols into tapes.
+    """Compile the equations of motion to tapes.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def lower(equations: Equations) -> System:
 def lower_jacobians(
     equations: Equations, functions: InputFunctions = NO_FUNCTIONS
 ) -> JacobianTapes:
-    """Turn the derivatives of the equations into a tape.
+    """Compile the derivatives of the equations to a tape.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def lower_jacobians(
 def lower_parameter_jacobians(
     equations: Equations, functions: InputFunctions, names: Sequence[str]
 ) -> ParameterTapes:
-    """Turn the derivatives of the equations with respect to parameters into a tape.
+    """Compile the derivatives of the equations with respect to parameters to a tape.
 
     Parameters
     ----------
@@ -186,9 +186,9 @@ def lower_parameter_jacobians(
 def _same_unit(
     expressions: Sequence[se.Basic], q: Sequence[se.Basic]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return coordinates that certainly have the same unit: those of a sum c x² + c y² + ...
+    """Return coordinates known to have the same unit: those of a sum c x² + c y² + ...
 
-    Without units in the model this is all that is certain, and enough for quaternions.
+    Without units in the model, no more is known; it suffices for quaternions.
     """
     number = {x: i for i, x in enumerate(q)}
     groups: dict[int, set[int]] = {}
@@ -210,9 +210,9 @@ def _same_unit(
 
 
 def magnitude(expression: se.Basic) -> se.Basic:
-    """Return the sum of the magnitudes of an expression's terms, products of sums written out.
+    """Return the sum of the magnitudes of an expression's terms, with products of sums expanded.
 
-    It is what the rounding error of the expression is proportional to.
+    The rounding error of the expression is proportional to it.
     """
     if isinstance(expression, se.Add):
         return se.Add(*[magnitude(x) for x in expression.args])

@@ -1,7 +1,7 @@
-"""The scales by which residuals of constraints are judged; see docs/decisions/2026-11-scales.md.
+"""Scales of the residuals of constraints; see docs/decisions/2026-11-scales.md.
 
-A constraint's own scale is the sum of the magnitudes of its terms. All terms of a constraint may
-vanish along a motion, so its scale is at least what the sizes of the coordinates give it.
+The scale of a constraint is the sum of the magnitudes of its terms, but at least the value implied
+by the sizes of the coordinates, because all terms of a constraint may vanish along a motion.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.system import Pattern
 
-#: Part of the system's size √max(M_jj x_j²) that a coordinate has at least, by its own inertia.
-#: With 1, a light body's constraints would be judged by the size of the heaviest.
+#: Smallest size of a coordinate by its inertia, relative to that of the system, √max(M_jj x_j²).
+#: With 1, the scale of a light body's constraints would be that of the heaviest body.
 LEAST_PART = 1e-3
-#: Of the length that a constraint's terms give its row: the least that is told from zero.
+#: Smallest length of a row that is not zero, relative to that implied by its constraint's terms.
 _PART = 1e-6
 
 
 def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
-    """Return the least scales of constraints, for one state or for many.
+    """Return the minimum scales of constraints, for one state or for many.
 
     The larger of Σ_j |B_ij x_j| and LEAST_PART √(Σ_j B_ij²/M_jj) √max_j(M_jj x_j²). Neither
     depends on the units of coordinates, and both have the unit of the constraint.
@@ -27,7 +27,7 @@ def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
     Parameters
     ----------
     inertia : (..., nq) array
-        Inertia of each coordinate (`System.inertia`); one without has only its own size.
+        Inertia of each coordinate (`System.inertia`); one without inertia has only its own size.
     jacobian : (..., n, nq) array
         Rows of B.
     x : (..., nq) array
@@ -56,10 +56,10 @@ def least_scales_of_entries(
 
 
 def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
-    """Return changes of the coordinates that count as equal, (nq,): B times these has no units.
+    """Return comparable changes of the coordinates, (nq,): B times these is dimensionless.
 
-    1/√M_jj. Where there is no inertia, what makes a coordinate's part in the rows of B as large as
-    those of the others.
+    1/√M_jj. For coordinates without inertia, the value that makes their contributions to the rows
+    of B as large as those of the others.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
         rows = length > 0.0
         part = (entries[rows] / length[rows, None]).max(axis=0, initial=0.0)
         found = ~known & (part > 0.0)
-        if not found.any():  # coordinates that only meet each other
+        if not found.any():  # coordinates coupled only to each other
             part = entries.max(axis=0, initial=0.0)
             found = ~known
         sizes[found] = 1.0 / np.where(part[found] > 0.0, part[found], 1.0)
@@ -83,17 +83,17 @@ def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
 
 
 def row_lengths(jacobian: Array, sizes: Array, terms: Array, reach: Array | float) -> Array:
-    """Return scales for the rows of B times sizes that do not vanish with the rows, (n,).
+    """Return scales of the rows of B times sizes that do not vanish with the rows, (n,).
 
-    A row's length or, if that is smaller, a small part of the constraint's terms over the change of
-    the coordinates (velocities) that changes it by so much.
+    The length of a row or, if that is smaller, a small part of the constraint's terms over the
+    change of the coordinates (velocities) that changes the constraint by this amount.
 
     Parameters
     ----------
     jacobian : (n, nq) array
-        B.
+        B or its rows.
     sizes : (nq,) array
-        Changes of the coordinates that count as equal.
+        Changes of the coordinates that are considered equal in size.
     terms : (n,) array
         Sums of the magnitudes of the constraints' terms.
     reach : (n,) array or float
@@ -115,22 +115,22 @@ def largest(x: Array, sizes: Array) -> float:
 
 
 def apart(sizes: Array) -> Array:
-    """Return a direction in which no coordinate moves as another does, (nq,)."""
+    """Return a direction in which no two coordinates move equally, (nq,)."""
     return np.asarray(sizes * np.cos(1.0 + np.arange(len(sizes))))
 
 
 def usable(scale: Array) -> Array:
-    """Return 1 for a scale of zero: the residual is zero too."""
+    """Return 1 for a scale of zero, for which the residual is zero too."""
     return np.where(scale > 0.0, scale, 1.0)
 
 
 def _inertial(inertia: Array, x: Array, axis: int) -> tuple[Array, Array]:
-    """Return 1/M_jj, or 0 where there is no inertia, and √max_j(M_jj x_j²)."""
+    """Return 1/M_jj, or 0 without inertia, and √max_j(M_jj x_j²)."""
     moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
     return _compliance(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
 
 
 def _compliance(inertia: Array) -> Array:
-    """Return 1/M_jj, or 0 where there is no inertia."""
+    """Return 1/M_jj, or 0 without inertia."""
     resists = inertia > 0.0
     return np.where(resists, 1.0 / np.where(resists, inertia, 1.0), 0.0)

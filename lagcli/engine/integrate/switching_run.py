@@ -115,9 +115,7 @@ class SwitchingIntegration(Integration):
             request = request._replace(state=self.frozen.frozen(request.state))
         self.common = _common_to(system)
         self.split_system = split = self.common.split
-        if (
-            split.base != system.held_at_start
-        ):  # the initial state does not determine the rank of these rows
+        if split.base != system.held_at_start:  # a rank of all rows says nothing here
             rank = rank_at(split.fixed, request.state)
             request = request._replace(rank=rank, elimination=None)
         self.log: list[EventEntry] = []

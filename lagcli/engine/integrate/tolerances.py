@@ -102,9 +102,7 @@ class Sizes:
         nq, size = self.nq, self.size
         mass = self.motion.evaluator.dynamics(t, *self.motion.split(y)).mass_matrix
         v = y[nq:-1]
-        if (
-            not size.any()
-        ):  # M at the initial state, where velocities may be zero; otherwise after the step
+        if not size.any():  # at the initial state, velocities may be zero
             v = v + np.copysign(h * (self.acceleration_terms + self.future_acceleration), v)
         energy = 0.5 * abs(float(v @ mass @ v))
         np.fmax(size, np.abs(y), out=size)

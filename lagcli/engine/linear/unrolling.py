@@ -1,7 +1,7 @@
-"""The elimination of [[M, Bᵀ], [B, 0]], written out as operations of the dynamics tape.
+"""The elimination of [[M, Bᵀ], [B, 0]], unrolled into operations of the dynamics tape.
 
-One stream of operations then yields a and λ, structural zeros cost nothing, and what depends on
-parameters alone (the inverse of a mass) is computed once for a run.
+One stream of operations then computes a and λ, structural zeros cost nothing, and values that
+depend only on parameters (the inverse of a mass) are computed once for a run.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ def unroll(system: System, elimination: Elimination) -> Tape:
     Returns
     -------
     Tape
-        Outputs lie as in `UnrolledLayout`. There are nq + 2 nc more inputs at the end: another
-        right side, in the order of the unknowns, and one for the constraints alone. Cancellation is
-        given by pivot: of order one twice its magnitude over the sum of the magnitudes of its
-        terms, which is between 0 and 2; of order two the magnitude of its determinant over that
-        of the determinant's terms, between 0 and 1. Cancellation and the two further solutions
-        are deferred, and the further solutions are an output subset. With derivatives, the solution
-        is that of all blocks, or of the motion with zeros for the rest (see
+        Outputs follow `UnrolledLayout`. There are nq + 2 nc additional inputs at the end: another
+        right side, in the order of the unknowns, and one for the constraints only. The cancellation
+        of a pivot of order one is twice its magnitude over the sum of the magnitudes of its terms,
+        between 0 and 2; that of order two is the magnitude of its determinant over that of the
+        determinant's terms, between 0 and 1. Cancellation and the two additional solutions are
+        deferred, and the additional solutions are an output subset. With derivatives, the solution
+        is that of all blocks, or that of the motion with zeros for the rest (see
         `TangentBlocks.complete`), and the others are those of one block.
     """
     return _Unrolling(system, elimination).tape()
 
 
 class _Unrolling(Arithmetic):
-    """Emits the operations of a factorization and of its use."""
+    """Emits the operations of a factorization and of its solutions."""
 
     def __init__(self, system: System, elimination: Elimination):
         size, given, motion = len(elimination.order), system.dynamics, system.motion
@@ -71,7 +71,7 @@ class _Unrolling(Arithmetic):
         right = [*outputs[layout.forcing][:nq], *outputs[layout.rhs][:nc]]
         self.right = [right[unknown] for unknown in elimination.order]
         self.other_right = [given.inputs + unknown for unknown in elimination.order]
-        # where the right side is zero but for the constraints
+        # for a right side that is zero except for the constraints
         self.other_rhs = [
             given.inputs + nc + unknown if unknown >= nq else self.zero
             for unknown in elimination.order
@@ -109,7 +109,7 @@ class _Unrolling(Arithmetic):
         )
 
     def derivatives(self, solution: Sequence[int]) -> list[list[int]]:
-        """Emit the solutions of the derivatives; zeros where the engine finds them."""
+        """Emit the solutions of the derivatives; zeros if the engine computes them."""
         size = self.nq + self.nc
         if self.tangent is None or not self.tangent.complete:
             return [[self.zero] * size] * (self.blocks - 1)
@@ -122,17 +122,17 @@ class _Unrolling(Arithmetic):
         ]
 
     def diagonal_entry(self, k: int) -> int:
-        """Return the matrix' entry on the diagonal, as far as it is reduced."""
+        """Return the diagonal entry of the matrix in its current state of reduction."""
         return self.entries.get((k, k), self.zero)
 
     def pivots(self) -> Iterable[int]:
-        """Yield the places at which pivots begin."""
+        """Yield the positions at which pivots begin."""
         return (k for k in range(len(self.place)) if not (k and self.plan.paired[k - 1]))
 
     def power(self, multipliers: Sequence[int]) -> int:
-        """Return the power of all forces, those of the constraints too."""
+        """Return the power of all forces, including those of the constraints."""
         terms = [self.times(x, y) for x, y in zip(multipliers, self.speeds, strict=True)]
-        while len(terms) > 1:  # in pairs, which vectors can do
+        while len(terms) > 1:  # pairwise, which can be vectorized
             pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)
             terms = [self.plus(a, b) for a, b in pairs]
         return self.plus(self.outputs[-1], *(terms or [self.zero]))
@@ -145,7 +145,7 @@ class _Unrolling(Arithmetic):
         return total
 
     def keep(self, k: int, width: int) -> None:
-        """Emit what a pivot keeps of its terms."""
+        """Emit the cancellation of a pivot."""
         a = self.diagonal_entry(k)
         if width == 1:
             total = size = self.magnitude(a)
@@ -162,7 +162,7 @@ class _Unrolling(Arithmetic):
             self.kept.append(self.emit(Op.DIV, rest, terms))
 
     def take(self, k: int, width: int, i: int) -> None:
-        """Emit the magnitudes of the terms that a pivot takes off the diagonal below."""
+        """Emit the magnitudes of the terms that a pivot subtracts from later diagonal entries."""
         x, a = self.lower[k][i], self.diagonal_entry(k)
         terms = [self.times(self.times(x, x), self.magnitude(a))]
         if width == 2:
@@ -212,7 +212,8 @@ class _Unrolling(Arithmetic):
                     self.entries[entry] = value
 
     def in_order(self, places: Iterable[int]) -> list[int]:
-        """Return places in the order of their unknowns: a chain's bodies have equal operations."""
+        """Return positions in the order of their unknowns: a chain's bodies then have equal
+        operations."""
         return sorted(places, key=self.plan.order.__getitem__)
 
     def solution(self, right: Sequence[int]) -> list[int]:
@@ -223,7 +224,7 @@ class _Unrolling(Arithmetic):
                 for i in self.in_order(self.lower[k + p]):
                     z[i] = self.minus(z[i], self.times(self.lower[k + p][i], z[k + p]))
         x = [self.zero] * len(z)
-        multipliers: dict[int, int] = {}  # by place
+        multipliers: dict[int, int] = {}  # by position
         for k in reversed(range(len(z))):
             total = self.times(self.diagonal[k], z[k])
             if paired[k]:
@@ -238,7 +239,7 @@ class _Unrolling(Arithmetic):
             x[k] = total
             if order[k] >= self.nq:
                 multipliers[k] = self.negative(total)
-                # its sign goes no further: all are then used alike
+                # the sign is applied here: all entries are then used in the same way
                 self.opposite.pop(multipliers[k], None)
         a = [x[self.place[unknown]] for unknown in range(self.nq)]
         found = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]

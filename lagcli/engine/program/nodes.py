@@ -1,15 +1,15 @@
-"""Operations of programs, on values without a place yet."""
+"""Operations of programs on values that have no register yet."""
 
 from __future__ import annotations
 
 from typing import Any
 
-#: Added to an operation, it is one on vectors.
+#: Flag of vector operations, added to an operation.
 VECTOR = 64
-#: The number of elements that a vector has at most.
+#: Largest number of elements of a vector.
 LONGEST = 256
-#: The step of an operand whose places are listed one by one.
+#: Step of an operand whose registers are listed individually.
 INDEXED = -(2**31)
 
-#: Operation, destinations, operands: places, or what has a place later, such as registers.
+#: Operation, destinations, operands: registers, or names of values without a register.
 Node = tuple[int, tuple[Any, ...], tuple[Any, ...]]

@@ -1,9 +1,9 @@
 """Tape → program: what the core's evaluator runs.
 
-Operations of a kind are put in runs, so that the evaluator decides once for many of them, those on
-registers at equal distances in vectors; what depends on parameters alone goes into a prelude that
-is run once; a product that is only added becomes one operation with its sum, and the sine and
-cosine of one angle become one; registers are used again when their values are dead.
+Equal operations are grouped into runs, so that the evaluator dispatches once for many of them;
+those on equidistant registers become vector operations; operations on parameters are moved to a
+prelude that runs once; a product used only in a sum is merged with the sum, and the sine and cosine
+of one angle are merged; registers are reused when their values are dead.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from lagcli.engine.program.vectorize import LONG, WORTH, Packing
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape
 
-#: Operations that are put in order at a time: the values that live at once stay near each other.
+#: Number of operations that are ordered at a time: values that are alive together stay close.
 _WINDOW = 4096
 
 AnyNode = TypeVar("AnyNode", bound=Node)
 
 
 class Program(NamedTuple):
-    """A tape in the order and with the registers in which it is run.
+    """A tape with its order of execution and its registers.
 
-    A stream is, for each run of operations: the operation, their number, and for each of them its
-    destinations and operands; it ends with END. An operation on vectors has VECTOR added; it is
-    followed by the number of elements, the first destination, and the first place and the step of
-    each operand.
+    A stream contains, for each run of operations: the operation, their number, and for each of them
+    its destinations and operands; it ends with END. A vector operation has VECTOR added; it is
+    followed by the number of elements, the first destination, and the first register and the step
+    of each operand.
 
     Parameters
     ----------
     prelude, main : int32 arrays
-        Streams; the prelude is run once.
+        Streams; the prelude runs once.
     deferred : tuple of int32 arrays
-        Streams for the outputs that are requested apart, run after ``main`` when they are needed.
+        Streams for deferred outputs, run after ``main`` when they are needed.
     output_subsets : tuple of int32 arrays
-        Streams for the outputs that are requested without the rest, run instead of ``main``; for
-        those that are in ``deferred``, what these go on from.
+        Streams for output subsets, run instead of ``main``; for those in ``deferred``, intermediate
+        results.
     registers : (n,) array
         The register file before the prelude: inputs (zero), constants.
     outputs : int32 array
-        The registers to read at the end.
+        The registers of the outputs.
     size : int
         Number of operations in ``main``.
     inputs : int
-        Number of input registers, but for those that only later outputs depend on.
+        Number of input registers, except those that only deferred outputs depend on.
     """
 
     prelude: Int32
@@ -64,15 +64,15 @@ class Program(NamedTuple):
 
 
 def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) -> Program:
-    """Put a tape in order.
+    """Convert a tape to a program.
 
     Parameters
     ----------
     tape : Tape
     families : sequence of str or None
-        Labels of inputs: those that are alike have the same.
+        Labels of inputs; inputs of the same family have the same label.
     long : int
-        Operations from which vectors are searched for.
+        Number of operations from which programs are vectorized.
     """
     fixed = tape.inputs + len(tape.constants)
     of = _part_of_outputs(tape)
@@ -106,7 +106,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
 
 
 def _part_of_outputs(tape: Tape) -> list[int]:
-    """Return the part that each output belongs to: 0, or that which it is requested with."""
+    """Return the part of each output: 0, or the number of its deferred group."""
     counts = [len(tape.outputs) - sum(tape.deferred), *tape.deferred]
     return [part for part, count in enumerate(counts) for _ in range(count)]
 
@@ -114,7 +114,7 @@ def _part_of_outputs(tape: Tape) -> list[int]:
 def _asked_of_main(
     tape: Tape, some: Sequence[int], of: Sequence[int], parts: Sequence[Sequence[Node]]
 ) -> set[int]:
-    """Return what the first part must yield for some outputs."""
+    """Return the results of the first part that some outputs need."""
     asked = {tape.outputs[i] for i in some if not of[i]}
     for part in {of[i] for i in some} - {0}:
         asked |= _operands(parts[part]) - {x for _, results, _ in parts[part] for x in results}
@@ -122,9 +122,9 @@ def _asked_of_main(
 
 
 def _parts(tape: Tape, part_of_outputs: Sequence[int]) -> list[list[Node]]:
-    """Return what depends on parameters alone, and what else each part of the outputs needs.
+    """Return the operations that depend only on parameters, and the other operations of each part.
 
-    An operation belongs to the first part that needs it; what none needs is left out.
+    An operation belongs to the first part that needs it; unused operations are omitted.
     """
     fixed = tape.inputs + len(tape.constants)
     first = tape.inputs - tape.rhs_inputs
@@ -178,7 +178,7 @@ def _arranged(
 
 
 def _products_with_sums(nodes: list[Node], outputs: Collection[int]) -> list[Node]:
-    """Merge each product that is used once, by a sum, into that sum."""
+    """Merge each product that is used once, in a sum, with that sum."""
     uses: dict[int, int] = dict.fromkeys(outputs, 2)
     for _, _, operands in nodes:
         for x in operands:
@@ -219,7 +219,7 @@ def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
 
 
 def in_order(nodes: Sequence[AnyNode]) -> list[AnyNode]:
-    """Return operations in runs of a kind, window by window. They come with operands first."""
+    """Return operations in runs of a kind, window by window. Operands come first."""
     return [
         node
         for first in range(0, len(nodes), _WINDOW)
@@ -228,7 +228,7 @@ def in_order(nodes: Sequence[AnyNode]) -> list[AnyNode]:
 
 
 def _in_runs(nodes: Sequence[AnyNode]) -> list[AnyNode]:
-    """Order operations so that those of a kind follow each other as far as they can."""
+    """Order operations so that those of a kind are adjacent where possible."""
     producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
     users: list[list[int]] = [[] for _ in nodes]
     waiting = [0] * len(nodes)
@@ -245,7 +245,7 @@ def _in_runs(nodes: Sequence[AnyNode]) -> list[AnyNode]:
     while ready:
         op = max(ready, key=lambda kind: len(ready[kind]))
         queue = ready.pop(op)
-        for i in queue:  # grows while it is read
+        for i in queue:  # grows during the iteration
             ordered.append(nodes[i])
             for user in users[i]:
                 waiting[user] -= 1
@@ -258,23 +258,23 @@ def _in_runs(nodes: Sequence[AnyNode]) -> list[AnyNode]:
 def allocate(
     nodes: Sequence[Node], place: dict[Any, int], count: int, kept: Collection[Any]
 ) -> tuple[list[Node], int]:
-    """Give results places; those of dead values are used again.
+    """Allocate registers for results; those of dead values are reused.
 
     Parameters
     ----------
     nodes : sequence of Node
-        In order.
+        Operations in order.
     place : dict to int
-        What has a place keeps it; the others are added.
+        Registers of values; existing ones are kept, the others are added.
     count : int
-        The first free place.
+        The first free register.
     kept : collection
         Results needed at the end.
 
     Returns
     -------
     nodes, count
-        With places instead of names; the first place after all.
+        Operations with registers instead of names; the number of registers used.
     """
     last: dict[Any, int] = {}
     own = {x for _, destinations, _ in nodes for x in destinations}
@@ -309,7 +309,7 @@ def _placed(node: Node, place: dict[Any, int]) -> Node:
 
 
 def stream(nodes: Sequence[Node], end: int = Op.END) -> Int32:
-    """Return the stream of operations whose operands have places."""
+    """Return the stream of operations with registers."""
     numbers: list[int] = []
     at, kind = 0, -1
     for op, destinations, operands in nodes:

@@ -1,4 +1,4 @@
-"""Places at equal distances: which operations can be one on vectors."""
+"""Arithmetic progressions of registers: operations that can be vectorized."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from lagcli.engine.program.nodes import INDEXED, LONGEST
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-#: Operations that a vector is worth: a shorter one takes as long as its parts.
+#: Minimum length of a vector, in operations: a shorter one takes as long as its parts.
 SHORTEST = 8
-#: What an element of a vector saves, with all operands in progression or one indexed; vectors.
+#: Gain per element of a vector, with all operands in progression or one indexed; cost of a vector.
 _SAVED, _SAVED_INDEXED = 0.1, 0.06
-#: How far apart, in order of operands, the first two of a progression are searched for.
+#: Largest distance, in the order of operands, of the first two elements of a progression.
 _REACH = 4
-#: The most common differences, of which the best is taken.
+#: Number of most common differences of which the best is used.
 _CANDIDATES = 4
-#: Odd numbers without a pattern.
+#: Odd numbers without a pattern, for hashing.
 _MIXED = np.array(
     [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93],
     dtype=np.uint64,
 )
-#: Progressions that are searched for in one set, at most.
+#: Largest number of progressions searched in one set.
 _MOST = 60
 
 
@@ -37,14 +37,14 @@ def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:
     Parameters
     ----------
     points : (n, k) array of integers
-        The places of k operands.
+        The registers of k operands.
 
     Returns
     -------
     found : list of lists of int
-        Numbers of points; in some, one of the coordinates is in no progression.
+        Indices of points; in some progressions, one of the coordinates is arbitrary.
     rest : list of int
-        Numbers of the points that are in none.
+        Indices of the points in no progression.
     """
     places = np.array(points, dtype=np.int64)
     left, again = _sorted(places)
@@ -63,20 +63,20 @@ def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:
 
 
 def _sorted(points: Numbers) -> tuple[Indices, Indices]:
-    """Return the order of points, and of those that are there already."""
+    """Return the order of points, and of those already sorted."""
     order = np.lexsort(points.T[::-1])
     new = np.append(True, (points[order][1:] != points[order][:-1]).any(axis=1))
     return order[new], order[~new]
 
 
 def _best_progressions(points: Numbers) -> list[Indices]:
-    """Return the progressions with the step by which they save most, as numbers of points."""
+    """Return the progressions with the most profitable step, as indices of points."""
     best: list[Indices] = []
     most, operands = 0.0, points.shape[1]
     for indexed in range(-1, operands if operands > 1 else 0):
         kept = points if indexed < 0 else np.delete(points, indexed, axis=1)
         order, _ = _sorted(kept)
-        # numbers whose differences tell the steps apart
+        # numbers whose differences distinguish the steps
         keys = (kept[order].astype(np.uint64) * _MIXED[: kept.shape[1]]).sum(axis=1)
         for step in _commonsteps(keys):
             runs = [run for run in _runs(keys, step) if len(run) >= SHORTEST]
@@ -114,13 +114,13 @@ def _runs(keys: NDArray[np.uint64], step: np.uint64) -> Iterator[list[int]]:
 
 
 def pieces(values: Sequence[int], longest: int = LONGEST) -> Iterator[Sequence[int]]:
-    """Yield parts that are no longer than a vector may be, of equal lengths."""
+    """Yield parts of equal lengths that are at most as long as a vector."""
     count = -(-len(values) // longest)
     ends = [len(values) * i // count for i in range(count + 1)]
     return (values[a:b] for a, b in pairwise(ends))
 
 
 def steps(places: Sequence[int]) -> Sequence[int]:
-    """Return the first place and the step, or the places."""
+    """Return the first register and the step, or the list of registers."""
     found = {b - a for a, b in pairwise(places)} or {1}
     return (places[0], *found) if len(found) == 1 else (0, INDEXED, *places)

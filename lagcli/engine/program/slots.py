@@ -1,16 +1,16 @@
-"""Places of a file of numbers: which are free."""
+"""Free registers of a register file."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
 
-#: Places in a line of the cache.
+#: Registers in a cache line.
 LINE = 8
 
 
 class Slots:
-    """Free places, by intervals; a vector's places become free together."""
+    """Free intervals of registers; the registers of a vector are released together."""
 
     def __init__(self, end: int):
         self.end = end
@@ -20,7 +20,7 @@ class Slots:
         self.alive: Counter[int] = Counter()
 
     def take(self, size: int) -> int:
-        """Return the first of as many places side by side."""
+        """Return the first of a number of contiguous registers."""
         values = size
         if size > 1:  # whole lines of the cache
             size = -(-size // LINE) * LINE
@@ -38,7 +38,7 @@ class Slots:
         return start
 
     def release(self, at: int) -> None:
-        """Free a place, with its vector when that has no other in use."""
+        """Release a register, with its vector when no other register of it is in use."""
         first, size = self.vector[at]
         self.alive[first] -= 1
         if self.alive[first]:

@@ -1,4 +1,4 @@
-"""Excerpts of streams: the operations that some results need, and scalar operations of vectors."""
+"""Partial programs: the operations needed for some results, and scalar forms of vectors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _Step(NamedTuple):
 
 
 def excerpt(stream: Int32, registers: int, results: Iterable[int]) -> Int32:
-    """Return the operations of a stream that some registers at its end depend on.
+    """Return the operations of a stream on which some final registers depend.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def excerpt(stream: Int32, registers: int, results: Iterable[int]) -> Int32:
 
 
 def unpacked(stream: Int32) -> Int32:
-    """Return a stream with the same operations one by one."""
+    """Return a stream with the same operations as scalar ones."""
     return _joined(_one_by_one(step) for step in _steps(stream.tolist()))
 
 
@@ -62,7 +62,7 @@ def _one_by_one(step: _Step) -> tuple[int, int, list[int]]:
 
 
 def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> Int32:
-    """Return a stream of operations; those of a kind that follow each other are one run."""
+    """Return a stream of operations, with adjacent operations of a kind as one run."""
     numbers: list[int] = []
     at = kind = -1
     for op, size, own in parts:
@@ -75,7 +75,7 @@ def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> Int32:
 
 
 def _steps(numbers: list[int]) -> Iterator[_Step]:
-    """Yield the operations of a stream one by one, those on vectors as they are."""
+    """Yield the operations of a stream, vector operations as one."""
     at = 0
     while numbers[at] != Op.END:
         op, n = numbers[at : at + 2]

@@ -1,9 +1,9 @@
-"""Operations of one kind on registers at equal distances → one operation on vectors.
+"""Vectorization: operations of one kind on equidistant registers become one vector operation.
 
-Long models repeat themselves: what is done for one body is done for all. The operations of a level
-(those whose operands are ready together) and of one kind are searched for operands in arithmetic
-progression; such a set becomes one operation on vectors, its results side by side. Which operations
-there are and what they give does not change, only their order.
+Long models repeat the same operations for each body. Operations of one level (those whose operands
+are ready at the same time) and of one kind are searched for operands in arithmetic progression;
+such a set becomes one vector operation with contiguous results. The operations and their results do
+not change, only their order.
 
 References
 ----------
@@ -25,14 +25,14 @@ from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, s
 from lagcli.engine.program.slots import LINE, Slots
 from lagcli.engine.tape.operations import Kind, Op
 
-#: What the core does on vectors.
+#: Operations that the core can vectorize.
 _ON_VECTORS = {op for op in Op if op.kind is Kind.VECTOR}
-#: Operations from which vectors are searched for, and the part of them that is to be in vectors.
+#: Number of operations from which a tape is vectorized, and the required fraction in vectors.
 LONG, WORTH = 1500, 0.5
 
 
 class Unit(NamedTuple):
-    """Operations of one kind that are done together, as a vector or one after the other."""
+    """Operations of one kind that are executed together, as a vector or one after the other."""
 
     op: int
     vector: bool
@@ -40,7 +40,7 @@ class Unit(NamedTuple):
 
     @property
     def results(self) -> list[int]:
-        """What they give."""
+        """Results of the operations."""
         return [x for _, results, _ in self.nodes for x in results]
 
     @property
@@ -50,19 +50,19 @@ class Unit(NamedTuple):
 
 
 class Packing:
-    """Gives results places and puts operations in vectors.
+    """Allocates results and forms vectors.
 
     Parameters
     ----------
     place : dict of int to int
-        What has a place keeps it; the others are added.
+        Registers of values; existing ones are kept, the others are added.
     count : int
-        The first free place.
+        The first free register.
     families : sequence of str or None
-        Labels of the inputs: those of the same family are treated alike, so they are brought side
-        by side first.
+        Labels of the inputs: those of the same family are used in the same way, so they are made
+        contiguous first.
     isomorphic : sequence of sequences of int
-        Results that are brought side by side when they are all there.
+        Results that are made contiguous once all are computed.
     """
 
     def __init__(
@@ -81,11 +81,11 @@ class Packing:
 
     @property
     def count(self) -> int:
-        """The first place after all."""
+        """The number of registers used."""
         return self.slots.end
 
     def streams(self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]) -> list[Int32]:
-        """Return the streams of parts: all but the first run on request only.
+        """Return the streams of the parts: all but the first run only on request.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class Packing:
         families, inputs = self.families, dict(self.place)
         deferred = []
         for nodes, kept in zip(parts[1:], needed[1:], strict=True):
-            # what one of them moves is not there for the others
+            # values moved by one of them are not available to the others
             self.families = dict(families)
             deferred.append(self._stream(nodes, kept))
             self.place.update(inputs)
@@ -130,7 +130,7 @@ class Packing:
 
     def _units(self, nodes: Sequence[Node]) -> list[Unit]:
         """Return operations in vectors and runs, in an order in which every operand is ready."""
-        place, free = dict(self.place), self.slots.end  # as if no place were used again
+        place, free = dict(self.place), self.slots.end  # as if no register were reused
 
         def side_by_side(values: Sequence[int]) -> None:
             nonlocal free
@@ -157,7 +157,7 @@ class Packing:
         return units
 
     def _emitted(self, unit: Unit) -> list[int]:
-        """Return the numbers of operations in a stream; their results get places."""
+        """Return the numbers of operations in a stream; allocates their results."""
         op, vector, nodes = unit
         if not vector:
             self._side_by_side(unit.results)
@@ -174,13 +174,13 @@ class Packing:
         return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
 
     def _side_by_side(self, values: Sequence[int]) -> int:
-        """Give values places side by side; return the first."""
+        """Make values contiguous; return the first register."""
         first = self.slots.take(len(values))
         self.place.update(zip(values, range(first, first + len(values)), strict=True))
         return first
 
     def _inputs_side_by_side(self, nodes: Sequence[Node]) -> list[Unit]:
-        """Return the operations that bring the inputs of families side by side."""
+        """Return the operations that make the inputs of families contiguous."""
         used = {x for _, _, operands in nodes for x in operands}
         found: list[Unit] = []
         for family, members in list(self.families.items()):
@@ -209,7 +209,7 @@ class Packing:
 def _vectors(
     nodes: Sequence[Node], op: int, group: list[int], place: Mapping[int, int]
 ) -> tuple[list[Sequence[int]], list[int]]:
-    """Return the operations of each vector, and what is in none."""
+    """Return the operations of each vector, and the remaining ones."""
     if op not in _ON_VECTORS or len(group) < SHORTEST:
         return [], group
     found, rest = progressions([[place[x] for x in nodes[i][2]] for i in group])
@@ -218,7 +218,7 @@ def _vectors(
 
 
 def _moves(values: Sequence[int]) -> Iterator[Unit]:
-    """Yield the operations that bring values side by side."""
+    """Yield the operations that make values contiguous."""
     for piece in pieces(values):
         yield Unit(Op.MOVE, True, [(Op.MOVE, (x,), (x,)) for x in piece])
 
@@ -238,7 +238,7 @@ def depth_first(units: Sequence[Unit]) -> list[Unit]:
             before.update(maker[x] for x in operands if x in maker)
             for x in operands:
                 readers.setdefault(x, []).append(i)
-            for x in results:  # a move is waited for by those that come after it alone
+            for x in results:  # only units after a move wait for it
                 before.update(readers.pop(x, ()))
         before.discard(i)
         for _, results, _ in unit.nodes:
@@ -258,10 +258,10 @@ def depth_first(units: Sequence[Unit]) -> list[Unit]:
 
 
 def together(nodes: Sequence[Node]) -> list[list[int]]:
-    """Return sets of operations of one kind that can be done together, in order.
+    """Return sets of operations of one kind that can be executed together, in order.
 
-    What is nearer to the beginning is done as early as it can be, what is nearer to the end as
-    late as it can be.
+    Operations near the beginning are scheduled as early as possible, those near the end as late as
+    possible.
     """
     producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
     depth, height = [1] * len(nodes), [1] * len(nodes)

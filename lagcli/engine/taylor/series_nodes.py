@@ -25,7 +25,7 @@ class SeriesOp(IntEnum):
     convolved: tuple[int, ...]
 
     def __new__(cls, operands: str) -> SeriesOp:
-        """RegisterValue the operations in the order of their rows."""
+        """Number the operations in the order of their rows."""
         op = int.__new__(cls, len(cls.__members__))
         op._value_ = len(cls.__members__)
         op.operands = operands
