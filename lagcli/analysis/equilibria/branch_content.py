@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
+from lagcli.analysis.local.contact_text import contact_lines, describe_contacts
 from lagcli.analysis.text import entry, listed, without_rounding
 from lagcli.arrays import Array
 
@@ -22,6 +23,7 @@ def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:
         "limits": list(diagram.limits),
         "branches": [_branch(branch, diagram) for branch in diagram.branches],
         "special_points": [_special(point, diagram) for point in diagram.special],
+        "contacts": describe_contacts(diagram.contacts),
     }
 
 
@@ -51,6 +53,7 @@ def _special(point: SpecialPoint, diagram: BifurcationDiagram) -> dict[str, Any]
         "multipliers": dict(zip(diagram.constraints, point.multipliers.tolist(), strict=True)),
         "frequency": point.frequency,
         "crossing": point.crossing,
+        "contact": point.contact,
     }
 
 
@@ -72,6 +75,7 @@ def format_diagram(content: Mapping[str, Any]) -> str:
     count = f"{len(branches)} branch{'es' * (len(branches) != 1)}"
     held = "".join(f", {k} = {x:.6g}" for k, x in content["steady"].items())
     lines = [f"{content['model']}: {count} of equilibria, {name} from {low:g} to {high:g}{held}"]
+    lines += contact_lines(content.get("contacts", ()), 2)
     for number, branch in enumerate(branches):
         origin = "" if branch["origin"] is None else f" off branch {branch['origin']}"
         at = branch["parameter"]
@@ -84,7 +88,8 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             lines += entry("λ", listed(ends), 4)
     for point in content["special_points"]:
         rate = f", {point['frequency']:.6g} rad/s" if point["frequency"] is not None else ""
-        crossing = f" ({point['crossing']})" if point.get("crossing") else ""
+        note = point.get("crossing") or point.get("contact")
+        crossing = f" ({note})" if note else ""
         lines.append(
             f"  {point['kind']}{crossing} on branch {point['branch']}:"
             f" {name} = {point['parameter']:.12g}{rate}"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.analysis.equilibria.equilibrium import Equilibria, Equilibrium
+from lagcli.analysis.local.contact_text import contact_lines, describe_contacts
 from lagcli.analysis.text import entry, listed, without_rounding
 
 _EIGENVALUES = 6  # items per line
@@ -26,7 +27,7 @@ def describe_equilibria(found: Equilibria) -> dict[str, Any]:
 
 def _described(one: Equilibrium, found: Equilibria) -> dict[str, Any]:
     point, stability = one.operating_point.point, one.stability
-    names, constraints = found.coordinates, found.constraints
+    names, constraints = found.coordinates, one.constraints
     stiffness = stability.stiffness
     return {
         "stability": stability.verdict,
@@ -43,6 +44,7 @@ def _described(one: Equilibrium, found: Equilibria) -> dict[str, Any]:
         "stiffness": None if stiffness is None else stiffness.tolist(),
         "dimension": one.dimension,
         "neutral_coordinates": [names[i] for i in one.neutral_coordinates],
+        "contacts": describe_contacts(one.operating_point.contacts),
     }
 
 
@@ -72,6 +74,7 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
             forces = {f"{c} on {q}": v for c, row in rows for q, v in row.items()}
             shown = [f"{k} {v:.6g}" for k, v in without_rounding(forces).items() if v]
             lines += entry("λ b", listed(shown) or "none", 5)
+        lines += contact_lines(x.get("contacts", ()), 5)
         lines += entry("s, 1/s", _eigenvalues(x["eigenvalues"]), 5)
         if x["dimension"]:
             free = ", ".join(x["neutral_coordinates"])
@@ -82,6 +85,16 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
 
 
 def _verdict(x: Mapping[str, Any]) -> str:
+    """Say how stable an equilibrium is, and by what that is limited."""
+    text, contacts = _of_linear_terms(x), x.get("contacts", ())
+    unclear = [c["name"] for c in contacts if c["state"] in ("touches", "at its limit")]
+    if unclear:
+        return f"stability not determined: {', '.join(unclear)} may change with any deviation"
+    acting = any(c["state"] in ("closed", "sticks", "slips") for c in contacts)
+    return f"{text}, as long as no contact changes" if acting else text
+
+
+def _of_linear_terms(x: Mapping[str, Any]) -> str:
     verdict, stiffness = x["stability"], x["stiffness"]
     if not x["eigenvalues"]:
         return "determined by the constraints"

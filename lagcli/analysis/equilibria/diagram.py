@@ -15,9 +15,15 @@ from lagcli.analysis.equilibria.extended import (
 )
 from lagcli.analysis.equilibria.stability import Stability
 from lagcli.analysis.equilibria.tracing import LocatedPoint, SpecialKind, Traced, Tracer
+from lagcli.analysis.local.active_set import ActiveSet
+from lagcli.analysis.local.contact_mode import SwitchedModel
+from lagcli.analysis.local.contact_status import ContactStatus
+from lagcli.analysis.local.determinate import check_determinate
 from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.parameter_path import ParameterPath
 from lagcli.analysis.local.steady import SteadyProblem
 from lagcli.analysis.local.steady_states import (
+    SteadyState,
     held_velocities,
     none_found,
     velocity_coordinate,
@@ -43,7 +49,8 @@ class SpecialPoint:
     ----------
     kind : str
         ``fold``, ``branch point``, ``Hopf point``, or ``flutter``: two frequencies of an
-        undamped model coincide and an oscillation begins to grow.
+        undamped model coincide and an oscillation begins to grow. ``contact closes``, ``contact
+        opens``, ``limit reached`` or ``sliding stops``: a contact ends the branch.
     branch : int
         The branch on which it lies, from 0.
     parameter : float
@@ -55,6 +62,8 @@ class SpecialPoint:
         Type of a branch point: ``pitchfork`` if the other branch lies on one side of it,
         ``transcritical`` if it continues on both; None if it was not found or leaves at a
         constant parameter.
+    contact : str or None
+        The constraint that ends the branch.
     """
 
     kind: SpecialKind
@@ -65,6 +74,7 @@ class SpecialPoint:
     multipliers: Array
     frequency: float | None
     crossing: Crossing | None = None
+    contact: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +112,7 @@ class BifurcationDiagram:
     model : str
         Name of the model.
     coordinates, constraints : tuples of str
+        Of the constraints, those that hold along the branches.
     parameter : str
         Name of the parameter, or of a prescribed velocity (``phi'``).
     limits : (float, float)
@@ -110,6 +121,8 @@ class BifurcationDiagram:
         Prescribed velocities.
     branches : tuple of Branch
     special : tuple of SpecialPoint
+    contacts : tuple of ContactStatus
+        What contacts, limits and friction do where the first branch begins.
     """
 
     model: str
@@ -120,6 +133,7 @@ class BifurcationDiagram:
     steady: Mapping[str, float]
     branches: tuple[Branch, ...]
     special: tuple[SpecialPoint, ...]
+    contacts: tuple[ContactStatus, ...] = ()
 
 
 def follow_equilibria(
@@ -136,7 +150,7 @@ def follow_equilibria(
     Pseudo-arclength continuation of R(q, λ, s) = 0 from the equilibrium near the initial
     values. Folds, branch points and Hopf points are located to rounding errors: by the tangent's
     component along s, by the determinant of the bordered ∂R/∂(q, λ, s), and by the growth rate of
-    oscillations.
+    oscillations. Contacts stay as they are where the branch begins: it ends where one changes.
 
     Parameters
     ----------
@@ -169,20 +183,24 @@ def follow_equilibria(
     """
     if not (np.isfinite(start) and np.isfinite(end)) or start == end:
         raise UsageError(f"--along {parameter}={start:g}:{end:g}: give two different finite values")
-    local = LocalEquations(model)
-    held = held_velocities(local, steady or {})
-    names = local.system.coordinates
+    names = model.coordinate_names
+    held = held_velocities(names, steady or {})
+    local, given = LocalEquations(model), None
+    if model.switches:
+        given = _in_mode(model, parameter, start, held)
+        contacts = given.operating_point.contacts
+        check_determinate(model, contacts, f"branch from {parameter} = {start:g} on")
+        local = given.local
     variable: ModelParameter | HeldVelocity
-    if parameter in model.parameters or not parameter.endswith(("'", "_dot")):
+    if _is_parameter(model, parameter):
         variable = ModelParameter(local, parameter)
     else:
         variable = HeldVelocity(local, velocity_coordinate(names, parameter))
     base = SteadyProblem(local, held)
     problem, p = variable.problem(base, start)
-    q = local.start.state.q
-    root = problem.solve(q, p)
+    root = problem.solve(local.start.state.q, p) if given is None else given.found
     if root is None:
-        raise none_found(local, problem, q)
+        raise none_found(local, problem, local.start.state.q)
     problem.check_held(root)
     extended = ExtendedProblem(base, variable, abs(end - start), root, start)
     first = extended.scaled(root, start)
@@ -200,7 +218,22 @@ def follow_equilibria(
         {f"{name}'": value for name, value in held.items()},
         tuple(found.branches),
         tuple(found.special),
+        local.contacts(root.point),
     )
+
+
+def _is_parameter(model: Model, name: str) -> bool:
+    """Whether a name is to be that of a parameter, and not of a velocity."""
+    return name in model.parameters or not name.endswith(("'", "_dot"))
+
+
+def _in_mode(model: Model, parameter: str, start: float, held: Mapping[str, float]) -> SteadyState:
+    """Return the first point of a branch of a model with contacts, in its mode there."""
+    switched, p = SwitchedModel(model), tuple(model.parameter_values.values())
+    if _is_parameter(model, parameter):
+        return ActiveSet(switched, held).nearest(ParameterPath(model, parameter).values(p, start))
+    coordinate = velocity_coordinate(model.coordinate_names, parameter)
+    return ActiveSet(switched, {**held, coordinate: start}).nearest()
 
 
 class _Entry(NamedTuple):
@@ -249,7 +282,15 @@ class _Diagram:
         value, q = self._clean(found.point)
         self.special.append(
             SpecialPoint(
-                found.kind, number, value, q, point.v, point.multipliers, frequency, crossing
+                found.kind,
+                number,
+                value,
+                q,
+                point.v,
+                point.multipliers,
+                frequency,
+                crossing,
+                found.contact,
             )
         )
 

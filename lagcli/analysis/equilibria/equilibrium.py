@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lagcli.analysis.equilibria.contact_search import search_in_all_modes
 from lagcli.analysis.equilibria.search import search_steady_states
-from lagcli.analysis.equilibria.stability import Stability, stability_of
+from lagcli.analysis.equilibria.stability import NO_LINEAR_MODEL, Stability, stability_of
+from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.nearest import nearest_steady_state
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import SteadyProblem
-from lagcli.analysis.local.steady_states import (
-    SteadyState,
-    held_velocities,
-    nearest_steady_state,
-)
+from lagcli.analysis.local.steady_states import SteadyState, held_velocities
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
@@ -31,7 +30,11 @@ class Equilibrium:
     Parameters
     ----------
     operating_point : OperatingPoint
-        The operating point; its ``point`` contains q, v, a and λ.
+        The operating point; its ``point`` contains q, v, a and λ, its ``contacts`` the states of
+        contacts, limits and friction.
+    constraints : tuple of nc str
+        The active constraints: closed contacts, friction and limits that stick, and all that
+        hold permanently.
     constraint_forces : (nc, nq) array
         λ_β b_β, the generalized forces of each constraint, SI units.
     potential : float
@@ -42,6 +45,7 @@ class Equilibrium:
     """
 
     operating_point: OperatingPoint
+    constraints: tuple[str, ...]
     constraint_forces: Array
     potential: float
     stability: Stability
@@ -68,6 +72,7 @@ class Equilibria:
     model : str
         Name of the model.
     coordinates, constraints : tuples of str
+        All of the model.
     steady : mapping of str to float
         Prescribed velocities, by name (``phi'``).
     starts : int
@@ -97,6 +102,10 @@ def equilibrium(
     initial state. With ``steady``, the given velocities are prescribed, other independent ones are
     zero, and centrifugal and gyroscopic forces are balanced too: f − M a + Bᵀλ = 0, B a = γ.
 
+    Contacts are closed or open so that 0 ≤ φ ⊥ λ ≥ 0, friction and limits at rest do not exceed
+    their static limit. Stability is that of motions on which the closed contacts stay closed, and
+    what sticks sticks. Events are not looked at.
+
     Parameters
     ----------
     model : Model
@@ -106,7 +115,7 @@ def equilibrium(
         Search for all of them, from points of a Sobol sequence, with deflation of the known ones.
         Coordinates with the period 2π are reduced to (−π, π].
     starts : int
-        Number of points for ``all``.
+        Number of points for ``all``, in each mode of the contacts.
 
     Returns
     -------
@@ -131,17 +140,18 @@ def equilibrium(
     """
     if starts < 1:
         raise UsageError(f"--starts {starts}: give at least 1")
-    local = LocalEquations(model)
-    held = held_velocities(local, steady or {})
-    if all:
-        states = search_steady_states(SteadyProblem(local, held), starts)
+    held = held_velocities(model.coordinate_names, steady or {})
+    if not all:
+        states = [nearest_steady_state(model, steady or {})]
+    elif model.switches:
+        states = search_in_all_modes(SwitchedModel(model), held, starts)
     else:
-        states = [nearest_steady_state(local, steady or {})]
-    found = sorted((described(local, state) for state in states), key=_order)
+        states = search_steady_states(SteadyProblem(LocalEquations(model), held), starts)
+    found = sorted(map(described, states), key=_order)
     return Equilibria(
         model.name,
-        local.system.coordinates,
-        local.system.constraints,
+        model.coordinate_names,
+        model.constraint_names,
         {f"{name}'": value for name, value in held.items()},
         starts if all else 1,
         tuple(found),
@@ -153,18 +163,22 @@ def _order(found: Equilibrium) -> tuple[float, ...]:
     return (float(f"{found.potential:.9e}"), *(float(f"{x:.6e}") for x in q))
 
 
-def described(local: LocalEquations, state: SteadyState) -> Equilibrium:
+def described(state: SteadyState) -> Equilibrium:
     """Return an equilibrium with its forces and stability."""
     from lagcli.engine.tape.interpreter import ScalarTape
     from lagcli.equations.derivation.column_expressions import REPORTED
 
-    point = state.operating_point.point
+    local, point = state.local, state.operating_point.point
     d = local.evaluator(point.p).dynamics(point.t, point.q, point.v)
     report = ScalarTape(local.system.report)(point.inputs())
+    stability = NO_LINEAR_MODEL
+    if not any(contact.indeterminate for contact in state.operating_point.contacts):
+        stability = stability_of(local, state.operating_point, state.neutral.shape[1])
     return Equilibrium(
         state.operating_point,
+        local.system.constraints,
         point.multipliers[:, None] * d.jacobian,
         report[REPORTED.index("energy_potential")],
-        stability_of(local, state.operating_point, state.neutral.shape[1]),
+        stability,
         state.neutral,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -43,13 +44,18 @@ class Stability(NamedTuple):
     stiffness: Array | None
 
 
+#: Where a contact changes its mode with the smallest deviation.
+NO_LINEAR_MODEL = Stability("undecided", np.empty(0, complex), None)
+
+
 def stability_of(
     local: LocalEquations, operating_point: OperatingPoint, dimension: int
 ) -> Stability:
     """Determine stability from the reduced Hessian and the eigenvalues of the linear model.
 
     A positive definite Hessian proves stability (Lagrange, Dirichlet), also with damping (Kelvin,
-    Tait, Chetaev). Neutral motion along a set of equilibria is not instability.
+    Tait, Chetaev). Neutral motion along a set of equilibria is not instability. With contacts it
+    is the stability of motions on which these stay as they are.
 
     Parameters
     ----------
@@ -64,6 +70,10 @@ def stability_of(
     .. [1] D. R. Merkin, "Introduction to the Theory of Stability", 1997, ch. 3, 6,
        doi:10.1007/978-1-4612-4046-4.
     """
+    given = operating_point.tangent
+    reached = local.reached(operating_point.point, given)
+    operating_point = replace(operating_point, tangent=reached)
+    dimension -= len(given.positions) - len(reached.positions)
     stiffness = hessian_eigenvalues(reduced_matrices(local, operating_point))
     found, _, _ = eigenpairs(local, linear_model(local, operating_point))
     values = found[np.argsort(np.abs(found), kind="stable")]

@@ -9,11 +9,12 @@ import numpy as np
 
 from lagcli.analysis.equilibria.extended import ExtendedProblem, Place
 from lagcli.analysis.equilibria.stability import Stability, stability_of
+from lagcli.analysis.local.contact_status import ZERO, ContactEnd
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import RANK
 from lagcli.arrays import Array
 
-SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter"]
+SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter", ContactEnd]
 
 #: Lengths of steps in scaled unknowns: first, longest and shortest.
 _FIRST, _LONGEST, _SHORTEST = 5e-3, 2e-2, 1e-7
@@ -49,10 +50,11 @@ class Frame(NamedTuple):
 
 
 class LocatedPoint(NamedTuple):
-    """A special point of a branch, and the point of the branch there."""
+    """A special point of a branch, the point of the branch there, and the contact that changes."""
 
     kind: SpecialKind
     point: Traced
+    contact: str | None = None
 
 
 class Tracer:
@@ -136,8 +138,8 @@ class Tracer:
     def follow(self, point: Traced) -> Iterator[tuple[Traced, Stability, list[LocatedPoint]]]:
         """Yield the points of a branch, each with the special points before it.
 
-        It ends when the parameter leaves its range, when no further point is found, or when the
-        branch closes.
+        It ends when the parameter leaves its range, when a contact changes, when no further point
+        is found, or when the branch closes.
         """
         before, stability = point, self.stability(point)
         yield point, stability, []
@@ -150,8 +152,17 @@ class Tracer:
             last = self._leaves(after)
             if last:
                 after, used = self._at_limit(before, used)
+            ended = self._contact_end(before, after, used)
+            if ended is not None:
+                after, used = (
+                    ended.point,
+                    float(before.tangent @ (ended.point.place.z - before.place.z)),
+                )
             following = self.stability(after)
             special = list(self._changes(before, stability, after, following, used))
+            if ended is not None:
+                yield after, following, [*special, ended]
+                return
             yield after, following, special
             travelled += used
             closed = np.linalg.norm(after.place.z - origin.place.z) < used / 2
@@ -159,6 +170,20 @@ class Tracer:
                 return
             before, stability = after, following
             length = min(_LONGEST, used * (1.5 if steps <= 4 else 1.0))
+
+    def _contact_end(self, before: Traced, after: Traced, length: float) -> LocatedPoint | None:
+        """Return the point at which the first contact changes between two points, if one does."""
+        local = self.problem.local
+
+        def margins(x: Traced) -> Array:
+            return local.margins(x.place.found.point)
+
+        if not (margins(after) < -ZERO).any():
+            return None
+        _, found = self._bisected(before, length, lambda x: bool((margins(x) < 0.0).any()))
+        row = int(np.argmin(margins(after) / np.maximum(margins(found) - margins(after), ZERO)))
+        kind, name = local.contact_end(row)
+        return LocatedPoint(kind, found, name)
 
     def _step(self, point: Traced, length: float) -> tuple[Traced, float, int] | None:
         while length >= _SHORTEST:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lagcli.analysis.linear.linear_model import LinearModel
 from lagcli.analysis.linear.modes import ModalAnalysis, Mode
+from lagcli.analysis.local.contact_text import contact_lines, describe_contacts
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
 from lagcli.results.listing import wrapped
@@ -27,6 +28,7 @@ def describe_point(found: OperatingPoint, linear: LinearModel) -> dict[str, Any]
         "q": dict(zip(linear.coordinates, point.q.tolist(), strict=True)),
         "v": dict(zip(linear.coordinates, point.v.tolist(), strict=True)),
         "multipliers": dict(zip(linear.constraints, point.multipliers.tolist(), strict=True)),
+        "contacts": describe_contacts(found.contacts),
     }
 
 
@@ -148,7 +150,7 @@ def _head(content: Mapping[str, Any], what: str) -> list[str]:
     if point["multipliers"]:
         values = without_rounding(point["multipliers"])
         lines += entry("λ", listed([f"{name} {value:.6g}" for name, value in values.items()]))
-    return lines
+    return [*lines, *contact_lines(point.get("contacts", ()), 2)]
 
 
 def _eigenvalue(s: complex) -> str:

@@ -128,10 +128,9 @@ def linearize(
     """
     if form not in FORMS:
         raise UsageError(f"--form {form!r} is not a form; the forms are {', '.join(FORMS)}")
-    local = LocalEquations(model)
+    local, found = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
     signals = Inputs(local, inputs)
     measured = Outputs(local, outputs, signals)
-    found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
     return linear_model(local, found, signals, measured, form)
 
 
@@ -202,7 +201,8 @@ def _descriptor(
     mass[position, position] = np.eye(nq)
     mass[velocity, velocity] = d.mass_matrix
     matrix[position, velocity] = np.eye(nq)
-    matrix[velocity] = np.hstack([jac.force_position, jac.force_velocity, d.jacobian.T])
+    reactions = local.reactions(point, d.jacobian)
+    matrix[velocity] = np.hstack([jac.force_position, jac.force_velocity, reactions])
     by_position, by_velocity = gradient.copy(), d.jacobian.copy()
     by_position[held], by_velocity[held] = d.jacobian[held], 0.0
     matrix[forces, position], matrix[forces, velocity] = by_position, by_velocity

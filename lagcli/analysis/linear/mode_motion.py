@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.analysis.linear.modes import Mode, modes_about
-from lagcli.analysis.linear.operating_points import find_operating_point
+from lagcli.analysis.linear.operating_points import equations_of, find_operating_point
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.arrays import Array
@@ -74,8 +74,7 @@ def mode_motion(
     ModelError, NumericalError
         As `lagcli.modes`.
     """
-    local = LocalEquations(model)
-    found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
+    local, found = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
     modes = modes_about(local, found).modes
     _check_number(number, [(mode.eigenvalue, mode.kind) for mode in modes], model.name)
     return _motion(local, found.point, modes[number - 1], number, found.name, amplitude)
@@ -103,11 +102,14 @@ def stored_mode_motion(
     content, given = read_analysis(path, "modes"), read_model_text(path)
     model = load_text(given.text, given.path, given.set, given.set_initial)
     _check_number(number, _stored(content), model.name)
-    local, held = LocalEquations(model), content["operating_point"]
+    held = content["operating_point"]
     q, v = (np.array([held[part][name] for name in model.coordinate_names]) for part in "qv")
+    p = tuple(model.parameter_values.values())
+    local = equations_of(model, State(held["time"], q, v, p), held.get("contacts", ()))
+    constraints = local.system.constraints
     rank = np.linalg.matrix_rank(local.evaluator(local.p).constraints(held["time"], q, v).jacobian)
     point = local.moving(State(held["time"], q, v, local.p), int(rank))
-    multipliers = np.array([held["multipliers"][name] for name in model.constraint_names])
+    multipliers = np.array([held["multipliers"][name] for name in constraints])
     stored = content["modes"][number - 1]
 
     def shape(part: str, names: Sequence[str]) -> ComplexArray:
@@ -118,7 +120,7 @@ def stored_mode_motion(
         complex(*stored["eigenvalue"]),
         shape("position", model.coordinate_names),
         shape("velocity", model.coordinate_names),
-        shape("multipliers", model.constraint_names),
+        shape("multipliers", constraints),
     )
     point = point._replace(multipliers=multipliers)
     return _motion(local, point, mode, number, held["name"], amplitude)
@@ -181,7 +183,7 @@ def _motion(
     elif not (np.isfinite(amplitude) and amplitude > 0):
         raise UsageError(f"--amplitude {amplitude:g}: give a positive number")
     block = _block(local, point, mode, float(amplitude))
-    columns = DerivedColumns(local.system, point.p)
+    columns = DerivedColumns(local.whole_system, point.p)
     samples = columns(block)
     record = Record(
         scale_position=columns.scale_position,
@@ -210,12 +212,19 @@ def _block(local: LocalEquations, point: Point, mode: Mode, amplitude: float) ->
     moving = np.zeros(len(point.q))
     moving[list(local.entering)] = point.v[list(local.entering)]
     guesses = point.q + np.outer(time, moving) + deviation(mode.position)
+    q = np.array([_placed(local, point.t + t, q) for t, q in zip(time, guesses, strict=True)])
+    v, a = point.v + deviation(mode.velocity), point.a + deviation(s * mode.velocity)
+    multipliers = point.multipliers + deviation(mode.multipliers)
+    points = (
+        Point(point.t + float(t), q[i], v[i], a[i], multipliers[i], point.p)
+        for i, t in enumerate(time)
+    )
     return Block(
         time=point.t + time,
-        q=np.array([_placed(local, point.t + t, q) for t, q in zip(time, guesses, strict=True)]),
-        v=point.v + deviation(mode.velocity),
-        a=point.a + deviation(s * mode.velocity),
-        multipliers=point.multipliers + deviation(mode.multipliers),
+        q=q,
+        v=v,
+        a=a,
+        multipliers=np.array([local.all_multipliers(x) for x in points]),
         work=np.zeros(len(time)),
     )
 

@@ -134,9 +134,8 @@ def modes(
     ----------
     .. [1] L. Meirovitch, "Principles and Techniques of Vibrations", 1997, ch. 4.
     """
-    local = LocalEquations(model)
-    found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
-    return modes_about(local, found)
+    found = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
+    return modes_about(found.local, found.operating_point)
 
 
 def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> ModalAnalysis:
@@ -222,10 +221,11 @@ def reduced_matrices(
 ) -> ReducedMatrices | None:
     """Return M, D and K in independent coordinates.
 
-    None if independent coordinates and velocities differ, as with nonholonomic constraints.
+    None if independent coordinates and velocities differ, as with nonholonomic constraints, and if
+    forces depend on multipliers.
     """
     point, tangent = operating_point.point, operating_point.tangent
-    if tangent.positions != tangent.velocities:
+    if tangent.positions != tangent.velocities or local.reactive is not None:
         return None
     basis, shift = tangent.velocity_basis, tangent.velocity_by_position
     jac, d = local.jacobians(point), tangent.decomposition

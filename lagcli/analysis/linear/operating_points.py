@@ -2,53 +2,106 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.analysis.linear.mode_in_run import check_time, mode_in_run
+from lagcli.analysis.local.contact_mode import SwitchedModel
+from lagcli.analysis.local.contact_status import Acting
+from lagcli.analysis.local.contact_text import acting
+from lagcli.analysis.local.determinate import check_determinate
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.nearest import nearest_steady_state
 from lagcli.analysis.local.operating_point import OperatingPoint
-from lagcli.analysis.local.steady_states import nearest_steady_state
 from lagcli.engine.state import State
 from lagcli.errors import NumericalError, UsageError
+from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides
 
 #: Accelerations below this part of the largest, compared by coordinate, are rounding errors.
 _CONSTANT = 1e-9
 
 
+class Located(NamedTuple):
+    """An operating point, and the equations that hold near it.
+
+    Parameters
+    ----------
+    local : LocalEquations
+    operating_point : OperatingPoint
+    """
+
+    local: LocalEquations
+    operating_point: OperatingPoint
+
+
 def find_operating_point(
-    local: LocalEquations,
+    model: Model,
     *,
     at: float | None = None,
     equilibrium: bool = False,
     steady: Mapping[str, float] | None = None,
-) -> OperatingPoint:
+) -> Located:
     """Return the requested operating point, by default the initial state; see `linearize`.
+
+    Of a model with contacts, the equations are those of the mode at the point.
 
     Raises
     ------
     UsageError
         Two points are requested, or a velocity cannot be prescribed.
     ModelError, NumericalError
-        There is no consistent initial state, no equilibrium, or the run does not reach the time.
+        There is no consistent initial state, no equilibrium, or the run does not reach the time;
+        or a contact there has no certain mode, so that no linear model exists.
     """
     if at is not None and (equilibrium or steady):
         raise UsageError(
             "--at takes the state of a run, --equilibrium and --steady take another one; choose one"
         )
     if equilibrium or steady:
-        return nearest_steady_state(local, steady or {}).operating_point
-    if at is not None:
-        state, rank = _run_to(local, at)
-        name = f"the state at t = {at:.6g} s"
+        nearest = nearest_steady_state(model, steady or {})
+        found = Located(nearest.local, nearest.operating_point)
+    elif model.switches:
+        found = _in_run(SwitchedModel(model), at)
     else:
+        local = LocalEquations(model)
         state, rank = local.start.state, local.start.rank
-        name = "the start"
+        if at is not None:
+            state, rank = _run_to(local, at)
+        found = _located(local, state, rank, at)
+    point = found.operating_point
+    check_determinate(model, point.contacts, f"linear model about {point.name}")
+    return found
+
+
+def equations_of(
+    model: Model, state: State, contacts: Sequence[Mapping[str, Any]]
+) -> LocalEquations:
+    """Return the equations that hold at a state, in the mode of the contacts of a file."""
+    if not model.switches:
+        return LocalEquations(model)
+    known = {contact["name"]: acting(contact) for contact in contacts}
+    switched = SwitchedModel(model)
+    return switched.local(tuple(known.get(name, Acting.OPEN) for name in switched.names), state)
+
+
+def _located(local: LocalEquations, state: State, rank: int, at: float | None) -> Located:
+    """Return the point of a state of a run, or of the start."""
     point = local.moving(state, rank)
     tangent = local.tangent(point, _constant_velocities(local, point))
-    return OperatingPoint(name, point, tangent, local.is_steady(point, tangent))
+    name = "the start" if at is None else f"the state at t = {at:.6g} s"
+    steady = local.is_steady(point, tangent)
+    return Located(local, OperatingPoint(name, point, tangent, steady, local.contacts(point)))
+
+
+def _in_run(switched: SwitchedModel, at: float | None) -> Located:
+    """Return the point of a run of a model that switches, in its mode there."""
+    state, modes = mode_in_run(switched.model, at)
+    local = switched.local(tuple(map(Acting, modes)), state)
+    return _located(local, state, local.start.rank, at)
 
 
 def _constant_velocities(local: LocalEquations, point: Point) -> tuple[int, ...]:
@@ -69,8 +122,7 @@ def _run_to(local: LocalEquations, at: float) -> tuple[State, int]:
 
     model = local.model
     began = local.t
-    if not np.isfinite(at) or at < began:
-        raise UsageError(f"--at {at:g}: the run starts at t = {began:g} s; give a later time")
+    check_time(at, began)
     given = SettingsOverrides(t_start=began, t_end=at, samples=2)
     if at == began:
         return local.start.state, local.start.rank

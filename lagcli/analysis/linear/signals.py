@@ -68,7 +68,8 @@ class Inputs:
         #: Parameters that depend on an input.
         self.parameters = tuple(changing)
         self.symbols = [se.Symbol(n) for n in self.parameters]
-        self._forcing = Gradients.of(eq, eq.forcing, self.symbols)
+        forces = [f + own for f, own in zip(eq.forcing, eq.reactive_forces, strict=True)]
+        self._forcing = Gradients.of(eq, forces, self.symbols)
 
     def slopes(self, point: Point) -> Array:
         """Return the derivatives of these parameters with respect to the inputs, (n, inputs)."""
@@ -130,7 +131,7 @@ class Outputs:
         self.names, self._inputs = tuple(names), inputs
         _check_distinct("output", self.names)
         eq = local.equations
-        expressions = [_expression(eq, name) for name in self.names]
+        expressions = [local.express(_expression(local.whole, name)) for name in self.names]
         groups = (eq.q, eq.v, eq.a, eq.multipliers, inputs.symbols)
         self._gradients = [Gradients.of(eq, expressions, group) for group in groups]
 

@@ -90,6 +90,38 @@ class Gradients:
         return _filled(self.shape, self.pattern, ScalarTape(self.tape)(point.inputs()))
 
 
+class Reactive:
+    """The forces that depend on multipliers, and their derivatives with respect to these.
+
+    Parameters
+    ----------
+    equations : Equations
+    """
+
+    def __init__(self, equations: Equations):
+        import symengine as se
+
+        from lagcli.engine.inputs.tables import input_functions
+        from lagcli.engine.tape.compiler import compile_tape
+        from lagcli.engine.tape.interpreter import ScalarTape
+        from lagcli.model.model import TIME
+
+        eq = equations
+        self.slopes = Gradients.of(eq, eq.reactive_forces, eq.multipliers)
+        self._forces = ScalarTape(
+            compile_tape(
+                eq.reactive_forces,
+                [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
+                [se.Symbol(name) for name in eq.model.parameters],
+                input_functions(eq.model),
+            )
+        )
+
+    def forces(self, point: Point) -> Array:
+        """Return the forces at a point, (nq,)."""
+        return np.array(self._forces(point.inputs()))
+
+
 class MotionJacobians(NamedTuple):
     """∂G/∂q, ∂G/∂v (nq, nq), ∂Γ/∂q, ∂Γ/∂v (nc, nq), and ∂G/∂t (nq,), ∂Γ/∂t (nc,).
 

@@ -7,13 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagcli.analysis.local.contact_status import ContactEnd, ContactStatus
 from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths, turning
-from lagcli.analysis.local.gradients import Gradients, MotionJacobians, MotionJacobianTape, Point
+from lagcli.analysis.local.gradients import (
+    Gradients,
+    MotionJacobians,
+    MotionJacobianTape,
+    Point,
+    Reactive,
+)
 from lagcli.analysis.local.tangent import Indices, Response, Tangent, tangent_of
 from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.evaluator import Constraints, Evaluator
+from lagcli.engine.evaluator import Constraints, Dynamics, Evaluator
 from lagcli.engine.linear.dense import Decomposition, SingularSystem, decompose
 from lagcli.engine.lowering import lower
 from lagcli.engine.scales import LEAST_PART, largest, row_lengths
@@ -21,15 +28,18 @@ from lagcli.engine.state import State
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import NumericalError
 from lagcli.model.model import Model
-from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.start import find_start
 
 if TYPE_CHECKING:
+    from symengine import Basic
+
     from lagcli.engine.system import System
 
 
 #: Unbalanced forces below this part of the sum of the forces' magnitudes are rounding errors.
 _BALANCED = 1e-8
+#: Newton's iteration for forces that depend on λ: ends where λ changes by less than this part.
+_ITERATIONS, _SETTLED = 30, 1e-14
 
 
 class LocalEquations:
@@ -43,7 +53,8 @@ class LocalEquations:
     def __init__(self, model: Model):
         self.model = model
         self.equations: Equations = derive(model)
-        refuse_switching(self.equations, "equilibria and linear models")
+        #: The equations of all modes: those of a model that does not switch.
+        self.whole: Equations = self.equations
         self.system: System = lower(self.equations)
         self.jacobian_tape = MotionJacobianTape(self.system)
         self.p = tuple(model.parameter_values.values())
@@ -58,7 +69,39 @@ class LocalEquations:
     @cached_property
     def start(self) -> ConsistentState:
         """The consistent initial state; raises ModelError or NumericalError if there is none."""
+        return self._find_start()
+
+    def _find_start(self) -> ConsistentState:
         return find_start(self.equations, self.system, self.t)
+
+    def express(self, expression: Basic) -> Basic:
+        """Return an expression of the whole model in the multipliers of these equations."""
+        return expression
+
+    def contacts(self, point: Point) -> tuple[ContactStatus, ...]:
+        """Return what contacts, limits and friction do at a point: nothing, without any."""
+        return ()
+
+    def margins(self, point: Point) -> Array:
+        """Return by how much contacts are within their modes, of their scales, (ns,)."""
+        return np.empty(0)
+
+    def contact_end(self, row: int) -> tuple[ContactEnd, str]:
+        """Return what happens to a row that leaves its mode, and its name."""
+        raise IndexError(row)  # nothing leaves its mode here
+
+    def reached(self, point: Point, tangent: Tangent) -> Tangent:
+        """Return the motions that can be reached from a point as its rows of friction hold."""
+        return tangent
+
+    @property
+    def whole_system(self) -> System:
+        """The System of all modes: that of a model that does not switch."""
+        return self.system
+
+    def all_multipliers(self, point: Point) -> Array:
+        """Return λ of all constraints of the model, (nc,), of those too that do not hold."""
+        return point.multipliers
 
     @cached_property
     def entering(self) -> tuple[int, ...]:
@@ -93,6 +136,26 @@ class LocalEquations:
     def evaluator(self, p: tuple[float, ...]) -> Evaluator:
         """Return the evaluator of M, f, B, γ, φ and ψ for values of the parameters."""
         return self.evaluator_of(p)
+
+    @cached_property
+    def reactive(self) -> Reactive | None:
+        """The forces that depend on multipliers, if there are any."""
+        forces = self.equations.reactive_forces
+        return Reactive(self.equations) if any(x != 0 for x in forces) else None
+
+    def dynamics(self, point: Point) -> Dynamics:
+        """Return M, f, B and γ, with the forces that depend on multipliers in f."""
+        found = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
+        if self.reactive is None:
+            return found
+        forcing = found.forcing + self.reactive.forces(point)
+        return found._replace(forcing=forcing, finite=bool(np.isfinite(forcing).all()))
+
+    def reactions(self, point: Point, jacobian: Array) -> Array:
+        """Return the derivatives of the forces with respect to λ, (nq, nc): Bᵀ without friction."""
+        if self.reactive is None:
+            return jacobian.T
+        return np.asarray(jacobian.T + self.reactive.slopes.at(point))
 
     def jacobians(self, point: Point) -> MotionJacobians:
         """Return the Jacobians of the equations of motion; raises NumericalError if not finite."""
@@ -134,9 +197,13 @@ class LocalEquations:
     def response(self, point: Point, tangent: Tangent) -> Response:
         """Return the map from right sides to δa and δλ; raises NumericalError if inertia is
         missing."""
-        mass = self.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+        d = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
+        mass = d.mass_matrix
+        coupled = None
+        if self.reactive is not None:
+            coupled = d.jacobian, self.reactions(point, d.jacobian)
         try:
-            found = Response(mass, tangent)
+            found = Response(mass, tangent, coupled)
             found(np.zeros((len(mass), 1)), np.zeros((len(point.multipliers), 1)))
         except SingularSystem:
             raise NumericalError(
@@ -161,7 +228,27 @@ class LocalEquations:
                 f"the accelerations of {self.model.name} are undefined at t = {state.t:.6g} s;"
                 " choose another state"
             )
-        return Point(state.t, state.q, state.v, a, multipliers, state.p)
+        found = Point(state.t, state.q, state.v, a, multipliers, state.p)
+        return found if self.reactive is None else self._balanced(found)
+
+    def _balanced(self, point: Point) -> Point:
+        """Return the point with the a and λ that the forces that depend on λ give, by Newton."""
+        tangent = self.tangent(point)
+        for _ in range(_ITERATIONS):
+            d = self.dynamics(point)
+            unbalanced = d.forcing - d.mass_matrix @ point.a + d.jacobian.T @ point.multipliers
+            rates = d.rhs - d.jacobian @ point.a
+            da, change = self.response(point, tangent)(unbalanced[:, None], rates[:, None])
+            point = point._replace(
+                a=point.a + da[:, 0], multipliers=point.multipliers + change[:, 0]
+            )
+            size = np.abs(point.multipliers).max(initial=0.0)
+            if not np.abs(change).max(initial=0.0) > _SETTLED * size:
+                return point
+        raise NumericalError(
+            f"the multipliers of {self.model.name} at t = {point.t:.6g} s were not found: forces"
+            " depend on them too strongly"
+        )
 
     def is_steady(self, point: Point, tangent: Tangent) -> bool:
         """Whether the independent velocities are constant, up to rounding errors.
@@ -171,7 +258,7 @@ class LocalEquations:
         j = list(tangent.velocities)
         if not j:
             return True
-        d = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
+        d = self.dynamics(point)
         basis = tangent.velocity_basis
         demanded = point.a - basis @ point.a[j]  # given by the constraints alone
         inertial = d.mass_matrix @ demanded
@@ -214,8 +301,7 @@ class LocalEquations:
 
     def force_scale(self, point: Point, inertial: Array | None = None) -> Array:
         """Return sums of the magnitudes of the forces on the coordinates, (nq,)."""
-        evaluator = self.evaluator(point.p)
-        d = evaluator.dynamics(point.t, point.q, point.v)
+        evaluator, d = self.evaluator(point.p), self.dynamics(point)
         force = np.abs(d.forcing) + np.abs(d.jacobian.T) @ np.abs(point.multipliers)
         force += np.abs(d.mass_matrix @ point.a) if inertial is None else inertial
         sizes = evaluator.sizes(point.t, point.q, point.v)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lagcli.analysis.local.contact_status import ContactStatus
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.tangent import Tangent
 
@@ -21,9 +22,12 @@ class OperatingPoint:
     tangent : Tangent
     steady : bool
         Whether the independent velocities are constant: an equilibrium or a steady motion.
+    contacts : tuple of ContactStatus
+        The states of contacts, limits and friction there; the linear model is that of this mode.
     """
 
     name: str
     point: Point
     tangent: Tangent
     steady: bool
+    contacts: tuple[ContactStatus, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -126,6 +126,8 @@ class SteadyProblem:
             return self._undefined(q, multipliers, p)
         a = self._completed(d, dynamics.rhs, free, basis)
         inertial = dynamics.mass_matrix @ a
+        if self.local.reactive is not None:
+            dynamics = self.local.dynamics(Point(self.t, q, v, a, multipliers, p))
         balance = dynamics.forcing - inertial + dynamics.jacobian.T @ multipliers
         scale = np.abs(dynamics.forcing) + np.abs(dynamics.mass_matrix) @ np.abs(a)
         scale += np.abs(dynamics.jacobian.T) @ np.abs(multipliers)
@@ -160,6 +162,13 @@ class SteadyProblem:
 
     def multipliers(self, found: Residual) -> Array:
         """Return the λ of least norm that balance the forces best."""
+        if self.local.reactive is not None:
+            sizes, scale = found.decomposition.sizes, found.decomposition.scale
+            reactions = self.local.reactions(found.point, found.dynamics.jacobian)
+            step, *_ = np.linalg.lstsq(
+                sizes[:, None] * reactions / scale, -sizes * found.value[: self.nq], rcond=RANK
+            )
+            return np.asarray(found.point.multipliers + step / scale)
         forces = found.dynamics.jacobian.T @ found.point.multipliers - found.value[: self.nq]
         return multipliers_of(found.decomposition, forces[:, None])[:, 0]
 
@@ -171,8 +180,8 @@ class SteadyProblem:
         dv = self.changed(found, -self.local.velocity_gradient(found.point))
         da = self.changed(found, jac.rhs_position + jac.rhs_velocity @ dv)
         force = jac.force_position + jac.force_velocity @ dv - d.mass_matrix @ da
-        held = d.jacobian[self.holonomic]
-        return np.block([[force, d.jacobian.T], [held, np.zeros((len(held), len(d.jacobian)))]])
+        held, reactions = d.jacobian[self.holonomic], self.local.reactions(found.point, d.jacobian)
+        return np.block([[force, reactions], [held, np.zeros((len(held), len(d.jacobian)))]])
 
     def changed(self, found: Residual, rhs: Array) -> Array:
         """Return the X with B X = rhs whose rows of the independent velocities are zero."""
@@ -221,15 +230,20 @@ class SteadyProblem:
         multipliers : (nc,) array, optional
             Starting value; by default the λ that balance the forces best.
         """
+        found = self.begun(q, p, multipliers)
+        if not np.isfinite(found.value).all():
+            return None
+        root = self.polished(found)
+        return self.polished(self.relaxed(found)) if root is None else root
+
+    def begun(self, q: Array, p: tuple[float, ...], multipliers: Array | None = None) -> Residual:
+        """Return the residual from which iterations start; for the parameters see `solve`."""
         nc = len(self.local.system.constraints)
         given = np.zeros(nc) if multipliers is None else multipliers
         found = self.residual(q, given, p)
-        if not np.isfinite(found.value).all():
-            return None
-        if multipliers is None:
-            found = self.residual(q, self.multipliers(found), p, found.independent)
-        root = self.polished(found)
-        return self.polished(self._relaxed(found)) if root is None else root
+        if multipliers is not None or not np.isfinite(found.value).all():
+            return found
+        return self.residual(q, self.multipliers(found), p, found.independent)
 
     def polished(self, found: Residual) -> Residual | None:
         """Return the root found by damped Newton steps, with the least λ, or None."""
@@ -268,8 +282,10 @@ class SteadyProblem:
             found = better
         return found if found.relative <= ACCEPTED else None
 
-    def _relaxed(self, found: Residual) -> Residual:
-        """Follow M q̇ = f − M a + Bᵀλ, with longer steps as the forces decrease.
+    def relaxed(
+        self, found: Residual, ends: Callable[[Residual, Residual], bool] | None = None
+    ) -> Residual:
+        """Follow M q̇ = f − M a + Bᵀλ, with longer steps as the forces decrease, or until it ends.
 
         It ends near equilibria that are stable when damped, and passes points where Newton steps
         are arbitrary. Pseudo-transient continuation: Kelley, Keyes, SIAM J. Numer. Anal. 35 (1998)
@@ -281,8 +297,9 @@ class SteadyProblem:
             after = self.moved(found, step)
             if not np.isfinite(after.value).all():
                 break
+            passed = ends is not None and ends(found, after)
             found = after
-            if found.relative < _NEAR:
+            if passed or found.relative < _NEAR:
                 break
             inertia *= min(2.0, max(0.5, found.relative / before))
             before = found.relative

@@ -1,4 +1,4 @@
-"""The equilibrium or steady motion closest to a model's initial values."""
+"""Equilibria and steady motions as operating points, and errors where there is none."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ class SteadyState(NamedTuple):
 
     Parameters
     ----------
+    local : LocalEquations
+        The equations of which it is a root.
     operating_point : OperatingPoint
     found : Residual
     neutral : (nq, dimension) array
         Changes of q that lead to other roots: the tangent space of a set of equilibria.
     """
 
+    local: LocalEquations
     operating_point: OperatingPoint
     found: Residual
     neutral: Array
@@ -47,7 +50,7 @@ def velocity_coordinate(names: Sequence[str], text: str) -> str:
     return name
 
 
-def held_velocities(local: LocalEquations, steady: Mapping[str, float]) -> dict[str, float]:
+def held_velocities(names: Sequence[str], steady: Mapping[str, float]) -> dict[str, float]:
     """Return velocities by the names of their coordinates.
 
     Raises
@@ -57,29 +60,11 @@ def held_velocities(local: LocalEquations, steady: Mapping[str, float]) -> dict[
     """
     found = {}
     for text, value in steady.items():
-        name = velocity_coordinate(local.system.coordinates, text)
+        name = velocity_coordinate(names, text)
         if not np.isfinite(value):
             raise UsageError(f"--steady {text}={value}: give a finite value")
         found[name] = float(value)
     return found
-
-
-def nearest_steady_state(local: LocalEquations, steady: Mapping[str, float]) -> SteadyState:
-    """Return the equilibrium, or steady motion, to which Newton's method converges from the start.
-
-    Raises
-    ------
-    UsageError
-        A velocity cannot be prescribed.
-    ModelError, NumericalError
-        There is no consistent initial state, or no equilibrium is found.
-    """
-    problem = SteadyProblem(local, held_velocities(local, steady))
-    q = local.start.state.q
-    found = problem.solve(q, local.p)
-    if found is None:
-        raise none_found(local, problem, q)
-    return completed(problem, found)
 
 
 def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
@@ -103,8 +88,8 @@ def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
             f"{local.model.name} has no {what} here: forces balance at t ="
             f" {found.point.t:g} s, but they depend on {cause}"
         )
-    point = OperatingPoint(name, found.point, tangent, True)
-    return SteadyState(point, found, problem.neutral(found))
+    point = OperatingPoint(name, found.point, tangent, True, local.contacts(found.point))
+    return SteadyState(local, point, found, problem.neutral(found))
 
 
 def none_found(local: LocalEquations, problem: SteadyProblem, q: Array) -> NumericalError:

@@ -11,6 +11,9 @@ from lagcli.engine.linear import dense
 
 Indices = tuple[int, ...]
 
+#: Singular values below this part of the largest are taken for zero.
+_SINGULAR = 1e-12
+
 
 class Tangent(NamedTuple):
     """Admissible δq and δv in terms of independent coordinates and velocities.
@@ -125,15 +128,18 @@ def multipliers_of(d: dense.Decomposition, forces: Array) -> Array:
 
 
 class Response:
-    """Map from right sides of M δa − Bᵀ δλ = g, B δa = γ to δa and δλ.
+    """Map from right sides of M δa − R δλ = g, B δa = γ to δa and δλ.
 
-    For redundant constraints, δλ is the solution of least norm.
+    R is Bᵀ, plus ∂f/∂λ if forces depend on λ. For redundant constraints, δλ is the solution of
+    least norm.
 
     Parameters
     ----------
     mass : (nq, nq) array
         M.
     tangent : Tangent
+    coupled : ((nc, nq) array, (nq, nc) array), optional
+        B and R, where R is not Bᵀ.
 
     Raises
     ------
@@ -141,13 +147,15 @@ class Response:
         An admissible motion has no inertia.
     """
 
-    def __init__(self, mass: Array, tangent: Tangent):
-        self.mass, self.tangent = mass, tangent
+    def __init__(self, mass: Array, tangent: Tangent, coupled: tuple[Array, Array] | None = None):
+        self.mass, self.tangent, self.coupled = mass, tangent, coupled
         basis = tangent.velocity_basis
         self.reduced = basis.T @ mass @ basis
 
     def __call__(self, forces: Array, rates: Array) -> tuple[Array, Array]:
         """Return δa (nq, m) and δλ (nc, m) for g (nq, m) and γ (nc, m)."""
+        if self.coupled is not None:
+            return self._saddle(*self.coupled, forces, rates)
         d, basis = self.tangent.decomposition, self.tangent.velocity_basis
         a = least(d, rates)
         if basis.shape[1]:
@@ -156,3 +164,23 @@ class Response:
             except np.linalg.LinAlgError:
                 raise dense.SingularSystem from None
         return a, multipliers_of(d, self.mass @ a - forces)
+
+    def _saddle(
+        self, jacobian: Array, reactions: Array, forces: Array, rates: Array
+    ) -> tuple[Array, Array]:
+        """Return δa and δλ where R is not Bᵀ, from the singular values of the whole."""
+        d = self.tangent.decomposition
+        sizes, scale, nq = d.sizes, d.scale, len(self.mass)
+        matrix = np.block(
+            [
+                [sizes[:, None] * self.mass * sizes, -sizes[:, None] * reactions / scale],
+                [jacobian * sizes / scale[:, None], np.zeros((len(scale), len(scale)))],
+            ]
+        )
+        u, s, vt = np.linalg.svd(matrix)
+        rank = int((s > _SINGULAR * s.max(initial=0.0)).sum())
+        if rank < nq + d.rank:
+            raise dense.SingularSystem
+        right = np.vstack([sizes[:, None] * forces, rates / scale[:, None]])
+        found = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank, None])
+        return sizes[:, None] * found[:nq], found[nq:] / scale[:, None]

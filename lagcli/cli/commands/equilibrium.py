@@ -31,7 +31,8 @@ def equilibrium(
             "--along",
             metavar="NAME=START:END",
             help="Follow the equilibrium as a parameter varies, e.g. P=0:3, or a velocity of"
-            ' steady motions, e.g. "phi\'=1:10"; with folds, branch points and Hopf points.',
+            ' steady motions, e.g. "phi\'=1:10"; with folds, branch points, Hopf points'
+            " and changes of contacts.",
         ),
     ] = None,
     branches: Annotated[
@@ -58,7 +59,7 @@ def equilibrium(
     """Find equilibria and steady motions with their stability.
 
     Finds one equilibrium from the initial values; with --all as many as possible; with --along
-    branches as a parameter varies. Shows multipliers and constraint forces.
+    branches as a parameter varies. Shows multipliers, constraint forces and closed contacts.
     """
     from lagcli.analysis.equilibria.branch_content import (
         describe_diagram,

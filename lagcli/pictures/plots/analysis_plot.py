@@ -17,6 +17,7 @@ _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # panels that are drawn where none is named
 _MULTIPLIERS = 6  # of two models, that are drawn
 _MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
+_OF_CONTACT = "X"  # where a contact ends a branch
 #: Curves of a comparison, and the labels of their axes; SI.
 _COMPARED = {
     "residual": "largest residual [SI]",
@@ -175,7 +176,7 @@ def _draw_branches(
         for point in content["special_points"]:
             value = _series_at(point, name)
             if value is not None:
-                marker = _MARKERS[point["kind"]]
+                marker = _MARKERS.get(point["kind"], _OF_CONTACT)
                 ax.plot([point["parameter"]], [value], marker, ms=6, mfc="white", color="#202020")
         ax.set_ylabel(_label(name, units))
         ax.margins(x=0.02, y=0.08)
@@ -210,8 +211,9 @@ def _legend(ax: Any, content: Mapping[str, Any]) -> None:
         Line2D([], [], color="#202020", linestyle=(0, (4, 3)), label="unstable"),
     ]
     for kind in dict.fromkeys(point["kind"] for point in content["special_points"]):
+        marker = _MARKERS.get(kind, _OF_CONTACT)
         handles.append(
-            Line2D([], [], color="#202020", marker=_MARKERS[kind], mfc="white", ls="", label=kind)
+            Line2D([], [], color="#202020", marker=marker, mfc="white", ls="", label=kind)
         )
     ax.legend(handles=handles, loc="best")
 

@@ -93,6 +93,7 @@ def _point(content: Mapping[str, Any], units: Mapping[str, str]) -> AnalysisSect
         [_named(f"lambda.{c}"), number(x, 8), _unit_of(f"lambda.{c}", units)]
         for c, x in point["multipliers"].items()
     ]
+    rows += [[_named(c["name"]), c["state"], ""] for c in point.get("contacts", ())]
     shown = rows[: 3 * _LISTED]
     note = "".join(f'<p class="note">{escape(x[0].upper() + x[1:])}.</p>' for x in content["notes"])
     body = table(
@@ -233,9 +234,13 @@ def _equilibria(content: Mapping[str, Any], units: Mapping[str, str]) -> Analysi
         [
             _named(f"lambda.{c}"),
             _unit_of(f"lambda.{c}", units),
-            *(number(x["multipliers"][c], 8) for x in shown),
+            *(number(x["multipliers"][c], 8) if c in x["multipliers"] else "" for x in shown),
         ]
-        for c in shown[0]["multipliers"]
+        for c in dict.fromkeys(c for x in shown for c in x["multipliers"])
+    ]
+    rows += [
+        [_named(c["name"]), "", *(escape(x["contacts"][k]["state"]) for x in shown)]
+        for k, c in enumerate(shown[0].get("contacts", ()))
     ]
     if any(x["potential"] is not None for x in shown):
         rows.append(["Potential energy", "J", *(number(x["potential"], 8) for x in shown)])
@@ -274,7 +279,7 @@ def _branches(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Anal
         head += [*map(_named, first["q"]), *(_named(f"lambda.{c}") for c in first["multipliers"])]
         rows = [
             [
-                escape(x["kind"] + (f" ({x['crossing']})" if x.get("crossing") else "")),
+                escape(_special(x)),
                 str(x["branch"]),
                 number(x["parameter"], 12),
                 "" if x["frequency"] is None else number(x["frequency"], 8),
@@ -283,9 +288,16 @@ def _branches(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Anal
             for x in points
         ]
         numeric = list(range(2, len(head)))
-        body = table("Folds, branch points, Hopf points", head, rows, numeric=numeric)
+        body = table(
+            "Folds, branch points, Hopf points, changes of contacts", head, rows, numeric=numeric
+        )
         sections.append(AnalysisSection("special", "Bifurcations", body))
     return sections
+
+
+def _special(point: Mapping[str, Any]) -> str:
+    note = point.get("crossing") or point.get("contact")
+    return str(point["kind"]) + (f" ({note})" if note else "")
 
 
 def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:

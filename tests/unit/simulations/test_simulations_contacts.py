@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import pytest
 
 import lagcli
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError, UsageError
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.contacts import true_at_start
+from lagcli.simulations.partition import partition
 from lagcli.simulations.simulation import prepare
 
 BALL = """
@@ -88,12 +88,9 @@ def test_conditions_that_hold_at_the_start_are_named() -> None:
     assert note.startswith("the condition of event `there` holds at the start")
 
 
-@pytest.mark.parametrize("what", ["linearize", "modes", "equilibrium"])
-def test_analyses_of_what_always_holds_refuse_contacts(what: str) -> None:
-    model = lagcli.load_text(BALL)
-    analysis = partial(getattr(lagcli, what), model)
+def test_independent_coordinates_refuse_contacts() -> None:
     with pytest.raises(UsageError, match="need constraints that hold at all times, but `floor`"):
-        analysis()
+        partition(derive(lagcli.load_text(BALL)))
 
 
 def test_conserved_quantities_are_those_of_all_modes() -> None:
