@@ -205,9 +205,8 @@ def format_summary(summary: Mapping[str, Any], model: Model) -> str:
             where = f"lagcli info {s['output']}" if s["output"] not in (None, "-") else "--json"
             lines.append(f"    … {len(s['multipliers']) - _LISTED} more ({where})")
     if s["sensitivity"]:
-        lines.append(
-            f"  {'derivatives':<12}of q, v and λ with respect to {', '.join(s['sensitivity'])}"
-        )
+        of = "q, v and λ" if s["events"] is None else "q, v, λ and times of events"
+        lines.append(f"  {'derivatives':<12}of {of} with respect to {', '.join(s['sensitivity'])}")
     total = s["seconds"]["total"]
     lines.append(
         f"  {'time':<12}{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s"

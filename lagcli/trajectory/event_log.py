@@ -247,7 +247,8 @@ class EventLog:
         ``loss``, ``supplied`` and ``work``, the sums; ``at_end``, the mode of each row that
         switches, of `MODES`; ``recorded`` by event: how many ``times``,
         how many ``columns``, and the ``last`` time and values, as {``time``, ``values``: column →
-        [before, after]}, None for NaN; ``last`` is None where the columns are more than 8.
+        [before, after]}, None for NaN; ``last`` is None where the columns are more than 8;
+        ``dtime``, the derivatives of the times of all entries, None of a run without derivatives.
         """
         return {
             "entries": len(self),
@@ -258,7 +259,24 @@ class EventLog:
             "work": float(self.work.sum()),
             "at_end": dict(zip(self.rows, self._words_at_end(), strict=True)),
             "recorded": self._last_records(),
+            "dtime": self._time_derivatives() if self.parameters else None,
         }
+
+    def _time_derivatives(self) -> list[dict[str, Any]]:
+        """Return ``time``, ``name``, ``kind`` and ``dtime`` by parameter, None for NaN."""
+        entries = zip(self.time.tolist(), self.names, self.kinds, self.dtime.tolist(), strict=True)
+        return [
+            {
+                "time": time,
+                "name": name,
+                "kind": kind,
+                "dtime": {
+                    parameter: None if np.isnan(x) else x
+                    for parameter, x in zip(self.parameters, slopes, strict=True)
+                },
+            }
+            for time, name, kind, slopes in entries
+        ]
 
     def _words_at_end(self) -> list[str]:
         last = self.modes[-1] if len(self) else self.start

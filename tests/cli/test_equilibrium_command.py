@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import fastjsonschema
@@ -103,3 +104,62 @@ def test_mistakes_are_explained(
 ) -> None:
     assert run(["equilibrium", *arguments]) == status
     assert said in capsys.readouterr().err
+
+
+#: A pendulum that a torque M presses against a stop.
+STOPPED = """
+coordinates: [a]
+parameters: {M: 5}
+T: a'^2/2
+V: -4*cos(a)
+Q: {a: M}
+constraints: {stop: a <= 0.5}
+initial: {a: 0.1, a': 0}
+"""
+
+
+def test_contacts_are_in_all_that_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, file = str(tmp_path / "stopped.yaml"), str(tmp_path / "found.h5")
+    Path(model).write_text(STOPPED, encoding="utf-8")
+    assert run(["equilibrium", model, "--json"]) == 0
+    (found,) = valid(capsys.readouterr().out)["equilibria"]  # type: ignore[misc]
+    (contact,) = found["contacts"]
+    force = 4 * math.sin(0.5) - 5
+    assert contact == pytest.approx(
+        {"name": "stop", "state": "closed", "gap": 0.0, "multiplier": force, "limit": None}
+    )
+    assert run(["equilibrium", model]) == 0
+    assert "contacts stop closed (λ = -3.0823)" in capsys.readouterr().out
+    assert run(["equilibrium", model, "--along", "M=5:1", "-o", file, "--json"]) == 0
+    (point,) = valid(capsys.readouterr().out)["special_points"]  # type: ignore[misc]
+    assert (point["kind"], point["contact"]) == ("contact opens", "stop")
+    assert run(["info", file]) == 0
+    assert "contact opens (stop) on branch 0: M = 1.917" in capsys.readouterr().out
+    for command, suffix in (("plot", "svg"), ("report", "html")):
+        picture = tmp_path / f"branch.{suffix}"
+        assert run([command, file, "-o", str(picture)]) == 0
+        assert "contact opens" in picture.read_text(encoding="utf-8")
+
+
+def test_linear_models_state_their_contacts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(MODELS / "contact" / "rope_pendulum.yaml")
+    for command in ("modes", "linearize"):
+        file, page = str(tmp_path / f"{command}.h5"), str(tmp_path / f"{command}.html")
+        assert run([command, model, "--equilibrium", "--json", "-o", file]) == 0
+        found = json.loads(capsys.readouterr().out)
+        schema = (ROOT / "docs" / "schemas" / f"{command}.json").read_text(encoding="utf-8")
+        fastjsonschema.compile(json.loads(schema))(found)
+        assert [x["state"] for x in found["operating_point"]["contacts"]] == ["closed"]
+        assert run(["report", file, "-o", page]) == 0
+        capsys.readouterr()
+    page = str(tmp_path / "mode.html")
+    assert run(["animate", str(tmp_path / "modes.h5"), "--mode", "1", "-o", page]) == 0
+    capsys.readouterr()
+    cradle = str(MODELS / "contact" / "newtons_cradle.yaml")
+    assert run(["modes", cradle]) == 3
+    assert "newtons_cradle.yaml:" in (said := capsys.readouterr().err)
+    assert "`hit[3]` touches without a force, and closes or opens" in said

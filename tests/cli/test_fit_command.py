@@ -173,3 +173,16 @@ def test_the_model_file_can_ask_for_derivatives(folder: Path, command: Command) 
     lagcli.write(found, plotted, force=True)
     drawn = command(*("plot", "both.h5", "x", "dx/dk", "--band", "k=5%", "-o", "b.svg", "--force"))
     assert drawn.returncode == 0, drawn.stderr
+
+
+@pytest.mark.parametrize(("engine", "said"), [("compiled", True), ("scipy", False), (None, False)])
+def test_a_request_for_an_engine_without_derivatives_is_answered(
+    engine: str | None, said: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["simulate", "bouncing_ball", "--t-end", "0.2", "--sensitivity", "h"]
+    assert run([*words, *(["--engine", engine] if engine else [])]) == 0
+    found = capsys.readouterr()
+    note = "note: the reference engine takes the steps: the compiled engine, which was requested,"
+    assert (note in found.err) == said
+    assert "(scipy engine)" in found.out
+    assert "derivatives of q, v, λ and times of events with respect to h" in found.out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -140,6 +141,7 @@ def test_sweeps_and_what_info_says_of_them_have_the_schemas(
         ("slider_crank", "alone.csv", []),
         ("slider_crank", "run.csv", ["--meta"]),
         ("bouncing_ball", "run.h5", []),
+        ("bouncing_ball", "run.h5", ["--set", "h=0.1 m", "--sensitivity", "e"]),
         ("car_on_road", "run.h5", []),
         ("chaplygin_sleigh", "run.h5", []),
         ("parallelogram", "run.h5", []),
@@ -159,6 +161,20 @@ def test_what_info_says_of_runs_has_the_schema(
     for spoil in ({"status": "done"}, {"unknown": 1}, {"multipliers": []}):
         with pytest.raises(fastjsonschema.JsonSchemaValueException):
             schema("info")({**found, **spoil})
+
+
+def test_simulate_has_the_derivatives_of_event_times(capsys: pytest.CaptureFixture[str]) -> None:
+    """A ball that falls h takes t = √(2 h/g): dt/dg = −t/2g, dt/dh = t/2h."""
+    arguments = ("simulate", "bouncing_ball", "--t-end", "0.8", "--sensitivity", "g,h,e")
+    found = printed(capsys, *arguments)
+    schema("simulate")(found)
+    (impact,) = found["events"]["dtime"]
+    fall = math.sqrt(2 / 9.81)
+    assert (impact["name"], impact["kind"]) == ("floor", "impact")
+    assert impact["time"] == pytest.approx(fall, rel=1e-9)
+    slopes = {"g": -fall / (2 * 9.81), "h": fall / 2, "e": 0.0}
+    assert impact["dtime"] == pytest.approx(slopes, rel=1e-8)
+    assert printed(capsys, *arguments[:4])["events"]["dtime"] is None
 
 
 def test_what_info_says_of_analyses_has_the_schemas(
