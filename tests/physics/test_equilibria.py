@@ -196,6 +196,52 @@ def test_whipple_bicycle_is_stable_between_its_weave_and_its_capsize_speed() -> 
     assert (branch.stable == between).all()
 
 
+@pytest.mark.slow
+def test_turning_bicycles_beside_the_capsize_speed_are_unstable_by_a_real_eigenvalue() -> None:
+    """The pitchfork is subcritical: turning bicycles are slower than the capsize speed.
+
+    Beside it, their growth is proportional to the distance from it, as the capsize eigenvalue is;
+    in axes that do not turn, it would be that of an oscillation, and proportional to the rate of
+    turn.
+    """
+    model = lagcli.load(ROOT / "tests" / "found" / "whipple_bicycle.yaml", set={"eps": "0"})
+    diagram = lagcli.follow_equilibria(model, "x'", 5.9, 6.1, branches=True)
+    capsize = diagram.special[0].parameter
+    for branch in diagram.branches[1:]:
+        assert (branch.parameter[1:] < capsize).all()
+        assert not branch.stable.any()
+        near = (branch.parameter < capsize - 1e-3) & (branch.parameter > capsize - 2e-2)
+        slope = branch.growth[near] / (capsize - branch.parameter[near])
+        assert len(slope) > 2
+        np.testing.assert_allclose(slope, slope[0], rtol=0.02)
+
+
+def test_stability_of_a_disk_that_turns_is_that_of_the_closed_form() -> None:
+    """x' is held, and turns with the disk: the axes of the linear model must not.
+
+    Neimark, Fufaev 1972, ch. III: with the rolling rate s and ψ' as functions of the tilt θ,
+    (A + m r²) θ'' = m g r sin θ + (C + m r²) s ψ' cos θ − A ψ'² sin θ cos θ,
+    ds/dθ = −m r² ψ' cos θ/(C + m r²), cos θ dψ'/dθ = 2 ψ' sin θ − C s/A.
+    """
+    model = lagcli.load(MODELS / "rolling_disk.yaml")
+    diagram = lagcli.follow_equilibria(model, "x'", -2.2, -0.3, steady={"psi'": 1.5})
+    (branch,) = diagram.branches
+    m, g, r, a, c = (model.parameter_values[name] for name in ("m", "g", "r", "A", "C"))
+    turn, tilt = 1.5, branch.q[:, 4]
+    sin, cos = np.sin(tilt), np.cos(tilt)
+    roll = branch.v[:, 5] + turn * sin
+    by_roll = -m * r**2 * turn * cos / (c + m * r**2)
+    by_turn = (2 * turn * sin - c * roll / a) / cos
+    slope = m * g * r * cos - a * (2 * turn * by_turn * sin * cos + turn**2 * (cos**2 - sin**2))
+    slope += (c + m * r**2) * (by_roll * turn * cos + roll * by_turn * cos - roll * turn * sin)
+    growing = slope > 0
+    assert 0 < growing.sum() < len(growing)
+    assert (branch.stable == ~growing).all()
+    expected = np.sqrt(slope[growing] / (a + m * r**2))
+    np.testing.assert_allclose(branch.growth[growing], expected, rtol=1e-6)
+    assert branch.growth[~growing].max() < 1e-9
+
+
 BUCKLE = """
 coordinates: [theta]
 parameters: {m: 1, l: 0.5, k: 10, P: 5}

@@ -130,6 +130,10 @@ class Tracer:
         """Return the stability of a point."""
         local, found = self.problem.local, point.place.found
         tangent = local.tangent(found.point, found.independent)
+        if np.any(found.point.v) and not local.is_steady(found.point, tangent):
+            # a vehicle that turns: x' is held, but other velocities are constant
+            constant = local.constant_velocities(found.point)
+            tangent = local.tangent(found.point, constant)
         operating = OperatingPoint("the equilibrium", found.point, tangent, True)
         return stability_of(local, operating, self.neutral)
 

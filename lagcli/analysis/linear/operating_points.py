@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from lagcli.analysis.linear.mode_in_run import check_time, mode_in_run
 from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.contact_status import Acting
 from lagcli.analysis.local.contact_text import acting
 from lagcli.analysis.local.determinate import check_determinate
-from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.nearest import nearest_steady_state
 from lagcli.analysis.local.operating_point import OperatingPoint
@@ -20,9 +17,6 @@ from lagcli.engine.state import State
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides
-
-#: Accelerations below this part of the largest, compared by coordinate, are rounding errors.
-_CONSTANT = 1e-9
 
 
 class Located(NamedTuple):
@@ -91,7 +85,7 @@ def equations_of(
 def _located(local: LocalEquations, state: State, rank: int, at: float | None) -> Located:
     """Return the point of a state of a run, or of the start."""
     point = local.moving(state, rank)
-    tangent = local.tangent(point, _constant_velocities(local, point))
+    tangent = local.tangent(point, local.constant_velocities(point))
     name = "the start" if at is None else f"the state at t = {at:.6g} s"
     steady = local.is_steady(point, tangent)
     return Located(local, OperatingPoint(name, point, tangent, steady, local.contacts(point)))
@@ -102,17 +96,6 @@ def _in_run(switched: SwitchedModel, at: float | None) -> Located:
     state, modes = mode_in_run(switched.model, at)
     local = switched.local(tuple(map(Acting, modes)), state)
     return _located(local, state, local.start.rank, at)
-
-
-def _constant_velocities(local: LocalEquations, point: Point) -> tuple[int, ...]:
-    """Return the coordinates with constant velocities.
-
-    A motion may be steady only in some: a disk that rolls in a circle.
-    """
-    size = np.abs(point.a / local.lengths)
-    jerk, bound = local.jerk(point, local.tangent(point), local.force_scale(point))
-    constant = (size <= _CONSTANT * size.max(initial=0.0)) & (np.abs(jerk) <= bound)
-    return tuple(np.flatnonzero(constant).tolist())
 
 
 def _run_to(local: LocalEquations, at: float) -> tuple[State, int]:

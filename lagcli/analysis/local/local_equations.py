@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 #: Unbalanced forces below this part of the sum of the forces' magnitudes are rounding errors.
 _BALANCED = 1e-8
+#: Accelerations below this part of the largest, compared by coordinate, are rounding errors.
+_CONSTANT = 1e-9
 #: Newton's iteration for forces that depend on λ: ends where λ changes by less than this part.
 _ITERATIONS, _SETTLED = 30, 1e-14
 
@@ -268,6 +270,16 @@ class LocalEquations:
             return False
         jerk, bound = self.jerk(point, tangent, force)
         return bool((np.abs(jerk[j]) <= bound[j]).all())
+
+    def constant_velocities(self, point: Point) -> Indices:
+        """Return the coordinates with constant velocities.
+
+        A motion may be steady only in some: a disk that rolls in a circle.
+        """
+        size = np.abs(point.a / self.lengths)
+        jerk, bound = self.jerk(point, self.tangent(point), self.force_scale(point))
+        constant = (size <= _CONSTANT * size.max(initial=0.0)) & (np.abs(jerk) <= bound)
+        return tuple(np.flatnonzero(constant).tolist())
 
     def jerk(self, point: Point, tangent: Tangent, force: Array) -> tuple[Array, Array]:
         """Return the derivatives of the accelerations, and bounds of their rounding errors, (nq,).
