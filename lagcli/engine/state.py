@@ -1,4 +1,4 @@
-"""State: where a System is, and with which values of its parameters."""
+"""State of a System, including its parameter values."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ class State(NamedTuple):
 
     @property
     def y(self) -> Array:
-        """(q, v, 0), (2 nq + 1,): the state of a run that has done no work yet."""
+        """y = (q, v, 0), (2 nq + 1,): the initial state of a run, with zero work."""
         return np.concatenate([self.q, self.v, [0.0]])

@@ -1,4 +1,4 @@
-"""System: what an engine integrates, as tapes, sizes and sparsity. It knows no symbols."""
+"""System: the input of engines, as tapes, sizes and sparsity, without symbols."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
 Pattern = tuple[tuple[int, int], ...]
 
-#: Operations of a motion and of its derivatives' right sides up to which they are one stream.
+#: Largest number of operations of a motion and its derivatives' right sides in one stream.
 _ONE_STREAM = 1000
 
 
 class JacobianTapes(NamedTuple):
     """G = f − M a + Bᵀλ and Γ = γ − B a, differentiated at fixed a and λ.
 
-    It can be written by hand: only the tape's inputs and outputs, in the order given here, are the
-    contract.
+    It can be written by hand: the contract is only the tape's inputs and outputs, in the order
+    given here.
 
     Parameters
     ----------
@@ -43,7 +43,8 @@ class JacobianTapes(NamedTuple):
         (t, q, v, a, λ, parameters) → (entries of ∂G/∂q, ∂G/∂v, ∂Γ/∂q, ∂Γ/∂v, ∂power/∂q, ∂power/∂v;
         ∂G/∂t, ∂Γ/∂t, ∂power/∂t).
     exact : bool
-        Whether they are all derivatives; Rosenbrock methods need that, Newton's iteration does not.
+        Whether all derivatives are included; Rosenbrock methods require that, Newton's iteration
+        does not.
     """
 
     force_position: Pattern
@@ -80,7 +81,7 @@ class ParameterTapes(NamedTuple):
 
 
 class TangentBlocks(NamedTuple):
-    """Derivatives of a motion in n directions, which a System appends to it in blocks.
+    """Derivatives of a motion in n directions, appended to a System in blocks.
 
     Coordinates, constraints and the patterns of M and B are those of the motion, n + 1 times; the
     dynamics tape has f and γ of the motion and 0 for the derivatives. The matrix is that of the
@@ -107,16 +108,16 @@ class TangentBlocks(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether an unrolled elimination also gives the derivatives, in one short stream."""
+        """Whether an unrolled elimination also computes the derivatives, in one short stream."""
         return len(self.motion.dynamics.code) + len(self.tape.code) <= _ONE_STREAM
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System:
-    """M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numbers.
+    """The equations M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numerical form.
 
-    nq coordinates, nc constraints, nh of them holonomic. A System can be written by hand: only
-    the tapes' inputs and outputs, in the order given here, are the contract.
+    nq coordinates, nc constraints, nh of them holonomic. A System can be written by hand: the
+    contract is only the tapes' inputs and outputs, in the order given here.
 
     Parameters
     ----------
@@ -143,18 +144,18 @@ class System:
     events : Tape, optional
         (t, q, v, parameters) → functions whose sign changes are events.
     variation : callable, optional
-        Returns the derivatives that stiff methods need; called when one is going to run.
+        Returns the derivatives for implicit methods; called when one is used.
     parameter_variation : callable, optional
         Names of parameters → derivatives with respect to them (`ParameterTapes`); called when an
         analysis needs them.
     functions : InputFunctions
-        Known functions of time, which all its tapes have.
+        Known functions of time, inputs of all tapes.
     same_unit : tuple of tuples of int
-        Coordinates that certainly have the same unit, such as those of a quaternion.
+        Coordinates known to have the same unit, such as those of a quaternion.
     switching : Switching, optional
         Contacts, friction and events.
     tangent : TangentBlocks, optional
-        The motion and what follows from its a and λ, where the System appends its derivatives.
+        The derivatives appended to the motion, which depend on its a and λ.
     nonlinear : tuple of int
         Constraints whose ψ is nonlinear in v: B and b_0 = ψ − B v depend on v.
     """
@@ -177,7 +178,7 @@ class System:
 
     @property
     def held(self) -> int:
-        """How many inputs of the tapes stay the same along a step: parameters, and pieces."""
+        """Number of inputs of the tapes that are constant along a step: parameters, and pieces."""
         return len(self.parameters) + self.functions.size
 
     def held_at(self, t: float, p: Sequence[float]) -> list[float]:
@@ -195,7 +196,7 @@ class System:
 
     @cached_property
     def held_at_start(self) -> tuple[int, ...]:
-        """The constraints on which the initial state is."""
+        """The constraints that the initial state satisfies."""
         rows = self.switching.rows if self.switching else ()
         free = {row.row for row in rows if not row.holds_at_start}
         return tuple(i for i in range(len(self.constraints)) if i not in free)
@@ -227,8 +228,8 @@ class System:
     def inertia(self, mass_diagonal: Array) -> Array:
         """Return the inertia by which coordinates are compared, (..., nq).
 
-        M_jj or, among coordinates with the same unit, the largest: a quaternion has none along
-        itself.
+        M_jj or, among coordinates with the same unit, the largest: a quaternion has no inertia
+        along itself.
         """
         inertia = mass_diagonal
         if self.same_unit:
@@ -241,7 +242,7 @@ class System:
     def families(self) -> list[str | None]:
         """Labels of the tapes' inputs t, q, v, parameters: a coordinate's name without its numbers.
 
-        Coordinates with the same label are likely to be treated alike.
+        Coordinates with the same label are likely to be used in the same way.
         """
         kinds = [without_numbers(name) for name in self.coordinates]
         return [None, *kinds, *(kind + "'" for kind in kinds), *[None for _ in range(self.held)]]

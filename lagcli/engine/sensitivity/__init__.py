@@ -1,1 +1,1 @@
-"""Sensitivities: the variational equations as a System, and their start."""
+"""Sensitivities: the variational equations as a System, and their initial values."""

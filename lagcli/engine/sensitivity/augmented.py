@@ -1,4 +1,4 @@
-"""The motion and its derivatives as one System, which every engine and method integrates.
+"""The motion and its derivatives as one System, which all engines and methods integrate.
 
 The coordinates are q and, for each direction θ, s = ∂q/∂θ; the multipliers λ and λ_θ. M and B of
 each block are those of the motion,
@@ -7,7 +7,7 @@ each block are those of the motion,
     M s̈ = (G_q s + G_v ṡ + G_θ) + Bᵀλ_θ,  B s̈ = Γ_q s + Γ_v ṡ + Γ_θ,
     φ = 0,  φ_q s + φ_θ = 0,  ψ = 0,  B ṡ + ψ_q s + ψ_θ = 0.
 
-The right sides of the derivatives depend on a and λ, which the engines find first; the matrix is
+The right sides of the derivatives depend on a and λ, which the engines compute first; the matrix is
 factored once for all blocks. Projection and dense output apply to the derivatives as to the motion.
 """
 
@@ -45,8 +45,8 @@ def with_derivatives(system: System, tangent: TangentTapes, names: Sequence[str]
     Returns
     -------
     System
-        Coordinates, constraints and holonomic constraints are those of the motion and then those
-        of each direction. It has no outputs and no events.
+        Its coordinates, constraints and holonomic constraints are those of the motion followed by
+        those of each direction. It has no outputs and no events.
     """
     blocks = Blocks(system.counts, tangent.directions)
     nq, nc, n = blocks.counts.nq, blocks.counts.nc, tangent.directions
@@ -146,9 +146,9 @@ def _block_diagonal(
 ) -> JacobianTapes:
     """Return the Jacobians of each block with respect to itself.
 
-    What the derivatives' right sides owe to the motion is left out: the Newton iteration of an
-    implicit method converges without it, one block after the other, as in the simultaneous
-    corrector of CVODES.
+    The derivatives of the right sides with respect to the motion are omitted: the Newton iteration
+    of an implicit method converges without them, block by block, as in the simultaneous corrector
+    of CVODES.
 
     References
     ----------

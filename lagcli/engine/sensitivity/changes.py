@@ -1,4 +1,4 @@
-"""Changes of a state in several directions, and what tapes make of them."""
+"""Changes of a state in several directions, and directional derivatives of tapes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Change(NamedTuple):
     t : (n,) array
     q, v : (nq, n) arrays
     p : (np, n) array
-        Of the System's parameters, branches included: these are 0.
+        Changes of the System's parameters, including branches, whose changes are 0.
     """
 
     t: Array
@@ -39,11 +39,11 @@ class Change(NamedTuple):
         return len(self.t)
 
     def beside(self, other: Change) -> Change:
-        """Return the directions of this and of another change."""
+        """Return the directions of this and of another change together."""
         return Change(*(np.concatenate(x, axis=-1) for x in zip(self, other, strict=True)))
 
     def moved(self, time: Array, v: Array, a: Array) -> Change:
-        """Return the change where, besides, the motion goes on for a time in each direction.
+        """Return the change if the motion also continues for a time in each direction.
 
         Parameters
         ----------
@@ -59,14 +59,14 @@ class Change(NamedTuple):
 
 
 class DirectionalSystem:
-    """The directional derivatives of a System's tapes; each is formed when it is first requested.
+    """The directional derivatives of a System's tapes; each is compiled on first use.
 
     Parameters
     ----------
     system : System
         With ``switching``.
     frozen : FrozenSystem, optional
-        Which it is the System of.
+        Equations of the System.
     """
 
     def __init__(self, system: System, frozen: FrozenSystem | None):
@@ -90,7 +90,7 @@ class DirectionalSystem:
         self._pieces: list[float] | None = None
 
     def hold(self, t: float) -> None:
-        """Take the pieces that known functions of time have from a time on, from now on."""
+        """Fix the pieces of the known functions of time to those from a time on."""
         self._pieces = self.system.functions.pieces_at(t)
         for tape in self._formed.values():
             tape.hold(self._pieces)

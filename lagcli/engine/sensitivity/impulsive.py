@@ -1,6 +1,6 @@
 """Derivatives of jumps of the velocities: impacts, impulses and plastic engagement.
 
-While the modes of the rows stay the same, a jump is linear,
+While the modes of the rows do not change, a jump is linear,
 
     M (v⁺ − v⁻) − BᵀΛ = J,  B v⁺ + b₀ + c (B v⁻ + b₀) = 0 of rows that hold,
     Λ = w of open rows,  Λ = ∓ μ |Λ_N| of rows that slip,
@@ -76,7 +76,7 @@ def jump(
     v, dv : (nq,) and (nq, n) arrays
         The velocities before.
     rows : sequence of ImpulsiveRow
-        All that have an equation; the others have no impulse.
+        Rows with an equation; the others have no impulse.
     given : ((nq,) and (nq, n) arrays), optional
         Generalized impulses J.
     """

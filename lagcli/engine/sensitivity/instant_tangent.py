@@ -1,10 +1,10 @@
-"""What an instant does to the derivatives: its actions and impacts, differentiated in their order.
+"""Derivatives of an instant: its actions and impacts, differentiated in order.
 
-The state at the instant, whose time changes with the parameters too, changes by
+The state at the instant, whose time also depends on the parameters, changes by
 
     δt = dt*/dθ,  δx⁻ = S⁻ + f⁻ δt;
 
-each action and impact maps that, and S⁺ = δx⁺ − f⁺ δt.
+each action and impact maps this change, and S⁺ = δx⁺ − f⁺ δt.
 
 References: Hiskens & Pai, Trajectory sensitivity analysis of hybrid systems, IEEE Trans. Circuits
 Syst. I 47 (2000), doi:10.1109/81.828574; Leine & Nijmeijer, Dynamics and Bifurcations of
@@ -28,23 +28,23 @@ from lagcli.engine.switching.impacts import ImpactStage
 from lagcli.engine.switching.reference.instant import ImpactOutcome
 from lagcli.engine.switching.switching import EventRule, RowMode
 
-#: Of its terms, or of the scale of the gap: a change of a gap at an impact that is rounding.
+#: Changes of a gap at an impact below this part of its terms, or its scale, are rounding errors.
 _APART, _NO_GAP = 1e-6, 1e-9
-#: Of the velocities: what an impact here and one of the engine may differ by.
+#: Largest relative difference of velocities between an impact here and in the engine.
 _ALIKE = 1e-6
-#: Of the coordinates: a move onto constraints that is rounding.
+#: Moves onto constraints below this part of the coordinates are rounding errors.
 _MOVES = 1e-9
-#: Weights of central differences of sixth order, and their step.
+#: Weights and step of central differences of sixth order.
 _WEIGHTS, _STEP = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}, 1e-4
 
 
 class DifferentiatedResolution(InstantResolution):
-    """Resolves one instant, and carries the changes of the state through it.
+    """Resolves one instant, and propagates the changes of the state through it.
 
     Parameters
     ----------
     run, t, y
-        As of `InstantResolution`.
+        See `InstantResolution`.
     system : DirectionalSystem
     change : Change
         Change of the state before the instant, and of its time.
@@ -54,9 +54,9 @@ class DifferentiatedResolution(InstantResolution):
     change : Change
         Change of the current state; NaN in directions without a derivative.
     jumped : bool
-        Whether an action or an impact has changed the state, parameters, or what holds.
+        Whether an action or an impact has changed the state, the parameters, or the active rows.
     reasons : list of str
-        Why directions have none.
+        Why directions have no derivative.
     """
 
     def __init__(self, run: Phases, t: float, y: Array, system: DirectionalSystem, change: Change):
@@ -85,7 +85,8 @@ class DifferentiatedResolution(InstantResolution):
         return taking
 
     def _check_order(self, contacts: Sequence[int], q: Array, v: Array) -> None:
-        """End derivatives in directions in which contacts of an impact would not touch at once."""
+        """End derivatives in directions in which the contacts of an impact would not close
+        simultaneously."""
         gaps = self._at(q, v).constraints().position
         jacobian = self.run.full.constraints(self.t, q, v).jacobian
         scale = self.problems.position_scale
@@ -145,7 +146,7 @@ class DifferentiatedResolution(InstantResolution):
             self.lose(everywhere, "what the impact does there is not determined by its modes")
 
     def _side(self, mode: RowMode, normal: int, stage: ImpactStage) -> float:
-        """Return the sign of the impulse of a row that slips over that of its normal."""
+        """Return the sign of a slipping row's impulse relative to that of its normal."""
         row = next((x for x in self.rows if x.row == normal), None)
         sign = float(row.sign) if row is not None and row.sign else 0.0
         if not sign:
@@ -180,13 +181,13 @@ class DifferentiatedResolution(InstantResolution):
     def _differentiate_impulse(
         self, rule: EventRule, q: Array, v: Array, first: int, values: Sequence[float], dx: Array
     ) -> Array:
-        """Carry the changes through a generalized impulse; return the velocities after it."""
+        """Propagate the changes through a generalized impulse; return the velocities after it."""
         places, count = list(rule.impulses), len(rule.impulses)
         given, changes = np.zeros(len(q)), np.zeros((len(q), self.change.directions))
         given[places] = values[first : first + count]
         changes[places] = dx[first : first + count]
         nothing = np.zeros(self.change.directions)
-        # the velocity of each row stays as it is
+        # the velocity of each row is unchanged
         bilateral = self._bilateral_before(rule)
         rows = [ImpulsiveRow(row, True, -1.0, nothing) for row in bilateral]
         found = jump(self._matrices(q, v), v, self.change.v, rows, (given, changes))
@@ -194,7 +195,7 @@ class DifferentiatedResolution(InstantResolution):
         return found.v
 
     def _bilateral_before(self, rule: EventRule) -> list[int]:
-        """Return the constraints that held whatever happened before an event's own changes."""
+        """Return the constraints that were active before the event's own changes."""
         now = set(self.problems.bilateral()) - set(rule.engage)
         released = {
             r.row for r in self.rows if r.row in rule.release and not r.sign and r.limit is None
@@ -202,7 +203,7 @@ class DifferentiatedResolution(InstantResolution):
         return sorted(now | released)
 
     def _differentiate_projection(self, q: Array, v: Array) -> None:
-        """Carry the changes through the projection that follows an action."""
+        """Propagate the changes through the projection after an action."""
         held = self.problems.held(self._modes_of_projection())
         size = float(np.abs(q).max(initial=0.0))
         if np.abs(self.q - q).max(initial=0.0) > _MOVES * size:
@@ -245,7 +246,7 @@ class DifferentiatedResolution(InstantResolution):
     # matrices
 
     def _at(self, q: Array, v: Array) -> PerturbedState:
-        """Return a state at the instant with the present change."""
+        """Return a state at the instant with the current change."""
         return PerturbedState(self.system, self.run.motion, self.t, q, v, self.change)
 
     def _matrices(self, q: Array, v: Array) -> JumpMatrices:

@@ -53,8 +53,8 @@ class TangentProblem:
     scales : (n,) array
         The tapes' derivatives are those with respect to θ / scale.
     many_runs : bool
-        Whether to spend time on making runs fast, and to let the motion alone choose their steps:
-        the derivatives are then those of the numerical solution, as exact as it is.
+        Whether to optimize for many runs, and to control the steps by the motion only: the
+        derivatives are then those of the numerical solution, and as accurate as it is.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class TangentProblem:
     ) -> IntegrationRequest:
         n, nq, state = self.blocks.directions, self.blocks.counts.nq, request.state
         given, own = request.tolerances, request.kind_of
-        # 0: by their size; of many runs, the steps are those of the motion alone
+        # 0: by their size; with many runs, the steps are those of the motion
         followed = np.full(n * nq, np.inf if self._many_runs else 0.0)
         return request._replace(
             state=State(
@@ -134,13 +134,13 @@ class TangentProblem:
             atol=np.concatenate([given[:nq], followed, given[nq:-1], followed, given[-1:]]),
             # with respect to θ / scale, the derivative of a coordinate has its unit and its size
             kinds=(*own, *[max(own, default=0) + 1 + kind for kind in own] * n),
-            # the run looks for another order where that of the last one does not suit
+            # another order is determined if that of the last run is not suitable
             elimination=self._prepared.elimination if self._prepared else None,
             prepared=self._prepared,
         )
 
     def _emit(self, request: IntegrationRequest, sink: Sink, block: Block) -> None:
-        """Pass on a block of samples of the augmented System."""
+        """Forward a block of samples of the augmented System."""
         counts, n = self.blocks.counts, self.blocks.directions
 
         def parts(values: Array, size: int) -> tuple[Array, Array]:
@@ -166,7 +166,7 @@ class TangentProblem:
         return found
 
     def _of_motion(self, found: Outcome) -> Outcome:
-        """Return an outcome with the parts that are of the motion."""
+        """Return the outcome reduced to the motion."""
         nq, all_q = self.blocks.counts.nq, self.blocks.total.nq
         if found.undefined is not None:
             state = found.undefined

@@ -1,8 +1,8 @@
-"""Changes of a state that obey the linearized constraints.
+"""Changes of a state that satisfy the linearized constraints.
 
     φ_q δq + φ_θ = 0,  B δv + ψ_q δq + ψ_θ = 0 with ψ = B v + b₀,
 
-reached by the smallest correction in the metric of M.
+by the smallest correction in the metric of M.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lagcli.engine.sensitivity.modal_tangent import solve
 
 
 def positions_on(at: PerturbedState, held: Sequence[int]) -> Change:
-    """Return the nearest change whose positions obey the constraints ``held``, linearized."""
+    """Return the nearest change of positions that satisfies the linearized constraints ``held``."""
     holonomic = at.system.system.holonomic
     places = [k for k, row in enumerate(holonomic) if row in set(held)]
     if not places:
@@ -28,7 +28,8 @@ def positions_on(at: PerturbedState, held: Sequence[int]) -> Change:
 
 
 def velocities_on(at: PerturbedState, held: Sequence[int]) -> Change:
-    """Return the nearest change whose velocities obey the constraints ``held``, linearized."""
+    """Return the nearest change of velocities that satisfies the linearized constraints
+    ``held``."""
     if not held:
         return at.change
     residual = velocity_changes(at)[list(held)]

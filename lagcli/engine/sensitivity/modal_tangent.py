@@ -5,7 +5,7 @@ With G = f − M a + Bᵀλ and Γ = γ − B a at fixed a and λ,
     M δa − Bᵀδλ − δF = δG,  B δa = δΓ of rows that hold,
     δλ = ∓ δ(limit) of rows that slip,  δλ = 0 of open rows,
 
-where the forces F that depend on λ, and the limits, change with λ besides.
+where the forces F that depend on λ, and the limits, also change with λ.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.sensitivity.changes import PerturbedState
 
-#: Of the largest singular value: what redundant rows leave undetermined.
+#: Singular values below this part of the largest count as zero, as for redundant rows.
 _REDUNDANT = 1e-11
 
 
@@ -36,13 +36,13 @@ class SlidingChange(NamedTuple):
     Parameters
     ----------
     motion : MotionChange
-        The combination of both sides.
+        The combined motion.
     dweight : (n,) array
-        Derivatives of the part of the upper side in it.
+        Derivatives of the weight of the upper side.
     jump : (nq,) array
-        The upper acceleration less the lower one.
+        Acceleration of the upper side minus that of the lower side.
     rate : float
-        Difference of the rates of the surface's function on both sides.
+        Difference of the rates of the surface function on both sides.
     """
 
     motion: MotionChange
@@ -89,7 +89,7 @@ def sliding_change(at: PerturbedState) -> SlidingChange:
 def motion_change(at: PerturbedState) -> MotionChange:
     """Return the derivatives of accelerations and multipliers along directions.
 
-    Of redundant rows, δλ is the one of least norm.
+    For redundant rows, δλ is the solution of least norm.
     """
     branches = at.motion.branches
     if branches is not None and branches.slides is not None:
@@ -98,7 +98,7 @@ def motion_change(at: PerturbedState) -> MotionChange:
 
 
 def _on_branches(at: PerturbedState) -> MotionChange:
-    """Return the same on the present branches, whatever surface the motion slides on."""
+    """Return the same on the current branches, regardless of a sliding surface."""
     system, motion, t, q, v, change = at
     a, multipliers, _ = motion.on_branches(t, q, v)
     d, changed = motion.full.dynamics(t, q, v), at.dynamics()
@@ -142,9 +142,9 @@ def _on_branches(at: PerturbedState) -> MotionChange:
 
 
 def solve(matrix: Array, right: Array, redundant: bool) -> Array:
-    """Return the solution of a linear system, of redundant rows one of least norm.
+    """Return the solution of a linear system, of least norm for redundant rows.
 
-    Columns with NaN have NaN, and no other column has.
+    A column of the solution contains NaN if and only if the right side does.
     """
     size = np.sqrt(np.abs(np.diag(matrix)))
     scale = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 1.0)

@@ -1,6 +1,6 @@
 """The derivatives of a consistent initial state, by the implicit function theorem.
 
-Fixed initial values change as they are given to; the others follow from
+Fixed initial values have given derivatives; the others follow from
 
     φ_q s + φ_θ = 0,  B ṡ + ψ_q s + ψ_θ = 0,
 
@@ -19,7 +19,7 @@ from lagcli.engine.linear import dense
 from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.state import State
 
-#: A residual of the linearized constraints beyond this part of their scale contradicts.
+#: Residuals of the linearized constraints above this part of their scale are contradictions.
 _REACHED = 1e-7
 
 
@@ -36,7 +36,7 @@ class StartDerivatives(NamedTuple):
 
 
 class ContradictingStart(Exception):
-    """The fixed initial values meet a constraint for one value of a direction alone.
+    """The fixed initial values satisfy a constraint only for one value of a parameter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Integration of a System that switches, or whose forces jump, with its derivatives."""
+"""Integration with derivatives of a System that switches, or whose forces jump."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
 
-#: Methods of the reference engine, and the one instead of those that it does not have.
+#: Methods of the reference engine, and the substitute for others.
 _OWN = tuple(name for name, method in METHODS.items() if "scipy" in method.formulations)
 _METHOD = "DOP853"
 
@@ -24,7 +24,7 @@ _METHOD = "DOP853"
 class SwitchedProblem:
     """A System and the directions in which its motion is differentiated, for many runs.
 
-    The reference engine takes the steps, whatever the settings say.
+    The reference engine takes the steps, regardless of the settings.
 
     Parameters
     ----------

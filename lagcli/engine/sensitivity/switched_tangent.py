@@ -1,7 +1,7 @@
-"""Runs of the reference engine that carry derivatives through everything that switches.
+"""Runs of the reference engine that propagate derivatives through switching.
 
-Each accepted step is repeated for the motion and its derivatives together, in the modes and on the
-branches of the step. At instants the derivatives jump: see `instant_tangent`.
+Each accepted step is repeated for the motion and its derivatives together, with the modes and
+branches of the step. Derivatives jump at instants: see `instant_tangent`.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.sensitivity.triggers import InstantTime, instant_time
 from lagcli.engine.system import System
 
-#: Of their terms: changes that leave a row that holds; accelerations that do not jump.
+#: Relative changes of a row that are rounding errors; relative jumps of accelerations likewise.
 _LEAVES, _SMOOTH = 1e-6, 1e-8
-#: SciPy raises smaller tolerances to this, with a warning; it divides by the absolute ones.
+#: SciPy raises smaller tolerances to this, with a warning; it divides by absolute tolerances.
 _LEAST_RTOL, _LEAST_ATOL = 100 * float(np.finfo(float).eps), 1e-100
-#: Of the tolerance: that of the derivatives. The motion obeys its own, whose step this is.
+#: Tolerance of the derivatives, relative to that of the motion, whose step is given.
 _LOOSER = 10.0
-#: Methods for stiff motion, and the one that then takes the steps of the derivatives.
+#: Methods for stiff motion, and the method that then integrates the derivatives.
 _STIFF = ("Radau", "BDF", "LSODA")
 
 Sink = Callable[[Block, Derivatives], None]
@@ -66,17 +66,17 @@ class SwitchedTangent(SwitchedIntegration):
     names : sequence of n str
         Names of the directions, for messages.
     scales : (n,) array
-        What is emitted is divided by them.
+        Scales by which emitted derivatives are divided.
     sink : callable
-        Takes blocks of samples, with their derivatives.
+        Receives blocks of samples, with their derivatives.
     progress : callable, optional
 
     Attributes
     ----------
     times : list of (n,) arrays
-        Derivatives of the times of the log's entries.
+        Derivatives of the times of the log entries.
     notes : list of str
-        Where and why derivatives end.
+        Notes on where and why derivatives end.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SwitchedTangent(SwitchedIntegration):
     # samples
 
     def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:
-        """Add a sample and its derivatives to those that wait."""
+        """Add a sample and its derivatives to the pending ones."""
         change = self._on_rows(t, q, v, self._at(t))
         found = motion_change(self._with(change, t, q, v))
         part = change.q, change.v, found.da, self._unique(found.dmultipliers)
@@ -145,7 +145,7 @@ class SwitchedTangent(SwitchedIntegration):
         return t, y, moved
 
     def consistent(self, t: float, y: Array) -> Array:
-        """Return the consistent state next to one; see the base class."""
+        """Return the nearest consistent state; see the base class."""
         self.directional.hold(t)
         return super().consistent(t, y)
 
@@ -167,11 +167,11 @@ class SwitchedTangent(SwitchedIntegration):
 
     @property
     def _live(self) -> Flags:
-        """Which directions have derivatives."""
+        """Return which directions have derivatives."""
         return np.asarray(np.isfinite(self.changes.q).all(0) & np.isfinite(self.changes.v).all(0))
 
     def _repeat(self, t: float, y: Array, end: float) -> _RepeatedStep:
-        """Integrate the motion with its derivatives from the beginning of a step to its end."""
+        """Integrate the motion with its derivatives over a step."""
         live, nq = self._live, self.motion.nq
         n = int(live.sum())
         if not n:
@@ -189,7 +189,7 @@ class SwitchedTangent(SwitchedIntegration):
             [y[: 2 * nq], self.changes.q[:, live].ravel(), self.changes.v[:, live].ravel()]
         )
         assert self.sizes is not None
-        # what is zero so far has no size
+        # zero derivatives have no size
         own = np.maximum(self.sizes.tolerances[: 2 * nq], _LEAST_ATOL)
         strict = 1 / math.sqrt(len(begin))
         allowed = [own, np.repeat(own, n)]
@@ -213,7 +213,7 @@ class SwitchedTangent(SwitchedIntegration):
         return _RepeatedStep(ends, parts)
 
     def _on_rows(self, t: float, q: Array, v: Array, change: Change) -> Change:
-        """Return a change on the linearized constraints that hold."""
+        """Return a change on the linearized active constraints."""
         self._last_state = t, q, v
         held = self.phases.motion.rows.tolist()
         change = positions_on(self._with(change, t, q, v), held)
@@ -221,7 +221,7 @@ class SwitchedTangent(SwitchedIntegration):
         branches = self.phases.branches
         if branches is None or branches.slides is None:
             return change
-        # on the surface on which the motion slides, by a change along the jump
+        # on a sliding surface, by a change along the jump
         at = self._with(change, t, q, v)
         found, gap = sliding_change(at), at.along("kinks")[branches.slides]
         return change._replace(v=change.v - np.outer(found.jump, gap / found.rate))
@@ -230,7 +230,7 @@ class SwitchedTangent(SwitchedIntegration):
         return PerturbedState(self.directional, self.phases.motion, t, q, v, change)
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
-        """Go through a singular configuration, beyond which there are no derivatives."""
+        """Pass a singular configuration, beyond which there are no derivatives."""
         before, reasons = self._live, list[str]()
         self._lose("the motion passes through a singular configuration", reasons)
         self._note(ahead.time, before, reasons)
@@ -239,7 +239,7 @@ class SwitchedTangent(SwitchedIntegration):
     # instants
 
     def resolution(self, t: float, y: Array) -> InstantResolution:
-        """Return what resolves an instant, and its derivatives."""
+        """Return the resolution of an instant with its derivatives."""
         self._resolution = DifferentiatedResolution(
             self.phases, t, y, self.directional, self._change
         )
@@ -248,7 +248,7 @@ class SwitchedTangent(SwitchedIntegration):
     def pass_instant(
         self, t: float, y: Array, numbers: Sequence[int], started: bool
     ) -> tuple[Array, str | None]:
-        """Do what happens at an instant; see the base class."""
+        """Resolve an instant; see the base class."""
         q, v = (x.copy() for x in self.motion.split(y))
         run, span = self.phases, self.settings.t_end - self.request.state.t
         n = len(self.scales)
@@ -290,7 +290,7 @@ class SwitchedTangent(SwitchedIntegration):
         return y, stop
 
     def _check_rows(self, t: float, q: Array, v: Array, reasons: list[str], started: bool) -> None:
-        """End derivatives that leave a row that holds from an instant on."""
+        """End derivatives that leave a row that is active from an instant on."""
         run, held = self.phases, self.phases.motion.rows.tolist()
         if not held:
             return
@@ -336,6 +336,6 @@ class SwitchedTangent(SwitchedIntegration):
 
 
 def _part(solver: OdeSolver) -> Callable[[float], Array]:
-    """Return the solution within the last step of a solver."""
+    """Return the interpolant of a solver's last step."""
     inside, end, reached = solver.dense_output(), solver.t, solver.y.copy()
     return lambda t: reached if t == end else inside(t)

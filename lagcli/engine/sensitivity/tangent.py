@@ -26,7 +26,7 @@ from lagcli.equations.derivation.variational import (
 class TangentTapes:
     """The right sides of the variational equations in n directions.
 
-    s and ṡ of all directions follow each other, n blocks of nq numbers.
+    s and ṡ of all directions are consecutive, n blocks of nq numbers.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class TangentTapes:
 
 
 def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentTapes:
-    """Turn the variational equations into tapes.
+    """Compile the variational equations to tapes.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
 def lower_observed(
     equations: Equations, expressions: Sequence[se.Basic], directions: Sequence[Rates]
 ) -> tuple[Tape, Tape]:
-    """Turn expressions and their derivatives along the motion into tapes.
+    """Compile expressions and their derivatives along the motion to tapes.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Derivatives of the times of instants.
+"""Derivatives of the times of instants (events).
 
-Where a function g(q, v, t, p) of the motion vanishes, its time changes by
+The root of a function g(q, v, t, p) of the motion has the derivative
 
     dt*/dθ = −(g_x S + g_θ) / (g_x f + g_t).
 """
@@ -18,23 +18,24 @@ from lagcli.engine.sensitivity.changes import Change, PerturbedState
 from lagcli.engine.sensitivity.linearized_constraints import velocity_changes
 from lagcli.engine.sensitivity.modal_tangent import motion_change, sliding_change
 
-#: Of the rate at which a function would change by its size during the run: one that touches zero.
+#: Rates below this, relative to the function's size over the run, mean that it only touches zero.
 _GRAZES = 1e-6
-#: Of their size: times that change alike. Of the run: changes that count as none.
+#: Relative difference of times that counts as equal; changes that count as zero, of the run's
+#: length.
 _ALIKE, _NONE = 1e-6, 1e-9
 
 
 class InstantTime(NamedTuple):
-    """How the time of an instant changes.
+    """Derivative of the time of an instant.
 
     Parameters
     ----------
     change : (n,) array
-        s; NaN in directions in which it has no derivative.
+        Derivative, s; NaN in directions without one.
     of_events : dict of int to (n,) array
-        The same of each event of the model whose condition has become true.
+        The same for each model event whose condition has become true.
     reason : str
-        Why there is none; empty where there is.
+        Why there is no derivative; empty if there is one.
     """
 
     change: Array
@@ -45,14 +46,14 @@ class InstantTime(NamedTuple):
 def instant_time(
     at: PerturbedState, run: Phases, numbers: Sequence[int], span: float
 ) -> InstantTime:
-    """Return how the time changes at which functions that are watched vanish.
+    """Return the derivative of the time at which monitored functions vanish.
 
     Parameters
     ----------
     at : PerturbedState
-        With its change at a fixed time.
+        Its change at a fixed time.
     run : Phases
-        In the modes before.
+        The modes before the instant.
     numbers : sequence of int
         Numbers of the functions, as in ``Phases.values``.
     span : float
@@ -99,7 +100,7 @@ def instant_time(
 
 
 def _decides(run: Phases, number: int) -> bool:
-    """Return whether what happens at a function changes the motion."""
+    """Return whether a function affects the motion."""
     if number < len(run.watched):
         return True
     rule = run.switching.events[run.conditions.numbers[number - len(run.watched)]]
@@ -116,7 +117,7 @@ def _is_shared(run: Phases, number: int) -> bool:
 
 
 def _name(run: Phases, number: int) -> str:
-    """Return how messages name what vanishes."""
+    """Return the name of a function in messages."""
     if number >= len(run.watched):
         rule = run.conditions.numbers[number - len(run.watched)]
         return f"`{run.switching.events[rule].name}`"
@@ -129,7 +130,7 @@ def _name(run: Phases, number: int) -> str:
 
 
 def _slopes(at: PerturbedState, run: Phases, numbers: Sequence[int]) -> Array:
-    """Return derivatives of watched functions, (len(numbers), n)."""
+    """Return derivatives of event functions, (len(numbers), n)."""
     position, velocity = at.constraints().position, velocity_changes(at)
     reached = motion_change(at)
     inputs = run.motion.inputs(at.t, at.q, at.v, reached.a, reached.multipliers)

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from lagcli.arrays import Array
 
-#: Of the right side 1: a smaller residual says that no vector obeys the inequalities.
+#: If the residual is below this, relative to the right side 1, the inequalities are infeasible.
 _INFEASIBLE = 1e-11
 
 
@@ -26,7 +26,7 @@ def least_norm_within(start: Array, free: Array, rows: Array, bounds: Array) -> 
     """
     q, r = np.linalg.qr(free)
     inverse = np.linalg.inv(r)
-    across = q.T @ start  # w = r z + across is what of x can change
+    across = q.T @ start  # w = r z + across is the variable part of x
     g = rows @ inverse
     w = _least_distance(g, bounds + g @ across)
     return None if w is None else start + free @ (inverse @ (w - across))
@@ -42,7 +42,7 @@ def _least_distance(matrix: Array, bounds: Array) -> Array | None:
     goal[-1] = 1.0
     try:
         factors, _ = nnls(stacked, goal)
-    except RuntimeError:  # it does not end
+    except RuntimeError:  # no convergence
         return None
     residual = stacked @ factors - goal
     if -residual[-1] <= _INFEASIBLE:

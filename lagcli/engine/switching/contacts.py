@@ -1,8 +1,8 @@
 """Solution of contact problems: Newton's iteration over modes, enumeration, Lemke's algorithm.
 
 Given the modes of all rows, a contact problem is linear. The modes are found by a semismooth Newton
-iteration from several beginnings; where that fails, or where friction may allow a second motion,
-all modes are tried, if they are not too many; beyond that Lemke's algorithm begins the iteration.
+iteration from several initial modes; if that fails, or if friction may allow a second motion, all
+modes are tried, if they are not too many; otherwise Lemke's algorithm provides the initial modes.
 
 References: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996; Cottle, Pang &
 Stone, The Linear Complementarity Problem, 1992.
@@ -22,17 +22,18 @@ from lagcli.engine.switching.lemke import lemke
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import RowMode
 
-#: Rows up to which all modes are tried, with friction and without.
+#: Largest number of rows for which all modes are tried, with friction and without.
 _MOST_WITH_FRICTION, _MOST_WITHOUT = 6, 10
-#: ... and combinations of modes that are tried where all else fails.
+#: Largest number of combinations of modes that are tried if all else fails.
 _MOST_MODES = 10_000
-#: Of forces and motions that have one unit: what counts as zero, and what tells two motions apart.
+#: Relative size of forces and motions of one unit that counts as zero; difference of distinct
+#: motions.
 _ZERO, _APART = 1e-9, 1e-7
 #: Singular values below this make forces redundant.
 _REDUNDANT = 1e-9
 _ITERATIONS = 30
-#: A row holds, and its force is negative; `RowMode.HOLDS` is then the other sign. Only of rows that
-#: limit others.
+#: A row is active with a negative force, in contrast to `RowMode.HOLDS`. Only for rows that limit
+#: others.
 _NEGATIVE = 4
 
 
@@ -57,15 +58,15 @@ def contact_motions(
 ) -> tuple[ContactSolution, ...]:
     """Return solutions of a contact problem with different motions y.
 
-    One is enough where no other can exist: without friction. With friction on at most 6 rows they
-    are all; beyond that, those that the iterations find. Where a static limit exceeds the kinetic
-    one, a row sticks if it can.
+    Without friction the motion is unique. With friction on at most 6 rows, all motions are
+    returned; otherwise those found by the iterations. If the static limit exceeds the kinetic one,
+    a row sticks if it can.
 
     Parameters
     ----------
     problem : ContactProblem
     present : (n,) array of int, optional
-        Modes to begin with; the first solution has them where that is possible.
+        Initial modes; the first solution has them if possible.
     """
     normalized = _Normalized(problem)
     found: list[ContactSolution] = []
@@ -78,7 +79,7 @@ def contact_motions(
 
 
 class _Normalized:
-    """A contact problem in units in which every diagonal entry of A is 1, or 0."""
+    """A contact problem scaled so that every diagonal entry of A is 1, or 0."""
 
     def __init__(self, problem: ContactProblem):
         self.laws = laws = np.asarray(problem.laws)
@@ -112,7 +113,7 @@ class _Normalized:
         self.carries: Flags = ((self.static_slopes != 0) | (self.kinetic_slopes != 0)).any(axis=0)
         self.signed = self.carries & ~self.unilateral
         self.has_friction = bool(self.carries.any())
-        #: rows that bear more at rest than in motion
+        #: rows whose static limit exceeds the kinetic one
         self.stronger: Flags = self.limited & (
             (self.static > self.kinetic) | (self.static_slopes > self.kinetic_slopes).any(axis=1)
         )
@@ -144,7 +145,8 @@ class _Normalized:
         return bool(np.abs(y - z).max() <= _APART * self._size(y, z))
 
     def sticks_more(self, one: ContactSolution, other: ContactSolution) -> bool:
-        """Return whether one holds more of the rows that bear more at rest than in motion."""
+        """Return whether a solution has more sticking rows among those with a larger static
+        limit."""
         holds, holds_other = (self.stronger & (x.modes == RowMode.HOLDS) for x in (one, other))
         return bool((holds >= holds_other).all() and holds.sum() > holds_other.sum())
 
@@ -156,7 +158,7 @@ class _Normalized:
         hold[self.laws == ContactLaw.FORWARD] = RowMode.FORWARD
         hold[self.laws == ContactLaw.BACKWARD] = RowMode.BACKWARD
         if present is not None:
-            # a limited row that was open, or not there, begins by sticking
+            # a limited row that was open or inactive is first assumed to stick
             absent = ~self.unilateral & (present == RowMode.OPEN)
             yield np.where(absent | (self.bounded & ~self.limited), hold, present)
         yield hold
@@ -177,7 +179,7 @@ class _Normalized:
     def _enumerated(self) -> Iterator[ContactSolution]:
         for combination in product(*map(self._choices, range(self.n))):
             modes = np.array(combination)
-            # without force, all modes of friction are one
+            # without force, all modes of friction are equivalent
             if (modes[self._idle(modes) & self.limited] == RowMode.FORWARD).all():
                 found = self._accept(modes, *self._linear(modes))
                 if found is not None:
@@ -186,7 +188,7 @@ class _Normalized:
     # one set of modes
 
     def _iterate(self, modes: Indices) -> ContactSolution | None:
-        """Return the solution to which Newton's iteration leads from modes, or None."""
+        """Return the solution of Newton's iteration from initial modes, or None."""
         seen = set()
         for _ in range(_ITERATIONS):
             key = modes.tobytes()
@@ -201,9 +203,9 @@ class _Normalized:
         return None
 
     def _linear(self, modes: Indices) -> tuple[Array, Array]:
-        """Return the forces of modes of least norm, and the directions of more of them, (n, k).
+        """Return the forces of least norm for given modes, and a basis of their null space, (n, k).
 
-        The norm is that of the problem's own units, as it is of redundant bilateral constraints.
+        The norm is that of the unscaled problem, as for redundant bilateral constraints.
         """
         held = np.flatnonzero((modes == RowMode.HOLDS) | (modes == _NEGATIVE))
         slips = np.flatnonzero((modes == RowMode.FORWARD) | (modes == RowMode.BACKWARD))
@@ -238,7 +240,7 @@ class _Normalized:
         return x, free
 
     def _accept(self, modes: Indices, x: Array, free: Array) -> ContactSolution | None:
-        """Return the solution with the forces of modes, if they obey the laws."""
+        """Return the solution for forces and modes if they satisfy the laws."""
         y = self.matrix @ x + self.offset
         allowed = _ZERO * self._size(x)
         if self.scaled.violation(x, y) > allowed:
@@ -252,10 +254,10 @@ class _Normalized:
             if self.scaled.violation(x, y) > allowed:
                 return None
         modes = np.where(modes == _NEGATIVE, int(RowMode.HOLDS), modes)
-        # a limit of zero has the same force both ways
+        # with a limit of zero, both directions have the same force
         slips = self.limited & (modes != RowMode.HOLDS) & (np.abs(y) > allowed)
         modes[slips] = np.where(y > 0, int(RowMode.FORWARD), int(RowMode.BACKWARD))[slips]
-        y[modes == RowMode.HOLDS] = 0.0  # except for rounding, it is
+        y[modes == RowMode.HOLDS] = 0.0  # zero except for rounding
         return ContactSolution(
             x * self.unit, y / self.unit, np.where(self._idle(modes), int(RowMode.OPEN), modes)
         )
@@ -263,7 +265,7 @@ class _Normalized:
     def _within(
         self, modes: Indices, x: Array, y: Array, free: Array, allowed: float
     ) -> Array | None:
-        """Return the forces of least norm that obey the laws among x + free z, or None."""
+        """Return the forces of least norm among x + free z that satisfy the laws, or None."""
         held = (modes == RowMode.HOLDS) | (modes == _NEGATIVE)
         signs = np.where((modes == _NEGATIVE) | (modes == RowMode.FORWARD), -1.0, 1.0)
         motions, idle = self.matrix @ free, self._idle(modes)
@@ -307,13 +309,13 @@ class _Normalized:
 
     @cached_property
     def _only_carried(self) -> Flags:
-        """Which rows are limited by the forces of unilateral rows alone."""
+        """Return which rows are limited only by the forces of unilateral rows."""
         by_others = (self.static_slopes[:, ~self.unilateral] != 0).any(axis=1)
         some = (self.static_slopes != 0).any(axis=1)
         return self.bounded & some & ~by_others & (self.static == 0)
 
     def _idle(self, modes: Indices) -> Flags:
-        """Return which rows are limited by the forces of open contacts alone."""
+        """Return which rows are limited only by the forces of open contacts."""
         closed = self.unilateral & (modes != RowMode.OPEN)
         return self._only_carried & ~(self.static_slopes[:, closed] != 0).any(axis=1)
 
@@ -322,10 +324,10 @@ class _Normalized:
     def _by_lemke(self) -> ContactSolution | None:
         """Return a solution by Lemke's algorithm, or None.
 
-        Rows y = 0 with a force of any sign are eliminated, x_t of a limited row is x_R − limit:
-        0 ≤ x_R ⊥ y_R ≥ 0, 0 ≤ 2 limit − x_R ⊥ y_L ≥ 0, y_t = y_R − y_L. Limits are the kinetic
-        ones, and of forces of any sign they take the positive one: the iteration over modes, which
-        begins with the answer, takes both exactly.
+        Rows with y = 0 and a force of any sign are eliminated; x_t of a limited row is x_R − limit:
+        0 ≤ x_R ⊥ y_R ≥ 0, 0 ≤ 2 limit − x_R ⊥ y_L ≥ 0, y_t = y_R − y_L. Limits are kinetic, and
+        assume positive forces; the iteration over modes, which starts from the result, treats both
+        exactly.
         """
         contacts, limited = np.flatnonzero(self.unilateral), np.flatnonzero(self.limited)
         nc, nl = len(contacts), len(limited)

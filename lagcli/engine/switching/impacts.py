@@ -1,4 +1,4 @@
-"""Impact laws: Poisson's, Newton's, and a sequence of impacts of one contact each.
+"""Impact laws: Poisson's, Newton's, and sequential impacts of single contacts.
 
 References: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, chapter 8;
 Glocker, Set-Valued Force Laws, 2001.
@@ -16,30 +16,30 @@ from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactS
 
 ImpactLaw = Literal["poisson", "newton", "sequential"]
 
-#: Impacts of a sequence, by contact, after which all that are left happen at once.
+#: Number of impacts of a sequence, per contact, after which the remaining ones occur together.
 _SEQUENCE = 200
-#: Of the energy: approaches of a sequence that do not differ.
+#: Relative difference of the energies of approaches that count as equal.
 _EQUAL = 2e-12
-#: Of the velocities: an approach that is rounding.
+#: Approach velocities below this part of the velocities are rounding errors.
 _RESTS = 1e-12
 
 
 class ImpactProblem(NamedTuple):
-    """Relative velocities before an impact, and how contacts answer.
+    """An impact: relative velocities before it, and the laws of the contacts.
 
-    Its rows are the contacts that take part, their friction, and bilateral rows that limit
-    friction; all other bilateral rows are eliminated from the matrix.
+    Its rows are the participating contacts, their friction, and bilateral rows that limit friction;
+    all other bilateral rows are eliminated from the matrix.
 
     Parameters
     ----------
     matrix : (n, n) array
         A: after = before + A impulse.
     before : (n,) array
-        Those of contacts are not positive.
+        Velocities before the impact; those of contacts are not positive.
     laws : (n,) array of int
         `ContactLaw`: unilateral, limited or free.
     restitution : (n,) array
-        Coefficients, of unilateral rows.
+        Coefficients of restitution of unilateral rows.
     friction : (n, n) array
         Friction of limited rows: |impulse_k| ≤ Σ_j friction_kj |impulse_j|.
     """
@@ -63,16 +63,16 @@ class ImpactProblem(NamedTuple):
 
 
 class ImpactStage(NamedTuple):
-    """One linear part of an impact: what its rows do while their modes stay the same.
+    """One linear phase of an impact, with constant modes.
 
     Parameters
     ----------
     rows : (m,) array of int
-        The rows that take part; the others have no impulse.
+        The participating rows; the others have no impulse.
     modes : (m,) array of int
-        `RowMode` of each. Rows that hold have the velocity 0, or −e times the one before in
-        Newton's law; those that slip, the limit as their impulse; open ones none, or e times that
-        of the compression in an expansion.
+        `RowMode` of each row. Active rows have velocity 0, or −e times the previous velocity in
+        Newton's law; slipping rows have the limit as impulse; open ones have no impulse, or e times
+        that of the compression in an expansion.
     impulse : (m,) array
     part : "compression", "expansion" or "newton"
     """
@@ -84,15 +84,15 @@ class ImpactStage(NamedTuple):
 
 
 class ImpactResult(NamedTuple):
-    """What an impact does, in each row.
+    """Result of an impact, by row.
 
     Parameters
     ----------
     impulse, after : (n,) arrays
     loss : (n,) array
-        Energy that the row takes, −Λ (before + after)/2, or its sum over a sequence.
+        Energy absorbed by the row, −Λ (before + after)/2, or its sum over a sequence.
     stages : tuple of ImpactStage
-        In their order; an expansion follows its compression.
+        Phases in order; an expansion follows its compression.
     """
 
     impulse: Array
@@ -102,14 +102,14 @@ class ImpactResult(NamedTuple):
 
 
 def resolve_impact(impact: ImpactProblem, law: ImpactLaw) -> ImpactResult | None:
-    """Return what an impact does, or None where its law has no solution.
+    """Return the result of an impact, or None if its law has no solution.
 
-    Poisson's law: compression 0 ≤ γ_C ⊥ Λ_C ≥ 0, then expansion 0 ≤ γ ⊥ Λ_E − e Λ_C ≥ 0. Newton's:
-    0 ≤ γ + e γ⁻ ⊥ Λ ≥ 0. Sequential: Poisson's law for one contact after the other, always the one
-    whose approach takes most energy to stop. Coulomb's friction in each phase.
+    Poisson's law: compression 0 ≤ γ_C ⊥ Λ_C ≥ 0, then expansion 0 ≤ γ ⊥ Λ_E − e Λ_C ≥ 0. Newton's
+    law: 0 ≤ γ + e γ⁻ ⊥ Λ ≥ 0. Sequential: Poisson's law for one contact at a time, always the one
+    whose approach has the largest energy. Coulomb friction in each phase.
 
-    Newton's law with friction may gain energy, as in the double pendulum of Kane and Levinson;
-    Poisson's where contacts have different coefficients.
+    Newton's law with friction may increase the energy, as in the double pendulum of Kane and
+    Levinson; so may Poisson's if contacts have different coefficients.
     """
     step = {"poisson": _poisson, "newton": _newton, "sequential": _sequence}[law]
     return step(impact)
@@ -137,7 +137,7 @@ def _poisson(impact: ImpactProblem) -> ImpactResult | None:
     returned = np.where(_unilateral(impact), impact.restitution * compression.force, 0.0).clip(0)
     if not returned.any():
         return _result(impact, compression.force, (first,))
-    # rows that hold have exactly y = 0: what follows is then larger than rounding, or zero
+    # active rows have exactly y = 0: the next phase is then larger than rounding, or zero
     offset = compression.motion + impact.matrix @ returned
     size = np.abs(impact.matrix) @ (np.abs(compression.force) + returned) + np.abs(impact.before)
     offset[np.abs(offset) <= _RESTS * size] = 0.0
@@ -171,7 +171,7 @@ def _sequence(impact: ImpactProblem) -> ImpactResult | None:
         if not approach.any():
             return total._replace(after=velocity)
         energy = weight * approach**2
-        chosen = int(np.argmax(energy >= (1 - _EQUAL) * energy.max()))  # of equal ones the first
+        chosen = int(np.argmax(energy >= (1 - _EQUAL) * energy.max()))  # the first of equal ones
         others = np.arange(len(contacts)) != chosen
         taking = ~on_others[:, others].any(axis=1)
         taking[contacts[others]] = False
@@ -179,14 +179,14 @@ def _sequence(impact: ImpactProblem) -> ImpactResult | None:
         if added is None:
             return None
         total, velocity = added, added.after
-    # what is left of an infinite sequence
+    # the remainder of an infinite sequence
     return _add(total, impact, np.arange(len(velocity)), velocity)
 
 
 def _add(
     total: ImpactResult, impact: ImpactProblem, rows: Indices, velocity: Array
 ) -> ImpactResult | None:
-    """Add Poisson's impact of some rows."""
+    """Add an impact of some rows by Poisson's law."""
     found = _poisson(impact.of_rows(rows, velocity))
     if found is None:
         return None

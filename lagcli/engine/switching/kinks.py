@@ -1,9 +1,9 @@
-"""Kinks: a System whose branches are inputs, fixed within a step.
+"""Kinks: a System with branches as inputs, fixed within a step.
 
-A comparison, `floor` or `ceil` of the state is where its tapes are not smooth. In the frozen System
-each has an input that says on which side of zero (or between which whole numbers) its function is,
-so that what an engine integrates is smooth; the engine watches the function, and changes the side
-where it vanishes.
+The tapes of a System are not smooth at comparisons, `floor` or `ceil` of the state. In the frozen
+System each of these has an input that states the side of zero (or the integers between which) its
+function is, so that the integrated functions are smooth; the engine monitors the function, and
+changes the side where it vanishes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lagcli.engine.tape.tape import Builder, Tape
 
 _RELATIONS = (Op.LT, Op.LE)
 _WHOLE: dict[int, int] = {Op.FLOOR: 1, Op.CEIL: -1}
-#: Operations without a finite value for some operands: beyond a kink there may be such.
+#: Operations that are undefined for some operands, and may be so beyond a kink.
 _PARTIAL = (Op.SQRT, Op.POW, Op.LOG, Op.ASIN, Op.ACOS, Op.ATANH, Op.ACOSH)
 #: Operations that are never negative.
 _POSITIVE = (Op.SQRT, Op.EXP, Op.ABS, Op.COSH)
@@ -30,14 +30,14 @@ _NOTHING: frozenset[int] = frozenset()
 
 
 class Kink(NamedTuple):
-    """One function whose sign, or whole part, is a branch.
+    """A function whose sign, or integer part, is a branch.
 
     Parameters
     ----------
     whole : int
         0: the branch is the sign of the function, 1 or −1; 1: it is its `floor`; −1: its `ceil`.
     timed : bool
-        Whether it depends on t and parameters alone.
+        Whether it depends only on t and parameters.
     names : tuple of str
         The coordinates, and velocities (x'), on which it depends.
     """
@@ -48,20 +48,20 @@ class Kink(NamedTuple):
 
 
 class FrozenSystem(NamedTuple):
-    """A System whose branches are its last parameters, and the functions that they follow.
+    """A System whose last parameters are branches, and the functions that determine them.
 
     Parameters
     ----------
     system : System
     kinks : tuple of Kink
-        Their branches follow the parameters of the original in this order; a function depends on
-        branches of earlier ones alone.
+        The branches follow the parameters of the original System in this order; a function depends
+        only on branches of earlier ones.
     functions : Tape
-        (t, q, v, parameters) → the functions, then their sizes: the sums of the magnitudes of
-        what is compared.
+        (t, q, v, parameters) → the functions, then their sizes: the sums of the magnitudes of the
+        compared terms.
     report : Tape
-        That of the System, with the same branches; its inputs are those of the dynamics with a and
-        λ after the velocities.
+        The report tape of the System, with the same branches; its inputs are those of the dynamics
+        with a and λ after the velocities.
     """
 
     system: System
@@ -70,7 +70,7 @@ class FrozenSystem(NamedTuple):
     report: Tape
 
     def frozen(self, state: State) -> State:
-        """Return a state with its branches among the parameters; zero counts as positive."""
+        """Return a state with its branches added to the parameters; zero counts as positive."""
         values, sides = ScalarTape(self.functions), [1.0] * len(self.kinks)
         for _ in range(len(self.kinks) + 1):
             inputs = (state.t, *state.q.tolist(), *state.v.tolist(), *state.p, *sides)
@@ -82,7 +82,7 @@ class FrozenSystem(NamedTuple):
 
 
 def side_of(kink: Kink, value: float) -> float:
-    """Return the branch of a kink where its function has a value; zero counts as positive."""
+    """Return the branch of a kink for a value of its function; zero counts as positive."""
     if kink.whole and abs(value) < float("inf"):
         whole = value // 1
         return float(whole if kink.whole > 0 or whole == value else whole + 1)
@@ -91,15 +91,15 @@ def side_of(kink: Kink, value: float) -> float:
 
 @lru_cache(maxsize=4)
 def frozen_of(system: System) -> FrozenSystem | None:
-    """Return what `freeze` does; the System of many runs is frozen once."""
+    """Return the result of `freeze`, cached for many runs."""
     return freeze(system) if system.has_kinks else None
 
 
 def freeze(system: System) -> FrozenSystem | None:
-    """Return a System with its branches as inputs; None where no branch depends on the state.
+    """Return a System with its branches as inputs; None if no branch depends on the state.
 
-    A branch beside which a root, a power or a logarithm may have no value stays as it is: beyond
-    the kink, where a step may look, there would be none.
+    A branch is not frozen if a root, a power or a logarithm may be undefined beyond its kink, where
+    trial steps may evaluate it.
 
     Parameters
     ----------
@@ -119,9 +119,9 @@ def freeze(system: System) -> FrozenSystem | None:
 
 
 class _Freezer:
-    """Replaces the comparisons in a System's tapes, with room for so many branches.
+    """Replaces the comparisons in a System's tapes, up to a maximum number of branches.
 
-    Comparisons are numbered as they come, whatever is frozen: ``excluded`` are some of them.
+    Comparisons are numbered in order, whether frozen or not: ``excluded`` are some of them.
     """
 
     def __init__(self, system: System, room: int, excluded: frozenset[int]):
@@ -130,7 +130,7 @@ class _Freezer:
         self.first = self.inputs - system.functions.size  # where branches are inserted
         self.builder = Builder(self.inputs + room, system.held + room, 0, system.functions)
         self.comparisons: dict[tuple[int, int, int], int] = {}
-        self.needs: list[frozenset[int]] = []  # of each comparison: inputs that are its state
+        self.needs: list[frozenset[int]] = []  # for each comparison, the inputs in its state
         self.numbers: dict[int, int] = {}  # comparison → branch
         self.partial: frozenset[int] = _NOTHING
         self.complete = False
@@ -175,7 +175,7 @@ class _Freezer:
         return self.tape(self.original.report)
 
     def tape(self, tape: Tape, freeze: bool = True) -> Tape:
-        """Return a tape of which comparisons of the state are those of branches."""
+        """Return a tape in which comparisons of the state are replaced by branches."""
         room, extra = self.room, tape.inputs - self.inputs  # a and λ
         moving_inputs = 1 + 2 * self.nq
         first = tape.inputs - (self.inputs - self.first)
@@ -219,7 +219,7 @@ class _Freezer:
     def branch(
         self, op: int, operands: list[int], needs: frozenset[int], to: int, taint: _Taint
     ) -> tuple[int, bool] | None:
-        """Return the branch that an operation follows, and whether the other way round."""
+        """Return the branch that an operation follows, and whether its sign is reversed."""
         if op in _WHOLE:
             a, b, flipped = operands[0], self.builder.constant(0.0), False
         elif op in _RELATIONS:
@@ -256,7 +256,7 @@ class _Freezer:
         return (a, b, flipped) if a > b else (b, a, not flipped)
 
     def kinks(self) -> tuple[Kink, ...]:
-        """Return what the branches follow."""
+        """Return the kinks of the branches."""
         names = (*self.original.coordinates, *(f"{x}'" for x in self.original.coordinates))
         found = []
         for (_, _, whole), which in self.comparisons.items():
@@ -280,19 +280,22 @@ class _Freezer:
 
 
 class _Taint:
-    """Follows which values have a branch beside which a function may be undefined."""
+    """Tracks which values depend on a branch beyond which a function may be undefined."""
 
     def __init__(self, freezer: _Freezer, tape: Tape, moving: int):
         self.freezer = freezer
-        self.compared: dict[int, frozenset[int]] = {}  # comparisons that a truth follows from
-        self.selected: dict[int, frozenset[int]] = {}  # comparisons that have chosen a value
-        self.risky: dict[int, frozenset[int]] = {}  # inputs of functions without some values
+        self.compared: dict[int, frozenset[int]] = {}  # comparisons that determine a truth value
+        self.selected: dict[int, frozenset[int]] = {}  # comparisons that have selected a value
+        self.risky: dict[
+            int, frozenset[int]
+        ] = {}  # operands of partial functions
         constants = {i for i, x in enumerate(tape.constants, tape.inputs) if x >= 0}
-        # parameters are likely positive; at worst a run fails beyond a kink that must not be frozen
+        # parameters are assumed positive; at worst a run fails beyond a kink that must not be
+        # frozen
         self.positive = {*constants, *range(moving, tape.inputs)}
 
     def operation(self, op: int, to: int, operands: list[int], needs: frozenset[int]) -> None:
-        """Take an operation that is no frozen comparison."""
+        """Track an operation that is not a frozen comparison."""
         if to in self.compared:
             return
         compared = _union(self.compared, operands)
@@ -322,7 +325,7 @@ class _Taint:
             self.positive.add(to)
 
     def exclude(self, comparisons: Iterable[int]) -> None:
-        """Leave comparisons as they are."""
+        """Exclude comparisons from freezing."""
         if self.freezer.complete:
             return
         self.freezer.partial |= frozenset(comparisons)
@@ -333,7 +336,7 @@ def _union(sets: dict[int, frozenset[int]], operands: Iterable[int]) -> frozense
 
 
 def no_switching(system: System) -> Switching:
-    """Return the Switching of a System that has none."""
+    """Return the Switching of a System without switching."""
     extra = len(system.coordinates) + len(system.constraints)
     held = system.dynamics.parameters
     state = system.dynamics

@@ -24,8 +24,8 @@ def lemke(matrix: Array, vector: Array) -> Array | None:
     Returns
     -------
     (n,) array or None
-        z; None where the algorithm ends in a ray, which proves that there is no solution only for
-        some classes of M, such as the positive semidefinite ones.
+        z; None if the algorithm ends in a ray, which proves that there is no solution only for some
+        classes of M, such as positive semidefinite matrices.
     """
     n = len(vector)
     if (vector >= 0).all():

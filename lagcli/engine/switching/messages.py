@@ -1,4 +1,4 @@
-"""Why the compiled engine ends a run with contacts: its statuses as the words of `stops`."""
+"""Messages for the compiled engine's statuses at contacts, from `stops`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def refusal(
     impacts : str
         The law of impacts.
     log : sequence of EventEntry
-        So far.
+        Number of occurrences so far.
     """
     t, rows = core.t, split.switching.rows
     names = [split.system.constraints[k] for k in split.rows]

@@ -1,4 +1,4 @@
-"""Contact problems: forces or impulses of contacts, and what they do, at one instant."""
+"""Contact problems: forces or impulses of contacts and the resulting motion at one instant."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class ContactLaw(IntEnum):
     """The law of a row of a contact problem.
 
     UNILATERAL: 0 ≤ x ⊥ y ≥ 0. LIMITED: y = 0 and |x| ≤ static limit, or y ≠ 0 and x is minus the
-    sign of y times the kinetic limit. FREE: y = 0. FORWARD and BACKWARD: the row slips already,
-    with a positive or negative velocity; x is minus or plus the kinetic limit, y anything.
+    sign of y times the kinetic limit. FREE: y = 0. FORWARD and BACKWARD: the row is slipping, with
+    a positive or negative velocity; x is minus or plus the kinetic limit, y is arbitrary.
     """
 
     UNILATERAL = 0
@@ -26,11 +26,11 @@ class ContactLaw(IntEnum):
 
 
 class ContactProblem(NamedTuple):
-    """Find x and y = A x + b that obey a law in each of n rows.
+    """Find x and y = A x + b that satisfy a law in each of n rows.
 
     x are forces and y accelerations, or x are impulses and y velocities; the signs of unilateral
-    rows are such that both are not negative. All bilateral rows whose multiplier no limit needs are
-    eliminated from A before. The limits are affine in |x|.
+    rows are such that both are not negative. Bilateral rows whose multiplier does not occur in a
+    limit are eliminated from A. The limits are affine in |x|.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class ContactProblem(NamedTuple):
     laws : (n,) array of int
         `ContactLaw`.
     static, kinetic : (n,) arrays
-        Constant parts of the limits of rows that are limited or slip.
+        Constant parts of the limits of limited and slipping rows.
     static_slopes, kinetic_slopes : (n, n) arrays
         limit_k = constant_k + Σ_j slope_kj |x_j|.
     """
@@ -53,7 +53,7 @@ class ContactProblem(NamedTuple):
     kinetic_slopes: Array
 
     def violation(self, force: Array, motion: Array) -> float:
-        """Return by how much forces and motions violate y = A x + b or a law, at most."""
+        """Return the largest violation of y = A x + b or of a law."""
         x, y, size = force, motion, np.abs(force)
         static = self.static + self.static_slopes @ size
         kinetic = self.kinetic + self.kinetic_slopes @ size

@@ -1,4 +1,4 @@
-"""The limits of the motion at the instants of events that record something."""
+"""One-sided limits of the motion at the instants of events that record columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lagcli.engine.switching.switching import EventRule
 
 
 class RecordedInstants:
-    """Gathers the limits of a run, instant by instant.
+    """Collects the limits of a run, instant by instant.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class RecordedInstants:
     limits : list of OneSidedLimits
         One-sided limits of the completed instants.
     open : bool
-        Whether an instant has begun and not ended.
+        Whether an instant is in progress.
     first : int
-        The first entry of the log at this instant that is of an event.
+        Index of the first log entry of an event at this instant.
     """
 
     def __init__(self, rules: Sequence[EventRule]):
@@ -42,7 +42,7 @@ class RecordedInstants:
         self.open, self._left, self._p, self._entries = True, left, p, []
 
     def add(self, count: int, entries: Sequence[EventEntry]) -> None:
-        """Add entries that follow the first ``count`` ones of the log."""
+        """Add entries to the first ``count`` ones of the log."""
         if not self._entries:
             self.first = count
         self._entries += [
@@ -52,7 +52,7 @@ class RecordedInstants:
         ]
 
     def end(self, right: Array | None, p: tuple[float, ...]) -> None:
-        """End the instant, with its limit from the right; None where there is none."""
+        """End the instant, with its limit from the right; None if there is none."""
         if right is None:
             right = np.full_like(self._left, np.nan)
             right[0] = self._left[0]

@@ -1,4 +1,4 @@
-"""A System in two: what always holds, and a layer of rows that switch."""
+"""A System split in two: constraints that always hold, and a layer of rows that switch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lagcli.engine.tape.tape import Builder, Tape
 
 
 class SplitSystem:
-    """A System without its rows that switch, and these.
+    """A System without its switched rows, and these rows.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class SplitSystem:
     def fixed(self) -> System:
         """The System of the constraints that always hold, without reports, events and switching.
 
-        It is what it would be if the model had no other constraints.
+        It equals the System of a model without other constraints.
         """
         system, base = self.system, self.base
         alone = replace(
@@ -79,7 +79,7 @@ class SplitSystem:
 
     @property
     def places(self) -> list[int]:
-        """Which φ of `functions` belongs to each row; −1 where it has none."""
+        """Index of the φ of `functions` for each row; −1 if it has none."""
         holonomic = [k for k in self.system.holonomic if k in self.rows]
         return [holonomic.index(k) if k in holonomic else -1 for k in self.rows]
 

@@ -1,4 +1,4 @@
-"""What a run says that contacts end."""
+"""Messages of runs that end at contacts or events."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactS
 from lagcli.engine.switching.switching import RowMode, SwitchedRow
 from lagcli.engine.system import System
 
-#: s, or of the time: what has happened at one instant.
+#: Times closer than this, in s or relative, belong to one instant.
 _SAME = 1e-9
-#: A margin of the motion at which forces, which are in inverse proportion to it, stop the steps.
+#: Margin below which forces, which are inversely proportional to it, reduce the steps.
 _JAMMING = 1e-3
 
 
@@ -28,12 +28,12 @@ def gains_energy(
     t : float
         s.
     contacts : sequence of str
-        Names of the constraints that take part.
+        Names of the participating constraints.
     energy : float
         J.
     law : str
     friction : bool
-        Whether there is friction in the impact.
+        Whether the impact involves friction.
     alike : bool
         Whether all contacts have one coefficient of restitution.
     """
@@ -66,7 +66,7 @@ def _listed(names: Sequence[str]) -> str:
 def no_motion(
     t: float, names: Sequence[str], problem: ContactProblem, motions: Sequence[ContactSolution]
 ) -> Stop:
-    """Return the end of a run from which no motion obeys the laws of contact."""
+    """Return the end of a run at a state without a motion that satisfies the laws of contact."""
     row = _bearing(problem)
     return Stop(
         f"no motion is possible at `{names[row]}` at t = {t:.9g} s{_bound(problem, row)};"
@@ -77,7 +77,7 @@ def no_motion(
 def two_motions(
     t: float, names: Sequence[str], problem: ContactProblem, motions: Sequence[ContactSolution]
 ) -> Stop:
-    """Return the end of a run from which two motions obey the laws of contact."""
+    """Return the end of a run at a state with two motions that satisfy the laws of contact."""
     row = _bearing(problem)
     if problem.laws[row] == ContactLaw.FREE:
         forces = ", ".join(f"lambda = {x.force[row]:.6g}" for x in motions)
@@ -93,12 +93,12 @@ def two_motions(
 
 
 def jamming(margin: float, slipping: Sequence[SwitchedRow]) -> bool:
-    """Return whether a run whose steps become too small jams, by the margin of its motion."""
+    """Return whether a run with decreasing steps jams, by the margin of its motion."""
     return bool(slipping) and abs(margin) < _JAMMING
 
 
 def jams(t: float, system: System, slipping: Sequence[SwitchedRow]) -> Stop:
-    """Return the end of a run whose contact force grows without bound while rows slip."""
+    """Return the end of a run in which a contact force grows without bound while rows slip."""
     first = slipping[0]
     name = system.constraints[first.row if first.normal is None else first.normal]
     return Stop(
@@ -116,7 +116,7 @@ def _bearing(problem: ContactProblem) -> int:
 
 
 def _friction(problem: ContactProblem, row: int) -> tuple[int, float]:
-    """Return the row that a force limits most, and by which coefficient."""
+    """Return the row that a force limits most, and the coefficient."""
     k = int(np.argmax(problem.kinetic_slopes[:, row]))
     return k, float(problem.kinetic_slopes[k, row])
 
@@ -128,7 +128,7 @@ def _excess(problem: ContactProblem, row: int) -> float:
 
 
 def _bound(problem: ContactProblem, row: int) -> str:
-    """Say how the friction compares with the bound of Painlevé, if it is beyond it."""
+    """Return a sentence that compares the friction with Painlevé's bound, if it is exceeded."""
     if not (problem.kinetic_slopes[:, row] != 0).any():
         return ""
     excess, (_, mu) = _excess(problem, row), _friction(problem, row)
@@ -149,7 +149,7 @@ def _way(problem: ContactProblem, names: Sequence[str], row: int, motion: Contac
 
 
 def check_engagement(t: float, name: str, gap: float, row: SwitchedRow, none: float) -> None:
-    """Stop a run whose event engages a holonomic constraint that is not met.
+    """Stop a run whose event engages a violated holonomic constraint.
 
     Parameters
     ----------
@@ -159,9 +159,9 @@ def check_engagement(t: float, name: str, gap: float, row: SwitchedRow, none: fl
     gap : float
         φ.
     row : SwitchedRow
-        A contact may be engaged while it is open.
+        Whether a contact is engaged, which may be open.
     none : float
-        The gap that counts as none: ``closed`` times the largest size of φ so far.
+        The tolerance of the gap: ``closed`` times the largest size of φ so far.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def sets_violation(t: float, name: str, depth: float, row: SwitchedRow) -> Stop:
 
 
 def endless(t: float, system: System, entries: Sequence[EventEntry]) -> Stop:
-    """Return the end of a run whose events do not end, with what happened there last."""
+    """Return the end of a run with an infinite sequence of events at one time."""
     assert system.switching is not None
     listed = []
     for entry in entries:
@@ -199,7 +199,7 @@ def endless(t: float, system: System, entries: Sequence[EventEntry]) -> Stop:
 
 
 def at_surfaces(status: int, t: float, kinks: Sequence[Sequence[str]]) -> Stop:
-    """Return the end of a run at surfaces at which the motion does not go on in one way.
+    """Return the end of a run at surfaces where the motion does not continue uniquely.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Switching: the rows of a System that come and go, and its events."""
+"""Switching: rows of a System that become active and inactive, and its events."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from lagcli.engine.tape.tape import Tape
 
-#: What happens to a contact or a limited row; conditions of events name them.
+#: Changes of a contact or a limited row, as named in conditions of events.
 ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]
 
 
@@ -26,7 +26,7 @@ class RowMode(IntEnum):
 
     @property
     def slips(self) -> bool:
-        """Whether the row is a force of a given size."""
+        """Whether the row is a force of given magnitude."""
         return self in (RowMode.FORWARD, RowMode.BACKWARD)
 
 
@@ -45,9 +45,9 @@ class SwitchedRow(NamedTuple):
         For friction, the index in ``System.constraints`` of the constraint whose multiplier limits
         it. Where that one is unilateral, the row is open with it, and takes part in its impacts.
     active : bool
-        Whether it is there at the start; events engage and release it.
+        Whether it is enabled initially; events engage and release it.
     closed : bool
-        Whether the initial state is solved with it as a constraint.
+        Whether the initial state satisfies it as a constraint.
     unit : str or None
         Unit of φ or ψ; None if unknown.
     """
@@ -62,7 +62,7 @@ class SwitchedRow(NamedTuple):
 
     @property
     def holds_at_start(self) -> bool:
-        """Whether the initial state is on it, without looking at the state."""
+        """Whether the initial state is on it by declaration, regardless of the state."""
         permanent = not self.sign and self.limit is None
         return self.active and (self.closed or permanent)
 
@@ -72,33 +72,33 @@ class SwitchedRow(NamedTuple):
 
 
 class EventRule(NamedTuple):
-    """An event of the model: when it happens, and its actions in the order in which they are done.
+    """An event of the model: its condition, and its actions in order.
 
     Parameters
     ----------
     name : str
     condition : int or None
-        Number of the function that rises through zero as the condition becomes true: among the
+        Index of the function that rises through zero when the condition becomes true: among the
         outputs of ``System.events``, then of ``Switching.force_conditions``.
     either : bool
-        Whether it fires in both directions, as an equation does.
+        Whether it triggers in both directions, as an equation does.
     change : (row, ContactChange) or None
-        Instead of a condition: what happens to a constraint, an index in ``System.constraints``.
+        Instead of a condition: a change of a constraint, an index in ``System.constraints``.
     times : int or None
-        How often it happens at most.
+        Maximum number of occurrences.
     targets : tuple of ("q" | "v" | "p", index)
-        The coordinates, velocities and parameters that are set, to values of the actions' tape
-        that are all computed before any is set.
+        Coordinates, velocities and parameters to set, to values from the actions' tape, which are
+        all computed before any is set.
     first : int
-        Where its values begin among the outputs of the actions' tape: those of ``targets``, then
+        Index of its first value among the outputs of the actions' tape: those of ``targets``, then
         of ``impulses``.
     impulses : tuple of int
-        Coordinates with a generalized impulse, which constraints and contacts answer.
+        Coordinates with a generalized impulse, to which constraints and contacts respond.
     release, engage : tuples of int
         Constraints, as indices in ``System.constraints``.
     stop : bool
     record : tuple of str or None
-        Names of the columns to write; None for all.
+        Names of the columns to record; None for all.
     """
 
     name: str
@@ -117,13 +117,14 @@ class EventRule(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """What of a System switches. All tapes take (t, q, v, a, λ, parameters) unless it is said.
+    """The switching part of a System. All tapes take (t, q, v, a, λ, parameters) unless stated
+    otherwise.
 
     Parameters
     ----------
     rows : tuple of SwitchedRow
-        In the order of their constraints; ns of them. Each row stands in ``System.constraints``
-        with φ or ψ = lhs − rhs, whatever the sign between them.
+        Switched rows in the order of their constraints; ns of them. Each row is in
+        ``System.constraints`` with φ or ψ = lhs − rhs, regardless of the relation.
     limits : Tape
         → static limit of each of nl limited rows, then kinetic limit of each, then ∂static/∂λ and
         ∂kinetic/∂λ by ``limit_pattern``. Limits are not negative. λ of a unilateral constraint

@@ -1,4 +1,4 @@
-"""Equations → Switching: which rows switch, and tapes of limits, impacts, conditions, actions."""
+"""Lowering of switching: switched rows, and tapes of limits, impacts, conditions, actions."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ ZERO = se.Integer(0)
 
 
 class LoweredSwitching(NamedTuple):
-    """What of the equations switches, and the tape of the conditions on states: System.events."""
+    """The switching part of the equations, and the tape of the conditions on states:
+    System.events."""
 
     switching: Switching | None = None
     events: Tape | None = None
 
 
 def lower_switching(equations: Equations) -> LoweredSwitching:
-    """Turn contacts, limits, forces with multipliers and events into tapes.
+    """Compile contacts, limits, forces with multipliers and events to tapes.
 
     Parameters
     ----------
@@ -96,13 +97,13 @@ class _Lowering:
         return compile_tape(expressions, self.state, self.parameters, self.functions)
 
     def signed(self, expression: Basic) -> Basic:
-        """Return an expression with |λ| of unilateral constraints by the sign of λ."""
+        """Return an expression with |λ| of unilateral constraints replaced by the signed λ."""
         return expression.xreplace(self.magnitudes) if self.magnitudes else expression
 
     def slopes(
         self, expressions: Sequence[Basic]
     ) -> tuple[tuple[tuple[int, int], ...], list[Basic]]:
-        """Return the nonzero derivatives with respect to λ, and where they stand."""
+        """Return the nonzero derivatives with respect to λ, and their pattern."""
         found = {
             (i, j): derivative(x, multiplier)
             for i, x in enumerate(expressions)
@@ -144,7 +145,7 @@ class _Lowering:
         return [*restitution, *map(self.impact_friction, self.limited)]
 
     def impact_friction(self, c: Constraint) -> Basic:
-        """Return the coefficient of kinetic friction; 0 of a row whose limit is a finite force."""
+        """Return the coefficient of kinetic friction; 0 for a row whose limit is a finite force."""
         assert c.limit is not None
         if c.limit.normal is None:
             return ZERO

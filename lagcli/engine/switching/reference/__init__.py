@@ -1,1 +1,1 @@
-"""Modes, instants and watched functions of the reference engine."""
+"""Modes, instants and event functions of the reference engine."""

@@ -1,7 +1,7 @@
-"""Branches of the reference engine: their sides at an instant, and motions on surfaces.
+"""Branches in the reference engine: their sides at an instant, and sliding on surfaces.
 
-Where the forces on both sides of a surface push onto it, the motion slides along it by Filippov's
-rule: with that combination of both accelerations which stays on it.
+If the motion on both sides of a surface approaches it, the motion slides along it by Filippov's
+rule: with the combination of both accelerations that keeps it on the surface.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from lagcli.engine.switching.kinks import FrozenSystem, side_of
 from lagcli.engine.switching.stops import at_surfaces
 from lagcli.engine.tape.interpreter import ScalarTape
 
-#: Of the terms of a function: what counts as zero where its surface was reached. Of those of the
-#: accelerations: what is rounding.
+#: Function values at their surface below this part of the terms count as zero; accelerations below
+#: this part of theirs are rounding errors.
 _ON, _CONTINUOUS = 1e-9, 1e-10
-#: Of the run: how far ahead a side shows by its accelerations; s: what rates are differences over.
+#: Look-ahead time, relative to the run; time step of difference quotients, s.
 _AHEAD, _AROUND = 1e-9, 1e-5
 _MOST = 10
-#: Of the velocities: a change by a projection that is a jump.
+#: Changes of velocities by a projection above this part are jumps.
 _TURNS = 1e-5
 
-#: (t, q, v) → a, λ and the power on the present branches.
+#: (t, q, v) → a, λ and the power on the current branches.
 Accelerations = Callable[[float, Array, Array], tuple[Array, Array, float]]
 
 
@@ -48,15 +48,15 @@ class Branches:
     slides : int or None
         The kink on whose surface the motion slides.
     weight : float
-        The part of the upper side in it at the last state.
+        Weight of the upper side in the combination at the last state.
     reached : set of int
-        Kinks whose branches have ended there, before new ones are chosen.
+        Kinks whose branches have ended at the instant, before new ones are chosen.
     surfaces : list of int
         Kinks whose functions vanish at the last instant.
     crossed : int
-        How often a branch has changed.
+        Number of changes of branches.
     acceleration_terms : (nq,) array or float
-        What the accelerations are made of, as `Sizes` has it.
+        Magnitude of the terms of the accelerations, as in `Sizes`.
     """
 
     def __init__(self, frozen: FrozenSystem, full: Evaluator, span: float):
@@ -76,7 +76,7 @@ class Branches:
 
     @property
     def given(self) -> tuple[float, ...]:
-        """The parameters of the model."""
+        """The parameters of the model, without branches."""
         return self.full.p[: self.first]
 
     @property
@@ -98,20 +98,20 @@ class Branches:
         return out[:count]
 
     def _beside(self, k: int, upper: bool) -> float:
-        """Return the branch above or below the surface at which a kink is."""
+        """Return the branch above or below the surface of a kink."""
         whole = self.kinks[k].whole
         if not whole:
             return 1.0 if upper else -1.0
         return float(self._bounds[k]) - (not upper) + (whole < 0)
 
     def take_side(self, k: int, upper: bool) -> None:
-        """Take the branch above or below the surface at which a kink is."""
+        """Set the branch above or below the surface of a kink."""
         self._take({k: self._beside(k, upper)})
 
     # what is watched
 
     def watched(self) -> list[tuple[int, bool]]:
-        """Return the kinks to watch, and in which direction: upwards, or downwards."""
+        """Return the kinks to monitor, and the direction: upwards or downwards."""
         return [
             (k, upwards)
             for k, kink in enumerate(self.kinks)
@@ -120,7 +120,7 @@ class Branches:
         ]
 
     def distance(self, values: Array, k: int, upwards: bool) -> float:
-        """Return what falls through zero where a branch ends in a direction.
+        """Return the function that falls through zero when a branch ends in a direction.
 
         Parameters
         ----------
@@ -140,13 +140,13 @@ class Branches:
         return self._functions(t, q, v)
 
     def noise(self, k: int) -> float:
-        """Return the rounding error of a kink's function, over that of its size."""
+        """Return the rounding error of a kink's function, relative to its size."""
         return 1.0 if k == self.slides else float(self._sizes[k])
 
     # instants
 
     def reach(self, k: int, upwards: bool) -> None:
-        """Note that a branch has ended in a direction."""
+        """Record that a branch has ended in a direction."""
         if k == self.slides:
             self.slides = None
             self._take({k: self._beside(k, upwards)})
@@ -156,12 +156,12 @@ class Branches:
             self.crossed += 1
 
     def choose(self, t: float, q: Array, v: Array, accelerations: Accelerations) -> None:
-        """Find the branches at a state.
+        """Determine the branches at a state.
 
         Raises
         ------
         Stop
-            The motion does not go on, or not in one way.
+            The motion does not continue, or not uniquely.
         """
         crossed = bool(self.reached or self._known or self.slides is not None)
         on = self._clear(t, q, v)
@@ -190,7 +190,7 @@ class Branches:
             self._choose_surface(t, q, v, on, from_above, accelerations)
 
     def _clear(self, t: float, q: Array, v: Array) -> list[int]:
-        """Take the branches of functions that do not vanish; return those that do."""
+        """Set the branches of functions that do not vanish; return those that do."""
         surfaces = self.reached | ({self.slides} if self.slides is not None else set())
         self.slides = None
         on: list[int] = []
@@ -213,12 +213,13 @@ class Branches:
     def _growth(
         self, t: float, q: Array, v: Array, sides: dict[int, float], accelerations: Accelerations
     ) -> Array:
-        """Return how much the functions grow in a short time on some branches."""
+        """Return the growth of the functions in a short time on some branches."""
         self._take(sides)
         return self._ahead(t, q, v, accelerations(t, q, v)[0])
 
     def _ahead(self, t: float, q: Array, v: Array, a: Array) -> Array:
-        """Return how the functions leave their surfaces with accelerations; 0 for rounding."""
+        """Return the directions in which the functions leave their surfaces; 0 for rounding
+        errors."""
         d, sizes = _AHEAD * self.span, self._sizes
         now = self._functions(t, q, v)
         later, beside = (
@@ -241,7 +242,7 @@ class Branches:
         from_above: list[bool],
         accelerations: Accelerations,
     ) -> None:
-        """Find the one surface on which the motion slides."""
+        """Find the surface on which the motion slides."""
         jumps = False
         for which in on:
             others = [k for k in on if k != which]
@@ -262,11 +263,11 @@ class Branches:
                     return
         if jumps:
             raise self._stop(Status.SURFACES, t, on)
-        # continuous except for rounding: it crosses
+        # continuous except for rounding: the motion crosses
         self._take({k: self._beside(k, not x) for k, x in zip(on, from_above, strict=True)})
 
     def check_corner(self, t: float, before: Array, v: Array) -> None:
-        """Stop where the constraints on a new branch change the velocities."""
+        """Stop if the constraints on a new branch change the velocities."""
         if self.surfaces and np.abs(v - before).max() > _TURNS * np.abs(before).max():
             raise self._stop(Status.CORNER, t, self.surfaces)
 
@@ -278,7 +279,7 @@ class Branches:
     def combined(
         self, k: int, t: float, q: Array, v: Array, accelerations: Accelerations
     ) -> tuple[Array, Array, float]:
-        """Return a, λ and the power of the motion that stays on a surface."""
+        """Return a, λ and the power of the motion that remains on a surface."""
         found, rates = [], []
         for upper in (True, False):
             self._take({k: self._beside(k, upper)})
@@ -302,7 +303,7 @@ class Branches:
         return float(ends[1] - ends[0]) / (2 * d)
 
     def held(self, t: float, q: Array, v: Array, accelerations: Accelerations) -> Array:
-        """Return velocities on the surface on which the motion slides."""
+        """Return velocities projected onto the sliding surface."""
         k = self.slides
         assert k is not None
         for _ in range(2):

@@ -1,4 +1,4 @@
-"""The conditions of a System's events: on which side of zero they are, and when they fire."""
+"""Conditions of a System's events: their signs, and when they trigger."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from lagcli.arrays import Array, Numbers
 from lagcli.engine.switching.switching import EventRule
 
-#: Of the largest value so far: what a condition must fall back by before it can become true again.
+#: Hysteresis: a condition must fall by this part of its largest value before it can trigger again.
 _REARMED = 1e-10
 
 
 class Conditions:
-    """Follows the conditions of events.
+    """Tracks the conditions of events.
 
     Parameters
     ----------
@@ -23,11 +23,11 @@ class Conditions:
     Attributes
     ----------
     numbers : list of int
-        The rules that have conditions.
+        The event rules with conditions.
     side : (n,) array of int
-        Side of each condition: −1 not true, 1 true, 0 neither certainly.
+        Sign of each condition: −1 false, 1 true, 0 uncertain.
     counts : list of int
-        How often each rule has fired.
+        Number of occurrences of each rule.
     largest : (n,) array
         The largest magnitude of each condition so far.
     """
@@ -41,16 +41,16 @@ class Conditions:
         self.largest = np.zeros(len(self.numbers))
 
     def values(self, conditions: Array) -> Array:
-        """Return the functions of the rules that have conditions, from those of all conditions."""
+        """Return the functions of the rules with conditions, from those of all conditions."""
         return conditions[self._of] if self._of else np.zeros(0)
 
     def start(self, values: Array) -> None:
-        """Begin: what is true now does not fire."""
+        """Set the initial signs: conditions that are true now do not trigger."""
         self.follow(values)
         self.side = np.where(values >= 0, 1, -1)
 
     def follow(self, values: Array) -> bool:
-        """Take values where nothing fires into account; return whether a side changes."""
+        """Update the signs without triggering; return whether a sign changes."""
         before = self.side
         self.largest = np.fmax(self.largest, np.abs(values))
         clear = np.abs(values) > _REARMED * self.largest
@@ -62,18 +62,18 @@ class Conditions:
         return np.array([self.rules[k].either for k in self.numbers], dtype=bool)
 
     def watched(self, values: Array) -> Array:
-        """Return functions that fall through zero where a rule fires; NaN where it cannot."""
+        """Return functions that fall through zero when a rule triggers; NaN if it cannot."""
         exhausted = np.array([self.exhausted(k) for k in self.numbers], dtype=bool)
         ready = ((self.side == -1) | (self._either & (self.side != 0))) & ~exhausted
         return np.where(ready, self.side * values, np.nan)
 
     def exhausted(self, rule: int) -> bool:
-        """Return whether a rule has fired as often as it may."""
+        """Return whether a rule has occurred the maximum number of times."""
         times = self.rules[rule].times
         return times is not None and self.counts[rule] >= times
 
     def fired(self, rule: int) -> None:
-        """Note that a rule has fired."""
+        """Count an occurrence of a rule."""
         self.counts[rule] += 1
         if rule in self.numbers:
             k = self.numbers.index(rule)
@@ -82,5 +82,5 @@ class Conditions:
     def jumped(self, values: Array) -> list[int]:
         """Return the rules whose conditions have become true by a jump of the state."""
         functions = self.watched(values)
-        self.follow(values)  # those that are not true any more can become so again
+        self.follow(values)  # conditions that are no longer true can trigger again
         return [k for k, x in zip(self.numbers, functions, strict=True) if x < 0]

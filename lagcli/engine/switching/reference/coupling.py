@@ -1,4 +1,4 @@
-"""What contacts do to each other: the inverse inertia at rows, with bilateral rows eliminated."""
+"""Coupling of contacts: the inverse inertia at rows, with bilateral rows eliminated."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 
-#: Of the square of a row's length: a compliance that is rounding.
+#: Compliances below this, relative to the squared length of a row, are rounding errors.
 _IMMOBILE = 1e-20
 
 
 class Coupling:
-    """The answer of a system to forces on some of its rows, at one state.
+    """Response of a system to forces on some of its rows, at one state.
 
     Parameters
     ----------
     d : Dynamics
         With all constraints.
     bilateral : sequence of int
-        Constraints that hold whatever happens.
+        Bilateral constraints.
     rows : sequence of int
-        Constraints with forces (or impulses) that are to be found.
+        Constraints with unknown forces (or impulses).
     sizes, lengths : (nq,) and (nc,) arrays
-        Changes of the coordinates that count as equal, and the lengths of B's rows times these.
+        Scales of the coordinates, and lengths of B's rows times these.
 
     Attributes
     ----------
     matrix : (n, n) array
-        A: accelerations of the rows by forces on them.
+        A: accelerations of the rows due to forces on them.
     along_q, along_bilateral : (nq, n) and (nb, n) arrays
-        Accelerations, and multipliers of bilateral rows, by forces on the rows.
+        Accelerations, and multipliers of bilateral rows, due to forces on the rows.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Coupling:
         self.matrix = matrix
 
     def answer(self, forcing: Array, rhs: Array) -> tuple[Array, Array]:
-        """Return a and the multipliers of the bilateral rows under forces, where B a = rhs."""
+        """Return a and the multipliers of the bilateral rows for given forces, with B a = rhs."""
         d = self._d
         if self._parts is None:
             return dense.solve_regular(d.mass_matrix, forcing, self._jacobian, rhs)

@@ -1,7 +1,7 @@
-"""The first time in a step at which one of several functions falls through zero.
+"""Location of the first time in a step at which one of several functions falls through zero.
 
-Between samples of a step, cubics through values and slopes tell where a function may have a minimum
-below zero; it is then searched for, so that grazing and double crossings are found.
+Between samples of a step, cubics through values and slopes indicate where a function may have a
+minimum below zero; the minimum is then computed, so that grazing and double crossings are found.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from scipy.optimize import brentq, minimize_scalar
 
 from lagcli.arrays import Array
 
-#: Parts of a step, and the part of a step that slopes are taken over.
+#: Number of parts of a step, and interval of difference quotients relative to the step.
 _PARTS, _SLOPE = 8, 1e-5
-#: A cubic's minimum below this part of the values beside it is looked at.
+#: A minimum of the cubic below this part of the neighbouring values is examined.
 _LOW = 0.5
-#: Of max(|t|, h): roots of one instant.
+#: Roots closer than this, relative to max(|t|, h), coincide.
 _SAME = 1e-12
 _HALVINGS = 60
 
@@ -49,11 +49,11 @@ def first_crossings(
     low, high : float
         s.
     noise : (n,) array
-        A function that falls below zero by no more has not fallen.
+        A function that falls below zero by no more than this has not fallen.
     counted : callable
-        Values at ``low`` → the same, with those positive that count as such.
+        Values at ``low`` → the same, with those that count as positive made positive.
     seen : callable
-        Called at each sample up to which nothing happens; True: the functions change by it.
+        Called at each sample without a crossing; returns whether it changes the functions.
     """
     step = high - low
     times = np.linspace(low, high, _PARTS + 1)
@@ -104,7 +104,7 @@ def _root(
             return None
         end = lowest
     width = end - begin
-    if value(begin) <= noise:  # it rises first, if only for a moment, or falls at once
+    if value(begin) <= noise:  # it first rises, or falls immediately
         for _ in range(_HALVINGS):
             width /= 2
             if value(begin + width) > noise:

@@ -1,4 +1,4 @@
-"""A System seen through the rows that hold in a mode."""
+"""A System restricted to the active rows of a mode."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from lagcli.engine.evaluator import Constraints, Dynamics, Evaluator
 
 
 class HeldEvaluator(Evaluator):
-    """Evaluates a System of which only some constraints are there.
+    """Evaluates a System with only some of its constraints.
 
     Parameters
     ----------
     full : Evaluator
         Evaluator of the System with all its constraints.
     rows : sequence of int
-        The constraints that hold, increasing.
+        The active constraints, increasing.
 
     Attributes
     ----------
     positions : list of int
-        Their places among the holonomic constraints.
+        Their indices among the holonomic constraints.
     """
 
     def __init__(self, full: Evaluator, rows: Sequence[int]):
@@ -43,7 +43,7 @@ class HeldEvaluator(Evaluator):
         )
 
     def hold(self, t: float) -> None:
-        """Take the pieces that known functions of time have from a time on, from now on."""
+        """Fix the pieces of the known functions of time to those from a time on."""
         self.full.hold(t)
 
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
@@ -51,7 +51,7 @@ class HeldEvaluator(Evaluator):
         return self.of(self.full.dynamics(t, q, v))
 
     def of(self, d: Dynamics) -> Dynamics:
-        """Return the dynamics without the rows that do not hold."""
+        """Return the dynamics without the inactive rows."""
         return d._replace(jacobian=d.jacobian[self.rows], rhs=d.rhs[self.rows])
 
     def constraints(self, t: float, q: Array, v: Array) -> Constraints:

@@ -1,4 +1,4 @@
-"""Contact problems of a System at one instant: impacts, and which rows hold from now on."""
+"""Contact problems of a System at one instant: impacts, and the next modes."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ from lagcli.engine.switching.stops import (
 )
 from lagcli.engine.switching.switching import RowMode
 
-#: Of a row's scale: velocities that count as zero. With the acceleration over the whole run in the
-#: scale, less.
+#: Velocities below this part of a row's scale count as zero; less if the scale includes the
+#: acceleration over the whole run.
 _RESTS, _HORIZON = 1e-10, 1e-3
-#: Limits and forces that are not affine in λ: linearized until they change by less than this.
+#: Limits and forces that are not affine in λ are linearized until they change by less than this.
 _ITERATIONS, _SETTLED = 30, 1e-12
-#: Of the energy that takes part in an impact: a gain that is no rounding.
+#: Gains of energy below this part of the energy in an impact are rounding errors.
 _GAIN = 1e-9
 
 
 class ImpactOutcome(NamedTuple):
-    """What an impact does: v afterwards, impulses and losses of all constraints.
+    """Result of an impact: v afterwards, impulses and losses of all constraints.
 
     Parameters
     ----------
     v : (nq,) array
     impulse, loss : (nc,) arrays
     bilateral : list of int
-        Constraints that take part and hold whatever happens, but for those that limit friction.
+        Participating bilateral constraints, except those that limit friction.
     stages : tuple of ImpactStage
-        Its linear parts; their rows are constraints here.
+        Linear phases; their rows are indices of constraints.
     """
 
     v: Array
@@ -63,7 +63,7 @@ class ImpactOutcome(NamedTuple):
 
 
 class NextModes(NamedTuple):
-    """Modes from an instant on, with a and λ of all constraints there."""
+    """Modes from an instant on, with a and λ of all constraints."""
 
     modes: Indices
     a: Array
@@ -86,7 +86,7 @@ class InstantProblems:
     Attributes
     ----------
     active : (ns,) array of bool
-        Which switched rows are there.
+        Which switched rows exist.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class InstantProblems:
     # states
 
     def measure(self, t: float, q: Array, v: Array, motion: Index1) -> None:
-        """Keep the largest scales of the rows."""
+        """Record the largest scales of the rows."""
         a, _, _ = motion.accelerations(t, q, v)
         c, d = self.evaluator.constraints(t, q, v), self.evaluator.dynamics(t, q, v)
         inertia = self.system.inertia(np.diag(d.mass_matrix))
@@ -129,13 +129,14 @@ class InstantProblems:
         )
 
     def sizes(self, t: float, q: Array, v: Array) -> Array:
-        """Return changes of the coordinates that count as equal."""
+        """Return comparable changes of the coordinates."""
         if self._sizes is None:
             self._sizes = self.evaluator.sizes(t, q, v)
         return self._sizes
 
     def gaps(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the gaps of unilateral rows, by their sign, and the ones that count as none."""
+        """Return the signed gaps of unilateral rows, and the tolerance below which they are
+        closed."""
         position = self.evaluator.constraints(t, q, v).position
         gaps, allowed = np.full(len(self.rows), np.inf), np.zeros(len(self.rows))
         for k, row in enumerate(self.rows):
@@ -146,19 +147,19 @@ class InstantProblems:
         return gaps, allowed
 
     def rates(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return ψ of switched rows, of unilateral ones by their sign, and what counts as zero."""
+        """Return ψ of switched rows, signed for unilateral ones, and the tolerance of zero."""
         velocity = self.evaluator.constraints(t, q, v).velocity(v)
         numbers = [row.row for row in self.rows]
         signs = np.array([row.sign or 1 for row in self.rows])
         return signs * velocity[numbers], _RESTS * self.velocity_scale[numbers]
 
     def held(self, modes: Indices) -> list[int]:
-        """Return the constraints that hold in modes."""
+        """Return the active constraints in given modes."""
         some = [r.row for r, mode in zip(self.rows, modes, strict=True) if mode == RowMode.HOLDS]
         return sorted([*self._permanent, *some])
 
     def bilateral(self) -> list[int]:
-        """Return the constraints that hold whatever happens, until an event releases them."""
+        """Return the bilateral constraints that no event has released."""
         some = [
             r.row
             for r, active in zip(self.rows, self.active, strict=True)
@@ -182,17 +183,17 @@ class InstantProblems:
     # impacts
 
     def impact(self, t: float, q: Array, v: Array, contacts: Sequence[int]) -> ImpactOutcome:
-        """Return what the impact of closed contacts does.
+        """Return the result of the impact of closed contacts.
 
         Parameters
         ----------
         contacts : sequence of int
-            Numbers of switched rows, which approach or rest.
+            Indices of switched rows that approach or rest.
 
         Raises
         ------
         Stop
-            It would gain energy, or has no solution.
+            The impact would increase the energy, or has no solution.
         """
         d = self.dynamics(t, q, v)
         restitution, friction = self.tapes.impact((t, *q.tolist(), *v.tolist(), *self.evaluator.p))
@@ -260,18 +261,18 @@ class InstantProblems:
         pinned: Mapping[int, ContactLaw],
         guess: Array,
     ) -> NextModes:
-        """Return the modes that follow.
+        """Return the next modes.
 
         Parameters
         ----------
         resting : sequence of int
-            Numbers of the unilateral rows that are closed and do not move.
+            Indices of the unilateral rows that are closed and at rest.
         present : (ns,) array of int
-            Modes so far.
+            Current modes.
         pinned : mapping of int to ContactLaw
             Laws of limited rows that have just reached their limit, or come to rest.
         guess : (nc,) array
-            λ so far.
+            Current λ.
 
         Raises
         ------
@@ -329,7 +330,7 @@ class InstantProblems:
                 along[: len(resting)] = signs[: len(resting)]
                 slopes[0, i] = limits.static_slopes[limit][rows] * along
                 slopes[1, i] = limits.kinetic_slopes[limit][rows] * along
-            # what is left of the constant part where a limit is proportional to forces is rounding
+            # if a limit is proportional to forces, the rest of its constant part is rounding error
             noise = 1e-14 * np.abs(slopes).sum(axis=2) * np.abs(multipliers).max(initial=1.0)
             static[np.abs(static) <= noise[0]] = 0.0
             kinetic[np.abs(kinetic) <= noise[1]] = 0.0
@@ -371,7 +372,7 @@ class InstantProblems:
         return NextModes(modes, a, multipliers)
 
     def _bears(self, normal: int | None, closed: set[int]) -> bool:
-        """Return whether the contact of a row's friction is closed, if it has one."""
+        """Return whether the contact of a row's friction is closed, or there is none."""
         if normal is None or normal not in self._number:
             return True
         k = self._number[normal]
@@ -385,7 +386,7 @@ class InstantProblems:
         motion: ContactSolution,
         inputs: tuple[float, ...],
     ) -> bool:
-        """Return whether the linearized limits are the limits."""
+        """Return whether the linearized limits are accurate."""
         limits = self.tapes.limits((*inputs, *self.evaluator.p))
         size = np.abs(motion.force)
         for constant, slopes, values in (
@@ -401,7 +402,7 @@ class InstantProblems:
     # projection
 
     def projected(self, t: float, q: Array, v: Array, modes: Indices) -> tuple[Array, Array]:
-        """Return the nearest state on the rows that hold in modes."""
+        """Return the nearest state on the active rows of given modes."""
         rows = self.held(modes)
         held = HeldEvaluator(self.evaluator, rows)
         return self.projection(held, self.rank(t, q, v, rows))(t, q, v)

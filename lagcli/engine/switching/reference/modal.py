@@ -1,8 +1,8 @@
-"""The right-hand side in a mode: rows that hold, rows that slip, forces that depend on λ.
+"""The right-hand side in a mode: active rows, slipping rows, forces that depend on λ.
 
-With F the forces of slipping rows and the generalized forces that depend on λ, a and λ of the rows
-that hold are affine in F, and F = Φ(a, λ) is solved by Newton's iteration, which ends after one
-step where Φ is affine.
+With F the forces of slipping rows and the generalized forces that depend on λ, a and λ of the
+active rows are affine in F, and F = Φ(a, λ) is solved by Newton's iteration, which ends after one
+step if Φ is affine.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode, SwitchedRow
 
 _ITERATIONS = 30
-#: Of the forces: Newton's iteration has converged.
+#: Relative change of the forces at which Newton's iteration has converged.
 _CONVERGED = 1e-14
-#: Of its terms: a force that is rounding.
+#: Forces below this part of their terms are rounding errors.
 _NO_FORCE = 1e-9
 
 
 class ModalMotion(Index1):
-    """The right-hand side of the index-1 form in a mode; λ is that of all constraints.
+    """The right-hand side of the index-1 form in a mode, with λ of all constraints.
 
     Parameters
     ----------
     full : Evaluator
     tapes : SwitchingTapes
     rows : sequence of int
-        The constraints that hold.
+        The active constraints.
     modes : (ns,) array of int
         `RowMode` of each switched row.
     rank : int
@@ -48,9 +48,9 @@ class ModalMotion(Index1):
         Determinant of Newton's iteration at the last state: 1 without friction; the motion is
         determined as long as it does not vanish.
     slipping, limit_of : (n,) arrays of int
-        Constraints that slip, and the numbers of their limits.
+        Slipping constraints, and the indices of their limits.
     against : (n,) array
-        1 or −1: λ of each of them over its limit.
+        1 or −1: the ratio of λ to the limit for each of them.
     """
 
     def __init__(
@@ -74,18 +74,18 @@ class ModalMotion(Index1):
     def inputs(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array
     ) -> tuple[float, ...]:
-        """Return the inputs of tapes that take a and λ."""
+        """Return the inputs of tapes with a and λ."""
         return (t, *q.tolist(), *v.tolist(), *a.tolist(), *multipliers.tolist(), *self.full.p)
 
     def accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
-        """Return a, λ of all constraints and the power at a state; NaN where they are undefined."""
+        """Return a, λ of all constraints and the power at a state; NaN if they are undefined."""
         branches = self.branches
         if branches is not None and branches.slides is not None:
             return branches.combined(branches.slides, t, q, v, self.on_branches)
         return self.on_branches(t, q, v)
 
     def on_branches(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
-        """Return the same on the present branches, whatever surface the motion slides on."""
+        """Return the same on the current branches, regardless of a sliding surface."""
         self.evaluations += 1
         full = self.full.dynamics(t, q, v)
         if full.finite:
@@ -152,7 +152,7 @@ class ModalMotion(Index1):
     def _within_cones(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array, full: Dynamics
     ) -> Array:
-        """Return the multipliers of least norm within the cones, if there are any there."""
+        """Return the multipliers of least norm within the cones, if the cones are feasible."""
         rows, bounds = self.cone_rows(t, q, v, a, multipliers)
         if (bounds <= 0).all():
             return multipliers
@@ -163,9 +163,9 @@ class ModalMotion(Index1):
         return multipliers if found is None else found
 
     def free_multipliers(self, full: Dynamics, inputs: tuple[float, ...]) -> Array:
-        """Return the directions in which λ may change without a force, (nc, k).
+        """Return the directions in which λ may change without changing forces, (nc, k).
 
-        The friction of rows that slip changes with the λ that limit it.
+        The friction of slipping rows changes with the λ that limit it.
         """
         parts = self.decompose(full.jacobian[self.rows])
         free = np.zeros((len(full.rhs), parts.dependent.shape[1]))
@@ -196,7 +196,7 @@ class ModalMotion(Index1):
     def cone_rows(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array
     ) -> tuple[Array, Array]:
-        """Return rows and bounds: a change z of λ obeys the laws where rows z ≥ bounds."""
+        """Return rows and bounds: a change z of λ satisfies the laws if rows z ≥ bounds."""
         limits = self.tapes.limits(self.inputs(t, q, v, a, multipliers))
         unit = np.eye(len(multipliers))
         rows, bounds = [], []

@@ -1,4 +1,4 @@
-"""The tapes of a Switching at one state: limits, forces, coefficients, conditions, actions."""
+"""Evaluation of the tapes of a Switching at one state: limits, forces, coefficients, and others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from lagcli.engine.tape.tape import Tape
 
 
 class RowLimits(NamedTuple):
-    """Limits of limited rows, and how they follow λ: (nl,) and (nl, nc) arrays."""
+    """Limits of limited rows, and their derivatives with respect to λ: (nl,) and (nl, nc)
+    arrays."""
 
     static: Array
     kinetic: Array
