@@ -286,9 +286,7 @@ class _Taint:
         self.freezer = freezer
         self.compared: dict[int, frozenset[int]] = {}  # comparisons that determine a truth value
         self.selected: dict[int, frozenset[int]] = {}  # comparisons that have selected a value
-        self.risky: dict[
-            int, frozenset[int]
-        ] = {}  # operands of partial functions
+        self.risky: dict[int, frozenset[int]] = {}  # operands of partial functions
         constants = {i for i, x in enumerate(tape.constants, tape.inputs) if x >= 0}
         # parameters are assumed positive; at worst a run fails beyond a kink that must not be
         # frozen

@@ -1,1 +1,1 @@
-"""Tapes: straight-line code for numbers, and what evaluates it in Python."""
+"""Tapes: straight-line programs on numbers, and their interpreters in Python."""

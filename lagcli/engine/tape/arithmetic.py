@@ -1,4 +1,4 @@
-"""Operations emitted with what is known of zeros, ones and signs; the results stay the same."""
+"""Emission of operations with simplification of zeros, ones and signs; results are unchanged."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from lagcli.engine.tape.tape import Builder
 
 
 class Arithmetic(Builder):
-    """A builder that leaves out what changes nothing, and hands on signs as far as it can.
+    """A builder that omits operations without effect, and propagates signs as far as possible.
 
-    A sum takes up the sign of its terms; so negations come to stand where nothing is added.
+    Sums absorb the signs of their terms, so negations remain only where nothing is added.
     """
 
     def __init__(
@@ -22,10 +22,10 @@ class Arithmetic(Builder):
     ):
         super().__init__(inputs, parameters, other, functions)
         self.zero, self.one = self.constant(0.0), self.constant(1.0)
-        self.opposite: dict[int, int] = {}  # what a negation is the negation of
+        self.opposite: dict[int, int] = {}  # operand of a negation
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
-        """Note what a new register is."""
+        """Record the properties of a new register."""
         super().note(op, register, operands)
         if op == Op.NEG:
             self.opposite[register] = operands[0]

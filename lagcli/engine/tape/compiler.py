@@ -1,8 +1,8 @@
-"""Expressions → a tape.
+"""Compilation of expressions to a tape.
 
 Equal subexpressions share one register, constants are folded to doubles, integer powers are
-products. What depends on parameters alone is multiplied and added first, so that it can be kept
-from one evaluation to the next.
+products. Subexpressions that depend only on parameters are multiplied and added first, so that they
+can be reused between evaluations.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lagcli.model.inputs import read_input
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
 
 _OPERATIONS = {getattr(se, op.symbol): op for op in Op if op.symbol}
-#: SymEngine writes tan(x + pi/2) as −cot(x), and atan2(x, x) by sign(x).
+#: SymEngine writes tan(x + pi/2) as −cot(x), and atan2(x, x) with sign(x).
 _RECIPROCAL = {
     se.cot: Op.TAN,
     se.sec: Op.COS,
@@ -48,9 +48,9 @@ def compile_tape(
     expressions : iterable of expressions
         One output each.
     variables, parameters : sequences of symbols
-        One input register each, in this order; parameters stay the same along a run.
+        One input register each, in this order; parameters are constant along a run.
     functions : InputFunctions, optional
-        Known functions of time; t is the first variable then.
+        Known functions of time; t must be the first variable then.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def compile_tape(
 
 
 class _Compiler(Builder):
-    """Turns expressions into operations."""
+    """Compiles expressions to operations."""
 
     def __init__(
         self, variables: Sequence[Basic], parameters: Sequence[Basic], functions: InputFunctions
@@ -74,12 +74,12 @@ class _Compiler(Builder):
             name: (first + at, degree) for name, (at, degree) in functions.places().items()
         }
         self.known: dict[Basic, int] = {s: i for i, s in enumerate([*variables, *parameters])}
-        # the first and the last variable that a register depends on: terms and factors are ordered
-        # by these, so that what is done for one body of many is done alike for the next
+        # the first and the last variable on which a register depends: terms and factors are ordered
+        # by these, so that the operations for all bodies are in the same order
         self.span = {x: (x, x) for x in range(len(variables))}
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
-        """Note what a new register depends on."""
+        """Record the dependencies of a new register."""
         spans = [self.span[x] for x in operands if x in self.span]
         if spans:
             firsts, lasts = zip(*spans, strict=True)
@@ -88,11 +88,11 @@ class _Compiler(Builder):
             self.invariant.add(register)
 
     def order(self, register: int) -> tuple[int, ...]:
-        """Return what terms and factors are ordered by: those first that stay the same."""
+        """Return the sort key of terms and factors: constant ones first."""
         return *self.span.get(register, (-1, -1)), register
 
     def register(self, expression: Basic) -> int:
-        """Return the register of an expression; its parts first, without recursion."""
+        """Return the register of an expression; compiles its parts first, without recursion."""
         stack = [expression]
         while stack:
             top = stack[-1]
@@ -112,7 +112,7 @@ class _Compiler(Builder):
         return self.known[_key(expression)]
 
     def _assemble(self, e: Basic) -> int:
-        """Emit the operation of an expression whose parts have registers."""
+        """Emit the operation of an expression whose parts have been compiled."""
         if isinstance(e, _TRUTH):
             return self.constant(1.0 if e else 0.0)
         if isinstance(e, se.Symbol):
@@ -142,7 +142,7 @@ class _Compiler(Builder):
         raise TypeError(f"no operation for {kind.__name__}: {e}")
 
     def _input(self, name: str, order: int) -> int:
-        """Emit a derivative of a known function of time: of its piece, by Horner's rule."""
+        """Emit a derivative of a known function of time: that of its piece, by Horner's rule."""
         if name not in self.pieces:
             raise KeyError(name)
         origin, degree = self.pieces[name]
@@ -157,7 +157,7 @@ class _Compiler(Builder):
 
     def _sign(self, x: int) -> int:
         zero, one = self.constant(0.0), self.constant(1.0)
-        # where it is neither, x itself: 0 or NaN
+        # if neither holds, x itself: 0 or NaN
         negative = self.emit(Op.SELECT, self.emit(Op.LT, x, zero), self.emit(Op.NEG, one), x)
         return self.emit(Op.SELECT, self.emit(Op.LT, zero, x), one, negative)
 
@@ -245,7 +245,7 @@ def _key(e: object) -> object:
 def _double(e: Basic) -> float:
     """Return the double nearest to a number or a constant such as pi."""
     if isinstance(e, (se.Integer, se.Rational)):
-        # SymEngine cuts fractions off where Python rounds them
+        # SymEngine truncates fractions where Python rounds them
         numerator, denominator = map(int, e.get_num_den())
         try:
             return numerator / denominator
@@ -259,7 +259,7 @@ def _double(e: Basic) -> float:
 
 
 def _as_products(exponent: Basic) -> int:
-    """Return twice an exponent of x^n or x^(n/2) that is worth products; 0 for any other."""
+    """Return twice the exponent of x^n or x^(n/2) that is compiled to products; 0 for any other."""
     if isinstance(exponent, se.Integer):
         halves = 2 * int(exponent)
     elif isinstance(exponent, se.Rational):
@@ -280,7 +280,7 @@ def _sign_split(term: Basic) -> tuple[Basic, bool]:
 
 
 def _inverse_split(factor: Basic) -> tuple[Basic, bool]:
-    """Return what a factor divides by, and True; or the factor, and False."""
+    """Return the divisor of a factor, and True; or the factor, and False."""
     if isinstance(factor, se.Pow) and factor.args[0] != se.E:
         exponent = factor.args[1]
         if isinstance(exponent, se.Number) and exponent.is_negative:
@@ -289,7 +289,7 @@ def _inverse_split(factor: Basic) -> tuple[Basic, bool]:
 
 
 def _parts(e: Basic) -> Iterable[Basic]:
-    """Return what must have a register before an expression can."""
+    """Return the parts that must be compiled before an expression."""
     if isinstance(e, (bool, *_NOT_FINITE)):
         return ()
     if isinstance(e, se.Add):

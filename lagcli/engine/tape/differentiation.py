@@ -11,7 +11,7 @@ from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, Op
 from lagcli.engine.tape.tape import Builder, Tape
 
-#: Operations whose results do not change with their operands, but for jumps.
+#: Operations whose results are piecewise constant.
 _CONSTANT = (Op.LT, Op.LE, Op.EQ, Op.NE, Op.AND, Op.OR, Op.NOT, Op.FLOOR, Op.CEIL)
 
 
@@ -23,12 +23,12 @@ def directional(tape: Tape) -> Tape:
     Parameters
     ----------
     tape : Tape
-        x → y; without inputs that are requested apart.
+        x → y; deferred inputs are not supported.
 
     Returns
     -------
     Tape
-        (x, x') → (∂y/∂x) x'. The pieces of known functions are no part of x.
+        (x, x') → (∂y/∂x) x'. x does not include the pieces of known functions.
     """
     assert not tape.rhs_inputs
     given = tape.inputs - tape.functions.size
@@ -119,7 +119,7 @@ class _DerivativeRules(Arithmetic):
         return self.times(self.factor(op, y, a), da)
 
     def factor(self, op: Op, y: int, a: int) -> int:
-        """Return the derivative of a function that has it without a quotient."""
+        """Return the derivative of a function whose derivative needs no quotient."""
         if op == Op.EXP:
             return y
         if op == Op.SIN:

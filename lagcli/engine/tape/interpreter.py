@@ -1,7 +1,7 @@
-"""Runs a tape in Python: on one state with `math`, on many at once with NumPy.
+"""Interpreter of tapes in Python: one state with `math`, many with NumPy.
 
-Both follow IEEE 754, as compiled code does: 1/0 is ∞, log(-1) is NaN, nothing raises, and a value
-that is undefined matters only where it reaches an output.
+Both follow IEEE 754, as compiled code does: 1/0 is ∞, log(-1) is NaN, no exceptions are raised, and
+an undefined value matters only if it reaches an output.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TOTAL = (operator.add, operator.sub, operator.mul, operator.neg, abs, max)
 
 @cache
 def _on_arrays(op: Op) -> Callable[..., Any]:
-    """Return an operation on arrays; what it needs is imported when a tape has it."""
+    """Return an operation on arrays; its dependencies are imported on first use."""
     module, _, name = op.array.rpartition(".")
     function: Any = getattr(import_module(module), name) if op.array else op.scalar
     if op.kind is Kind.RELATION:
@@ -34,7 +34,8 @@ def _on_arrays(op: Op) -> Callable[..., Any]:
 
 @cache
 def _on_floats(op: Op) -> Callable[..., float]:
-    """Return an operation on floats that gives ±∞ or NaN, as IEEE 754 has it, and never raises."""
+    """Return an operation on floats that returns ±∞ or NaN according to IEEE 754 and never
+    raises."""
     function = op.scalar
     assert function is not None, f"{op.name} is not an operation of tapes"
     if function in _TOTAL:
@@ -53,10 +54,10 @@ def _on_floats(op: Op) -> Callable[..., float]:
 
 
 class ScalarTape:
-    """A tape bound to Python's floats.
+    """A tape compiled to operations on Python floats.
 
-    Its inputs are those of the tape, without the pieces of known functions of time: those are the
-    ones at t, or the ones that are held.
+    Its inputs are those of the tape, without the pieces of known functions of time: these are the
+    ones at t, or fixed ones.
     """
 
     def __init__(self, tape: Tape):
@@ -86,18 +87,18 @@ class ScalarTape:
         return [r[i] for i in self._outputs]
 
     def hold(self, pieces: list[float] | None) -> None:
-        """Take these pieces of known functions from now on, whatever t; None: those at t."""
+        """Fix the pieces of known functions, regardless of t; None: use those at t."""
         self._held = pieces
 
 
 def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array:
-    """Run a tape on many states at once.
+    """Evaluate a tape at many states.
 
     Parameters
     ----------
     tape : Tape
     inputs : iterable of (count,) arrays or numbers
-        Without the pieces of known functions of time, which are those at t.
+        Inputs without the pieces of known functions of time, which are those at t.
     count : int
         Number of states.
 

@@ -1,7 +1,7 @@
-"""The table of operations: everything that Python and C know of one stands in its row.
+"""The table of operations: each row contains all properties of one operation for Python and C.
 
-`lagcli.engine.core.headers` writes the C side from it when the core is built, so this module
-imports the standard library alone, and names NumPy's and SymEngine's functions by text.
+`lagcli.engine.core.headers` generates the C side when the core is built, so this module imports
+only the standard library, and names NumPy's and SymEngine's functions by text.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enum import Enum, IntEnum
 
 
 class Kind(Enum):
-    """How the core runs an operation on more than one number."""
+    """How the core executes an operation on several numbers."""
 
     LIBRARY = "one number at a time, by the C library"
     RELATION = "on a batch; the result is 1 where the comparison holds, else 0"
@@ -23,7 +23,7 @@ class Kind(Enum):
 
 
 class Op(IntEnum):
-    """Operations of tapes and, after those, of programs; truth is 1 and falsehood 0.
+    """Operations of tapes, followed by those of programs; true is 1 and false 0.
 
     Attributes
     ----------
@@ -31,15 +31,15 @@ class Op(IntEnum):
         Number of operands.
     kind : Kind
     c : str
-        The value in C, of operands A, B and C. Names in capitals are macros, which differ between
-        the evaluators of one number and of several.
+        C expression of the value, with operands A, B and C. Names in capitals are macros, which
+        differ between scalar and vector evaluators.
     scalar : callable, optional
-        The value of Python's floats; none for operations that only programs have. It may raise
-        where the result is infinite or NaN.
+        Function of Python floats; None for operations that occur only in programs. It may raise if
+        the result is infinite or NaN.
     array : str
-        The dotted name of the same on arrays; empty if ``scalar`` serves for these, too.
+        Dotted name of the function of arrays; empty if ``scalar`` also works for arrays.
     symbol : str
-        The class in SymEngine; empty for those that the compiler treats by themselves.
+        Class in SymEngine; empty for operations that the compiler handles separately.
     results : int
         Number of results.
     """
@@ -104,7 +104,7 @@ class Op(IntEnum):
     OR = 2, Kind.BATCH, "LARGER(A, B)", max, "numpy.maximum", "Or"
     NOT = 1, Kind.BATCH, "1.0 - A", lambda a: 1.0 - a, "", "Not"
     SELECT = 3, Kind.BATCH, "CHOOSE(A != 0.0, B, C)", lambda a, b, c: b if a else c, "numpy.where"
-    # what programs alone have
+    # operations that occur only in programs
     MULADD = 3, Kind.VECTOR, "A * B + C"
     MULSUB = 3, Kind.VECTOR, "A * B - C"
     SUBMUL = 3, Kind.VECTOR, "C - A * B"

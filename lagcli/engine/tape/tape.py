@@ -1,7 +1,7 @@
-"""A flat tape of operations, and what collects them.
+"""Tapes: flat lists of operations, and their builder.
 
 A tape is data: a list of operations on numbered registers, in an order in which every operand is
-ready. Equal operations are one (hash-consing). Nothing in a tape is code.
+ready. Equal operations are merged (hash-consing). A tape contains no code.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ class Tape(NamedTuple):
     code : tuple of (op, destination, a, b, c)
         `op` is the number of an `Op`; unused operands are 0.
     outputs : tuple of int
-        The registers to read at the end.
+        The registers of the outputs.
     parameters : int
-        Number of inputs that stay the same along a run: the last ones, but for these:
+        Number of inputs that are constant along a run: the last ones, except the following:
     rhs_inputs : int
-        Number of inputs at the end that only outputs requested apart depend on.
+        Number of inputs at the end that only deferred outputs depend on.
     deferred : tuple of int
-        Numbers of outputs, the last ones, that are requested apart from the others and from each
-        other: only when they are needed.
+        Indices of outputs, the last ones, that are computed separately from the others and from
+        each other: only when needed.
     output_subsets : tuple of tuples of int
-        Sets of outputs that are also requested without the rest.
+        Sets of outputs that can also be computed without the rest.
     isomorphic : tuple of tuples of int
-        Sets of results that are likely used alike, such as one of each body.
+        Sets of results that are likely used in the same way, such as one of each body.
     functions : InputFunctions
-        Known functions of time, whose pieces are the last of the inputs that stay the same. The
-        interpreters find them from t, the first input, and are not given them.
+        Known functions of time, whose pieces are the last of the constant inputs. The interpreters
+        determine them from t, the first input.
     """
 
     inputs: int
@@ -59,7 +59,7 @@ class Tape(NamedTuple):
         return self.inputs + len(self.constants) + len(self.code)
 
     def selected(self, outputs: Iterable[int]) -> Tape:
-        """Return the tape of some outputs alone, with no operation that these do not need."""
+        """Return a tape of some outputs, with only the operations that these need."""
         wanted = [self.outputs[i] for i in outputs]
         code, fixed = _needed(self, wanted), self.inputs + len(self.constants)
         if len(code) == len(self.code):
@@ -78,7 +78,7 @@ class Tape(NamedTuple):
 
 
 def _needed(tape: Tape, registers: Iterable[int]) -> list[tuple[int, int, int, int, int]]:
-    """Return the operations of a tape that some of its registers depend on."""
+    """Return the operations of a tape on which some of its registers depend."""
     needed, code = set(registers), []
     for line in reversed(tape.code):
         if line[1] in needed:
@@ -87,20 +87,20 @@ def _needed(tape: Tape, registers: Iterable[int]) -> list[tuple[int, int, int, i
     return code[::-1]
 
 
-_UNUSED = ((), (), (0, 0), (0,), ())  # operands, by the number of used ones and one
+_UNUSED = ((), (), (0, 0), (0,), ())  # operands, by the number of used ones plus one
 _COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
 class Builder:
-    """Collects operations; equal ones are one.
+    """Builder of tapes; merges equal operations.
 
-    Registers are counted as inputs, then −1 − constant, then inputs + operation until the end.
+    Until the end, registers are numbered as inputs, then −1 − constant, then inputs + operation.
 
     Parameters
     ----------
     inputs : int
     parameters, rhs_inputs : int
-        Numbers of inputs that stay the same along a run, and of those after them; see Tape.
+        Numbers of constant inputs, and of those after them; see Tape.
     functions : InputFunctions, optional
         See Tape.
     """
@@ -119,22 +119,23 @@ class Builder:
         self.invariant = set(range(inputs - rhs_inputs - parameters, inputs - rhs_inputs))
 
     def extend(self, tape: Tape) -> list[int]:
-        """Take over a tape's operations, its inputs being the first here; return its outputs."""
+        """Append a tape's operations, with its inputs as the first ones here; return its
+        outputs."""
         return self._splice(tape, range(tape.inputs), tape.code, tape.outputs)
 
     def splice(
         self, tape: Tape, inputs: Sequence[int], outputs: Iterable[int] | None = None
     ) -> list[int]:
-        """Take over the operations that outputs of a tape depend on.
+        """Append the operations on which outputs of a tape depend.
 
         Parameters
         ----------
         tape : Tape
         inputs : sequence of int
-            The registers here that stand for the tape's inputs; those that the outputs do not
-            depend on may be left out at the end.
+            The registers here that replace the tape's inputs; trailing ones may be omitted if the
+            outputs do not depend on them.
         outputs : iterable of int, optional
-            Numbers of the outputs; all of them without.
+            Indices of the outputs; all by default.
 
         Returns
         -------
@@ -160,7 +161,7 @@ class Builder:
 
     def constant(self, value: float) -> int:
         """Return the register of a number."""
-        # 0.0 and -0.0 are equal keys: the sign of a zero constant has no meaning in a model
+        # 0.0 and -0.0 are equal keys: a model does not distinguish them
         return -1 - self.constants.setdefault(float(value), len(self.constants))
 
     def emit(self, op: Op, *operands: int) -> int:
@@ -170,7 +171,7 @@ class Builder:
         return self.new((op, *operands))
 
     def new(self, key: tuple[int, ...]) -> int:
-        """Return the register of an operation on operands, which are in order."""
+        """Return the register of an operation on ordered operands."""
         register = self.operations.get(key)
         if register is None:
             register = self.operations[key] = self.inputs + len(self.operations)
@@ -178,12 +179,12 @@ class Builder:
         return register
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
-        """Note what a new register depends on."""
+        """Record the properties of a new register."""
         if all(x < 0 or x in self.invariant for x in operands):
             self.invariant.add(register)
 
     def order(self, register: int) -> tuple[int, ...]:
-        """Return what the operands of commutative operations are ordered by."""
+        """Return the sort key of the operands of commutative operations."""
         return (register,)
 
     def finish(
@@ -196,7 +197,7 @@ class Builder:
         """Return the tape."""
         first, shift = self.inputs, len(self.constants)
         place = [*range(first), *range(first + shift, first + shift + len(self.operations))]
-        place += range(first + shift - 1, first - 1, -1)  # constants are counted from the end
+        place += range(first + shift - 1, first - 1, -1)  # constants are numbered from the end
         code = [
             (int(key[0]), to, *[place[x] for x in key[1:]], *_UNUSED[len(key)])
             for to, key in enumerate(self.operations, first + shift)

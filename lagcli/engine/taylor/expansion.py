@@ -1,11 +1,11 @@
-"""Operations on numbers → operations on power series.
+"""Conversion of operations on numbers to operations on power series.
 
-Where y(t) is a power series, so is every result of an operation on it, and its coefficient of order
-k follows from those of its operands up to k. Sums are linear; a product is a convolution; any
-function f with f′ = s g is c′ = s g a′, a convolution with the derivative. So a handful of
-operations serve for all. The coefficients of order 0 are the values that the tape itself gives.
+If y(t) is a power series, so is the result of every operation on it, and its coefficient of order k
+follows from those of its operands up to k. Sums are linear; a product is a convolution; any
+function f with f′ = s g satisfies c′ = s g a′, a convolution with the derivative. A small number of
+operations is therefore sufficient. The tape itself computes the coefficients of order 0.
 
-Series are multiples of others: see `lagcli.engine.taylor.forms`.
+Series are represented as multiples of others: see `lagcli.engine.taylor.forms`.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ class NotAnalytic(ArithmeticError):
 
 
 class SeriesExpansion(SeriesForms):
-    """Turns operations on numbers into operations on series.
+    """Converts operations on numbers to operations on series.
 
     Parameters
     ----------
     builder : Arithmetic
     moving : iterable of int
-        Registers that are series to begin with; what does not depend on them is a number.
+        Registers that are series initially; everything independent of them is a number.
     """
 
     def __init__(self, builder: Arithmetic, moving: Iterable[int]):
         super().__init__(builder)
         self.moving: set[Name] = set(moving)
-        self.taken = set(self.moving)  # no operation makes them, or it is there
+        self.taken = set(self.moving)  # already computed, or not computed by an operation
         self.slopes: dict[Name, int] = {}  # CHAIN → g
         self.rates: dict[Name, Name] = {}
         self.sums: dict[tuple[Form, Form], Name] = {}
@@ -55,7 +55,7 @@ class SeriesExpansion(SeriesForms):
     # one operation
 
     def operation(self, op: Op, to: int, a: int, b: int = 0, c: int = 0) -> None:
-        """Make the series of an operation's result."""
+        """Create the series of an operation's result."""
         if op in (Op.ADD, Op.SUB):
             self.sum(op, to, a, b)
         elif op == Op.NEG:
@@ -97,7 +97,7 @@ class SeriesExpansion(SeriesForms):
             self.nodes[to] = SeriesOp.SUM, (to,), (s, x, t, y)
 
     def selected(self, to: int, a: int, b: int, c: int) -> None:
-        """Make b where a is true, c elsewhere; a is the same along a step."""
+        """Select b if a is true, else c; a is constant along a step."""
         emit, parts = self.builder.emit, list[Form]()
         for x, choice in ((b, (self.one, self.zero)), (c, (self.zero, self.one))):
             if not self.is_invariant(x):
@@ -172,7 +172,7 @@ class SeriesExpansion(SeriesForms):
         else:
             self.nodes[to] = SeriesOp.SUM, (to,), (self.one, names[0], self.one, names[1])
 
-    # values of slopes
+    # values of derivatives
 
     def mul(self, a: Name, b: Name) -> int:
         """Return the register of a product of values."""
@@ -191,10 +191,10 @@ class SeriesExpansion(SeriesForms):
         op = Op.ADD if sign > 0 else Op.SUB
         return self.builder.emit(op, self.builder.constant(first), self.mul(a, a))
 
-    # what is wanted
+    # dependencies
 
     def expand(self, results: Iterable[int], names: Mapping[int, Name] | None = None) -> None:
-        """Take the operations that results need; ``names`` are other names of what they make."""
+        """Convert the operations that results need; ``names`` are other names of their results."""
         while needed := self.needed([*results, *self.slopes.values()]):
             for x, (op, *operands) in needed:
                 self.taken.add(x)
@@ -205,7 +205,7 @@ class SeriesExpansion(SeriesForms):
                     self.rename(x, names[x])
 
     def needed(self, results: Iterable[int]) -> list[tuple[int, tuple[int, ...]]]:
-        """Return what is to be taken for results, operands first: registers and operations."""
+        """Return the registers and operations needed for results, operands first."""
         first, operations = self.builder.inputs, list(self.builder.operations)
         found: set[int] = set()
         waiting = list(results)
@@ -217,7 +217,7 @@ class SeriesExpansion(SeriesForms):
         return [(x, operations[x - first]) for x in sorted(found)]
 
     def rename(self, x: int, name: Name) -> None:
-        """Give a series another name, that of a register with its first coefficient."""
+        """Rename a series to a register that contains its first coefficient."""
         form = (self.one, ZERO) if self.is_invariant(x) else self.tail(x)
         self.tails.pop(x, None)
         self.whole[x] = self.one, name
@@ -228,7 +228,7 @@ class SeriesExpansion(SeriesForms):
             self.nodes[name] = SeriesOp.SCALE, (name,), form
 
     def result(self, x: Name) -> Name:
-        """Return the series that is an output, made from its base where it must be."""
+        """Return the series of an output, computed from its base if necessary."""
         if self.is_invariant(x):
             return ZERO
         number, base = self.tail(x)
@@ -238,8 +238,8 @@ class SeriesExpansion(SeriesForms):
         return x
 
     def node(self, x: Name) -> SeriesNode | None:
-        """Return the operation that makes a series; None for those of the state."""
-        if x not in self.nodes and x in self.tails:  # convolved: its first coefficient counts
+        """Return the operation that computes a series; None for those of the state."""
+        if x not in self.nodes and x in self.tails:  # convolved: its first coefficient matters
             return SeriesOp.SCALE, (x,), self.tails[x]
         node = self.nodes.get(x)
         if node and node[0] == SeriesOp.CHAIN and len(node[2]) == 2:
@@ -249,7 +249,7 @@ class SeriesExpansion(SeriesForms):
         return node
 
     def wanted(self, results: Sequence[Name]) -> list[SeriesNode]:
-        """Return the operations that results need, operands first; slopes count as earlier."""
+        """Return the operations that results need, operands first."""
         found: dict[Name, SeriesNode] = {}
         waiting = [(x, False) for x in reversed(results)]
         later: list[Name] = []

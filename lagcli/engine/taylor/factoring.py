@@ -1,7 +1,7 @@
-"""Sums of products of series: what several terms have as a factor is multiplied once.
+"""Factoring of sums of products of series: common factors are multiplied once.
 
-A convolution costs several times what a sum does, and formulas come multiplied out where that is
-shorter to write or where elements meet: f a + f b becomes f (a + b).
+A convolution costs several times as much as a sum, and formulas are often expanded because that is
+shorter to write or because elements are combined: f a + f b becomes f (a + b).
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from lagcli.engine.taylor.series_nodes import (
     UnnamedSeries,
 )
 
-#: Sums of one term or two.
+#: Operations with one term or two.
 _SUMS = SeriesOp.SUM, SeriesOp.SCALE
 
 
 def factored(expansion: SeriesExpansion, results: Sequence[Name]) -> list[SeriesNode]:
-    """Return the operations that results need, with common factors taken out of sums."""
+    """Return the operations that results need, with common factors of sums factored out."""
     return _Factoring(expansion, results).nodes()
 
 
 class _Factoring:
-    """Rewrites the sums of an expansion, each with the sums inside that nothing else uses."""
+    """Rewrites the sums of an expansion, each including nested sums that are used once."""
 
     def __init__(self, expansion: SeriesExpansion, results: Sequence[Name]):
         self.expansion, self.results = expansion, results
         self.given = {to: node for node in expansion.wanted(results) for to in node[1]}
         self.uses: dict[Name, int] = dict.fromkeys(results, 2)
-        self.named = set(results)  # what has uses other than in sums
+        self.named = set(results)  # used outside of sums
         self.inside: set[Name] = set()  # sums that are parts of others
-        self.multiples: dict[Name, Form] = {}  # sums that have come down to one term
+        self.multiples: dict[Name, Form] = {}  # sums reduced to one term
         for op, _, operands in self.given.values():
             for i, x in enumerate(operands):
                 if i not in op.numbers:
@@ -66,7 +66,7 @@ class _Factoring:
         return node if node and node[0] in ops and self.uses[x] == 1 else None
 
     def flat(self, terms: Sequence[Form]) -> list[Form]:
-        """Return terms with those of sums instead of the sums."""
+        """Return terms with nested sums flattened."""
         found: list[Form] = []
         waiting = [*reversed(terms)]
         times = self.expansion.builder.times
@@ -84,7 +84,7 @@ class _Factoring:
         return found
 
     def taken_out(self, terms: list[Form]) -> list[Form]:
-        """Return terms with common factors of products taken out, the most common first."""
+        """Return terms with common factors of products factored out, the most common first."""
         expansion = self.expansion
         while True:
             members: dict[Name, list[int]] = {}
@@ -100,7 +100,7 @@ class _Factoring:
                 number, x = terms[i]
                 a, b = self.given[x][2]
                 others.append((number, b if a == factor else a))
-            others.sort(key=_in_order)  # those of other sums too, however they are written
+            others.sort(key=_in_order)  # including those of other sums, in canonical order
             number, rest = expansion.bracket(others, lambda x: self.taken_out(self.flat(x)))
             product = number, expansion.multiply(factor, rest)
             terms = [x for i, x in enumerate(terms) if i not in which[1:]]
@@ -108,7 +108,7 @@ class _Factoring:
 
 
 def _in_order(term: Form) -> tuple[bool, Name]:
-    """Return by what terms are sorted: series with registers come first."""
+    """Return the sort key of terms: series with registers come first."""
     return isinstance(term[1], UnnamedSeries), term[1]
 
 

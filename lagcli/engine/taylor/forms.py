@@ -1,8 +1,8 @@
-"""Series as multiples of others; their sums and products.
+"""Series as multiples of others, and their sums and products.
 
-Numbers that stay the same along a run are not multiplied by: a series is a number times another
-one, its base, as long as possible, and sums take the numbers in. What is added to a series changes
-its first coefficient alone.
+Numbers that are constant along a run are not multiplied immediately: a series is represented as a
+number times another one, its base, and sums apply the numbers. Adding a number to a series changes
+only its first coefficient.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Form = tuple[int, Name]  # the register of a number, and a series
 
 
 class SeriesForms:
-    """Knows series as multiples, and makes sums and products of them.
+    """Creates sums and products of series represented as multiples.
 
     A series is named by the register of its first coefficient, if it has one.
 
     Parameters
     ----------
     builder : Arithmetic
-        Takes the operations on numbers and on first coefficients.
+        Receives the operations on numbers and on first coefficients.
     """
 
     def __init__(self, builder: Arithmetic):
@@ -39,11 +39,11 @@ class SeriesForms:
         self.minus_one = builder.negative(builder.one)
         self.nodes: dict[Name, SeriesNode] = {}
         self.whole: dict[Name, Form] = {}
-        self.tails: dict[Name, Form] = {}  # what counts beyond the first coefficient
+        self.tails: dict[Name, Form] = {}  # valid beyond the first coefficient
         self.begins: dict[Name, int] = {ZERO: self.zero}  # of series without a register
         self.brackets: dict[tuple[Form, ...], Name] = {}
-        self.products: dict[tuple[Name, Name], Name] = {}  # that no register has
-        self.tail_products: dict[tuple[Name, Name], Name] = {}  # less the first coefficient of x
+        self.products: dict[tuple[Name, Name], Name] = {}  # products without a register
+        self.tail_products: dict[tuple[Name, Name], Name] = {}  # without the first coefficient of x
 
     def new(self, begin: int) -> UnnamedSeries:
         """Return a name for a series without a register."""
@@ -64,7 +64,7 @@ class SeriesForms:
         return self.tails.get(x) or self.form(x)
 
     def scaled(self, to: Name, scale: Callable[[int], int], x: Name) -> None:
-        """Make a series another's multiple, by what ``scale`` makes of its number."""
+        """Register a series as a multiple of another; ``scale`` computes its number."""
         number, base = self.form(x)
         self.whole[to] = scale(number), base
         if x in self.tails:
@@ -89,8 +89,8 @@ class SeriesForms:
         return total
 
     def normal(self, terms: Sequence[Form]) -> tuple[int, list[Form]]:
-        """Return a number, but for the sign that of all terms, or else the first one's sign alone;
-        and the terms without it.
+        """Return a number with the common sign of all terms, or the sign of the first one; and the
+        terms divided by it.
         """
         number, negative = terms[0][0], self.builder.negative
         if {s for s, _ in terms} <= {number, negative(number)}:
@@ -100,7 +100,7 @@ class SeriesForms:
         return self.one, [*terms]
 
     def bracket(self, terms: Sequence[Form], rewrite: Callable[[list[Form]], list[Form]]) -> Form:
-        """Make a sum that is multiplied as a whole, of what ``rewrite`` makes of its terms."""
+        """Create a sum that is multiplied as a whole, from terms converted by ``rewrite``."""
         number, left = self.normal(terms)
         key = tuple(left)
         if key not in self.brackets:
@@ -112,7 +112,7 @@ class SeriesForms:
         return number, self.brackets[key]
 
     def multiply(self, x: Name, y: Name, tail: bool = False) -> Name:
-        """Return the name of a product; ``tail``: less x's first coefficient times y."""
+        """Return the name of a product; ``tail``: without x's first coefficient times y."""
         products = self.tail_products if tail else self.products
         if (x, y) not in products:
             begin = self.zero if tail else self.builder.times(self.begin(x), self.begin(y))

@@ -1,10 +1,10 @@
-"""A long program for power series → operations on vectors of series, and what is left of it.
+"""Vectorization of a long program for power series.
 
-As in `lagcli.engine.program.vectorize`, operations of a level and of one kind whose operands are at
-equal distances become one on vectors. Series lie in layers: a layer holds the coefficients of one
-order of all that is kept, so that a vector's coefficients lie side by side, and a convolution is
-made for many series at once. What is in no vector is done one by one; for convolutions of these,
-copies of what they read have rows, as in short programs.
+As in `lagcli.engine.program.vectorize`, operations of one level and kind with equidistant operands
+become vector operations. Series are stored in layers: a layer contains the coefficients of one
+order of all stored series, so that a vector's coefficients are contiguous, and a convolution is
+computed for many series at once. The remaining operations are executed one by one; operands of
+their convolutions are copied to rows, as in short programs.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesOp,
 )
 
-#: Operations from which on vectors are searched for: those of a chain of 20 bodies.
+#: Number of operations from which programs are vectorized: those of a chain of 20 bodies.
 LONG = 500
-#: Where temporary places begin until it is known how many others there are.
+#: Start of temporary places until the number of the others is known.
 _TEMPORARY = 1 << 24
 
 
 class SeriesVector(NamedTuple):
-    """One operation on vectors: the places of its results and, for each operand, its elements."""
+    """A vector operation: the places of its results and, for each operand, its elements."""
 
     op: SeriesOp
     results: list[int]
@@ -47,20 +47,20 @@ class SeriesVector(NamedTuple):
 
 
 class Layers(NamedTuple):
-    """A program in part on vectors.
+    """A partly vectorized program.
 
     Parameters
     ----------
     parts : list
         In order: vectors, and lists of nodes.
     place : dict of names to int
-        Places of series in a layer. Temporary ones lie beyond it, where later layers will be.
+        Places of series in a layer. Temporary ones are beyond it, in the space of later layers.
     size : int
         Size of a layer.
     end : int
-        The first place after all.
+        Number of places.
     kept : dict of int to names
-        Places in the layer → the series there, but for those of the state.
+        Places in the layer → their series, except those of the state.
     """
 
     parts: list[SeriesVector | list[SeriesNode]]
@@ -76,7 +76,7 @@ def layered(
     state: Sequence[Sequence[Name]],
     results: Sequence[Sequence[Name]],
 ) -> Layers | None:
-    """Put operations on series in vectors; None where too few of them fit.
+    """Vectorize operations on series; None if too few are vectorizable.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def layered(
     kept : collection of names
         Series whose coefficients of all orders are needed.
     state, results : sequences of sequences of names
-        Families: series that are to lie side by side.
+        Families: series to be stored contiguously.
     """
     layering = _Layering(nodes, kept, state, results)
     layering.go()
@@ -93,7 +93,7 @@ def layered(
 
 
 def _needs(node: SeriesNode) -> tuple[Name, ...]:
-    """Return the series that must be there before an operation."""
+    """Return the series that must be computed before an operation."""
     op, _, operands = node
     return tuple(
         [x for i, x in enumerate(operands) if i not in op.numbers and not isinstance(x, Delayed)]
@@ -101,7 +101,7 @@ def _needs(node: SeriesNode) -> tuple[Name, ...]:
 
 
 class _Layering:
-    """Finds vectors and gives results their places."""
+    """Finds vectors and allocates places for results."""
 
     def __init__(
         self,
@@ -114,11 +114,13 @@ class _Layering:
         self.place: dict[Operand, int] = {}
         self.size = 0
         self.slots = Slots(_TEMPORARY)
-        self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None: see below
+        self.vectors: list[
+            Sequence[int] | None
+        ] = []  # the nodes of each vector, or None: see below
         self.singles: list[list[int]] = []  # the nodes of each None
         self.packed = 0
-        self.copies: dict[tuple[Name, ...], list[int]] = {}  # side by side, of series that are not
-        self.copied: dict[int, Operand] = {}  # places in the layer → the series there
+        self.copies: dict[tuple[Name, ...], list[int]] = {}  # contiguous copies of series
+        self.copied: dict[int, Operand] = {}  # places in the layer → their series
         for family in state:
             first = self.keep(len(family))
             self.put(family, first)
@@ -128,13 +130,13 @@ class _Layering:
             self.take(family)
 
     def put(self, names: Sequence[Operand], first: int) -> None:
-        """Note places side by side."""
+        """Record contiguous places."""
         self.place.update(zip(names, range(first, first + len(names)), strict=True))
 
     def copy(
         self, names: Sequence[Name], copies: dict[tuple[Name, ...], list[int]]
     ) -> SeriesVector:
-        """Return the operation that puts series side by side, and note where."""
+        """Return the operation that copies series to contiguous places, and record these."""
         first, places = self.keep(len(names)), [self.place[x] for x in names]
         side_by_side = list(range(first, first + len(names)))
         copies[tuple(names)] = side_by_side
@@ -142,7 +144,7 @@ class _Layering:
         return SeriesVector(SeriesOp.COPY, side_by_side, [places])
 
     def go(self) -> None:
-        """Go through the levels."""
+        """Process the levels."""
         needs = [(node[0], node[1], _needs(node)) for node in self.nodes]
         sets = together(needs)
         for group, dying in zip(sets, last_uses(needs, sets, self.kept), strict=True):
@@ -175,14 +177,14 @@ class _Layering:
             self.singles.append(singles)
 
     def take(self, names: Sequence[Operand]) -> None:
-        """Give results places side by side."""
+        """Allocate contiguous places for results."""
         if self.kept.isdisjoint(names):
             self.put(names, self.slots.take(len(names)))
         else:
             self.put(names, self.keep(len(names)))
 
     def keep(self, size: int) -> int:
-        """Return the first of as many places in the layer, where the cache has no line's end."""
+        """Return the first of a number of places in the layer, within cache lines if possible."""
         if size > 1:
             self.size = -(-self.size // LINE) * LINE
         self.size += size
@@ -191,7 +193,7 @@ class _Layering:
     # once all have places
 
     def finished(self) -> Layers:
-        """Return the parts, with what goes from layers to rows."""
+        """Return the parts, including copies from layers to rows."""
         kept = {at: x for x, at in self.place.items() if self.state <= at < _TEMPORARY}
         parts: list[SeriesVector | list[SeriesNode]] = []
         later: list[SeriesVector | list[SeriesNode]] = []
@@ -220,7 +222,7 @@ class _Layering:
                 names = tuple([x.series if before else x for x in columns[n]])
                 columns[n] = [self.place[x] for x in names]
                 if (before or n in op.convolved) and steps(columns[n])[1] != 1:
-                    # what is not there before the operation is copied at the end
+                    # operands that are computed afterwards are copied at the end
                     known = late if before and names not in self.copies else self.copies
                     if names not in known:
                         (later if before else parts).append(self.copy(names, known))
@@ -233,8 +235,8 @@ class _Layering:
     def moved(
         self, parts: list[SeriesVector | list[SeriesNode]], kept: dict[int, Operand]
     ) -> Layers:
-        """Put temporary places beyond the layer and the next one's state."""
-        # an odd number of lines of the cache: those of one place do not get into each other's way
+        """Move temporary places beyond the layer and the next one's state."""
+        # an odd number of cache lines, so that layers do not compete for the same ones
         size = -(-self.size // LINE) * LINE
         size += 0 if size // LINE % 2 else LINE
         offset = size + -(-self.state // LINE) * LINE - _TEMPORARY
@@ -255,7 +257,7 @@ class _Layering:
 
 
 def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
-    """Return the stream of an operation on vectors.
+    """Return the stream of a vector operation.
 
     Parameters
     ----------

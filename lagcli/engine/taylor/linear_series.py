@@ -1,8 +1,8 @@
 """Power series of the solution of [[M, −Bᵀ], [B, 0]] [a; λ] = [f; γ], from one factorization.
 
-Where K x = r, coefficient k of x is the solution of K_0 x_k = r_k − K_1 x_{k−1} − … − K_k x_0: all
-orders have the matrix of order 0, whose factors the tape yields anyway. So what stands between the
-matrix and its solution needs no series, and substitutions are sums of numbers times coefficients.
+If K x = r, coefficient k of x is the solution of K_0 x_k = r_k − K_1 x_{k−1} − … − K_k x_0: all
+orders have the matrix of order 0, whose factors the tape computes anyway. Therefore the
+factorization needs no series, and substitutions are sums of numbers times coefficients.
 
 References
 ----------
@@ -22,14 +22,14 @@ from lagcli.engine.taylor.series_nodes import Name
 
 
 class LinearSystem:
-    """Makes the series of a and λ.
+    """Computes the series of a and λ.
 
     Parameters
     ----------
     expansion : Expansion
     system : System
     outputs : sequence of int
-        Registers of the outputs of the dynamics tape with its elimination.
+        Registers of the outputs of the dynamics tape with the unrolled elimination.
     """
 
     def __init__(self, expansion: SeriesExpansion, system: System, outputs: Sequence[int]):
@@ -37,7 +37,7 @@ class LinearSystem:
         layout, nq, size = UnrolledLayout(system.counts), system.counts.nq, system.counts.unknowns
         rows = outputs[layout.jacobian]
         self.expansion = expansion
-        # rows, columns and registers of the matrix, and the signs that they have in r − K x
+        # rows, columns and registers of the matrix, and their signs in r − K x
         self.entries = [
             *((i, j, x, -1) for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=True)),
             *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
@@ -49,7 +49,7 @@ class LinearSystem:
         self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
 
     def solve(self) -> list[Name]:
-        """Take the matrix and the right side, then the substitutions; return the unknowns."""
+        """Convert the matrix and the right side, then the substitutions; return the unknowns."""
         expansion = self.expansion
         expansion.expand([*(x for _, _, x, _ in self.entries), *self.right])
         unknowns = self.unknowns()
@@ -66,17 +66,17 @@ class LinearSystem:
             if terms:
                 moving.add(to)
                 expansion.whole[to] = expansion.add(terms)
-        # from the right side to the solution all else is of order 0: numbers
+        # from the right side to the solution, everything else is of order 0: numbers
         before, expansion.moving = expansion.moving, moving
         names = dict(zip(self.solution, unknowns, strict=True))
-        for x in names.keys() & set(self.other_right):  # without any operation
+        for x in names.keys() & set(self.other_right):  # without an operation
             expansion.rename(x, names[x])
         expansion.expand(names, names)
         expansion.moving = before
         return unknowns
 
     def unknowns(self) -> list[Name]:
-        """Return names of the series of a and λ: registers where these are not made otherwise."""
+        """Return names of the series of a and λ: registers if they are not computed otherwise."""
         expansion = self.expansion
         found: list[Name] = []
         for x in self.values:
@@ -88,7 +88,7 @@ class LinearSystem:
         return found
 
     def product(self, base: Name, factors: list[Form]) -> Form:
-        """Return a series, but its first coefficient, times a sum."""
+        """Return the product of a series, without its first coefficient, and a sum."""
         expansion = self.expansion
         number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)
         return number, expansion.multiply(base, x, tail=True)

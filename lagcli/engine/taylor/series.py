@@ -1,7 +1,7 @@
-"""The dynamics tape → a program for power series: the motion's Taylor coefficients, order by order.
+"""Programs for power series: the motion's Taylor coefficients, order by order.
 
-What is done on coefficients is in `lagcli.engine.taylor.expansion`; here it is put in order and
-gets its places.
+The operations on coefficients are defined in `lagcli.engine.taylor.expansion`; here they are
+ordered and get places.
 
 References
 ----------
@@ -43,38 +43,38 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesOp,
 )
 
-#: Places between rows: where four coefficients are read at a time, some beside a row are.
+#: Places between rows, because four coefficients are read at a time, some of them beyond a row.
 PADDING = 4
 
 
 class SeriesProgram(NamedTuple):
     """A program for the Taylor coefficients of a motion.
 
-    A file of numbers holds those that series are multiplied by, steady ones first, then a row of
-    coefficients for each series that is convolved, then one place for each of the others: they are
-    not kept. Their places move by one with each order, so that an offset means the same for both.
-    The first rows are t, q, v, W, and one of zeros. A long program has layers after that: see
-    `lagcli.engine.taylor.layers`; there the state lies in them.
+    The file contains the numbers that multiply series, constant ones first, then a row of
+    coefficients for each convolved series, then one place for each of the other series, which are
+    not stored. Their places move by one with each order, so that an offset has the same meaning for
+    both. The first rows are t, q, v, W, and zeros. In a long program, layers follow, which contain
+    the state: see `lagcli.engine.taylor.layers`.
 
     Parameters
     ----------
     values : Tape
-        (t, q, v, parameters) → the numbers, what series other than the state's begin with,
-        a, power.
+        (t, q, v, parameters) → the numbers, the first coefficients of series other than the
+        state's, a, power.
     stream : int32 array
-        Operations on offsets in the file, as those of `Program`; for a vector each operand has two,
-        numbers too.
+        Operations on offsets in the file, as those of `Program`; each operand of a vector has two,
+        including numbers.
     convolutions : int
-        How many convolutions there are outside vectors.
+        Number of convolutions outside of vectors.
     order : int
     invariant, numbers : int
-        How many numbers are steady; with those that are found at each state.
+        Number of constant numbers; number including those computed at each state.
     begins : int32 array
         Offsets of the first coefficients of series other than the state's.
     origin, layer : int
-        Where layers begin, and how far one order is from the next.
+        Start of the layers, and distance of one order from the next.
     state : int32 array
-        Offsets of t, q, v, W from there.
+        Offsets of t, q, v, W in a layer.
     size : int
         Size of the file.
     """
@@ -93,17 +93,17 @@ class SeriesProgram(NamedTuple):
 
 
 def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> SeriesProgram:
-    """Make the program for the series of a motion up to an order.
+    """Create the program for the series of a motion up to an order.
 
     Parameters
     ----------
     system : System
     tape : Tape
-        Its dynamics with the elimination unrolled, and the solution for another right side.
+        Its dynamics tape with the unrolled elimination, and the solution for another right side.
     order : int
         At most ``MAX_ORDER``.
     working : iterable of int
-        The constraints whose forces' work is counted: all, or where the motion stays on them those
+        The constraints whose power is computed: all, or if the motion is projected onto them, those
         that depend on time.
 
     Raises
@@ -140,16 +140,16 @@ def _alike(values: Iterable[Name], kinds: Iterable[str | None]) -> list[list[Nam
 
 
 def order_for(rtol: float) -> int:
-    """Return the order that takes the least time at a relative tolerance.
+    """Return the order with the least run time at a relative tolerance.
 
-    Jorba and Zou's would be −ln(rtol)/2 + 1. Here a step costs more beside its series: it is
-    projected and watched, so longer ones pay; measured, six more are best within a few orders.
+    Jorba and Zou's would be −ln(rtol)/2 + 1. Here, projection and monitoring add to the cost of a
+    step, so longer steps are better; in measurements, six more orders are best within a few.
     """
     return min(math.ceil(-math.log(rtol) / 2) + 6, MAX_ORDER)
 
 
 def depending_on_time(system: System) -> list[int]:
-    """Return the constraints ψ = B v + b_0 with b_0 that is not zero everywhere."""
+    """Return the constraints ψ = B v + b_0 with b_0 not identically zero."""
     tape = system.constraint
     drift = tape.outputs[ConstraintLayout(system.counts).drift]
     values = dict(enumerate(tape.constants, tape.inputs))
@@ -157,7 +157,7 @@ def depending_on_time(system: System) -> list[int]:
 
 
 def _power(system: System, builder: Builder, outputs: Sequence[int], working: Iterable[int]) -> int:
-    """Emit the power of the applied forces, of time, and of the constraints that work."""
+    """Emit the power of the applied forces, of time, and of the constraints that do work."""
     layout, v = UnrolledLayout(system.counts), system.sample_layout.v.start
     multipliers = outputs[layout.solution][system.counts.nq :]
     (total,) = outputs[layout.power]
@@ -201,7 +201,7 @@ def _in_rows(
     outputs: Sequence[int],
     order: int,
 ) -> SeriesProgram:
-    """Return a program with rows for what is convolved; those of the state are the first."""
+    """Return a program with rows for convolved series; those of the state are the first."""
     places, numbers, invariant = _place_numbers(expansion, _numbers(nodes), [])
     place: dict[Operand, int] = {RegisterValue(x): at for (x,), at in places.items()}
     row, first = _row(order), _first(numbers)
@@ -232,7 +232,7 @@ def _in_layers(
     outputs: Sequence[int],
     order: int,
 ) -> SeriesProgram:
-    """Return a program with layers, and rows for what is in no vector and convolved."""
+    """Return a program with layers, and rows for operands of scalar convolutions."""
     singles = [x for part in layers.parts if not isinstance(part, SeriesVector) for x in part]
     vectors = [x.numbers for x in layers.parts if isinstance(x, SeriesVector)]
     place, numbers, invariant = _place_numbers(expansion, _numbers(singles), chain(*vectors))
@@ -248,7 +248,7 @@ def _in_layers(
             placed = [_placed(node, place, in_rows, layers.place) for node in part]
             whole += stream(placed).tolist()[:-2]
     origin = -(-end // LINE) * LINE
-    # beyond the last order core/series/series.c puts sums of the state, as far as W
+    # core/series/series.c stores the sums of the state, up to W, beyond the last order
     last = layers.place[WORK]
     return SeriesProgram(
         values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
@@ -290,7 +290,7 @@ def _placed(
 
 
 def _marked(node: SeriesNode) -> SeriesNode:
-    """Return an operation whose numbers are known by themselves."""
+    """Return an operation with marked numbers."""
     op, to, operands = node
     return (
         op,
@@ -308,16 +308,16 @@ def _place_numbers(
     numbers: Iterable[tuple[int]],
     of_vectors: Iterable[tuple[int, ...]],
 ) -> tuple[dict[tuple[int, ...], int], list[int], int]:
-    """Give numbers places, those of vectors side by side and steady ones first.
+    """Allocate places for numbers, those of vectors contiguously and constant ones first.
 
     Returns
     -------
     place : dict of tuple of int to int
-        A number's; of a vector's numbers, the first one's.
+        Place of a number; of a vector's numbers, the first one's.
     found : list of int
         The registers.
     invariant : int
-        How many of them are steady.
+        Number of constant ones.
     """
     known = expansion.builder.invariant
     parts: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = [], []
@@ -337,12 +337,12 @@ def _row(order: int) -> int:
 
 
 def _first(numbers: Sequence[int]) -> int:
-    """Return where the first row begins: where a line of the cache does, which is 3 % of a run."""
+    """Return the start of the first row, aligned with a cache line, which saves 3 % of a run."""
     return -(-(len(numbers) + PADDING) // LINE) * LINE
 
 
 def _place_rows(place: dict[Any, int], rows: Sequence[Name], first: int, row: int) -> int:
-    """Give series rows, the same when orders up to k − 1 are needed; return their end."""
+    """Allocate rows for series that are not alive together; return their end."""
     for n, x in enumerate(rows):
         place[x] = place[Delayed(x)] = first + n * row
     return first + len(rows) * row
@@ -361,7 +361,7 @@ def _values(
 def _merged(
     nodes: list[SeriesNode], results: Sequence[Name], product: SeriesOp, merged: SeriesOp
 ) -> list[SeriesNode]:
-    """Merge each product of a kind that is used once, by a sum, into that sum."""
+    """Merge each product of a kind that is used once, in a sum, with that sum."""
     uses: dict[Name, int] = dict.fromkeys(results, 2)
     for op, _, operands in nodes:
         for i, x in enumerate(operands):
@@ -386,7 +386,7 @@ def _merged(
 
 
 def _kept(nodes: Iterable[SeriesNode], state: set[Name]) -> list[Name]:
-    """Return the series beside the state's whose coefficients of all orders are needed."""
+    """Return the series, besides the state's, whose coefficients of all orders are needed."""
     kept: dict[Name, None] = {}
     for op, _, operands in nodes:
         if op.convolved:

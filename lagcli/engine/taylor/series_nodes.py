@@ -17,7 +17,7 @@ class SeriesOp(IntEnum):
         A letter for each operand: n is a number, s a series of which order k is used, c one that is
         convolved, and e one that is convolved up to order k − 1.
     numbers, convolved : tuples of int
-        Which operands are numbers, and which are series of letter c.
+        Which operands are numbers, and which are series of a letter.
     """
 
     operands: str
@@ -49,30 +49,30 @@ class SeriesOp(IntEnum):
     END = ""
 
 
-#: The largest order; the core's loops know their lengths up to here.
+#: The largest order; the loops of the core have this limit.
 MAX_ORDER = 31
-#: Elements that a vector has at most.
+#: Largest number of elements of a vector.
 LONGEST = 1024
 
 
 class UnnamedSeries(NamedTuple):
-    """A series that no register of the tape begins with, by its number."""
+    """A series without a register, by its number."""
 
     number: int
 
 
-#: The work, and what is zero beyond its first coefficient.
+#: The work, and the series that are zero beyond the first coefficient.
 WORK, ZERO = UnnamedSeries(0), UnnamedSeries(1)
 
-#: A series: the register that it begins with, or one without.
+#: A series: the register of its first coefficient, or a series without one.
 Name = int | UnnamedSeries
 
 
-# What operations read beside series. A number tells them apart: tuples are equal by their fields.
+# Operands other than series. A number distinguishes them, because tuples are equal by their fields.
 
 
 class Delayed(NamedTuple):
-    """A series of which orders up to k − 1 are needed: no need to wait for order k."""
+    """A series whose orders up to k − 1 are needed, so that order k need not be ready."""
 
     series: Name
     kind: int = 0
@@ -86,9 +86,9 @@ class NextCoefficient(NamedTuple):
 
 
 class RegisterValue(NamedTuple):
-    """A register's value, by which series are multiplied; not the series that begins with it.
+    """A register's value as a factor of series, in contrast to the series that begins with it.
 
-    Where an operation's operands are in order, `SeriesOp.numbers` tells which they are.
+    If an operation has numbers among its operands, `SeriesOp.numbers` states which.
     """
 
     register: int
