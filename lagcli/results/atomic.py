@@ -15,24 +15,24 @@ from lagcli.results import reasons
 
 
 def check_writable(path: str, force: bool = False) -> None:
-    """Raise if a file could not be created under this name now.
+    """Raise an error if a file could not be created under this name now.
 
     Parameters
     ----------
     path : str
-        The file to be.
+        Path of the new file.
     force : bool
         Whether an existing file may be replaced.
 
     Raises
     ------
     FileError
-        The name is taken and ``force`` is false; it is a folder, a pipe or a device; its folder
-        is missing, no folder, or not writable.
+        The name exists and ``force`` is false; it is a folder, a pipe or a device; its folder is
+        missing, not a folder, or not writable.
     """
     target, hidden = _names(path, force)
     try:
-        # Only a trial tells: os.access knows neither immutable folders nor what root may not do.
+        # Only a trial is reliable: os.access ignores immutable folders and restrictions on root.
         file = _open_unnamed(os.path.dirname(target))
         if file is None:
             file = _open_hidden(hidden)
@@ -44,7 +44,7 @@ def check_writable(path: str, force: bool = False) -> None:
 
 @contextmanager
 def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
-    """Open a file that is named on success and discarded on failure.
+    """Open a file that gets its name on success and is discarded on failure.
 
     On Linux the file has no name until it is complete and synced, so that even ``kill -9``
     leaves nothing behind. Elsewhere, and on file systems without ``O_TMPFILE``, it grows under a
@@ -56,8 +56,8 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     path : str
         The final name.
     force : bool
-        Replace an existing file, in one step. Without it an existing file is never touched, and
-        of several writers of one name exactly one succeeds.
+        Replace an existing file, atomically. Otherwise an existing file is never changed, and of
+        several writers of one name exactly one succeeds.
 
     Yields
     ------
@@ -67,8 +67,8 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     Raises
     ------
     FileError
-        As `check_writable`; or the disk is full, or the system rejects for another reason. An
-        ``OSError`` out of the block counts as one of this file.
+        As `check_writable`; also if the disk is full, or the system reports another error. An
+        ``OSError`` from the block counts as an error of this file.
     """
     target, hidden = _names(path, force)
     folder = os.path.dirname(target)
@@ -99,7 +99,7 @@ class FileWriter:
     Attributes
     ----------
     opened : ExitStack
-        Holds their `whole_file` contexts; to close it finishes the files.
+        Contains their `whole_file` contexts; closing it completes the files.
     """
 
     def __init__(self) -> None:
@@ -114,7 +114,7 @@ class FileWriter:
 
 
 def _names(path: str, force: bool) -> tuple[str, str]:
-    """Return the file to be, and a name to hide behind; raise if the former is not to be had."""
+    """Return the path of the file and a hidden name; raise an error if the path is unavailable."""
     try:
         target = os.path.realpath(path)
         with suppress(FileNotFoundError):
@@ -135,14 +135,14 @@ def _names(path: str, force: bool) -> tuple[str, str]:
 
 
 def _open_unnamed(folder: str) -> BinaryIO | None:
-    """Return an unnamed file in the folder; None where the system does not support it."""
+    """Return an unnamed file in the folder; None if the system does not support it."""
     if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):
         return None
     try:
         return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_RDWR, 0o666), "w+b")
     except OSError:
-        # Kernels and file systems say no in many ways. If the cause is another one (no
-        # permission, no space), opening the hidden file meets it again and reports it.
+        # Kernels and file systems report this differently. Other causes (permission, disk space)
+        # also affect opening the hidden file, which reports them.
         return None
 
 
@@ -153,7 +153,7 @@ def _open_hidden(hidden: str) -> BinaryIO:
 
 
 def _name_unnamed(file: BinaryIO, hidden: str, target: str, force: bool) -> bool:
-    """Give the unnamed file its name; return False where the system rejects to link it."""
+    """Give the unnamed file its name; return False if the system cannot link it."""
     source = f"/proc/self/fd/{file.fileno()}"
     try:
         _link_followed(source, target)
@@ -169,7 +169,7 @@ def _name_unnamed(file: BinaryIO, hidden: str, target: str, force: bool) -> bool
 
 
 def _link_followed(source: str, target: str) -> None:
-    """Link the file that a symbolic link in /proc stands for."""
+    """Link the file to which a symbolic link in /proc points."""
     # Python calls linkat(AT_SYMLINK_FOLLOW) only when it gets a dir_fd; plain link() would try
     # to link the symbolic link itself.
     folder = os.open(os.path.dirname(target), os.O_RDONLY | os.O_DIRECTORY)
@@ -209,9 +209,9 @@ def _name_hidden(hidden: str, target: str, force: bool) -> None:
 
 
 def sync_folder(folder: str) -> None:
-    """Bring new names in a folder to the disk, where the system can."""
-    # The file is in place and synced; a folder that cannot be synced (some network file
-    # systems, Windows) is nothing that the reader of a message could fix.
+    """Sync new names in a folder to the disk, if the system supports it."""
+    # The file is in place and synced; that a folder cannot be synced (some network file systems,
+    # Windows) is nothing the user could fix.
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

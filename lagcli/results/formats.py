@@ -1,4 +1,4 @@
-"""The formats of result files: their suffixes, readers and writers, and what they can hold."""
+"""Formats of result files: suffixes, readers, writers, and capabilities."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 
 class Writer(Protocol):
-    """Writes a run as its samples come.
+    """Writes a run while its samples are computed.
 
-    A context: the file has its name only after `finish`; if the context ends before, nothing
-    remains. `FileError` is raised as by `write`, here or at the end of the context.
+    A context manager: the file gets its name only after `finish`; if the context ends before,
+    nothing remains. `FileError` is raised as by `write`, here or at the end of the context.
     """
 
     def append(self, samples: Samples) -> None:
-        """Take the next samples; the first may be none."""
+        """Write the next samples; the first block may be empty."""
 
     def finish(self, record: Record) -> None:
-        """Complete the file, which must have been given samples, and name it."""
+        """Complete the file, to which samples must have been written, and give it its name."""
 
 
 class Reader(Protocol):
@@ -44,22 +44,22 @@ class Reader(Protocol):
         """Return the number of samples."""
 
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
-        """Yield fields of `Samples` by name, for so many samples at a time as memory allows.
+        """Yield fields of `Samples` by name, in blocks that fit in memory.
 
-        An output is ``outputs/NAME``. No sample at all may yield nothing.
+        An output is ``outputs/NAME``. Without samples, nothing may be yielded.
         """
 
     def trajectory(self) -> Trajectory:
-        """Return all of it."""
+        """Return the whole trajectory."""
 
 
 class FormatFunctions(NamedTuple):
-    """What a format provides.
+    """Functions of a format.
 
     Parameters
     ----------
     check_target : callable of (path, force, meta)
-        Raises what a writer would, as far as can be known before.
+        Raises the errors of a writer, as far as they can be determined in advance.
     open_writer : callable of (path, force, meta)
     open_reader : callable of (path)
     """
@@ -75,15 +75,15 @@ class ResultFormat(NamedTuple):
     Parameters
     ----------
     name : str
-        As `lagcli info --json` gives it.
+        Name in ``lagcli info --json``.
     title : str
-        As messages have it.
+        Name in messages.
     suffixes : tuple of str
-        In lower case; messages propose the first.
+        In lower case; messages suggest the first.
     functions : callable
-        Imports what reads and writes it.
+        Imports the reader and the writer.
     sweeps : "all", "table" or ""
-        What of a sweep it can hold: all of it, the table of its measures, or nothing.
+        Support for sweeps: all data, the table of measures, or none.
     streams : bool
         Whether it can be written to standard output.
     """
@@ -114,7 +114,7 @@ FORMATS = (
     ResultFormat("hdf5", "HDF5", (".h5", ".hdf5"), _hdf5, sweeps="all"),
     ResultFormat("csv", "CSV", (".csv",), _csv, sweeps="table", streams=True),
 )
-#: All suffixes, as `str.endswith` takes them.
+#: All suffixes, as a tuple for `str.endswith`.
 MODEL_SUFFIXES = (".yaml", ".yml")
 SUFFIXES = tuple(suffix for f in FORMATS for suffix in f.suffixes)
 #: The suffixes in help texts.
@@ -123,12 +123,12 @@ SUFFIX_NAMES = " or ".join(f.suffixes[0] for f in FORMATS)
 
 
 def format_of(path: str | os.PathLike[str]) -> ResultFormat:
-    """Return the format that a name stands for.
+    """Return the format of a file name.
 
     Parameters
     ----------
     path : str or path
-        A file's name; ``-`` is none.
+        A file name; ``-`` has no format.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
     Raises
     ------
     UsageError
-        The suffix, in whichever case, is that of no format.
+        The suffix, in any case, is unknown.
     """
     stem, suffix = os.path.splitext(os.fspath(path))
     if stem == "-":
@@ -157,7 +157,7 @@ def format_read(path: str | os.PathLike[str]) -> ResultFormat:
     Raises
     ------
     UsageError
-        The suffix is that of no format, or of model files.
+        The suffix is unknown, or that of model files.
     """
     stem, suffix = os.path.splitext(os.fspath(path))
     if suffix.lower() in MODEL_SUFFIXES:
@@ -174,7 +174,7 @@ def format_read(path: str | os.PathLike[str]) -> ResultFormat:
 
 
 def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool = False) -> None:
-    """Raise, before a long run, what `write` would raise after it.
+    """Raise, before a long run, the errors that `write` would raise after it.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool
     Raises
     ------
     FileError, UsageError
-        As `write`, as far as can be known before.
+        As `write`, as far as they can be determined in advance.
     """
     path = os.fspath(output)
     _target_format(path).functions().check_target(path, force, meta)
@@ -196,24 +196,24 @@ def write(
     force: bool = False,
     meta: bool = False,
 ) -> None:
-    """Write a trajectory in the format that the name's suffix says, whole or not at all.
+    """Write a trajectory in the format given by the suffix, atomically.
 
     Parameters
     ----------
     trajectory : Trajectory
         The run; nt, nq, nc and the number of outputs may be 0.
     output : str or path
-        A name that ends with ``.h5`` (``.hdf5``) or ``.csv``; ``-`` is CSV on standard output.
+        File name ending in ``.h5`` (``.hdf5``) or ``.csv``; ``-`` is CSV on standard output.
     force : bool
         Replace an existing file.
     meta : bool
-        Write the sidecar of a CSV file; HDF5 holds all of it by itself.
+        Write the sidecar of a CSV file; HDF5 files contain all metadata.
 
     Raises
     ------
     FileError
-        The file exists and ``force`` is false, or it cannot be written; standard output takes no
-        more (a full disk). A closed pipe remains a ``BrokenPipeError``.
+        The file exists and ``force`` is false, or it cannot be written; standard output cannot be
+        written (a full disk). A closed pipe remains a ``BrokenPipeError``.
     UsageError
         The suffix is unknown, or a sidecar is requested with standard output.
     """
@@ -226,9 +226,9 @@ def write(
 def open_writer(
     output: str | os.PathLike[str], force: bool = False, meta: bool = False
 ) -> AbstractContextManager[Writer]:
-    """Return what writes a run as its samples come; for the parameters and errors see `write`.
+    """Return a writer for a run in progress; for the parameters and errors see `write`.
 
-    `check_target` says whether the file could be written.
+    `check_target` checks in advance whether the file could be written.
     """
     path = os.fspath(output)
     return _target_format(path).functions().open_writer(path, force, meta)
@@ -240,21 +240,21 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     Parameters
     ----------
     path : str or path
-        A file that `write` wrote. Of CSV, line ends may be ``\\r\\n`` and a byte order mark may
-        lead.
+        A file written by `write`. In CSV, line ends may be ``\\r\\n``, and a byte order mark is
+        allowed.
 
     Returns
     -------
     Trajectory
-        With the same bits in every array (in CSV, every NaN becomes the one of Python). What only
-        the sidecar of a CSV file holds is empty without it: ``status`` and the other texts are
-        ``""``, mappings have no entry, ``scale_position`` and ``scale_velocity`` are NaN.
+        Arrays are bit-equal to the written ones (in CSV, every NaN becomes Python's). Metadata that
+        only the sidecar of a CSV file contains is empty without it: ``status`` and other texts are
+        ``""``, mappings are empty, ``scale_position`` and ``scale_velocity`` are NaN.
 
     Raises
     ------
     FileError
-        The file is missing, unreadable, cut short or damaged, or not of lagcli in a layout that
-        this version knows; or a sidecar belongs to another CSV file.
+        The file is missing, unreadable, truncated or damaged, or was not written by lagcli in a
+        layout that this version supports; or a sidecar belongs to another CSV file.
     UsageError
         The suffix is unknown.
     """
@@ -263,13 +263,13 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def open_reader(path: str | os.PathLike[str]) -> AbstractContextManager[Reader]:
-    """Open a result file, to look at some of its columns; for the errors see `read`.
+    """Open a result file to read some of its columns; for the errors see `read`.
 
-    They are raised when the context is entered, or when damage is met.
+    They are raised when the context is entered, or when damaged data is read.
     """
     return format_read(path).functions().open_reader(os.fspath(path))
 
 
 def _target_format(path: str) -> ResultFormat:
-    """Return the format to write; ``-`` is the one that can be written to standard output."""
+    """Return the format to write; ``-`` is the format for standard output."""
     return next(f for f in FORMATS if f.streams) if path == "-" else format_of(path)

@@ -22,12 +22,12 @@ _LABEL = 20
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what a result file holds, as JSON values.
+    """Return the description of a result file as JSON values.
 
     Parameters
     ----------
     path : str or path
-        A file that `lagcli.results.write` wrote.
+        A file written by `lagcli.results.write`.
 
     Returns
     -------
@@ -123,12 +123,12 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
-    """Return the text that ``lagcli info`` prints.
+    """Return the text printed by ``lagcli info``.
 
     Parameters
     ----------
     info : mapping
-        As `describe` returns it.
+        Result of `describe`.
     columns : int
         Length of the longest line.
 
@@ -220,7 +220,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
 
 
 def _table_of(table: Mapping[str, Any]) -> str:
-    """Return where the table of an input is from, and its extent."""
+    """Return the source of an input's table, and its extent."""
     digest = f" (sha256 {table['sha256'][:12]}…)" if table["sha256"] else ""
     span = f"{number(table['first'])} to {number(table['last'])} s"
     return f"{table['file'] or 'the model'}{digest}, {table['rows']} rows, {span}"
@@ -235,7 +235,7 @@ def _unit(unit: str | None) -> str:
 
 
 def _ratio(value: float | None, scale: float | None) -> float | None:
-    """Return the value by its scale; None where that says nothing."""
+    """Return the value over its scale; None if that is meaningless."""
     if value is None or scale is None or np.isnan(scale):
         return None
     if value == 0:
@@ -246,7 +246,7 @@ def _ratio(value: float | None, scale: float | None) -> float | None:
 def _residuals(
     constraints: Sequence[str], largest: Array, scales: Array
 ) -> dict[str, dict[str, float | None]]:
-    """Return the largest residual of each constraint, as it is and by its scale."""
+    """Return the largest residual of each constraint, absolute and scaled."""
     return {
         name: {"max": known(value), "scaled": _ratio(known(value), float(scale))}
         for name, value, scale in zip(constraints, largest, scales, strict=True)
@@ -254,7 +254,7 @@ def _residuals(
 
 
 def _size(count: int) -> str:
-    """Return a number of bytes in the largest unit that keeps it above one."""
+    """Return a number of bytes in the largest unit in which it is at least one."""
     size = float(count)
     for symbol in ("B", "kB", "MB"):
         if size < 1000:
@@ -264,7 +264,7 @@ def _size(count: int) -> str:
 
 
 def _freedom(found: Mapping[str, Any]) -> str:
-    """Say how many degrees of freedom there are, and which constraints are redundant."""
+    """Return the sentence on degrees of freedom and redundant constraints."""
     if not found:
         return ""
     text = f"{found['degrees_of_freedom']}, rank of B {found['rank']}"

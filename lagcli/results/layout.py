@@ -1,4 +1,4 @@
-"""The units and the names of terms that result files state."""
+"""Units and names of terms in result files."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from lagcli.column_units import UNIT_DATASETS, units_along
 from lagcli.columns import BY_NAME, ResultQuantity
 from lagcli.trajectory.samples import Terms
 
-#: What `units` says where the model states none.
+#: Text of `units` if the model has none.
 NOT_STATED = "not stated"
 
 
-#: The dataset that has the units of the entries of an array.
+#: Dataset with the units of the entries of an array.
 _SEE = {
     **{x.quantity: x.name for x in UNIT_DATASETS},
     **{"v": "coordinate_unit", "a": "coordinate_unit", "constraint_force_by": "force_unit"},
@@ -21,7 +21,7 @@ _SEE = {
 
 
 def shared_unit(names: Sequence[str], units: Mapping[str, str]) -> str:
-    """Return the unit of some outputs; where it differs between them, all of them."""
+    """Return the unit of some outputs; all units if they differ."""
     found = [units.get(name, NOT_STATED) for name in names]
     return found[0] if len(set(found)) == 1 else ", ".join(found)
 
@@ -41,7 +41,7 @@ def unit(
     units: Mapping[str, str],
     conserved: Sequence[str] = (),
 ) -> str:
-    """Return what a quantity is measured in.
+    """Return the unit of a quantity.
 
     Parameters
     ----------
@@ -50,17 +50,17 @@ def unit(
     coordinates, constraints, conserved : sequence of str
         Names.
     units : mapping of str to str
-        As ``Record.units``.
+        Units, as in ``Record.units``.
 
     Returns
     -------
     str
-        The unit; where it differs between columns, which of `UNIT_DATASETS` has it; `NOT_STATED`
-        where it is not known.
+        The unit; if it differs between columns, the name in `UNIT_DATASETS`; `NOT_STATED` if it is
+        unknown.
     """
     if "{" not in quantity.unit:
         return quantity.unit
-    if not quantity.along:  # the largest of residuals in several units
+    if not quantity.along:  # the largest of residuals in different units
         among = BY_NAME["constraint_force"]
         found = set(units_along(among, coordinates, constraints, units))
         return (found.pop() or NOT_STATED) if len(found) == 1 else NOT_STATED

@@ -1,4 +1,4 @@
-"""Listings of what `info` and the analyses print: names with values and units, wrapped."""
+"""Listings in text output: names with values and units, wrapped."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-#: Columns of text that does not go to a terminal.
+#: Width of text that is not written to a terminal.
 WIDTH = 100
-#: Entries of a list without end, such as one for each coordinate, that are shown.
+#: Largest number of entries of a long list, such as one for each coordinate.
 _SHOWN = 24
-#: Spaces within a name with its value and unit: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
+#: Matches spaces that must not break: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
 _WITHIN = re.compile(
     r"(?<= [=→]) | (?=[=→] )|(?<= ->) | (?=-> )|(?<=\bat t) |(?<=\bat) (?=t\b)"
     r"|(?<=\bm[ai][nx]) +|(?<=\d) (?=[A-Za-z%])|(?<=[\w\]']) (?=\[|[-−]?\d)"
@@ -20,14 +20,15 @@ _MEMBER = re.compile(r"([^\[\]]*\[)(\d+)(\].*)", re.DOTALL)
 
 
 def number(value: Any, digits: int = 6) -> str:
-    """Return a number as people read it; a dash for none."""
+    """Format a number for reading; a dash for None."""
     if value is None:
         return "-"
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def told_apart(before: float, after: float, digits: int = 6) -> tuple[str, str]:
-    """Return two different numbers with at least so many digits, and as many as tell them apart."""
+    """Format two different numbers with at least a number of digits, and enough to distinguish
+    them."""
     for n in range(digits, 18):
         shown = f"{before:.{n}g}", f"{after:.{n}g}"
         if shown[0] != shown[1]:
@@ -36,15 +37,16 @@ def told_apart(before: float, after: float, digits: int = 6) -> tuple[str, str]:
 
 
 def wrapped(text: str, width: int, first: str = "", following: str = "") -> list[str]:
-    """Break a text into lines; a name stays with its value, a number with its unit.
+    """Break a text into lines, without breaking between a name and its value, or a number and its
+    unit.
 
     Parameters
     ----------
     text : str
     width : int
-        Columns, with the indentation.
+        Width, including the indentation.
     first, following : str
-        What stands before the first line, and before the others.
+        Indentation of the first line, and of the others.
     """
     found = textwrap.wrap(
         _WITHIN.sub("\u00a0", text),
@@ -58,7 +60,7 @@ def wrapped(text: str, width: int, first: str = "", following: str = "") -> list
 
 
 def folded(items: Iterable[tuple[str, str]]) -> list[str]:
-    """Return names with what follows them; consecutive members with the same as one: x[1..9] [m].
+    """Return names with their suffixes; consecutive members with equal ones as one: x[1..9] [m].
 
     Parameters
     ----------
@@ -87,14 +89,14 @@ def folded(items: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def pairs(values: Mapping[str, Any], units: Mapping[str, str] | None = None) -> str:
-    """Return ``name = value unit`` for each entry; of very many, the first."""
+    """Return ``name = value unit`` for each entry; of many, the first ones."""
     units = units or {}
     shown = folded((name, _value(x, units.get(name, ""))) for name, x in values.items())
     return ", ".join(shortened(shown))
 
 
 def shortened(items: Sequence[str]) -> list[str]:
-    """Return items; of very many, the first, and how many more there are."""
+    """Return items; of many, the first ones and the number of the others."""
     if len(items) <= _SHOWN + 2:
         return list(items)
     return [*items[:_SHOWN], f"… {len(items) - _SHOWN} more (--json)"]
@@ -105,7 +107,8 @@ def _value(value: Any, unit: str) -> str:
 
 
 def entry(label: str, text: str, width: int, columns: int = WIDTH) -> list[str]:
-    """Return a label of some width with its text, wrapped and indented; nothing for no text."""
+    """Return a label of given width with its text, wrapped and indented; empty for an empty
+    text."""
     text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text)
     lines = []
     for line in wrapped(text, columns - width):

@@ -14,16 +14,16 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, STATUSES, Record
 
-#: What kind of file it is, so that a reader can tell it from other files of lagcli.
+#: The kind of the file, which distinguishes it from other lagcli files.
 KIND = "trajectory"
 
-#: How JSON has infinities.
+#: Infinities in JSON.
 _INFINITIES = ("inf", "-inf")
 
-#: Fields of `Record` that are text.
+#: Fields of `Record` that are texts.
 TEXTS = ("lagcli_version", "status", "message", "model_sha256", "model")
 
-#: Fields of `Record` that are mappings; `to_metadata` makes JSON values of theirs.
+#: Fields of `Record` that are mappings; `to_metadata` converts them to JSON values.
 MAPPINGS = (
     "units",
     "parameters",
@@ -43,8 +43,8 @@ WARNINGS = "warnings"
 def to_metadata(record: Record) -> dict[str, Any]:
     """Return texts, and mappings of JSON values, in the order of the file.
 
-    Numbers that JSON lacks become null (NaN) and ``"inf"``, ``"-inf"`` where a number is sure to
-    be meant; `from_metadata` reads them back.
+    Numbers that JSON lacks become null (NaN) and ``"inf"``, ``"-inf"`` in numerical fields;
+    `from_metadata` converts them back.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def to_metadata(record: Record) -> dict[str, Any]:
     Returns
     -------
     dict
-        Text or mapping by name, ``kind`` and ``schema_version`` among them.
+        Texts and mappings by name, including ``kind`` and ``schema_version``.
     """
     mappings: dict[str, Any] = {name: dict(getattr(record, name)) for name in MAPPINGS}
     for name in ("parameters", "seconds", "tolerances"):
@@ -73,12 +73,12 @@ def to_metadata(record: Record) -> dict[str, Any]:
 
 
 def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of `Record` that metadata hold.
+    """Return the fields of `Record` from metadata.
 
     Parameters
     ----------
     metadata : mapping
-        As `to_metadata` returns it; missing entries are empty.
+        Result of `to_metadata`; missing entries are empty.
 
     Returns
     -------
@@ -88,8 +88,8 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        A value is not of the kind that `to_metadata` writes, or the model's text does not have
-        the digest that stands beside it.
+        A value has a type that `to_metadata` does not write, or the digest of the model's text does
+        not match.
     """
     fields: dict[str, Any] = {}
     for name in TEXTS:
@@ -120,13 +120,13 @@ def check_times(time: Array, after: float = -math.inf) -> None:
 
 
 def check_model(text: str, sha256: str) -> None:
-    """Raise ValueError if a model's text does not have the digest that stands beside it."""
+    """Raise ValueError if the digest of a model's text does not match."""
     if (text or sha256) and hashlib.sha256(text.encode()).hexdigest() != sha256:
         raise ValueError("the model's text does not have the digest model_sha256")
 
 
 def shortened(value: object) -> str:
-    """Return a value for a message, in at most some 60 characters."""
+    """Return a value for a message, in at most about 60 characters."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:60]}…"
 
@@ -152,12 +152,12 @@ def to_json(value: object, indent: int | None = None) -> str:
     value : object
         Tuples become lists, NumPy numbers and arrays become numbers and lists.
     indent : int, optional
-        Spaces by level; on one line without.
+        Indentation; one line by default.
 
     Returns
     -------
     str
-        Non-ASCII characters stand as they are.
+        Non-ASCII characters are not escaped.
     """
     return storable(json.dumps(value, ensure_ascii=False, indent=indent, default=_plain))
 
@@ -170,7 +170,7 @@ def storable(text: str) -> str:
 
 
 def _plain(value: Any) -> object:
-    """Return a NumPy value as Python's, and anything else as text: no run is lost over it."""
+    """Return a NumPy value as Python's, and any other object as text, so that no run is lost."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -209,7 +209,7 @@ def from_number(value: float | str | None) -> float:
     Raises
     ------
     ValueError
-        It is no number.
+        It is not a number.
     """
     if value is None:
         return math.nan

@@ -10,12 +10,12 @@ from lagcli.files import check_regular
 
 
 def exists(path: str) -> FileError:
-    """Return the error for a name that is taken."""
+    """Return the error for an existing file."""
     return FileError(f"{path} exists already; give --force to overwrite it, or another name")
 
 
 def write_failure(path: str, error: OSError) -> FileError:
-    """Return the error for a write that the system rejected."""
+    """Return the error for a failed write."""
     folder = os.path.dirname(path) or "."
     match error.errno:
         case errno.EEXIST:
@@ -56,7 +56,7 @@ def check_readable(path: str) -> None:
     Raises
     ------
     FileError
-        It is missing, a folder, a pipe or device, empty, or not ours to read.
+        It is missing, a folder, pipe or device, empty, or not readable.
     """
     if check_regular(path) == 0:
         raise FileError(f"cannot read {path}: it is empty; run the simulation again")

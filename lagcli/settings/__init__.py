@@ -1,1 +1,1 @@
-"""Settings of simulations: declared once, given on several levels, resolved and checked."""
+"""Settings of simulations: declared once, merged from several levels, and checked."""

@@ -1,4 +1,4 @@
-"""Kinds of settings, and the two ways to hold their values: as far as given, and complete."""
+"""Kinds of settings, and containers of their values: partial and complete."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from lagcli.errors import UsageError
 
 T = TypeVar("T")
 
-#: Says what a number must be, and perhaps what to do about it; None if it is in range.
+#: Returns the requirement on a number, with a remedy if there is one; None if it is in range.
 Check = Callable[[float], tuple[str, str | None] | None]
 
 
 class SettingError(ValueError):
-    """A setting out of its range; ``key`` says which."""
+    """A setting out of its range, with its ``key``."""
 
     def __init__(self, key: str, message: str, help_: str | None = None):
         super().__init__(message)
@@ -24,22 +24,22 @@ class SettingError(ValueError):
 
 
 class Setting(Generic[T]):
-    """A setting: what the command line, model files, Python and the documentation know of it.
+    """A setting: its declaration for the command line, model files, Python and the documentation.
 
-    As an attribute, it is itself on a class, a value of type T on complete settings, and a value
-    or None on overrides.
+    As a descriptor, it returns itself on a class, a value of type T on complete settings, and a
+    value or None on overrides.
 
     Parameters
     ----------
     help : str
         For the command line and the documentation; ``{unit}`` stands for the unit.
     default : T or None
-        None where nothing is needed, or where the value follows from others.
+        None if the value is optional, or follows from others.
     unit : str
     stated : str
-        What is printed as default; by default the default.
+        Text printed as default; by default the default.
     metavar : str
-        The value in the command line's help, where its type does not say enough.
+        Placeholder of the value in the command line's help, if its type is not enough.
     check : callable, optional
         Check of the range of numbers.
     choices : tuple of str
@@ -75,26 +75,26 @@ class Setting(Generic[T]):
     @overload
     def __get__(self, values: GivenValues, owner: type) -> T | None: ...
     def __get__(self, values: object, owner: type) -> Any:
-        # a value that is there is found in the instance before this is called
+        # called only if the instance has no value
         return self if values is None else None
 
     def convert(self, value: Any) -> Any:
-        """Return a given value as it is kept."""
+        """Convert a given value."""
         return value
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         raise NotImplementedError
 
     def error(self, message: str, help_: str | None = None) -> SettingError:
-        """Return the error about this setting."""
+        """Return an error about this setting."""
         return SettingError(self.name, message, help_)
 
 
 class RealNumber(Setting[T]):
     """A number."""
 
-    #: What a value of this kind converts itself by; NumPy's numbers have it too.
+    #: Conversion of values of this kind; NumPy's numbers support it too.
     conversion = "__float__"
     what = "a number"
 
@@ -103,7 +103,7 @@ class RealNumber(Setting[T]):
         yield from self.number_problems(self.name, value)
 
     def number_problems(self, what: str, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a number that a message calls ``what``."""
+        """Yield the errors of a number; messages call it ``what``."""
         if isinstance(value, bool) or not hasattr(value, self.conversion):
             yield self.error(f"{what} must be {self.what}, not {value!r}")
         elif not math.isfinite(value):
@@ -121,7 +121,7 @@ class WholeNumber(RealNumber[T]):
 
 
 class Choice(Setting[T]):
-    """One of some words."""
+    """One of a list of words."""
 
     def problems(self, value: Any) -> Iterator[SettingError]:
         """Yield what is wrong with a value."""
@@ -150,7 +150,7 @@ class Times(Setting[tuple[float, ...] | None]):
         Raises
         ------
         UsageError
-            They are none.
+            The value is not a list of times.
         """
         try:
             return tuple(float(x) for x in value)
@@ -205,7 +205,7 @@ def not_negative(value: float) -> tuple[str, None] | None:
 def between(
     low: float, high: float, if_below: str | None = None, if_above: str | None = None
 ) -> Check:
-    """Return a check that a number lies between others, with help for what does not."""
+    """Return a check that a number lies in a range, with remedies for numbers outside."""
 
     def check(value: float) -> tuple[str, str | None] | None:
         if low <= value <= high:
@@ -217,19 +217,19 @@ def between(
 
 
 def plain(value: Any) -> str:
-    """Return a value as a person writes it: 1e-9, 10^8."""
+    """Format a value for reading: 1e-9, 10^8."""
     if isinstance(value, float):
         return f"{value:g}".replace("1e+0", "10^").replace("e-0", "e-")
     return str(value)
 
 
 class SettingValues:
-    """Values of the settings that a class declares; they do not change.
+    """Immutable values of the settings that a class declares.
 
     Parameters
     ----------
     **values
-        None is no value.
+        Values; None means not given.
 
     Raises
     ------
@@ -259,12 +259,12 @@ class SettingValues:
         return f"{type(self).__name__}({values})"
 
     def replace(self, **changes: Any) -> Self:
-        """Return these settings with other values; None takes one away."""
+        """Return these settings with other values; None removes one."""
         return type(self)(**{**self.__dict__, **changes})
 
 
 def _unknown(name: str, known: Iterable[str]) -> UsageError:
-    # imported where it is needed: at start-up it would cost a millisecond
+    # imported on demand: at start-up it would take a millisecond
     from difflib import get_close_matches
 
     near = get_close_matches(name, known, 1)
@@ -273,7 +273,7 @@ def _unknown(name: str, known: Iterable[str]) -> UsageError:
 
 
 class GivenValues(SettingValues):
-    """Values as far as they are given; those that are not are None."""
+    """Partial values; those not given are None."""
 
 
 class CompleteValues(SettingValues):

@@ -1,4 +1,4 @@
-"""The integration methods: which engine has them, and what they can do."""
+"""The integration methods, their engines and their capabilities."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ class Method(NamedTuple):
     Parameters
     ----------
     name : str
-        Also that of SciPy's class, where the reference engine has it.
+        Also the name of SciPy's class, for methods of the reference engine.
     description : str
-        For the command line's help and the documentation.
+        Description for the command line's help and the documentation.
     order : str
     implicit : bool
-        Whether steps solve equations, which takes derivatives of the equations of motion.
+        Whether the method is implicit and needs derivatives of the equations of motion.
     dense : str
-        What gives values within a step.
+        Description of the dense output.
     formulations : mapping of engine to formulations
-        The engines that have the method, and the formulations that each has with it.
+        The engines that have the method, and the formulations that each supports with it.
     error_order : int
-        Order of the error estimate of SciPy's method, by which its first step is chosen; 0 for
-        methods that begin at order one.
+        Order of the error estimate of SciPy's method, used to choose its first step; 0 for methods
+        that begin at order one.
     exact : bool
-        Whether it keeps its order only with exact derivatives, as Rosenbrock methods do.
+        Whether it needs exact derivatives to keep its order, as Rosenbrock methods do.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Method(NamedTuple):
     exact: bool = False
 
 
-#: Every method but `auto`, which chooses among those of the compiled engine.
+#: Every method except `auto`, which selects one of the compiled engine.
 METHODS = {
     method.name: method
     for method in (
@@ -119,7 +119,7 @@ METHODS = {
         ),
     )
 }
-#: What may be requested.
+#: Methods that can be requested.
 METHOD_NAMES = ("auto", *METHODS)
 
 
@@ -129,7 +129,7 @@ def methods_of(engine: str) -> tuple[str, ...]:
 
 
 def has(engine: str, method: str, formulation: str) -> bool:
-    """Return whether an engine has a method, or `auto`, with a formulation."""
+    """Return whether an engine supports a method, or `auto`, with a formulation."""
     if method == "auto":
         return True
     return formulation in METHODS[method].formulations.get(engine, ())

@@ -1,4 +1,5 @@
-"""Settings of all levels → complete settings, with an engine and a method that suit each other."""
+"""Resolution of settings from several levels to complete ones with a compatible engine and
+method."""
 
 from __future__ import annotations
 
@@ -12,17 +13,17 @@ from lagcli.settings.settings import DEFAULTS, Settings, SettingsOverrides
 
 
 def resolve(*levels: SettingsOverrides) -> Settings:
-    """Return complete settings, checked.
+    """Return complete, checked settings.
 
     Parameters
     ----------
     *levels
-        The highest first: what was given for the run, then the model's. Defaults are below them.
+        The highest first: those given for the run, then the model's. Defaults are the lowest level.
 
     Raises
     ------
     UsageError
-        A value is out of its range, or no engine can do what is requested.
+        A value is out of its range, or no engine supports the request.
     """
     chosen = SettingsOverrides()
     for level in (*levels, DEFAULTS):
@@ -51,7 +52,7 @@ def _completed(chosen: SettingsOverrides) -> Settings:
 
 
 def _chooses(settings: Settings) -> bool:
-    """Return whether there is more than one method for `auto` to choose from."""
+    """Return whether `auto` can choose between several methods."""
     return settings.engine == "compiled" and settings.formulation != "baumgarte"
 
 
@@ -61,7 +62,7 @@ def compiled_available() -> bool:
 
 
 def _check_engine(settings: Settings) -> None:
-    """Raise SettingError where the engine cannot do what is requested."""
+    """Raise SettingError if the engine does not support the request."""
     method, formulation = settings.method, settings.formulation
     compiled = methods_of("compiled")
     if settings.engine != "compiled":
@@ -89,7 +90,7 @@ def _check_engine(settings: Settings) -> None:
 
 
 def _only_compiled(settings: Settings) -> SettingError:
-    """Return the error for a method of the compiled engine that cannot be had."""
+    """Return the error for a method of the compiled engine that is not available."""
     method = settings.method
     other = "Radau" if METHODS[method].implicit else "DOP853"
     if settings.formulation == "baumgarte":

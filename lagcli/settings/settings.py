@@ -1,7 +1,7 @@
-"""The settings of a simulation: their declaration, as given on some level, and complete.
+"""The settings of a simulation: declarations, overrides, and complete settings.
 
-What is declared here once becomes options of the command line, keys of a model file's `simulation`
-block, arguments of `lagcli.simulate`, and the table of the documentation.
+The declarations define the options of the command line, the keys of a model file's `simulation`
+block, the arguments of `lagcli.simulate`, and the table of the documentation.
 """
 
 from __future__ import annotations
@@ -93,17 +93,17 @@ class _Declared:
     )
 
 
-#: Settings that describe one thing, of which one is given.
+#: Settings of which only one may be given.
 _GRID = ("samples", "dt", "times")
 
 
 class SettingsOverrides(_Declared, GivenValues):
-    """Settings as far as a model file, the command line or a call gives them.
+    """Settings given by a model file, the command line or a call; all are optional.
 
     Parameters
     ----------
     **values
-        By the names of settings; None is no value.
+        Values by the names of settings; None means not given.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class SettingsOverrides(_Declared, GivenValues):
         return {name: self.__dict__[name] for name in self.DECLARED if name in self.__dict__}
 
     def over(self, lower: SettingsOverrides) -> Self:
-        """Return these settings with the gaps filled from a lower level."""
+        """Return these settings, completed from a lower level."""
         values = {**lower.as_dict(), **self.as_dict()}
         if any(name in self.__dict__ for name in _GRID):
             # the higher level's choice replaces the lower's
@@ -131,7 +131,7 @@ class SettingsOverrides(_Declared, GivenValues):
             raise problem
 
     def problems(self) -> Iterator[SettingError]:
-        """Yield what is out of its range, or contradicts another setting."""
+        """Yield errors: values out of range, or contradictions between settings."""
         wrong: dict[str, None] = {}
         for name, value in self.as_dict().items():
             for problem in self.DECLARED[name].problems(value):
@@ -162,12 +162,12 @@ class SettingsOverrides(_Declared, GivenValues):
 class Settings(_Declared, CompleteValues):
     """Complete settings, checked; made by `lagcli.settings.resolve.resolve`.
 
-    None is left where nothing is needed: two of ``samples``, ``dt`` and ``times``; ``atol`` where
-    tolerances follow the size; ``alpha`` and ``beta`` where they follow the step.
+    Some values may be None: two of ``samples``, ``dt`` and ``times``; ``atol`` if tolerances follow
+    the size; ``alpha`` and ``beta`` if they follow the step.
     """
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values in force, for the record of a run."""
+        """Return the effective values, for the record of a run."""
         values = {name: self.__dict__[name] for name in self.DECLARED}
         return {name: x for name, x in values.items() if x is not None and x != math.inf}
 
@@ -184,7 +184,7 @@ class Settings(_Declared, CompleteValues):
         return math.floor(duration / self.dt * (1 + 1e-12) + 1e-9) + 1
 
 
-#: The lowest level: what holds where nothing is given.
+#: The lowest level: default values.
 DEFAULTS = SettingsOverrides(
     **{name: x.default for name, x in Settings.DECLARED.items() if x.default != math.inf}
 )

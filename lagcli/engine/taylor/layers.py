@@ -114,9 +114,7 @@ class _Layering:
         self.place: dict[Operand, int] = {}
         self.size = 0
         self.slots = Slots(_TEMPORARY)
-        self.vectors: list[
-            Sequence[int] | None
-        ] = []  # the nodes of each vector, or None: see below
+        self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None
         self.singles: list[list[int]] = []  # the nodes of each None
         self.packed = 0
         self.copies: dict[tuple[Name, ...], list[int]] = {}  # contiguous copies of series

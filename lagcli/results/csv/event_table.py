@@ -1,6 +1,6 @@
-"""The log of a run in CSV: a table beside the samples, ``FILE.events.csv``.
+"""The event log of a run in CSV: a separate table, ``FILE.events.csv``.
 
-Its first line after the header, of the kind ``start``, has the modes at the start alone.
+Its first line after the header, of the kind ``start``, contains only the initial modes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def events_text(
     ----------
     log : EventLog
     t_start : float
-        s; NaN where it is not known.
+        Times, s; NaN if unknown.
     coordinates, constraints : sequence of str
     """
     text = io.StringIO()
@@ -71,7 +71,7 @@ def events_text(
 
 
 def events_digest(path: str) -> str | None:
-    """Return the SHA-256 of the table beside a CSV file; None without one."""
+    """Return the SHA-256 of the event table of a CSV file; None if there is none."""
     table = events_path(path)
     if not os.path.lexists(table):
         return None
@@ -86,19 +86,19 @@ def events_digest(path: str) -> str | None:
 def read_event_table(
     path: str, coordinates: Sequence[str], constraints: Sequence[str]
 ) -> EventLog | None:
-    """Return the log of a run; None without a table.
+    """Return the log of a run; None if there is no table.
 
     Parameters
     ----------
     path : str
         The CSV file of the samples.
     coordinates, constraints : sequence of str
-        As it names them.
+        Their names.
 
     Raises
     ------
     FileError
-        The table cannot be read, is none, or is of another model.
+        The table cannot be read, is not an event table, or belongs to another model.
     """
     table = events_path(path)
     if not os.path.lexists(table):
@@ -180,7 +180,7 @@ def _log(
 
 
 def _records(columns: list[str], lines: list[list[str]]) -> EventRecords:
-    """Return what events record: the ends of the lines, which are empty where there is nothing."""
+    """Return the recorded columns of each line, empty where nothing is recorded."""
     if not columns:
         return NOTHING_RECORDED
     places = [i for i, line in enumerate(lines) if any(line)]

@@ -32,13 +32,14 @@ from lagcli.results.reasons import check_readable
 from lagcli.trajectory.samples import SCHEMA_VERSION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 
-#: Numbers read in one go, where a file is read piece by piece.
+#: Number of values read at once, if a file is read in blocks.
 _NUMBERS_READ = 1 << 20
 
 
 @contextmanager
 def open_csv(path: str) -> Iterator[CsvReader]:
-    """Open a CSV file and its sidecar; raises, then and later, as `lagcli.results.formats.read`."""
+    """Open a CSV file and its sidecar; raises the errors of `lagcli.results.formats.read`, also
+    later."""
     check_readable(path)
     _check_last_line(path)
     try:
@@ -51,7 +52,7 @@ def open_csv(path: str) -> Iterator[CsvReader]:
 
 
 class CsvReader:
-    """An open file, to be read once; see `lagcli.results.formats.Reader`."""
+    """An open file that can be read once; see `lagcli.results.formats.Reader`."""
 
     def __init__(self, path: str, file: TextIO):
         self._path, self._file = path, file
@@ -65,7 +66,7 @@ class CsvReader:
         self.record = read_sidecar(path, self.coordinates, self.constraints)
 
     def count(self) -> int:
-        """Return the number of samples: of lines, without the header."""
+        """Return the number of samples: lines without the header."""
         with open(self._path, "rb") as file:
             return sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b"")) - 1
 
@@ -78,7 +79,7 @@ class CsvReader:
             yield {name: columns[name] for name in names}
 
     def trajectory(self) -> Trajectory:
-        """Return all of it."""
+        """Return the whole trajectory."""
         columns = self._columns(_table(self._path, self._file, self._header))
         del columns["constraint_force"]  # the sum of constraint_force_by
         return Trajectory(
@@ -146,9 +147,9 @@ def _check_last_line(path: str) -> None:
 
 
 class HeaderNames(NamedTuple):
-    """What the header of a CSV file names.
+    """Names in the header of a CSV file.
 
-    ``missing`` are the quantities that it lacks: those that were added after the file was written.
+    ``missing`` are quantities that were added after the file was written.
     """
 
     coordinates: tuple[str, ...]
@@ -162,7 +163,7 @@ class HeaderNames(NamedTuple):
 
 def _names(path: str, header: list[str]) -> HeaderNames:
     """Return the names of a header; raise FileError if lagcli did not write it."""
-    # Forces follow the accelerations; without a coordinate there are none, and scalars follow.
+    # Forces follow the accelerations; without coordinates there are none, and scalars follow.
     named = [read_dotted_name(text) or ColumnName("") for text in header]
     forces = ("multipliers", "constraint_force", "constraint_force_by")
     ends = [i for i, name in enumerate(named) if name.quantity in forces]
@@ -215,7 +216,7 @@ def _names(path: str, header: list[str]) -> HeaderNames:
 def _terms(
     pairs: list[tuple[str, str]], coordinates: tuple[str, ...], constraints: tuple[str, ...]
 ) -> Terms | None:
-    """Return the terms that columns name; None if they are not, or not in order."""
+    """Return the terms that columns name; None if they are invalid, or not in order."""
     places = {q: j for j, q in enumerate(coordinates)}
     rows = {c: i for i, c in enumerate(constraints)}
     if not all(c in rows and q in places for c, q in pairs):
@@ -246,7 +247,7 @@ def _table(path: str, lines: Iterable[str], header: list[str]) -> Array:
 
 
 def _bad_line(path: str, header: list[str], reason: str) -> FileError:
-    """Return the error that names the first line that is no sample."""
+    """Return the error for the first line that is not a sample."""
     with open(path, encoding="utf-8-sig", newline="") as file:
         reader = csv.reader(file)
         next(reader)

@@ -1,4 +1,4 @@
-"""The sidecar of a CSV file: JSON with the metadata that CSV cannot hold."""
+"""The sidecar of a CSV file: JSON with the metadata that CSV cannot represent."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from lagcli.results.metadata import (
 from lagcli.results.reasons import check_readable
 from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record
 
-#: Texts that a table has beside its numbers.
+#: Fields of a table that are text.
 _OF_TABLES = ("unit", "file", "sha256")
 
 _REMEDY = "remove it to read the CSV file alone"
@@ -55,13 +55,13 @@ def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
     record : Record
         Record of the run.
     contents : mapping
-        What the CSV file holds: ``csv_sha256``, by which the two are known to belong together,
-        ``samples`` (their number), and the names of ``coordinates``, ``constraints``, ``outputs``.
+        Description of the CSV file: ``csv_sha256``, which associates the two files, ``samples``
+        (their number), and the names of ``coordinates``, ``constraints``, ``outputs``.
 
     Returns
     -------
     bytes
-        JSON in UTF-8: what `to_metadata` returns, the contents, and the scales of the
+        JSON in UTF-8: the result of `to_metadata`, the description, and the scales of the
         constraints (null for NaN).
     """
     metadata = to_metadata(record)
@@ -72,20 +72,20 @@ def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
         "scale_position": [to_number(x) for x in record.scale_position],
         "scale_velocity": [to_number(x) for x in record.scale_velocity],
         **({"inputs": _listed(record.inputs)} if record.inputs else {}),
-        "model": model,  # last: it is long
+        "model": model,  # last, because it is long
     }
     about["sidecar_sha256"] = _digest(json.loads(to_json(about)))
     return (to_json(about, indent=1) + "\n").encode()
 
 
 def _digest(about: Mapping[str, Any]) -> str:
-    """Return the digest of a sidecar's contents, whatever their spaces and line ends."""
+    """Return the digest of a sidecar's contents, independent of whitespace and line ends."""
     others = {name: value for name, value in about.items() if name != "sidecar_sha256"}
     return hashlib.sha256(json.dumps(others, sort_keys=True).encode()).hexdigest()
 
 
 def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[str]) -> Record:
-    """Return what CSV does not hold: what the sidecar and the table of events hold.
+    """Return the metadata of a CSV file from its sidecar and its event table.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[st
     Returns
     -------
     Record
-        Without a sidecar texts and mappings are empty, and scales are NaN.
+        Without a sidecar, texts and mappings are empty, and scales are NaN.
 
     Raises
     ------
     FileError
-        The sidecar or the table of events cannot be read, is none, or belongs to another CSV file.
+        The sidecar or the event table cannot be read, is invalid, or belongs to another CSV file.
     """
     events, nc = read_event_table(path, coordinates, constraints), len(constraints)
     sidecar = sidecar_path(path)
@@ -180,7 +180,7 @@ def _table(name: str, given: Mapping[str, Any]) -> InputTable:
     Raises
     ------
     LookupError, TypeError, ValueError
-        It is none.
+        The value is not a table.
     """
     times, values = (np.array(given[x], dtype=np.float64) for x in ("times", "values"))
     table = InputTable(times, values, **{x: str(given[x]) for x in _OF_TABLES})
@@ -189,7 +189,7 @@ def _table(name: str, given: Mapping[str, Any]) -> InputTable:
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object, in which each name stands once."""
+    """Return a JSON object; reject duplicate names."""
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a name stands twice")

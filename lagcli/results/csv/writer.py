@@ -22,7 +22,7 @@ from lagcli.results.layout import term_names
 from lagcli.results.reasons import write_failure
 from lagcli.trajectory.samples import Record, Samples
 
-#: Numbers formatted in one go: large enough to be fast, small enough for any memory.
+#: Number of values formatted at once: large enough to be fast, small enough for memory.
 _NUMBERS_WRITTEN = 1 << 14
 
 
@@ -50,8 +50,8 @@ def titles(
     Returns
     -------
     dict
-        In the order of the file: field of `Trajectory` → names of its columns, the last axis
-        running fastest.
+        In the order of the file: field of `Trajectory` → names of its columns, with the last axis
+        varying fastest.
     """
     found = {
         quantity.name: list(
@@ -66,29 +66,29 @@ def titles(
 
 
 class CsvWriter(FileWriter):
-    """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
+    """Writes a run as CSV during the run; see `lagcli.results.formats.Writer`.
 
     Parameters
     ----------
     path : str
-        The file, or ``-`` for standard output; `check_csv_target` has accepted it.
+        The file, or ``-`` for standard output, accepted by `check_csv_target`.
     force : bool
         Replace an existing file, its sidecar and its table of events.
     meta : bool
-        Write the sidecar ``PATH.json`` too, with what CSV has no place for: status, message,
-        model, parameters, units, options, scales, …
+        Also write the sidecar ``PATH.json`` with the metadata: status, message, model, parameters,
+        units, options, scales, ….
 
     Notes
     -----
-    As RFC 4180 says (comma, quotes doubled, quoted where needed), but for the line end, which is
-    ``\\n`` alone: awk, cut, sort and join would take the carriage return for a part of the last
-    column, and every reader of CSV accepts the newline. The text is UTF-8. NaN is ``nan``,
-    infinities are ``inf`` and ``-inf``.
+    The format is RFC 4180 (comma, doubled quotes, quoted where needed) with the line end ``\\n``:
+    awk, cut, sort and join would treat a carriage return as part of the last column, and all
+    readers of CSV accept the newline. The text is UTF-8. NaN is ``nan``, infinities are ``inf`` and
+    ``-inf``.
 
-    Contacts and events are written to a separate table, ``FILE.events.csv``; standard output
-    has none. The file gets its name just before the sidecar does. The sidecar carries the digests
-    of its CSV file and of the table, by which files of another run are noticed; with ``force``
-    and without ``meta`` an old sidecar is removed.
+    Contacts and events are written to a separate table, ``FILE.events.csv``, unless the output is
+    standard output. The file gets its name just before the sidecar does. The sidecar contains the
+    digests of the CSV file and of the table, which reveal files of another run; with ``force`` and
+    without ``meta`` an old sidecar is removed.
     """
 
     def __init__(self, path: str, force: bool = False, meta: bool = False):
@@ -127,7 +127,7 @@ class CsvWriter(FileWriter):
             _remove(events_path(self._path))
 
     def _write_events(self, record: Record) -> bytes:
-        """Write the table of events, if the samples go to a file; it is named first."""
+        """Write the event table, if the samples go to a file; it gets its name first."""
         assert record.events is not None
         t_start = float(record.options.get("t_start", math.nan))
         names = (self._names["coordinates"], self._names["constraints"])
@@ -145,7 +145,7 @@ class CsvWriter(FileWriter):
         }
         if self._path == "-":
             return _standard_output()
-        if self._meta:  # opened first, so that it is named last
+        if self._meta:  # opened first, so that it gets its name last
             sidecar = whole_file(sidecar_path(self._path), self._force)
             self._beside = self.opened.enter_context(sidecar)
         return self.opened.enter_context(whole_file(self._path, self._force)).write
@@ -166,7 +166,7 @@ def _remove(path: str) -> None:
 
 
 def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None:
-    """Raise if `CsvWriter` could not write there now.
+    """Raise an error if `CsvWriter` could not write there now.
 
     Parameters
     ----------
@@ -176,8 +176,8 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
     Raises
     ------
     FileError
-        The file, its sidecar or its table of events exists and ``force`` is false, or the folder
-        takes no file.
+        The file, its sidecar or its event table exists and ``force`` is false, or the folder is not
+        writable.
     UsageError
         A sidecar is requested with standard output.
     """
@@ -187,8 +187,8 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
                 "standard output has no sidecar for --meta; name a file: -o run.csv --meta"
             )
         return
-    # An old sidecar, or table of events, would be taken for one of the new file, so it stands in
-    # the way even of a file without.
+    # an old sidecar, or event table, could be mistaken for one of the new file, so it is an
+    # obstacle even for a file without one
     check_writable(path, force)
     check_writable(sidecar_path(path), force)
     check_writable(events_path(path), force)
@@ -211,7 +211,7 @@ def _titles(samples: Samples) -> dict[str, list[str]]:
 
 
 def _lines(samples: Samples) -> Iterator[bytes]:
-    """Yield the lines of samples, some at a time."""
+    """Yield the lines of samples, in blocks."""
     count = len(samples.time)
     arrays = []
     for name, names in _titles(samples).items():
@@ -228,7 +228,7 @@ def _lines(samples: Samples) -> Iterator[bytes]:
 
 
 def _standard_output() -> Callable[[bytes], object]:
-    """Return what writes to standard output; no buffer is left that could fail at exit."""
+    """Return a writer to standard output without buffers that could fail at exit."""
     stream = sys.stdout
     if stream is None or stream.closed:  # a program without a console, which calls the library
         raise FileError("cannot write to standard output: it is closed; name a file: -o run.csv")

@@ -1,4 +1,4 @@
-"""Files of analyses: arrays by name, and the same content as JSON."""
+"""Analysis files: arrays by name, and the content as JSON."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
 def new_analysis_file(
     path: str, content: Mapping[str, Any], facts: Mapping[str, Any], force: bool = False
 ) -> Iterator[h5py.File]:
-    """Open a file for the result of an analysis, which is written whole or not at all.
+    """Create a file for the result of an analysis, written atomically.
 
     Parameters
     ----------
     path : str
     content : mapping
-        As ``--json`` prints it; its ``command`` is the kind of the file.
+        Content printed by ``--json``; its ``command`` is the kind of the file.
     facts : mapping
         Provenance: ``lagcli_version``, ``model``, ``model_sha256``, ``parameters``, ….
     force : bool
@@ -39,12 +39,12 @@ def new_analysis_file(
     Yields
     ------
     h5py.File
-        The file without its arrays.
+        The file, to which the arrays are added.
 
     Raises
     ------
     FileError
-        The file exists, or it cannot be written.
+        The file exists, or cannot be written.
     """
     texts = {
         "kind": content["command"],
@@ -75,7 +75,7 @@ def write_analysis(
 
 
 class ModelText(NamedTuple):
-    """The model that an analysis is of, as it was given.
+    """The model of an analysis: its text and given values.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ class ModelText(NamedTuple):
 
 
 def read_model_text(path: str | os.PathLike[str]) -> ModelText:
-    """Return the model of a file of an analysis.
+    """Return the model of an analysis file.
 
     Raises
     ------
     FileError
-        As `read_analysis`; or it contains no model.
+        As `read_analysis`; also if the file contains no model.
     """
     with open_verified(path, SCHEMA_VERSION) as opened:
         names = ("model", "model_path", "set", "set_initial")
@@ -108,7 +108,7 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
 
 
 def analysis_kind(path: str | os.PathLike[str]) -> str | None:
-    """Return the command that made a file of an analysis; None of runs and sweeps.
+    """Return the command that wrote an analysis file; None for runs and sweeps.
 
     Raises
     ------
@@ -123,13 +123,13 @@ def analysis_kind(path: str | os.PathLike[str]) -> str | None:
 def opened_analysis(
     path: str | os.PathLike[str], command: str = ""
 ) -> Iterator[tuple[h5py.File, dict[str, Any]]]:
-    """Open a file of an analysis.
+    """Open an analysis file.
 
     Parameters
     ----------
     path : str or path
     command : str
-        The command that must have made it; any by default.
+        The command that must have written it; any by default.
 
     Yields
     ------
@@ -153,6 +153,6 @@ def opened_analysis(
 
 
 def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, Any]:
-    """Return the content of a file of an analysis; see `opened_analysis`."""
+    """Return the content of an analysis file; see `opened_analysis`."""
     with opened_analysis(path, command) as (_, content):
         return content

@@ -1,6 +1,6 @@
-"""Writing of HDF5 files: datasets, attributes, dimension scales.
+"""Low-level writing of HDF5 files: datasets, attributes, dimension scales.
 
-h5py's low-level functions make an ordinary file in half the time of its usual ones.
+h5py's low-level functions create an ordinary file in half the time of the high-level ones.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ _SCALAR = h5s.create(h5s.SCALAR)
 _NAMES = h5p.create(h5p.LINK_CREATE)
 _NAMES.set_char_encoding(h5t.CSET_UTF8)
 
-#: Bytes of each dataset that HDF5 keeps until their chunk is full.
+#: Size of HDF5's chunk cache for each dataset, bytes.
 _CACHE = 1 << 20
 
 
 @contextmanager
 def new_file(path: str, force: bool) -> Iterator[tuple[h5py.File, Sink]]:
-    """Open an HDF5 file that is sealed and named when the block ends well; see `whole_file`.
+    """Create an HDF5 file that is sealed and named if the block succeeds; see `whole_file`.
 
     Yields
     ------
     root : h5py.File
     sink : Sink
-        To be asked, by `Sink.check`, whether all could be written so far.
+        `Sink.check` raises an error if a write has failed.
     """
     with whole_file(path, force) as file:
         sink = Sink(file)
         try:
-            # The format of 2008 (HDF5 1.8): its checksums notice damage in all but the numbers.
+            # The HDF5 1.8 format (2008), whose checksums cover everything except the numbers.
             with h5py.File(sink, "w", libver="v108", rdcc_nbytes=_CACHE) as root:
                 yield root, sink
         finally:
@@ -48,10 +48,10 @@ def new_file(path: str, force: bool) -> Iterator[tuple[h5py.File, Sink]]:
 
 
 class Sink:
-    """Binary file for HDF5 that stores the first failure until HDF5 is done.
+    """Binary file for HDF5 that records the first failure until HDF5 is done.
 
-    The HDF5 library does not recover when a disk fills up under it (with h5py 3.10 the process
-    crashes). So it never hears of it, and what it writes after a failure is dropped.
+    The HDF5 library does not recover from a full disk (with h5py 3.10 the process crashes).
+    Therefore failures are not reported to it, and later writes are discarded.
     """
 
     def __init__(self, file: BinaryIO):
@@ -61,25 +61,25 @@ class Sink:
         self.size = 0
 
     def check(self) -> None:
-        """Raise the first failure, if there was one."""
+        """Raise the first failure, if any."""
         if self.failure is not None:
             raise self.failure
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a place."""
+        """Set the position."""
         self.position = offset + (self.size if whence == os.SEEK_END else 0)
         return self.position
 
     def tell(self) -> int:
-        """Return the place."""
+        """Return the position."""
         return self.position
 
     def read(self, size: int) -> bytes:
-        """Return bytes from the place; zeros after a failure."""
+        """Return bytes from the position; zeros after a failure."""
         return bytes(self._attempt(lambda: self.file.read(size)) or b"").ljust(size, b"\0")
 
     def write(self, data: memoryview) -> int:
-        """Write bytes at the place."""
+        """Write bytes at the position."""
         self._attempt(lambda: self.file.write(data))
         self.size = max(self.size, self.position + len(data))
         return len(data)
@@ -91,21 +91,21 @@ class Sink:
         return size
 
     def flush(self) -> None:
-        """Leave it to `whole_file`, which syncs once."""
+        """Do nothing: `whole_file` syncs once."""
 
     def _attempt(self, action: Callable[[], Any]) -> Any:
-        """Do the action at the position, unless something failed before."""
+        """Perform an action at the position, unless one has failed before."""
         if self.failure is None:
             try:
                 self.file.seek(self.position)
                 return action()
-            except BaseException as error:  # Ctrl-C among them
+            except BaseException as error:  # including Ctrl-C
                 self.failure = error
         return None
 
 
 def add_array(group: h5py.Group, name: str, values: Array) -> h5d.DatasetID:
-    """Write an array of numbers in one piece."""
+    """Write an array of numbers at once."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     space = h5s.create_simple(values.shape)
     dataset = h5d.create(group.id, name.encode(), h5t.IEEE_F64LE, space, _creation(), _NAMES)
@@ -117,7 +117,7 @@ def add_array(group: h5py.Group, name: str, values: Array) -> h5d.DatasetID:
 def add_growing(
     group: h5py.Group, name: str, shape: Sequence[int], rows: int, compressed: bool
 ) -> h5d.DatasetID:
-    """Create an empty, growing dataset, with the rows of a chunk and their shape."""
+    """Create an empty, resizable dataset with the given chunks of rows."""
     creation = _creation()
     creation.set_chunk((rows, *shape))
     if compressed:
@@ -128,7 +128,7 @@ def add_growing(
 
 
 def append(dataset: h5d.DatasetID, start: int, values: Array) -> None:
-    """Write the rows of a growing dataset from ``start`` on."""
+    """Write rows of a resizable dataset from ``start`` on."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     dataset.set_extent((start + len(values), *values.shape[1:]))
     space = dataset.get_space()
@@ -137,7 +137,7 @@ def append(dataset: h5d.DatasetID, start: int, values: Array) -> None:
 
 
 def add_indices(group: h5py.Group, name: str, values: Indices) -> h5d.DatasetID:
-    """Write a list of places in other lists."""
+    """Write a list of indices."""
     places = np.asarray(values, dtype="<i4")
     space = h5s.create_simple(places.shape)
     dataset = h5d.create(group.id, name.encode(), h5t.STD_I32LE, space, _creation(), _NAMES)
@@ -155,7 +155,7 @@ def add_texts(group: h5py.Group, name: str, texts: Sequence[str]) -> h5d.Dataset
     dataset = h5d.create(group.id, name.encode(), kind, space, _creation(), _NAMES)
     if encoded:
         dataset.write(h5s.ALL, h5s.ALL, np.array(encoded, dtype=f"S{kind.get_size()}"), kind)
-    set_text(dataset, "_Encoding", "utf-8")  # by which xarray knows that they are no bytes
+    set_text(dataset, "_Encoding", "utf-8")  # tells xarray that they are not bytes
     return dataset
 
 
@@ -168,10 +168,10 @@ def set_text(place: Any, name: str, text: str) -> None:
 
 
 def text_type(length: int, least: int = 1) -> h5t.TypeStringID:
-    """Return the type of texts of so many bytes; shorter ones end with zeros.
+    """Return the type of texts of a number of bytes; shorter ones are padded with zeros.
 
-    Texts of variable length would lie in a heap of the file, which has no checksum: one changed
-    byte there makes the library loop.
+    Texts of variable length would be stored in a heap of the file, which has no checksum: one
+    changed byte there can make the library loop.
     """
     kind = h5t.C_S1.copy()
     kind.set_size(max(length, least))
@@ -181,7 +181,7 @@ def text_type(length: int, least: int = 1) -> h5t.TypeStringID:
 
 
 def make_axis(dataset: h5d.DatasetID, name: str) -> None:
-    """Let a dataset be an axis of others."""
+    """Make a dataset a dimension scale."""
     h5ds.set_scale(dataset, name.encode())
 
 
@@ -192,7 +192,8 @@ def attach_axes(dataset: h5d.DatasetID, axes: Sequence[h5d.DatasetID]) -> None:
 
 
 def _creation() -> h5p.PropDCID:
-    """Return how datasets are made: each number is written once, and no time of making."""
+    """Return the creation properties of datasets: each number is written once, without time
+    stamps."""
     creation = h5p.create(h5p.DATASET_CREATE)
     creation.set_obj_track_times(False)
     creation.set_fill_time(h5d.FILL_TIME_NEVER)

@@ -1,4 +1,4 @@
-"""The log of a run in HDF5: the group ``events``, which runs without contacts and events lack."""
+"""The event log of a run in HDF5: the group ``events``, absent without contacts and events."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, Event
 GROUP, _DTIME = "events", "dtime"
 _MODES = ", ".join(f"{number} {name}" for number, name in enumerate(MODES))
 
-#: Arrays of numbers: dataset, field of `EventLog`, axis after the event's, description, unit.
+#: Numerical arrays: dataset, field of `EventLog`, axis after that of events, description, unit.
 _ARRAYS = (
     ("time", "time", "", "times of contacts and events", "s"),
     ("q", "q", "coordinate", "coordinates there", "those of the coordinates"),
@@ -40,7 +40,7 @@ _ARRAYS = (
 def write_events(
     root: h5py.Group, log: EventLog, time: Array, axes: Mapping[str, h5d.DatasetID]
 ) -> None:
-    """Write a log, and the modes at each sample that follow from it.
+    """Write a log, and the modes at each sample derived from it.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def write_events(
     time : (nt,) array
         Times of the samples, s.
     axes : mapping of str to dataset
-        ``time``, ``coordinate`` and ``constraint`` of the file, and ``parameter`` if it has that.
+        Axes of the file: ``time``, ``coordinate``, ``constraint``, and ``parameter`` if it exists.
     """
     place = root.create_group(GROUP)
 
@@ -113,14 +113,14 @@ def _write_records(place: h5py.Group, log: EventLog) -> None:
 def read_events(
     root: h5py.Group, coordinates: int, constraints: int, parameters: tuple[str, ...] = ()
 ) -> EventLog:
-    """Return the log of a file with so many coordinates and constraints.
+    """Return the log of a file with given numbers of coordinates and constraints.
 
     ``parameters`` are those of the derivatives.
 
     Raises
     ------
     ValueError
-        The group is no log.
+        The group is not a log.
     """
     place = group(root, GROUP)
     rows, names, kinds = (read_texts(place, name) for name in ("row", "name", "kind"))

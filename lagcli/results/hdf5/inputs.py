@@ -1,4 +1,4 @@
-"""The tables of inputs in an HDF5 file: a group for each, with its times and values."""
+"""The tables of inputs in an HDF5 file: one group each, with times and values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _GROUP = "inputs"
 
 
 def write_inputs(root: h5py.Group, inputs: Mapping[str, InputTable]) -> None:
-    """Write the tables; without any, no group."""
+    """Write the tables; without any, no group is created."""
     if not inputs:
         return
     groups = root.create_group(_GROUP)
@@ -30,7 +30,7 @@ def write_inputs(root: h5py.Group, inputs: Mapping[str, InputTable]) -> None:
 
 
 def read_inputs(root: h5py.Group) -> dict[str, InputTable]:
-    """Return the tables; a file that was written before has none.
+    """Return the tables; files written before inputs existed have none.
 
     Raises
     ------

@@ -1,9 +1,8 @@
-"""Copies of files of layout 1, which have texts in HDF5's global heap and no checksum.
+"""Conversion of files of layout 1, which have texts in HDF5's global heap and no checksum.
 
-Layout 1 keeps texts with a variable length, and ``constraint_force_by`` of trajectories as
-(nt, nc, nq). A damaged heap can make the HDF5 library loop, so that this module runs as a process
-of its own: ``python -m lagcli.results.hdf5.layout1 FILE COPY VERSION``; see
-`lagcli.results.hdf5.opening`.
+Layout 1 stores texts of variable length, and ``constraint_force_by`` of trajectories as (nt, nc,
+nq). A damaged heap can make the HDF5 library loop, so this module runs as a separate process:
+``python -m lagcli.results.hdf5.layout1 FILE COPY VERSION``; see `lagcli.results.hdf5.opening`.
 """
 
 from __future__ import annotations
@@ -28,29 +27,29 @@ from lagcli.results.metadata import KIND, TEXTS, from_metadata
 from lagcli.trajectory.samples import Record, Samples, Terms
 
 _VERSION = "1"
-#: The mappings that layout 1 has; those that came later are empty in the copy.
+#: The mappings of layout 1; later ones are empty in the copy.
 _MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
-#: How a heap of texts begins.
+#: Signature of a heap of texts.
 _HEAP = b"GCOL\1\0\0\0"
-#: Numbers that are read together.
+#: Number of values that are read at once.
 _SLAB = 1 << 20
-#: The datasets of a sweep that hold whole numbers.
+#: Datasets of a sweep with integer values.
 _INTEGERS = {"run": "<i8", "status": "i1", "steps": "<i8", "rejected": "<i8", "evaluations": "<i8"}
 
 
 def copy(path: str, target: str, version: str) -> None:
-    """Copy a file of layout 1 into the present one.
+    """Convert a file of layout 1 to the current layout.
 
     Parameters
     ----------
     path, target : str
     version : str
-        The present layout of sweep files.
+        The current layout of sweep files.
 
     Raises
     ------
     FileError
-        The file has another layout, is damaged, or not of lagcli.
+        The file has another layout, is damaged, or was not written by lagcli.
     """
     try:
         _check_heaps(path)
@@ -67,7 +66,7 @@ def copy(path: str, target: str, version: str) -> None:
 
 
 def _check_heaps(path: str) -> None:
-    """Raise ValueError if the library would not come to the end of a heap of texts."""
+    """Raise ValueError if the library could loop in a heap of texts."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         start = data.find(_HEAP)
         while start >= 0:
@@ -80,11 +79,11 @@ def _check_heaps(path: str) -> None:
 
 
 def _check_heap(heap: bytes) -> None:
-    """Raise ValueError unless the texts of a heap, and its free room, fill it."""
+    """Raise ValueError unless the texts of a heap, and its free space, fill it exactly."""
     place = 16
     while place + 16 <= len(heap):
         number, size = struct.unpack_from("<H6xQ", heap, place)
-        if number == 0:  # the free room, which is last
+        if number == 0:  # the free space, which is last
             if place + size != len(heap):
                 raise ValueError("the free room of a heap of texts is wrong")
             return
@@ -122,7 +121,7 @@ def _attribute(root: h5py.Group, name: str) -> str:
     value = root.attrs[name]
     if not isinstance(value, str):
         raise ValueError(f"the attribute {name} is not a text of variable length")
-    value.encode()  # no text has bytes that are not UTF-8
+    value.encode()  # texts must be UTF-8
     return value
 
 
@@ -219,7 +218,7 @@ def _copy_sweep(root: h5py.File, target: str, version: str) -> None:
 
 
 def _copy_numbers(parent: h5py.Group, name: str, into: h5py.Group) -> None:
-    """Copy a dataset, some rows at a time."""
+    """Copy a dataset in blocks of rows."""
     source = numbers(parent, name)
     if not source.shape or source.size * 8 <= _SLAB:
         add_array(into, name, source[()])
@@ -231,7 +230,7 @@ def _copy_numbers(parent: h5py.Group, name: str, into: h5py.Group) -> None:
 
 
 def main() -> int:
-    """Copy the file that the command line names; say on standard output why not."""
+    """Convert the file given on the command line; print the reason of a failure."""
     try:
         copy(*sys.argv[1:4])
     except FileError as error:

@@ -1,7 +1,7 @@
 """Opening of HDF5 files, which may be damaged or hostile.
 
-A file with a seal is checked byte for byte before the HDF5 library sees it. Files of layout 1 have
-none; another process, which may loop or crash without harm, copies them into the present layout.
+The checksum of a sealed file is verified before the HDF5 library reads it. Files of layout 1 have
+none; a separate process, which may loop or crash safely, converts them to the current layout.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from lagcli.results.hdf5.structure import text_attribute
 from lagcli.results.reasons import check_readable
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-#: How files of HDF5 1.8 and newer begin: signature, version, and where the file ends.
+#: Start of files of HDF5 1.8 and newer: signature, version, and end of the file.
 _SUPERBLOCK = struct.Struct("<8sB19xQ")
-#: Seconds that a copy of layout 1 may take, and bytes per second beyond them.
+#: Time limit for converting layout 1, s, and additional bytes per second.
 _SECONDS, _RATE = 20.0, 1 << 21
 
-#: The errors by which h5py, and what interprets the contents, report damage.
+#: Errors by which h5py, and the interpretation of the contents, report damage.
 _DAMAGE = (
     *(OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError),
     *(ArithmeticError, MemoryError),
@@ -45,7 +45,7 @@ class Opened(NamedTuple):
     kind : str
         ``trajectory`` or ``sweep``.
     layout : str
-        The version of the layout that the file itself has.
+        The version of the layout of the original file.
     """
 
     root: h5py.File
@@ -55,13 +55,13 @@ class Opened(NamedTuple):
 
 @contextmanager
 def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened]:
-    """Open an HDF5 file of lagcli.
+    """Open an HDF5 file written by lagcli.
 
     Parameters
     ----------
     path : str or path
     version : str
-        The layout that the caller knows; layout 1 is copied into it.
+        The layout supported by the caller; layout 1 is converted to it.
 
     Yields
     ------
@@ -70,9 +70,9 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
     Raises
     ------
     FileError
-        The file is missing or unreadable, is not HDF5 or not of lagcli, is cut short, changed or
-        damaged, or has another layout. What fails in the block because of the file's contents
-        counts as damage.
+        The file is missing or unreadable, is not HDF5 or not from lagcli, is truncated, changed or
+        damaged, or has another layout. Errors in the block caused by the file's contents count as
+        damage.
     """
     path = os.fspath(path)
     check_readable(path)
@@ -80,8 +80,8 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
     layout = version if is_sealed(path) else "1"
     source = path if layout == version else _copy_of(path, version)
     try:
-        # A file under its final name is whole and stays so: no lock is needed, and some network
-        # file systems have none.
+        # A file under its final name is complete and does not change: no lock is needed, and some
+        # network file systems have none.
         with h5py.File(source, "r", locking=False) as root:
             found = text_attribute(root, "schema_version")
             if found != version:
@@ -92,14 +92,14 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
 
 
 def damage(path: str, error: Exception) -> FileError:
-    """Return the error for a file whose contents make no sense."""
+    """Return the error for a file with invalid contents."""
     if isinstance(error, MemoryError):
         return FileError(
             f"cannot read {path}: its contents do not fit into the memory; close other programs,"
             " raise the limit (ulimit -v), or read it piece by piece with h5py"
         )
     reason = str(error) or type(error).__name__
-    if isinstance(error, KeyError):  # whose text is the repr of its reason
+    if isinstance(error, KeyError):  # its text is the repr of the reason
         reason = str(error.args[0])
     return FileError(
         f"cannot read {path}: the file is cut short or damaged ({reason}); copy it again, or run"
@@ -125,7 +125,7 @@ def _other_version(path: str, found: str | None, known: str, writer: str | None)
 
 
 def _check_start(path: str) -> None:
-    """Raise unless a file begins as HDF5, and is as long as its beginning says."""
+    """Raise an error unless a file begins as HDF5, and has the length given there."""
     try:
         with open(path, "rb") as file:
             start = file.read(_SUPERBLOCK.size)
@@ -143,12 +143,12 @@ def _check_start(path: str) -> None:
         raise damage(path, ValueError(f"it has {size} of {end} bytes"))
 
 
-#: The folder of the last copy of a file of layout 1, by what the system says of the file.
+#: Folder of the last conversion of a file of layout 1, by the file's status.
 _copies: dict[tuple[object, ...], tempfile.TemporaryDirectory[str]] = {}
 
 
 def _copy_of(path: str, version: str) -> str:
-    """Return the name of a copy in the present layout, which lasts until the process ends."""
+    """Return the name of a copy in the current layout, which is deleted when the process ends."""
     found = os.stat(path)
     key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
     if key not in _copies:
@@ -166,8 +166,8 @@ def _copy_of(path: str, version: str) -> str:
 
 
 def _copy(path: str, copy: str, version: str, seconds: float) -> None:
-    """Copy a file of layout 1 into the present one, in another process."""
-    # -P: no module is imported from the folder that the user happens to be in
+    """Convert a file of layout 1 to the current layout, in a separate process."""
+    # -P: no module is imported from the current folder
     command = [sys.executable, "-P", "-m", "lagcli.results.hdf5.layout1", path, copy, version]
     try:
         done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)

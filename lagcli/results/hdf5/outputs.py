@@ -1,4 +1,4 @@
-"""Outputs in HDF5: those of a family share a dataset, so that ten thousand take no time."""
+"""Outputs in HDF5: the members of a family share a dataset, for speed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class OutputFamily(NamedTuple):
     Parameters
     ----------
     dataset : str
-        Its name in the group ``outputs``: that of the family or of the output.
+        Name in the group ``outputs``: that of the family or of the output.
     members : tuple of str
         Names of the outputs, in order.
     axis : str
-        The dataset that holds the names of the members; empty for a single output.
+        The dataset with the names of the members; empty for a single output.
     """
 
     dataset: str
@@ -37,12 +37,12 @@ def output_families(names: Iterable[str]) -> list[OutputFamily]:
     Parameters
     ----------
     names : iterable of str
-        Names of outputs; the members of a family, ``e[1]``, ``e[2]``, …, follow each other.
+        Names of outputs; the members of a family, ``e[1]``, ``e[2]``, …, are consecutive.
 
     Returns
     -------
     list of OutputFamily
-        Where a family's name, or that of its axis, is taken, each member has its own dataset.
+        If the name of a family, or of its axis, already exists, each member has its own dataset.
     """
     names = list(names)
     taken = set(names)
@@ -59,12 +59,12 @@ def output_families(names: Iterable[str]) -> list[OutputFamily]:
 
 
 def member_axis(family: str) -> str:
-    """Return the name of the axis along which the members of a family lie."""
+    """Return the name of the axis along the members of a family."""
     return f"member_of_{family}"
 
 
 def _base(name: str) -> str:
-    """Return the name of the family of an output; its own name where it is in none."""
+    """Return the name of the family of an output; the output's name if it is in none."""
     return name.partition("[")[0] if name.endswith("]") else name
 
 
@@ -75,7 +75,7 @@ class OutputDatasets:
     ----------
     root : h5py.Group
     lead : int
-        How many axes of each dataset come before that of the members.
+        Number of axes of each dataset before that of the members.
 
     Attributes
     ----------
@@ -128,7 +128,8 @@ class OutputDatasets:
         return np.asarray(self._group[dataset][at], dtype=np.float64)
 
     def all(self, count: int) -> dict[str, Array]:
-        """Return all outputs, by name; raise ValueError unless each has so many samples."""
+        """Return all outputs, by name; raise ValueError unless each has the expected number of
+        samples."""
         found: dict[str, Array] = {}
         for family in self.families:
             values = np.asarray(self._group[family.dataset][()], dtype=np.float64)

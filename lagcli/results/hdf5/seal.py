@@ -1,9 +1,8 @@
-"""The checksum at the end of an HDF5 result file: no damaged byte reaches the HDF5 library.
+"""The checksum at the end of an HDF5 result file, verified before the HDF5 library reads it.
 
-HDF5 has checksums for some of its structures and none for numbers and texts, and damage where it
-has none can make the library loop. A sealed file ends with one line of `LENGTH` bytes behind what
-HDF5 calls its end, ``lagcli sha256 DIGEST``: the SHA-256 of all bytes before that line. Programs
-that know nothing of it read the file as any other.
+HDF5 has checksums for some of its structures, but not for numbers and texts, and undetected damage
+can make the library loop. A sealed file has one line of `LENGTH` bytes after the end of the HDF5
+data, ``lagcli sha256 DIGEST``: the SHA-256 of all preceding bytes. Other programs ignore the line.
 """
 
 from __future__ import annotations
@@ -17,12 +16,11 @@ from lagcli.files import read_failure
 
 _MARK = b"\nlagcli sha256 "
 _DIGITS = 64
-#: Bytes of the line.
+#: Length of the line, bytes.
 LENGTH = len(_MARK) + _DIGITS + 1
 _PIECE = 1 << 20
 
-#: Files whose seal was found whole, by path and what the system says of them: a plot opens its
-#: file several times.
+#: Files whose checksum has been verified, by path and status: a plot opens its file several times.
 _whole: set[tuple[Any, ...]] = set()
 
 
@@ -41,7 +39,7 @@ def seal(file: BinaryIO) -> None:
 
 
 def is_sealed(path: str) -> bool:
-    """Return whether a file ends with a checksum; raise if that is not the one of its contents.
+    """Return whether a file ends with a checksum; raise an error if it does not match the contents.
 
     Parameters
     ----------

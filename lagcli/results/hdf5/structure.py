@@ -1,7 +1,7 @@
-"""Parts of an open HDF5 file, each checked before the library reads any of its contents.
+"""Access to parts of an open HDF5 file, each checked before its contents are read.
 
-A file may come from anyone. What lies outside of it (external links, external storage, virtual
-datasets) is rejected, and so is an array that is larger than the file can hold.
+Files may come from untrusted sources. Data outside of the file (external links, external storage,
+virtual datasets) is rejected, and so is an array that is larger than the file can contain.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from h5py import h5d, h5z
 from lagcli.arrays import Array
 from lagcli.columns import REQUIRED, ResultQuantity
 
-#: Bytes that a compressed byte stands for at most: DEFLATE gives no more.
+#: Largest ratio of uncompressed to compressed bytes, a limit of DEFLATE.
 _DEFLATED = 1040
 _FILTERS = {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}
 
@@ -29,7 +29,7 @@ def group(parent: h5py.Group, name: str) -> h5py.Group:
     Raises
     ------
     ValueError
-        It is missing, is somewhere else, or is no group.
+        It is missing, external, or not a group.
     """
     found = _own(parent, name)
     if not isinstance(found, h5py.Group):
@@ -38,19 +38,19 @@ def group(parent: h5py.Group, name: str) -> h5py.Group:
 
 
 def numbers(parent: h5py.Group, name: str, kind: str = "<f8") -> h5py.Dataset:
-    """Return a dataset of numbers that lie in the file.
+    """Return a dataset of numbers stored in the file.
 
     Parameters
     ----------
     parent : h5py.Group
     name : str
     kind : str
-        Their type, as NumPy writes it.
+        The type code of NumPy.
 
     Raises
     ------
     ValueError
-        It is missing, is somewhere else, holds something else, or is larger than the file.
+        It is missing, external, of another type, or larger than the file.
     """
     dataset = _dataset(parent, name)
     if dataset.dtype != np.dtype(kind):
@@ -61,20 +61,20 @@ def numbers(parent: h5py.Group, name: str, kind: str = "<f8") -> h5py.Dataset:
 def read_quantity(
     root: h5py.Group, quantity: ResultQuantity, lengths: Mapping[str, int], rows: slice
 ) -> Array:
-    """Return some rows of a quantity; NaN if it was added after the file was written.
+    """Return some rows of a quantity; NaN if the file is older than the quantity.
 
     Parameters
     ----------
     root : h5py.Group
     quantity : ResultQuantity
     lengths : mapping of str to int
-        Lengths of its axes, by their names.
+        Lengths of its axes, by name.
     rows : slice
 
     Raises
     ------
     ValueError
-        As `numbers`; or its shape is not that of its axes.
+        As `numbers`; also if its shape does not match its axes.
     """
     expected = tuple(lengths[axis] for axis in quantity.axes)
     if quantity.name not in root and quantity.name not in REQUIRED:
@@ -86,7 +86,7 @@ def read_quantity(
 
 
 def texts(parent: h5py.Group, name: str) -> h5py.Dataset:
-    """Return a dataset of texts of a fixed length; for the errors see `numbers`."""
+    """Return a dataset of texts of fixed length; for the errors see `numbers`."""
     dataset = _dataset(parent, name)
     if dataset.dtype.kind != "S":
         raise ValueError(f"{name} holds {dataset.dtype} and not texts")
@@ -94,7 +94,7 @@ def texts(parent: h5py.Group, name: str) -> h5py.Dataset:
 
 
 def is_texts(parent: h5py.Group, name: str) -> bool:
-    """Return whether a dataset holds texts of a fixed length; for the errors see `numbers`."""
+    """Return whether a dataset contains texts of fixed length; for the errors see `numbers`."""
     return bool(_dataset(parent, name).dtype.kind == "S")
 
 
@@ -112,7 +112,7 @@ def text_attribute(root: h5py.Group, name: str) -> str | None:
     Raises
     ------
     ValueError
-        It is not one text of a fixed length.
+        It is not a text of fixed length.
     """
     if name not in root.attrs:
         return None
@@ -124,7 +124,8 @@ def text_attribute(root: h5py.Group, name: str) -> str | None:
 
 
 def stored_within(dataset: h5py.Dataset, name: str) -> None:
-    """Raise ValueError unless all numbers of a dataset lie in its file, not compressed too much."""
+    """Raise ValueError unless a dataset is stored in its file, with a possible compression
+    ratio."""
     creation = dataset.id.get_create_plist()
     if creation.get_external_count():
         raise ValueError(f"{name} lies in another file (external storage), which is not read")
@@ -159,7 +160,7 @@ def _dataset(parent: h5py.Group, name: str) -> h5py.Dataset:
 
 
 def _own(parent: h5py.Group, name: str) -> Any:
-    """Return an object to which a hard link leads; other links may lead out of the file."""
+    """Return the object of a hard link; other links may point outside of the file."""
     link = parent.get(name, getlink=True)
     if link is None:
         raise ValueError(f"{name} is missing")

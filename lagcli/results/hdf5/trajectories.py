@@ -1,4 +1,4 @@
-"""Trajectories in HDF5, laid out so that xarray and plain h5py find axes, units and names."""
+"""Trajectories in HDF5, with axes, units and names for xarray and plain h5py."""
 
 from __future__ import annotations
 
@@ -47,24 +47,24 @@ if TYPE_CHECKING:
     from lagcli.trajectory.event_log import EventLog
     from lagcli.trajectory.trajectory import Trajectory
 
-#: Bytes of samples that wait to be written together. A run of fewer is written in one piece, which
-#: takes the least time and room; a longer one in chunks.
+#: Size of the buffer of samples, bytes. A shorter run is written at once, which is fastest and
+#: smallest; a longer one in chunks.
 _HELD = 1 << 23
 
-#: Numbers that the chunks of all datasets hold together.
+#: Total number of values in the chunks of all datasets.
 _CHUNK = 1 << 16
 
-# In a long run, and above this many values, an array of which at most a quarter is not zero is
+# In a long run, and above this number of values, an array with at most a quarter of nonzeros is
 # compressed: columns such as the power of forces that a model does not have.
 _LARGE = 1 << 18
 
-#: Bytes of each dataset that are looked at together.
+#: Number of bytes of each dataset that are read at once.
 _SLAB = 1 << 23
 
 _OUTPUTS = "outputs/"
 _PARAMETER = "parameter"
 
-#: The group of the log of contacts and events.
+#: The group of the event log.
 _EVENTS = "events"
 
 #: The axis of the conserved quantities.
@@ -77,7 +77,7 @@ def check_hdf5_target(path: str, force: bool = False, meta: bool = False) -> Non
 
 
 class Hdf5Writer(FileWriter):
-    """Writes a run to an HDF5 file as its samples come; see `lagcli.results.formats.Writer`.
+    """Writes a run to an HDF5 file during the run; see `lagcli.results.formats.Writer`.
 
     Parameters
     ----------
@@ -86,12 +86,12 @@ class Hdf5Writer(FileWriter):
     force : bool
         Replace an existing file.
     meta : bool
-        Has no effect: the file holds the record of the run.
+        Has no effect: the file always contains the record of the run.
 
     Notes
     -----
-    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
-    options come back as lists.
+    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the options
+    are read as lists.
     """
 
     def __init__(self, path: str, force: bool = False, meta: bool = False):
@@ -104,14 +104,14 @@ class Hdf5Writer(FileWriter):
         self._datasets: dict[str, Any] = {}
 
     def append(self, samples: Samples) -> None:
-        """Take the next samples."""
+        """Write the next samples."""
         self._held.append(samples)
         self._held_bytes += samples.nbytes
         if len(self._held) > 1 and self._held_bytes > _HELD:
             self._write_held(growing=True)
 
     def finish(self, record: Record) -> None:
-        """Write what is still to be written, and give the file its name."""
+        """Write the remaining data, and give the file its name."""
         if self._held:
             self._write_held(growing=bool(self._written))
         self._describe(record)
@@ -130,13 +130,13 @@ class Hdf5Writer(FileWriter):
         self._root.create_group("outputs", track_order=True)
 
     def _write_held(self, growing: bool) -> None:
-        """Write the samples that wait, into datasets that grow or in one piece."""
+        """Write the buffered samples, to resizable datasets or at once."""
         if self._root is None:
             self._begin(self._held[0])
         held = [_columns(samples, self._families) for samples in self._held]
         for name, shape in self._shapes.items():
             if math.prod(shape) == 0:
-                continue  # HDF5 has no chunks without numbers
+                continue  # HDF5 has no empty chunks
             values = np.concatenate([columns[name] for columns in held])
             if name not in self._datasets:
                 large = growing or values.size > _LARGE
@@ -224,7 +224,7 @@ class Hdf5Writer(FileWriter):
 
 
 def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
-    """Return the datasets that have a value at each sample, by their place in the file."""
+    """Return the datasets with a value at each sample, by their path in the file."""
     sampled = (*SAMPLED, *(DERIVATIVES if samples.sensitivity else ()))
     columns = {quantity.name: getattr(samples, quantity.name) for quantity in sampled}
     for family in families:
@@ -235,14 +235,14 @@ def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Ar
 
 
 def _say(dataset: Any, long_name: str, units: str) -> None:
-    """Write the two attributes that every dataset has."""
+    """Write the two attributes of every dataset."""
     set_text(dataset, "long_name", long_name)
     set_text(dataset, "units", units)
 
 
 @contextmanager
 def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
-    """Open an HDF5 file; raises, then and later, as `lagcli.results.formats.read`."""
+    """Open an HDF5 file; raises the errors of `lagcli.results.formats.read`, also later."""
     from lagcli.results.hdf5.opening import not_of_lagcli, open_verified
 
     with open_verified(path, SCHEMA_VERSION) as opened:
@@ -250,7 +250,7 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
             if not opened.kind:
                 raise not_of_lagcli(path)
             what = f"a {opened.kind}"
-            if "content" in opened.root.attrs:  # of an analysis
+            if "content" in opened.root.attrs:  # an analysis file
                 what = f"the result of lagcli {opened.kind}"
             raise FileError(
                 f"cannot read {path}: it contains {what}, not a {KIND}; `lagcli info {path}`"
@@ -261,9 +261,9 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
 
 
 class Hdf5Reader:
-    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises.
+    """An open file; see `lagcli.results.formats.Reader`. Damage raises the errors of HDF5.
 
-    A column that is not in `lagcli.columns.REQUIRED` and that the file lacks is NaN.
+    A column that is missing in the file and not in `lagcli.columns.REQUIRED` is NaN.
     """
 
     def __init__(self, opened: Opened):
@@ -271,7 +271,7 @@ class Hdf5Reader:
         self.coordinates, self.constraints = (
             read_texts(self._root, name) for name in ("coordinate", "constraint")
         )
-        # files that were written before have none
+        # older files have none
         self.conserved_names = (
             read_texts(self._root, _CONSERVED) if _CONSERVED in self._root else ()
         )
@@ -336,7 +336,7 @@ class Hdf5Reader:
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
 
     def trajectory(self) -> Trajectory:
-        """Return all of it."""
+        """Return the whole trajectory."""
         from lagcli.trajectory.trajectory import Trajectory
 
         arrays: dict[str, Any] = {q.name: self._array(q.name) for q in SAMPLED}
@@ -355,7 +355,7 @@ class Hdf5Reader:
         )
 
     def _array(self, name: str, rows: slice = slice(None)) -> Array:
-        """Return some rows of a quantity, or all, if it has the shape that it should have."""
+        """Return some rows of a quantity, or all, if it has the expected shape."""
         if name.startswith(_OUTPUTS):
             output = name.removeprefix(_OUTPUTS)
             if (shape := self._outputs.shape(output)) != (self._length["time"],):
