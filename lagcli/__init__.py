@@ -61,7 +61,7 @@ __all__ = [
     "write",
 ]
 
-# imported on first access, so that a command does not pay for modules that it does not use
+# imported on first access, so that a command does not import modules that it does not use
 _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "check": "lagcli.analysis.check.check",
@@ -88,7 +88,7 @@ _PLACES = {
 }
 
 
-if "IPython" in sys.modules:  # a notebook shows models, equations and runs
+if "IPython" in sys.modules:  # in a notebook: rich display of models, equations and runs
     from lagcli.pictures.notebook import register
 
     register()

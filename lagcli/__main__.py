@@ -5,8 +5,8 @@ import gc
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    # What is imported lives to the end, and a run leaves little in cycles: to look through it all
-    # time and again while modules are imported would cost a tenth of a short run.
+    # Imported objects live until the end, and a run creates few cycles: repeated garbage collection
+    # during imports would take a tenth of a short run.
     gc.set_threshold(200_000)
     from lagcli.cli.app import main as run
 

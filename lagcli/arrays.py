@@ -1,4 +1,4 @@
-"""The types of NumPy arrays, by what they hold."""
+"""Types of NumPy arrays, by content."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ _Shape = tuple[Any, ...]
 
 Array = np.ndarray[_Shape, np.dtype[np.float64]]
 Flags = np.ndarray[_Shape, np.dtype[np.bool_]]
-#: Places in other arrays.
+#: Indices into other arrays.
 Indices = np.ndarray[_Shape, np.dtype[np.intp]]
-#: Whole numbers, such as those of the rows of a sweep.
+#: Integers, such as row numbers of a sweep.
 Numbers = np.ndarray[_Shape, np.dtype[np.int64]]
-#: As the core has whole numbers: streams of operations, patterns of matrices.
+#: Integers of the core's type: streams of operations, patterns of matrices.
 Int32 = np.ndarray[_Shape, np.dtype[np.int32]]
-#: Colours by pixel.
+#: Colours of pixels.
 Image = np.ndarray[_Shape, np.dtype[np.uint8]]

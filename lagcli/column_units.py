@@ -15,7 +15,7 @@ class UnitDataset(NamedTuple):
     ----------
     name, axis : str
     quantity : str
-        The array that the units are those of.
+        Name of the array whose units these are.
     """
 
     name: str
@@ -23,7 +23,7 @@ class UnitDataset(NamedTuple):
     quantity: str
 
 
-#: The units of entries along axes, where results state them.
+#: Units of entries along axes, if results contain them.
 UNIT_DATASETS = (
     UnitDataset("coordinate_unit", "coordinate", "q"),
     UnitDataset("force_unit", "coordinate", "constraint_force"),
@@ -41,9 +41,9 @@ def units_along(
     units: Mapping[str, str],
     conserved: Sequence[str] = (),
 ) -> list[str | None]:
-    """Return the unit of each column of a quantity, None where it is not known.
+    """Return the unit of each column of a quantity, None if unknown.
 
-    Terms of constraint forces have the units of the forces on the coordinates.
+    Terms of constraint forces have the units of forces on the coordinates.
     """
     if quantity.along == "term":
         quantity = BY_NAME["constraint_force"]

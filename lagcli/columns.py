@@ -1,8 +1,8 @@
 """The columns of results, each declared once.
 
-Result files, the signals of sweeps, and the curves of plots, reports and the live page follow from
-these declarations. Inside the program a column of numbers is a `ColumnName`; its text, such as
-``phi_dot``, ``lambda.guide`` or ``Qc.guide.phi``, is written and read only here.
+Result files, the signals of sweeps, and the curves of plots, reports and the live page are derived
+from these declarations. Inside the program a column is a `ColumnName`; its text, such as
+``phi_dot``, ``lambda.guide`` or ``Qc.guide.phi``, is formatted and parsed only here.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 if TYPE_CHECKING:
     from lagcli.arrays import Array
 
-#: After the name of a constraint: the name of its friction.
+#: Suffix of the name of a constraint: its friction.
 SLIP = ".slip"
 
 _PER_JOULE = {"m": "N", "rad": "N*m", "1": "J", "": "J", "C": "V"}
@@ -27,25 +27,26 @@ class ResultQuantity(NamedTuple):
     Parameters
     ----------
     name : str
-        Its field of `Columns` and its dataset in HDF5 files.
+        Name of its field of `Columns` and of its dataset in HDF5 files.
     axes : tuple of str
-        Among ``time``, ``coordinate``, ``constraint``, ``term``, ``conserved_quantity``.
+        Any of ``time``, ``coordinate``, ``constraint``, ``term``, ``conserved_quantity``.
     description : str
         The ``long_name`` in HDF5 files.
     unit : str
         ``{u}`` stands for the unit of the coordinate, ``{c}`` for that of the constraint,
         ``{k}`` for that of the conserved quantity.
     panel : str
-        The title of the plots that show it, in lower case; none of what is not along the time.
+        Title of plots of the quantity, in lower case; none without a time axis.
     label : str
-        In legends; of a single letter, a symbol. Columns along an axis have labels by their names.
+        Label in legends; a single letter is a symbol. Columns along an axis are labelled by their
+        names.
     text : str
-        The pattern of the names of its columns: by default ``name``, or ``name.{constraint}``.
+        Pattern of the names of its columns: by default ``name``, or ``name.{constraint}``.
     role : str
-        ``error`` where it is zero for an exact run; ``residual`` where it is also drawn as a
-        magnitude on a logarithmic axis.
+        ``error`` if it is zero for an exact run; ``residual`` if it is also drawn as a magnitude on
+        a logarithmic axis.
     kept : bool
-        Whether sweeps keep it with the trajectories.
+        Whether sweeps store it with the trajectories.
     """
 
     name: str
@@ -60,23 +61,23 @@ class ResultQuantity(NamedTuple):
 
     @property
     def along(self) -> str:
-        """The axis beside the time, or nothing."""
+        """The axis besides the time, or nothing."""
         return "".join(axis for axis in self.axes if axis != "time")
 
     @property
     def pattern(self) -> str:
-        """The names of its columns, with ``{coordinate}`` and ``{constraint}``."""
+        """Pattern of the names of its columns, with ``{coordinate}`` and ``{constraint}``."""
         return self.text or self.name + (".{constraint}" if self.along == "constraint" else "")
 
     @property
     def scale(self) -> str:
-        """The field of `Record` that a residual is judged by."""
+        """Field of `Record` that contains the scale of a residual."""
         return self.name.replace("residual", "scale")
 
     def unit_at(self, coordinate_unit: str | None) -> str | None:
-        """Return the unit of a column, given that of its coordinate; None where none is stated.
+        """Return the unit of a column, given that of its coordinate; None if unknown.
 
-        The unit of a column of a constraint does not follow from it: `unit_of_column`.
+        For columns of a constraint, use `unit_of_column`.
         """
         if "{" not in self.unit:
             return self.unit
@@ -117,27 +118,27 @@ class Columns:
         λ_β b_βi, the generalized force of each constraint on each coordinate that it acts on, in
         the order of the terms.
     energy_kinetic, energy_potential : (nt,) arrays
-        T and V as the model states them, J.
+        T and V as given by the model, J.
     energy_total : (nt,) array
         v·∂L/∂v − L; equals T + V when T is a quadratic form in the velocities.
     power_applied : (nt,) array
         Power of Q and D, W.
     power_constraint : (nt,) array
-        Σ λ_β b_β·v without power_friction, W: rheonomic constraints do work.
+        Σ λ_β b_β·v without power_friction, W: the power of rheonomic constraints.
     power_time : (nt,) array
-        −∂L/∂t, W: what enters by the explicit time in T or V.
+        −∂L/∂t, W: the power due to explicit time in T or V.
     power_friction : (nt,) array
-        Σ λ_β ψ_β of the rows with a limit, friction among them, W: what slip takes.
+        Σ λ_β ψ_β of limited rows, including friction, W: the power dissipated by slip.
     energy_balance : (nt,) array
-        energy_total minus its first value, minus the powers' integral and what impacts and events
-        change it by; zero for an exact run.
+        energy_total minus its first value, minus the integral of the powers and the changes by
+        impacts and events; zero for an exact run.
     residual_position, residual_velocity : (nt, nc) arrays
-        φ and ψ at the written state; NaN where the constraint does not hold, as an open contact
-        or a row that slips, and φ of a nonholonomic constraint.
+        φ and ψ at the stored state; NaN for inactive constraints, such as open contacts and
+        slipping rows, and for φ of a nonholonomic constraint.
     residual_equation : (nt,) array
-        max norm of M a − f − Bᵀλ, evaluated from the written numbers.
+        max norm of M a − f − Bᵀλ, evaluated from the stored numbers.
     conserved : (nt, ni) array
-        The conserved quantities of the model besides its energy; constant for an exact run.
+        The conserved quantities of the model other than its energy; constant for an exact run.
     """
 
     time: Array = _column("time", "s", "time", "t", text="t")
@@ -229,7 +230,7 @@ class Columns:
     )
 
 
-#: What follows from a stored column: the sum of ``constraint_force_by`` over the constraints.
+#: Derived from a stored column: the sum of ``constraint_force_by`` over the constraints.
 _CONSTRAINT_FORCE = ResultQuantity(
     "constraint_force",
     ("time", "coordinate"),
@@ -252,33 +253,32 @@ def _quantities() -> Iterator[ResultQuantity]:
         yield ResultQuantity(f"scale_{what}", ("constraint",), said, unit)
 
 
-#: Every array of a result but the model's own outputs, in the order of files.
+#: All arrays of a result except the model's outputs, in the order of files.
 QUANTITIES = tuple(_quantities())
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
-#: Those with values at each sample.
+#: Arrays with values at each sample.
 SAMPLED = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
-#: The names in the first files of the layout, which all have. A file that lacks another was written
-#: before there was such a column, and is read with NaN for it.
+#: Names that all files have. Another column may be newer than the file, and is then read as NaN.
 REQUIRED = {
     *("time", "q", "v", "a", "multipliers", "constraint_force", "constraint_force_by"),
     *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
     *("power_applied", "power_constraint", "power_time", "scale_position", "scale_velocity"),
     *("residual_position", "residual_velocity", "residual_equation"),
 }
-#: Those with one number at each sample, which is a function of that sample.
+#: Arrays with one number per sample, which is a function of the sample.
 SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
 #: The residuals of each constraint.
 RESIDUALS = tuple(q for q in SAMPLED if q.along == "constraint" and q.role == "residual")
-#: What is zero for an exact run.
+#: Arrays that are zero for an exact run.
 ERRORS = tuple(q for q in SAMPLED if q.role)
-#: The titles of plots, in their order, with the quantities that they show.
+#: Titles of plots, in order, with the quantities in them.
 PANELS = {
     panel: tuple(q for q in SAMPLED if q.panel == panel)
     for panel in dict.fromkeys(q.panel for q in SAMPLED if q.name != "time")
 }
 
 
-#: Derivatives with respect to parameters and initial values, in results that have them.
+#: Derivatives with respect to parameters and initial values, if a result has them.
 DERIVATIVES = tuple(
     ResultQuantity(
         name,
@@ -305,21 +305,21 @@ def derivative_names(
     constraints: Sequence[str],
     parameters: Sequence[str],
 ) -> list[str]:
-    """Return the names of the columns of one of `DERIVATIVES`, parameters running fastest."""
+    """Return the names of the columns of one of `DERIVATIVES`, with parameters varying fastest."""
     axis = quantity.axes[1]
     rows = coordinates if axis == "coordinate" else constraints
     return [quantity.text.format(**{axis: x, "parameter": p}) for x in rows for p in parameters]
 
 
 class ColumnName(NamedTuple):
-    """The name of one column of numbers; `str` writes it as files and messages have it.
+    """The name of a column; `str` formats it as in files and messages.
 
     Parameters
     ----------
     quantity : str
         Quantity of `QUANTITIES`.
     constraint, coordinate : str
-        Of which constraint and coordinate, where it is along such an axis.
+        Names of its constraint and coordinate, if it has these axes.
     conserved : str
         Name of the conserved quantity it belongs to.
     """
@@ -336,14 +336,14 @@ class ColumnName(NamedTuple):
 
 
 def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
-    """Return the unit of a column; None where it is not known.
+    """Return the unit of a column; None if unknown.
 
     Parameters
     ----------
     name : ColumnName
     units : mapping of str to str
         Units of coordinates, and of the columns of constraints (``lambda.guide``) and conserved
-        quantities, as ``Record.units`` has them.
+        quantities, as in ``Record.units``.
     """
     quantity = BY_NAME[name.quantity]
     if name.coordinate:
@@ -387,7 +387,7 @@ def column_names(
 
 
 def _readings(text: str) -> Iterator[ColumnName]:
-    """Yield the columns that a text may name; names of a model may have dots, as ``r.x`` has."""
+    """Yield the columns that a text may name; names of a model may contain dots, as ``r.x``."""
     for quantity in SAMPLED:
         if not quantity.along:
             if text == quantity.pattern:
@@ -409,18 +409,18 @@ def read_column_name(
     constraints: Container[str],
     conserved: Container[str] = (),
 ) -> ColumnName | None:
-    """Return the column of a name, given those of the coordinates and constraints.
+    """Return the column with a name, given those of the coordinates and constraints.
 
     Parameters
     ----------
     text : str
-        As `str` of a `ColumnName` writes it; ``time`` is the time as well.
+        Text of a `ColumnName`; ``time`` and ``t`` both name the time.
     coordinates, constraints, conserved : container of str
 
     Returns
     -------
     ColumnName or None
-        None where no column has this name.
+        None if no column has this name.
     """
     if text in BY_NAME and not BY_NAME[text].along:
         return ColumnName(text)
@@ -433,11 +433,11 @@ def read_column_name(
 
 
 def read_dotted_name(text: str) -> ColumnName | None:
-    """Return the column of a name whose first part is that of a quantity, of any model.
+    """Return the column of a name that begins with that of a quantity, for an unknown model.
 
-    ``lambda.guide``, ``residual_position.guide``, ``conserved.p_phi``; None of any other text,
-    such as the coordinate ``r.x``. Of ``Qc.rod.phi``, only the quantity is certain: which
-    constraint and which coordinate it names is known to `read_column_name`.
+    ``lambda.guide``, ``residual_position.guide``, ``conserved.p_phi``; None for other texts, such
+    as the coordinate ``r.x``. For ``Qc.rod.phi``, only the quantity is certain: `read_column_name`
+    determines the constraint and the coordinate.
     """
     head = text.partition(".")[0]
     for name in _readings(text) if head in _HEADS else ():
@@ -446,5 +446,5 @@ def read_dotted_name(text: str) -> ColumnName | None:
     return None
 
 
-#: First parts of names with dots that are not names of a model.
+#: First parts of dotted names that are not names of a model.
 _HEADS = {quantity.pattern.partition(".")[0] for quantity in SAMPLED if "." in quantity.pattern}

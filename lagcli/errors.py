@@ -139,7 +139,7 @@ class UsageError(LagcliError):
 
 
 class ModelError(LagcliError):
-    """Invalid model file; carries all diagnostics."""
+    """Invalid model file; contains all diagnostics."""
 
     def __init__(self, diagnostics: list[Diagnostic]):
         super().__init__("\n\n".join(d.render() for d in diagnostics))

@@ -1,4 +1,4 @@
-"""Regular files: checked before they are read, with errors that name the path and the remedy."""
+"""Checks of regular files before they are read, with errors that state the path and a remedy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lagcli.errors import FileError
 
 
 def read_failure(path: str, error: OSError) -> FileError:
-    """Return the error for a file that the system does not let us read."""
+    """Return the error for a file that cannot be read."""
     match error.errno:
         case errno.ENOENT:
             reason = "there is no such file; check the name and the folder"
@@ -34,14 +34,14 @@ def check_regular(path: str) -> int:
     Raises
     ------
     FileError
-        It is missing, a folder, a pipe or device, or not ours to read.
+        It is missing, a folder, a pipe or device, or not readable.
     """
     try:
-        # O_NONBLOCK: a pipe that nobody writes to must not hang us
+        # O_NONBLOCK: opening a pipe without a writer must not block
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except OSError as error:
         raise read_failure(path, error) from error
-    except ValueError as error:  # no name that a file can have
+    except ValueError as error:  # not a valid file name
         raise FileError(f"cannot read {path!r}: {error}") from None
     try:
         found = os.fstat(descriptor)

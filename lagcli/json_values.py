@@ -1,4 +1,4 @@
-"""Values as JSON has them."""
+"""Conversion of values to JSON's types."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def json_values(value: Any, of_array: Callable[[Any], Any] | None = None) -> Any
     value : mappings, sequences, NumPy arrays and numbers, texts
         Numbers that are not finite become null.
     of_array : callable, optional
-        What stands for an array; a list of its numbers by default.
+        Function that converts an array; by default to a list of its numbers.
     """
     if hasattr(value, "tolist"):
         if of_array is not None and value.ndim:

@@ -1,3 +1,3 @@
-"""The version of lagcli, stated here alone."""
+"""The version of lagcli, defined only here."""
 
 __version__ = "0.1.0"

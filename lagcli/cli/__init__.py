@@ -1,1 +1,1 @@
-"""The command line: one short module per command. Nothing else imports it."""
+"""The command line: one short module per command."""

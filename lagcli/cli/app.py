@@ -1,4 +1,4 @@
-"""The program `lagcli`: commands, exit statuses, and what happens on an error."""
+"""The program `lagcli`: commands, exit statuses, and error handling."""
 
 import atexit
 import functools
@@ -23,19 +23,19 @@ from lagcli.version import __version__
 _FIRST = ("derive", "simulate", "sweep")
 _FILES = sorted(os.listdir(Path(__file__).parent / "commands"))
 _NAMES = [f[:-3].replace("_", "-") for f in _FILES if f.endswith(".py") and f[0] != "_"]
-#: The commands, in the order of the help; each is the function in the module of its name.
+#: The commands, in the order of the help; each is the function with the name of its module.
 COMMANDS = (*_FIRST, *(name for name in _NAMES if name not in _FIRST))
 
 
 class _Interrupted(Exception):
-    """Ctrl-C, where no run was there to keep."""
+    """Ctrl-C without a run whose samples are kept."""
 
 
 def program(arguments: Sequence[str] = ()) -> Any:
-    """Return the program for these arguments: with the command they begin with, or with all.
+    """Return the program for these arguments: with only the requested command, or with all.
 
-    Reading the options of a command takes milliseconds, so that of a call that names its command
-    only this one is built.
+    Building the options of a command takes milliseconds, so if a command is named, only this one is
+    built.
     """
     app = typer.Typer(
         name="lagcli",
@@ -44,7 +44,7 @@ def program(arguments: Sequence[str] = ()) -> Any:
         " failed (the partial result is kept); 4 input/output error; 130 interrupted.",
         no_args_is_help=True,
         add_completion=False,
-        # plain help: the same on every terminal, and no import of a formatter at start-up
+        # plain help: the same on every terminal, without importing a formatter
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
@@ -57,7 +57,7 @@ def program(arguments: Sequence[str] = ()) -> Any:
 
 
 def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Let an interrupt pass through Typer, and print errors as JSON too, with ``--json``."""
+    """Propagate interrupts through Typer, and print errors as JSON with ``--json``."""
 
     @functools.wraps(function)
     def command(*arguments: Any, **options: Any) -> int | None:
@@ -96,8 +96,8 @@ def _program(
 def main() -> None:
     """Run the command line and exit with its status.
 
-    An interrupted command ends by SIGINT, which a shell calls status 130: by an exit it would say
-    that the interrupt has been dealt with, and the loop that it stands in would go on.
+    An interrupted command is terminated by SIGINT, which a shell reports as status 130: after an
+    ordinary exit, the shell would consider the interrupt handled and continue its loop.
     """
     status = 0
 
@@ -108,14 +108,14 @@ def main() -> None:
             os.kill(os.getpid(), signal.SIGINT)
 
     if os.name == "posix":
-        atexit.register(die_of_interrupt)  # the first is the last to be called
+        atexit.register(die_of_interrupt)  # registered first, called last
     limit_process()
-    # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
+    # a closed pipe (`lagcli derive … | head`) terminates the process like any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     streams.set_up()
     status = run(sys.argv[1:])
-    # no last look for cycles at exit, when the memory is handed back as a whole
+    # skip the garbage collection at exit
     gc.freeze()
     sys.exit(status)
 
@@ -144,7 +144,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _flush() -> None:
-    """Print what standard output still holds; where it cannot be written, drop it."""
+    """Flush standard output; discard the rest if it cannot be written."""
     try:
         sys.stdout.flush()
     except (LagcliError, OSError):

@@ -14,7 +14,7 @@ Names = Callable[["CommandWords"], Iterable[str]]
 
 
 class Candidate(NamedTuple):
-    """A word, and what it means; a word that ends in ``=`` or ``/`` goes on."""
+    """A word with its description; a word that ends in ``=`` or ``/`` can be continued."""
 
     word: str
     help: str = ""
@@ -162,12 +162,12 @@ def _varied(line: CommandWords) -> Iterator[str]:
 
 
 def _assigned(name: str) -> str:
-    """Return the beginning of NAME=VALUE; of a family, up to the index."""
+    """Return the beginning of NAME=VALUE; for a family, up to the index."""
     base, bracket, _ = name.partition("[")
     return base + (bracket or "=")
 
 
-#: What an option or an argument takes, by its name or the metavar of the help.
+#: Values of an option or an argument, by its name or its metavar.
 _NAMES: dict[str, Names] = {
     "--set": _parameters,
     "--set-initial": _initial_values,

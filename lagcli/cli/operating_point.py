@@ -31,7 +31,8 @@ Steady = Annotated[
 
 
 def check_target(model: str, target: str | None, suffixes: tuple[str, ...], force: bool) -> None:
-    """Raise if what an analysis finds could not be written; see `check_analysis_target`."""
+    """Raise an error if the result of an analysis could not be written; see
+    `check_analysis_target`."""
     from lagcli.analysis.files import check_analysis_target
 
     refuse_same_file(model, target)
@@ -45,14 +46,14 @@ def load_steady(
     set_initial: Iterable[str] | None,
     steady: Iterable[str] | None,
 ) -> tuple[Model, dict[str, float]]:
-    """Load a model, and read the velocities that are held, in SI.
+    """Load a model, and parse prescribed velocities, in SI.
 
-    Their values are read as initial values: with units, and with parameters.
+    Values are parsed as initial values: with units and parameters.
 
     Raises
     ------
     ModelError, UsageError, FileError
-        As `lagcli.load`; or a name is no velocity of the model.
+        As `lagcli.load`; or a name is not a velocity of the model.
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
     from lagcli.model.loader import load, load_text
@@ -63,7 +64,7 @@ def load_steady(
     if not held:
         return loaded, {}
     names = {text: velocity_coordinate(loaded.coordinate_names, text) for text in held}
-    # as guesses: constraints that determine them are for the analysis to report
+    # as guesses: the analysis reports constraints that determine them
     velocities = {f"{names[text]}'": f"{{guess: {value}}}" for text, value in held.items()}
     given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
     again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities}, loaded.data)
@@ -73,7 +74,7 @@ def load_steady(
 def print_analysis(
     content: Mapping[str, Any], text: str, written: str | None, json: bool, quiet: bool
 ) -> None:
-    """Print what an analysis found, as JSON or text, and the file that holds it."""
+    """Print the result of an analysis, as JSON or text, and the name of its file."""
     from lagcli.cli.summary import to_json
 
     if json:
@@ -85,9 +86,9 @@ def print_analysis(
 
 
 def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
-    """Read NAME=START:END, and load the model with the parameter at its start.
+    """Parse NAME=START:END, and load the model with the parameter at its start.
 
-    Both ends are read as values of the parameter, or as initial velocities: with units.
+    Both ends are parsed as values of the parameter, or as initial velocities: with units.
 
     Returns
     -------
@@ -95,12 +96,12 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     name : str
         The parameter, or a velocity (``phi'``).
     start, end : float
-        SI.
+        The ends, SI.
 
     Raises
     ------
     ModelError, UsageError
-        It is not of this form, or there is no such parameter or velocity.
+        The text does not have this form, or there is no such parameter or velocity.
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
     from lagcli.model.loader import load_text

@@ -9,7 +9,7 @@ import typer
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
 
-#: Exit statuses that are no error's own.
+#: Exit statuses that do not belong to an exception.
 BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 3, 130
 
 ModelPath = Annotated[
@@ -81,11 +81,11 @@ def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
 
 
 def refuse_same_file(model: str, output: str | None) -> None:
-    """Refuse to write over the model itself, even with --force."""
+    """Refuse to overwrite the model itself, even with --force."""
     if output and output != "-" and model != "-":
         try:
             same = Path(output).samefile(model)
-        except OSError:  # one of them does not exist, or never could
+        except OSError:  # one of them does not exist, or is not a valid path
             return
         if same:
             raise UsageError(f"{output} is the model itself; choose another name for the result")

@@ -1,4 +1,4 @@
-"""Names of results that hold values of the run: ``run_{m}_{phi:.3f}.h5`` → ``run_2_0.500.h5``."""
+"""File names that contain values of the run: ``run_{m}_{phi:.3f}.h5`` → ``run_2_0.500.h5``."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 _PIECES = r"\{\{|\}\}|\{(?P<field>[^{}]*)\}|[{}]"
-#: What may follow the colon: of Python's format specifications what makes a part of a file's name,
-#: hence no fill (``/`` would make folders) and no padding by blanks (a shell splits there).
+#: Format specifications after the colon: those of Python that are valid in a file name, hence no
+#: fill characters (``/`` would be a folder) and no padding with blanks (a shell splits there).
 _FORMAT = r"\+?(0[1-9]\d?)?(d|(\.\d\d?)?[eEfFgG]?)"
 _SHOWN = 30
 
 
 def resolve_name(template: str, model: Model) -> str:
-    """Return the name of a result, with values of the model in the place of names in braces.
+    """Return a file name in which names in braces are replaced by values of the model.
 
     Parameters
     ----------
     template : str
-        ``{m}`` stands for the value of the parameter m in SI, with as many digits as tell it from
-        any other; ``{phi}``, ``{phi_dot}`` (or ``{phi'}``) for initial values as they are given,
-        before the start is moved onto the constraints. ``{m:.3f}`` says how to write it: optional
-        ``+``, ``0`` and width, ``.`` and digits, one of ``d e E f F g G``. ``{{`` and ``}}`` stand
-        for braces.
+        ``{m}`` is replaced by the value of the parameter m in SI, with enough digits to distinguish
+        it from any other; ``{phi}``, ``{phi_dot}`` (or ``{phi'}``) by initial values as given,
+        before the consistent initialization. ``{m:.3f}`` specifies the format: optional ``+``,
+        ``0`` and width, ``.`` and digits, one of ``d e E f F g G``. ``{{`` and ``}}`` are literal
+        braces.
     model : Model
-        With the values of the command line.
+        The model with the values of the command line.
 
     Returns
     -------
@@ -39,8 +39,8 @@ def resolve_name(template: str, model: Model) -> str:
     Raises
     ------
     UsageError
-        A name is neither a parameter nor an initial value, a format is none of the above or does
-        not suit the value, or a brace has no matching brace.
+        A name is neither a parameter nor an initial value, a format is invalid or unsuitable for
+        the value, or a brace is unbalanced.
     """
     if "{" not in template and "}" not in template:
         return template
@@ -73,7 +73,7 @@ def resolve_name(template: str, model: Model) -> str:
 
 
 def _values(model: Model) -> dict[str, float]:
-    """Return what a name can hold."""
+    """Return the values that can be used."""
     values = model.parameter_values
     for q, initial in model.initial_positions.items():
         values[q] = initial.value

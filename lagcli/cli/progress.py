@@ -1,4 +1,4 @@
-"""The progress bar: on a terminal only, and only for runs that take a moment."""
+"""The progress bar, shown only on a terminal and for runs that take more than a moment."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import sys
 import time
 from typing import Any, Self
 
-_PATIENCE = 0.5  # s before a bar appears: a short run should leave nothing on the screen
-_PERIOD = 0.1  # s between two looks at it: engines report more often than anybody can read
-_LOG_PERIOD = 30.0  # s between two lines in a log, where there is no terminal
+_PATIENCE = 0.5  # s before a bar appears, so that a short run shows none
+_PERIOD = 0.1  # s between two updates: engines report more often
+_LOG_PERIOD = 30.0  # s between two lines in a log, without a terminal
 
 
 class _Bar:
-    """A bar on standard error, which is gone in the end."""
+    """A temporary bar on standard error."""
 
     def __init__(self, color: bool):
         self.color = color
@@ -29,7 +29,7 @@ class _Bar:
             self.file.close()
 
     def open(self, doing: str, *texts: str, **task: Any) -> None:
-        """Show it: what is under way, the bar, texts of rich's fields, the time left."""
+        """Show the bar: description, bar, additional columns of rich, remaining time."""
         from rich import progress
         from rich.console import Console
 
@@ -40,7 +40,7 @@ class _Bar:
             progress.BarColumn(),
             *map(progress.TextColumn, texts),
             progress.TimeRemainingColumn(),
-            # its own file: the stream shows the bar's commands to the terminal as text
+            # a separate stream object, because standard error escapes control sequences
             console=Console(file=self.file, no_color=not self.color or None),
             transient=True,
         )
@@ -49,15 +49,15 @@ class _Bar:
 
 
 class Progress(_Bar):
-    """Shows how far a run has come; call it with the time reached.
+    """Shows the progress of a run; called with the current time.
 
     Parameters
     ----------
     start, end : float
-        The run's ends, s.
+        Start and end time of the run, s.
     enabled, color : bool
     doing : str
-        What is under way.
+        Description.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Progress(_Bar):
         self.due = time.monotonic() + _PATIENCE
 
     def __call__(self, t: float) -> None:
-        """Show that the run has reached t."""
+        """Show the progress at time t."""
         if not self.enabled:
             return
         now = time.monotonic()
@@ -93,10 +93,10 @@ class Progress(_Bar):
 
 
 class RowProgress(_Bar):
-    """Shows how many rows of a sweep are done; call it with their number and that of all.
+    """Shows the progress of a sweep; called with the numbers of completed and of all rows.
 
-    On a terminal a bar with rate and time left; elsewhere, as in the logs of batch systems, a line
-    every half minute.
+    On a terminal, a bar with rate and remaining time; otherwise, as in logs of batch systems, a
+    line every half minute.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ class RowProgress(_Bar):
         self.terminal = sys.stderr.isatty()
         self.began = time.monotonic()
         self.due = self.began + (_PATIENCE if self.terminal else _LOG_PERIOD)
-        self.first: int | None = None  # rows done before the first report
+        self.first: int | None = None  # rows completed before the first report
 
     def __call__(self, done: int, rows: int) -> None:
-        """Show that so many rows of all are done."""
+        """Show the number of completed rows."""
         if self.first is None:
             self.first = done
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""The options that commands have for settings: one for each that is declared."""
+"""Options of commands for settings: one for each declared setting."""
 
 import functools
 import inspect
@@ -16,16 +16,16 @@ Command = Callable[..., int | None]
 
 
 def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Command], Command]:
-    """Give a command options instead of its keyword parameter ``settings``.
+    """Decorate a command with options that form its keyword parameter ``settings``.
 
-    The command is called with the `SettingsOverrides` that they make.
+    The command receives a `SettingsOverrides`.
 
     Parameters
     ----------
     *names : str
-        The settings that it takes; all of them without names.
+        Names of the settings; all by default.
     without : tuple of str
-        Settings that it does not take.
+        Names of settings to omit.
     """
     declared = SettingsOverrides.DECLARED
     options = [_option(declared[name]) for name in names or declared if name not in without]
@@ -40,7 +40,7 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
         for parameter in inspect.signature(function).parameters.values():
             own = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
             parameters.extend(options if parameter.name == "settings" else [own])
-        # what Typer reads: `inspect.signature` and the annotations
+        # Typer reads `inspect.signature` and the annotations
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         command.__annotations__ = {p.name: p.annotation for p in parameters}
         return command
@@ -49,7 +49,7 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
 
 
 def _option(setting: Setting[Any]) -> inspect.Parameter:
-    """Return the parameter for which Typer makes the option."""
+    """Return the parameter from which Typer makes the option."""
     stated = f" [default: {setting.stated}]" if setting.stated else ""
     flag = "--" + setting.name.replace("_", "-")
     option = typer.Option(flag, help=setting.help + stated, metavar=setting.metavar)
@@ -72,12 +72,12 @@ def _option(setting: Setting[Any]) -> inspect.Parameter:
 
 
 def _overrides(given: dict[str, Any]) -> SettingsOverrides:
-    """Return the settings that options give.
+    """Return the settings given by options.
 
     Raises
     ------
     UsageError
-        Times are no list of numbers.
+        The times are not a list of numbers.
     """
     for name, value in given.items():
         setting = SettingsOverrides.DECLARED[name]
@@ -86,7 +86,7 @@ def _overrides(given: dict[str, Any]) -> SettingsOverrides:
         elif value is not None and isinstance(setting, Names):
             given[name] = split_names(value)
         elif value is False:
-            given[name] = None  # a flag that is not set leaves it to the model file
+            given[name] = None  # a flag that is not given does not override the model file
     return SettingsOverrides(**given)
 
 

@@ -15,24 +15,24 @@ from typing import Any, TextIO
 
 from lagcli.errors import FileError
 
-#: Columns of text that goes to no terminal, and at least and at most those on a terminal.
+#: Width of text without a terminal, and smallest and largest width on a terminal.
 WIDTH, NARROWEST, WIDEST = 100, 60, 120
 
 
 class Colour(IntEnum):
-    """Colours of text, by their codes in an escape sequence."""
+    """Text colours, by their codes in escape sequences."""
 
     DEFAULT, RED, GREEN = 0, 31, 32
 
 
-#: What a terminal obeys or hides instead of showing it: control characters, marks that change the
-#: direction of text, separators of lines, halves of characters.
+#: Characters that a terminal interprets or hides: control characters, marks of text direction, line
+#: separators, surrogates.
 _UNSEEN = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 
 
-#: The label of a line, with the spaces before the text beside it.
+#: Matches the label of a line, with the spaces before its text.
 _LABEL = r" *\S+(?: \S+)*? {2,}(?=\S)"
-_ENTRY = r"  \S{11} (?=\S)"  # a label of all columns that it has in a summary
+_ENTRY = r"  \S{11} (?=\S)"  # a label of the full width in a summary
 
 
 def visible(text: str) -> str:
@@ -41,7 +41,7 @@ def visible(text: str) -> str:
 
 
 def visible_json(text: str) -> str:
-    """Return JSON with JSON's own escapes instead of what a terminal would not show."""
+    """Return JSON in which invisible characters are escaped in JSON's syntax."""
     return re.sub(_UNSEEN, lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
@@ -52,7 +52,7 @@ class _Text(io.TextIOWrapper):
 
 
 class _Bytes(io.RawIOBase):
-    """A stream by its number; what becomes of a failure is for `fail` to say."""
+    """A raw stream by its file descriptor; `fail` handles errors."""
 
     def __init__(self, number: int, fail: Callable[[OSError], None]):
         self._file = io.FileIO(number, "w", closefd=False)
@@ -88,17 +88,17 @@ def _plain(error: UnicodeError) -> tuple[str, int]:
 
 
 def set_up() -> None:
-    """Make the standard streams usable, whatever they are connected to.
+    """Make the standard streams usable, even if they are closed or full.
 
-    One that is closed is opened to nowhere, so that no file of ours gets its number. What standard
-    error rejects is dropped: the exit status says the same. What standard output rejects raises
-    `FileError`.
+    A closed stream is opened to the null device, so that no other file gets its descriptor. Errors
+    of standard error are ignored, because the exit status reports the same. Errors of standard
+    output raise `FileError`.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            # closed output stays output that fails: this file cannot be written
+            # closed output remains output that fails: the null device is opened for reading
             os.open(os.devnull, os.O_WRONLY if number == 2 else os.O_RDONLY)
     codecs.register_error(_PLAIN, _plain)
     sys.stdout = _opened(1, sys.stdout, _refuse)
@@ -116,14 +116,14 @@ def _opened(number: int, before: Any, fail: Callable[[OSError], None]) -> io.Tex
 
 
 def _refuse(error: OSError) -> None:
-    # what is heavy to import stays out of the start
+    # slow imports are avoided at start-up
     from lagcli.results.reasons import write_failure
 
     raise write_failure("standard output", error) from error
 
 
 def tell(text: str) -> None:
-    """Print text that may be lost, because a file or the exit status says the same."""
+    """Print text whose loss is acceptable, because a file or the exit status reports the same."""
     try:
         print(text)
         sys.stdout.flush()
@@ -132,7 +132,7 @@ def tell(text: str) -> None:
 
 
 def print_notes(notes: Iterable[str]) -> None:
-    """Print what the user should know, on standard error."""
+    """Print notes for the user on standard error."""
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
 
@@ -146,7 +146,7 @@ def discard() -> None:
 
 
 def text_width(stream: TextIO | None = None) -> int:
-    """Return the columns of text on a stream: a terminal's within bounds, elsewhere 100."""
+    """Return the width of text on a stream: a terminal's within bounds, otherwise 100."""
     stream = stream or sys.stdout
     if not stream.isatty():
         return WIDTH
@@ -154,7 +154,7 @@ def text_width(stream: TextIO | None = None) -> int:
 
 
 def fitted(text: str, width: int) -> str:
-    """Return text whose lines are no wider than a terminal; numbers keep their names and units."""
+    """Return text with lines that fit a terminal; numbers keep their names and units."""
     if max(map(len, text.split("\n"))) <= width:
         return text
     from lagcli.results.listing import wrapped
@@ -182,7 +182,7 @@ def print_text(text: str) -> None:
 def print_coloured(text: str, word: str, colour: Colour, stream: TextIO) -> None:
     """Print text with the first occurrence of a word in a colour.
 
-    Escape sequences in the text itself are shown, not obeyed.
+    Escape sequences in the text itself are shown, not interpreted.
     """
     before, found, after = text.partition(word)
     print(before, end="", file=stream)
@@ -193,7 +193,7 @@ def print_coloured(text: str, word: str, colour: Colour, stream: TextIO) -> None
 
 
 def _command(stream: TextIO, colour: Colour) -> None:
-    """Write an escape sequence past what makes escape sequences visible."""
+    """Write an escape sequence without escaping it."""
     stream.flush()
     os.write(stream.fileno(), f"\x1b[{colour}m".encode())
 

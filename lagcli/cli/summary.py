@@ -20,7 +20,7 @@ from lagcli.model.model import Model
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
 
-_LISTED = 20  # multipliers that a person reads
+_LISTED = 20  # largest number of multipliers in a summary
 
 
 def summarize(
@@ -33,8 +33,8 @@ def summarize(
 ) -> dict[str, Any]:
     """Return the summary of a run, as documented in docs/command-line.md.
 
-    Residuals are relative to the constraints' own scales; the energy balance is in J. The
-    constraints that are nonlinear in the velocities are named, whose forces follow a postulate.
+    Residuals are relative to the constraints' scales; the energy balance is in J. Constraints that
+    are nonlinear in the velocities are named, because their forces follow Chetaev's rule.
     """
     options = record.options
     return {
@@ -87,20 +87,21 @@ def summarize(
 
 
 def _freedom(record: Record) -> dict[str, Any]:
-    """Return the rank of B at the start, what is left free, and what is redundant."""
+    """Return the rank of B at the initial state, the degrees of freedom, and redundant
+    constraints."""
     names = ("constraints", "rank", "degrees_of_freedom", "redundant")
     return {name: record.freedom[name] for name in names}
 
 
 def _worst(residual: Array, scale: Array) -> float | None:
-    """Return the largest scaled residual; None where no constraint has one."""
+    """Return the largest scaled residual; None if no constraint has one."""
     return known(np.fmax.reduce(residual / scale, initial=math.nan))
 
 
 def to_json(value: Mapping[str, Any]) -> str:
     """Return strict JSON: numbers that are not finite become null.
 
-    On a terminal it is indented; elsewhere it is one line, so that the objects of many runs make a
+    On a terminal it is indented; otherwise it is one line, so that the objects of many runs form a
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
@@ -131,7 +132,7 @@ def error_object(error: LagcliError) -> dict[str, Any]:
 
 
 def _absolute(summary: Mapping[str, Any]) -> str:
-    """Return how absolute tolerances were chosen."""
+    """Return how the absolute tolerances were chosen."""
     given, reached = summary["atol"], summary["tolerances"].values()
     if isinstance(given, (int, float)):
         return f"{given:g}"
@@ -219,7 +220,7 @@ def format_summary(summary: Mapping[str, Any], model: Model) -> str:
 
 
 def _events(found: Mapping[str, Any]) -> list[str]:
-    """Return what happened at contacts and events."""
+    """Return the lines on contacts and events."""
     from lagcli.trajectory.event_log import event_sentences
 
     lines = [
@@ -231,7 +232,7 @@ def _events(found: Mapping[str, Any]) -> list[str]:
 
 
 def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the drift of the conserved quantities that are monitored."""
+    """Return the drift of the monitored conserved quantities."""
     shown = [
         f"{name} = {x['first']:.6g} within {x['drift']:.1e}"
         for name, x in islice(found.items(), _LISTED)
@@ -243,7 +244,7 @@ def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
-    """Say that constraints are redundant, and which."""
+    """Return the line on redundant constraints."""
     from lagcli.model.locations import lines_of
 
     surplus = sum(x["surplus"] for x in summary["redundant"])

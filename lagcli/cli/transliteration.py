@@ -22,21 +22,22 @@ _DIRECT = {
     "⊥": "_|_",
     "°": " deg",
     "∠": " at ",
-    "λ": "lambda",  # another name in Unicode
+    "λ": "lambda",  # other names in Unicode
     "Λ": "Lambda",
     "\u0307": "'",
     "\u0308": "''",
     "’": "'",
-    "“": "'",  # no quote of JSON
+    "“": "'",  # not a quote of JSON
     "”": "'",
 }
 _LIFTED = {"<super>": "^", "<sub>": "_"}
 
 
 def replacement(error: UnicodeError) -> tuple[str, int]:
-    """Return plain text for characters that an encoding lacks, as an error handler of codecs.
+    """Return ASCII text for characters that an encoding lacks; an error handler of codecs.
 
-    ``½ m ẋ²`` becomes ``1/2 m x'^2``, and λ ``lambda``; what has no such text becomes ``?``.
+    ``½ m ẋ²`` becomes ``1/2 m x'^2``, and λ ``lambda``; characters without a replacement become
+    ``?``.
     """
     if not isinstance(error, UnicodeEncodeError):
         raise error

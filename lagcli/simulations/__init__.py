@@ -1,1 +1,1 @@
-"""Simulations: model and settings to samples."""
+"""Simulations: a model and settings → samples."""

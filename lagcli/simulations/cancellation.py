@@ -1,4 +1,4 @@
-"""Cancellation by a signal: checked between two pieces of work, so that samples so far are kept."""
+"""Cancellation by a signal, checked between pieces of work so that completed samples are kept."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from typing import Any
 
 
 class Interruption:
-    """Record signals as requests for cancellation, as a context manager.
+    """Context manager that records signals as requests for cancellation.
 
-    A first signal is recorded, a second one raises ``KeyboardInterrupt``. Until `requested` has
-    been called, the first one raises it too: long work before a run has samples need not check.
+    The first signal is recorded, a second one raises ``KeyboardInterrupt``. Until `requested` has
+    been called, the first one raises it too, so that long work before the first sample need not
+    check.
 
-    Signals that are ignored, or that the calling program handles itself, are left alone. So are
-    all signals outside the main thread, where Python allows no handlers.
+    Signals that are ignored, or handled by the calling program, are not changed. The same holds
+    outside of the main thread, where Python permits no handlers.
 
     Parameters
     ----------
     *signals : signal numbers
-        ``SIGINT`` where none is given.
+        Signals to record; ``SIGINT`` by default.
     """
 
     def __init__(self, *signals: signal.Signals):
@@ -40,7 +41,7 @@ class Interruption:
             signal.signal(number, handler)
 
     def requested(self) -> bool:
-        """Return whether a signal has come."""
+        """Return whether a signal has been received."""
         self._asked = True
         return self._requested
 

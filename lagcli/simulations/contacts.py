@@ -1,4 +1,4 @@
-"""Contacts at the start of a run: none is violated, and their coefficients have a meaning."""
+"""Contacts at the initial state: none is violated, and their coefficients are valid."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
         With ``switching``.
     state : State
     closed : float
-        Gap below which a contact counts as closed, of the scale of its φ.
+        Gap below which a contact counts as closed, relative to the scale of its φ.
 
     Raises
     ------
@@ -55,15 +55,15 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
 
 
 def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -> None:
-    """Reject what is defined for a model alone whose constraints hold at all times.
+    """Reject models that switch, for functions defined only without switching.
 
     Parameters
     ----------
     equations : Equations
     what : str
-        What is requested, in the plural.
+        Description of the function, in the plural.
     nonlinear : bool
-        Whether constraints that are nonlinear in the velocities are rejected too.
+        Whether constraints that are nonlinear in the velocities are also rejected.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -
 
 
 def model_at_start(model: Model, held: tuple[str, ...]) -> Model:
-    """Return a model of which the constraints that hold at the start are all there are."""
+    """Return a model whose constraints are those active at the initial state."""
     multipliers = {multiplier(name) for name in model.constraint_names}
     forces = {
         name: force
@@ -117,15 +117,15 @@ def model_at_start(model: Model, held: tuple[str, ...]) -> Model:
 
 
 def true_at_start(system: System, state: State) -> tuple[str, ...]:
-    """Return a note for each event whose condition holds at the start, where it does not fire.
+    """Return a note for each event whose condition is true initially, so that it does not trigger.
 
-    Conditions on forces are not looked at.
+    Conditions on forces are not checked.
 
     Parameters
     ----------
     system : System
     state : State
-        At the start.
+        The initial state.
     """
     if system.switching is None or system.events is None:
         return ()
@@ -142,10 +142,10 @@ def true_at_start(system: System, state: State) -> tuple[str, ...]:
 
 
 def held_at(system: System, state: State, closed: float) -> tuple[list[int], int]:
-    """Return the constraints that hold at a state, and the rank of their rows of B.
+    """Return the active constraints at a state, and the rank of their rows of B.
 
-    Those are the permanent ones, and contacts that are closed and neither approach nor open.
-    Whether friction sticks is not looked at.
+    These are the permanent ones, and closed contacts without normal velocity. Sticking of friction
+    is not considered.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def held_at(system: System, state: State, closed: float) -> tuple[list[int], int
         With ``switching``.
     state : State
     closed : float
-        As for `check_contacts`.
+        See `check_contacts`.
     """
     assert system.switching is not None
     evaluator, q, v = Evaluator(system, state.p), state.q, state.v
@@ -196,7 +196,7 @@ def _violated(model: Model, row: SwitchedRow, gap: float, slopes: Array) -> Diag
 
 
 def _bad_coefficients(model: Model, switching: Switching, state: State) -> list[Diagnostic]:
-    """Return errors for coefficients and limits that are out of range at the start."""
+    """Return errors for coefficients and limits that are out of range at the initial state."""
     inputs = (state.t, *state.q.tolist(), *state.v.tolist())
     values = ScalarTape(switching.impact)((*inputs, *state.p))
     unilateral = [row.row for row in switching.rows if row.sign]

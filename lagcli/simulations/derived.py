@@ -1,4 +1,4 @@
-"""What a run writes besides q, v, a and λ: forces, energies, powers, residuals and outputs."""
+"""Derived columns of a run: forces, energies, powers, residuals and outputs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from lagcli.trajectory.samples import Samples, Terms
 
 
 class DerivedColumns:
-    """Completes the blocks of one run, in order.
+    """Computes the derived columns of the blocks of one run, in order.
 
-    Each number is a function of its sample alone (and of the first one, for the energy balance):
-    it does not depend, not even in its last bit, on how the samples lie in blocks. That is why
-    sums run over the nonzero entries of M and B, one after the other.
+    Each number is a function only of its sample (and of the first one, for the energy balance): it
+    does not depend on the division into blocks, to the last bit. Therefore sums run over the
+    nonzero entries of M and B in order.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class DerivedColumns:
     Attributes
     ----------
     samples : int
-        How many were completed.
+        Number of completed samples.
     p : tuple of float
-        The values of the parameters from the next sample on, which events may set.
+        Values of the parameters from the next sample on, which events may change.
     """
 
     def __init__(self, system: System, p: tuple[float, ...], monitor: Monitor = NO_MONITOR):
@@ -47,24 +47,24 @@ class DerivedColumns:
         self._places = [places[pair] for pair in system.jacobian_pattern]
         rows = () if system.switching is None else system.switching.rows
         self._limited = [row.row for row in rows if row.limit is not None]
-        self._energy_before = 0.0  # of the system and of what works on it, at the first sample
+        self._energy_before = 0.0  # of the system and of the work, at the first sample
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
 
     @property
     def scale_position(self) -> Array:
-        """Each constraint's largest scale so far, (nc,); NaN where it has no position."""
+        """Largest scale of each constraint so far, (nc,); NaN for one without position level."""
         scale = np.full(len(self.system.constraints), np.nan)
         scale[list(self.system.holonomic)] = usable(self._position_scale)
         return scale
 
     @property
     def scale_velocity(self) -> Array:
-        """Each velocity constraint's largest scale so far, (nc,)."""
+        """Largest scale of each velocity constraint so far, (nc,)."""
         return usable(self._velocity_scale)
 
     def __call__(self, block: Block) -> Samples:
-        """Return the next samples with all their columns."""
+        """Return the next samples with all columns."""
         system, count = self.system, len(block.time)
         nq, nc = len(system.coordinates), len(system.constraints)
         batch = Batch(system, self.p, block.time, block.q, block.v)
@@ -150,5 +150,5 @@ class DerivedColumns:
 
 
 def _larger(scale: Array, scales: Array) -> Array:
-    """Return each constraint's largest scale so far, from that before and those of more samples."""
+    """Return the updated largest scale of each constraint."""
     return np.maximum(scale, scales.max(axis=1, initial=0.0))

@@ -1,4 +1,4 @@
-"""What runs are differentiated with respect to: parameters and initial values, by name."""
+"""Directions of differentiation: parameters and initial values, by name."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def direction_names(model: Model, given: Iterable[str], where: str) -> tuple[str
     given : iterable of str
         ``m``, ``phi``, ``phi'`` or ``phi_dot``.
     where : str
-        What gives them, for messages.
+        Source of the names, for messages.
 
     Raises
     ------
@@ -75,14 +75,14 @@ def _known(model: Model, name: str, where: str) -> str:
 class Directions:
     """Parameters and initial values with respect to which a model's motion is differentiated.
 
-    Parameters and initial values that are expressions of others follow them; an initial value that
-    is named counts as fixed, as with ``--set-initial``.
+    Parameters and initial values that are expressions of others are differentiated through them; a
+    named initial value counts as fixed, as with ``--set-initial``.
 
     Parameters
     ----------
     model : Model
     names : tuple of n str
-        As `direction_names` returns them.
+        Result of `direction_names`.
     """
 
     model: Model

@@ -1,4 +1,4 @@
-"""How much memory there is, so that a run that cannot fit is rejected before it starts."""
+"""Available memory, so that a run that cannot fit is rejected before it starts."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from lagcli.errors import NumericalError
 if TYPE_CHECKING:
     from lagcli.engine.system import System
 
-#: The files by which Linux tells the limit and the use of a group of processes, bytes.
+#: Files in which Linux reports the limit and the use of a control group, bytes.
 _GROUP = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current"))
 _SYSTEM, _PROCESS = Path("/proc/meminfo"), Path("/proc/self/status")
-#: Address space that imports and a small run take, bytes: below it, libraries end the process.
+#: Address space needed by imports and a small run, bytes: below it, libraries abort the process.
 _LEAST = 220_000_000
 
 
 def available() -> int | None:
-    """Return the bytes that this process may still take; None where the system does not tell.
+    """Return the memory available to this process, bytes; None if the system does not report it.
 
-    The least of what the system has free, what the limit of the process leaves (``ulimit -v``),
-    and what the limit of its group of processes leaves.
+    The minimum of the system's free memory, the remainder of the process limit (``ulimit -v``), and
+    the remainder of the limit of its control group.
     """
     return min(_limits(), default=None)
 
 
 def numbers_per_sample(system: System) -> int:
-    """Return how many numbers are stored of each sample."""
+    """Return the number of values stored for each sample."""
     nq, nc = len(system.coordinates), len(system.constraints)
     return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
 
 
 def check_fits(needed: int, what: str, remedy: str) -> None:
-    """Raise NumericalError if more memory is needed than there is.
+    """Raise NumericalError if more memory is needed than available.
 
     Parameters
     ----------
     needed : int
         Bytes.
     what, remedy : str
-        What needs it, and what to do about it.
+        Description of the use, and a remedy.
     """
     free = available()
     if free is not None and needed > free:
@@ -53,7 +53,7 @@ def check_fits(needed: int, what: str, remedy: str) -> None:
 
 
 def check_address_space() -> None:
-    """Raise NumericalError if the limit of the process is too low for the libraries alone."""
+    """Raise NumericalError if the limit of the process is too low for the libraries."""
     limit = _address_space()
     if limit is not None and limit < _LEAST:
         raise NumericalError(
@@ -75,7 +75,7 @@ def _limits() -> Iterator[int]:
 
 
 def _address_space() -> int | None:
-    """Return the limit of ``ulimit -v``, bytes; None without one."""
+    """Return the limit of ``ulimit -v``, bytes; None if there is none."""
     try:
         import resource
     except ImportError:  # not a POSIX system

@@ -27,11 +27,11 @@ class Monitor(NamedTuple):
     Parameters
     ----------
     formulas : mapping of str to str
-        The quantities by the momenta and Jacobi's integral, by name.
+        The quantities in terms of momenta and Jacobi's integral, by name.
     tape : Tape, optional
         (t, q, v, parameters) → the quantities.
     units : mapping of str to str
-        Units of their columns, as far as they are known.
+        Units of their columns, if known.
     """
 
     formulas: Mapping[str, str] = MappingProxyType({})
@@ -52,16 +52,16 @@ class Monitor(NamedTuple):
         return np.ascontiguousarray(values.T)
 
 
-#: Evaluates nothing.
+#: A monitor without quantities.
 NO_MONITOR = Monitor()
 
 
 def monitor_of(equations: Equations) -> Monitor:
-    """Return what evaluates the conserved quantities of a model besides its energy.
+    """Return a monitor of the conserved quantities of a model other than its energy.
 
-    The energy balance shows the drift of the energy already. To find the quantities takes a few per
-    cent of the time before the first step; in a large model only coordinates that occur nowhere are
-    searched for.
+    The energy balance already shows the drift of the energy. Finding the quantities takes a few per
+    cent of the time before the first step; in a large model only coordinates that do not occur are
+    considered.
     """
     eq = equations
     quantities = monitored_quantities(eq)

@@ -20,8 +20,8 @@ def partition(
     ----------
     equations : Equations
     independent : sequence of str, optional
-        Names of the independent coordinates. By default those with fixed initial values, as far as
-        the constraints determine the others.
+        Names of the independent coordinates. By default, those with fixed initial values, if the
+        constraints determine the others.
 
     Returns
     -------
@@ -30,8 +30,8 @@ def partition(
     Raises
     ------
     UsageError
-        The named coordinates cannot be independent: an unknown name, a wrong number, or a singular
-        choice.
+        The named coordinates cannot be independent: an unknown name, a wrong number of names, or a
+        singular choice.
     ModelError, NumericalError
         There is no consistent initial state.
     """
@@ -41,7 +41,7 @@ def partition(
 def partition_of(
     start: ModelStart, independent: Sequence[str] | None = None
 ) -> CoordinatePartition:
-    """Divide the coordinates of a model at its start; see `partition`."""
+    """Divide the coordinates of a model at its initial state; see `partition`."""
     equations = start.equations
     refuse_switching(equations, "independent coordinates", nonlinear=True)
     state = start.consistent.state

@@ -1,4 +1,4 @@
-"""What a request takes from settings and units: sample times, absolute tolerances, kinds."""
+"""Parts of a request from settings and units: sample times, absolute tolerances, kinds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def sample_times(settings: Settings) -> Array:
 def absolute_tolerances(
     given: float | Mapping[str, float] | None, coordinates: tuple[str, ...]
 ) -> float | Array:
-    """Return the absolute tolerances on q, v and the work; 0 where they follow the size."""
+    """Return the absolute tolerances of q, v and the work; 0 if they follow the size."""
     if not isinstance(given, Mapping):
         return given or 0.0
     names = (*coordinates, *(f"{q}'" for q in coordinates))
@@ -36,20 +36,20 @@ def absolute_tolerances(
 
 
 def unit_kinds(coordinates: Iterable[Coordinate]) -> tuple[int, ...]:
-    """Return a number for the unit of each coordinate; see `IntegrationRequest.kinds`."""
+    """Return the kind of each coordinate by its unit; see `IntegrationRequest.kinds`."""
     numbers: dict[str, int] = {}
     units = [si_notation(c.unit) if c.unit else "" for c in coordinates]
     return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
 
 
-#: Values of the parameters from a sample on, by the number of that sample.
+#: Parameter values from a sample on, by the index of that sample.
 ParameterChanges = Sequence[tuple[int, tuple[float, ...]]]
 
 
 def parts_of_constant_parameters(
     count: int, p: tuple[float, ...], changes: ParameterChanges
 ) -> Iterator[tuple[slice, tuple[float, ...]]]:
-    """Yield the parts of so many samples in which parameters keep their values, with these.
+    """Yield ranges of samples with constant parameter values, and the values.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def parts_of_constant_parameters(
     p : tuple of float
         Values at the first sample.
     changes : sequence of (int, tuple of float)
-        In order.
+        Changes, in order.
     """
     first = 0
     for sample, values in changes:

@@ -1,4 +1,4 @@
-"""Runs with the derivatives of the motion with respect to parameters and initial values."""
+"""Runs with derivatives of the motion with respect to parameters and initial values."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from lagcli.simulations.simulation import Simulation
 
 
-#: Weights of the central differences of sixth order, at 1, 2 and 3 steps, and the step relative to
-#: θ's scale: the error of a smooth start is of the order of 1e-18, that of rounding 1e-13.
+#: Weights of central differences of sixth order, at 1, 2 and 3 steps, and the step relative to θ's
+#: scale: their error is about 1e-18 for a smooth initial state, and that of rounding 1e-13.
 _WEIGHTS, _STEP = (3 / 4, -3 / 20, 1 / 60), 1e-3
 
 
@@ -63,7 +63,7 @@ class SensitivityRun:
 
     @property
     def no_derivatives(self) -> Derivatives:
-        """Derivatives of no samples."""
+        """Derivatives of an empty block of samples."""
         nq, nc, n = *self.sensitivity.system.counts[:2], len(self.names)
         q, multipliers = np.empty((0, nq, n)), np.empty((0, nc, n))
         return Derivatives(q, q, q, multipliers)
@@ -86,12 +86,12 @@ def sensitivity_run(simulation: Simulation, names: tuple[str, ...]) -> Sensitivi
     ----------
     simulation : Simulation
     names : tuple of str
-        As `directions.direction_names` returns them.
+        Result of `directions.direction_names`.
 
     Raises
     ------
     UsageError, ModelError
-        As `Sensitivity` and `Sensitivity.start`.
+        See `Sensitivity` and `Sensitivity.start`.
     """
     found = Sensitivity(simulation.equations, simulation.system, simulation.settings, names)
     start = found.start(simulation.start, found.directions.values.tolist())
@@ -104,18 +104,18 @@ class Sensitivity:
     Parameters
     ----------
     equations, system
-        Of one model.
+        The equations and the System of a model.
     settings : Settings
-        Complete.
+        Complete settings.
     names : tuple of n str
-        Parameters and initial values, as `directions.direction_names` returns them.
+        Parameters and initial values from `directions.direction_names`.
     many_runs : bool
-        Whether to spend time on making runs fast.
+        Whether to optimize for many runs.
 
     Raises
     ------
     UsageError
-        The method needs derivatives that are not available, or a force jumps where no step ends.
+        The method needs derivatives that are not available, or a force jumps inside a step.
     """
 
     def __init__(
@@ -160,7 +160,7 @@ class Sensitivity:
             )
 
     def _switches(self, settings: Settings) -> bool:
-        """Return whether derivatives may jump: at contacts and events, and where forces jump."""
+        """Return whether derivatives may jump: at contacts, events, and jumps of forces."""
         system = self.system
         if system.switching is not None or not system.has_kinks:
             return system.switching is not None
@@ -186,7 +186,7 @@ class Sensitivity:
         Raises
         ------
         ModelError
-            The fixed initial values satisfy the constraints for these values of θ alone.
+            The fixed initial values satisfy the constraints only for these values of θ.
         """
         given = self.directions.given(values)
         fixed_q, fixed_v = self.directions.fixed
@@ -227,8 +227,8 @@ class Sensitivity:
         given : State
             State from `Directions.state`.
         near : ConsistentState, optional
-            That for similar values. Where the constraints leave no choice, it is where the search
-            begins, which then stays on its branch.
+            Initial state for similar values. If the constraints determine the free initial values,
+            the search starts from it and stays on its branch.
 
         Raises
         ------
@@ -241,10 +241,10 @@ class Sensitivity:
         return consistent_state(self.system, given, *self.directions.fixed, self._evaluator)
 
     def determined(self, start: ConsistentState) -> bool:
-        """Return whether the constraints leave no choice of the initial values that are not fixed.
+        """Return whether the constraints determine the initial values that are not fixed.
 
-        Where they do, what the search for a start changes depends on the path from the guesses. It
-        is looked at once: the ranks are those of the structure.
+        Otherwise, the result of the search depends on the path from the guesses. It is computed
+        once: the ranks are structural.
         """
         if self._determines is None:
             self._determines = self._leaves_no_choice(start)
@@ -265,7 +265,7 @@ class Sensitivity:
         return True
 
     def _differences(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
-        """Return the derivatives of the search for a start, by differences of sixth order."""
+        """Return the derivatives of the computed initial state, by differences of sixth order."""
         directions, n = self.directions, len(values)
         nq = len(self.system.coordinates)
         found = StartDerivatives(np.zeros((n, nq)), np.zeros((n, nq)))

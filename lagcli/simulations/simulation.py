@@ -1,4 +1,4 @@
-"""Model + settings → samples, block by block, and their record; all at once, a Trajectory."""
+"""Simulation of a model: samples, block by block, and their record; or a complete Trajectory."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ if TYPE_CHECKING:
     from lagcli.trajectory.trajectory import Trajectory
 
 
-#: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
+#: Number of values of a block that are written at once: CSV, the slowest, takes less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
-#: Below so many samples at once, evaluating them together does not pay.
+#: Smallest number of samples that are worth evaluating together.
 _LEAST_ROWS = 16
-#: Intermediate results of a block's samples: 16 MB.
+#: Size of the intermediate results of a block: 16 MB.
 _BLOCK_REGISTERS = 1 << 21
-#: Settings that say something of models with contacts alone.
+#: Settings that only affect models with contacts.
 _OF_CONTACTS = ("impacts", "closed")
-#: How often the numbers of a block are held while it is completed and written.
+#: Number of copies of a block while it is completed and written.
 _COPIES = 4
 
 
@@ -73,17 +73,17 @@ def simulate(
     ----------
     model : Model
     settings : SettingsOverrides, optional
-        What it leaves open is taken from the model's ``simulation`` block, then from the defaults.
+        Defaults are taken from the model's ``simulation`` block.
     progress : callable, optional
-        Called with the time reached, s, after each step.
+        Called with the current time, s, after each step.
     **options
         Settings by name, instead of ``settings``.
 
     Returns
     -------
     Trajectory
-        Its ``status`` says whether the run was completed; a run that fails or is interrupted keeps
-        the samples it reached.
+        Its ``status`` states whether the run was completed; a run that fails or is interrupted
+        keeps its samples up to that time.
 
     Raises
     ------
@@ -92,8 +92,8 @@ def simulate(
     ModelError
         The fixed initial values contradict the constraints.
     NumericalError
-        There is no initial state: none is consistent near the guesses, no finite value there, or a
-        coordinate without inertia.
+        There is no initial state: none is consistent near the guesses, a value there is not finite,
+        or a coordinate has no inertia.
     """
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
@@ -118,7 +118,7 @@ def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulati
     Returns
     -------
     Simulation
-        Ready to run.
+        A prepared run.
     """
     chosen = resolve(settings or SettingsOverrides(), model.settings)
     began = time.perf_counter()
@@ -139,18 +139,18 @@ def ready(
     prepared: Prepared | None = None,
     monitor: Monitor = NO_MONITOR,
 ) -> Simulation:
-    """Find the start of a model whose System is there; the end of `prepare`.
+    """Find the initial state of a model whose System exists; the last part of `prepare`.
 
     Parameters
     ----------
     equations, system
-        Of one model.
+        The equations and the System of a model.
     settings : Settings
-        Complete.
+        Complete settings.
     seconds : dict of str to float
-        Time spent so far, by phase.
+        Elapsed time by phase.
     prepared : Prepared, optional
-        As in `lagcli.engine.contract.Request`.
+        See `lagcli.engine.contract.IntegrationRequest`.
     monitor : Monitor, optional
         Monitor of the conserved quantities.
     """
@@ -169,26 +169,26 @@ def ready(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation:
-    """A model that is ready to run; made by `prepare`.
+    """A prepared run; created by `prepare`.
 
     Parameters
     ----------
     model : Model
     settings : Settings
-        Complete.
+        Complete settings.
     equations : Equations
     system : System
     start : ConsistentState
     seconds : dict of str to float
-        Time spent so far, by phase.
+        Elapsed time by phase.
     prepared : Prepared, optional
-        As in `lagcli.engine.contract.Request`.
+        See `lagcli.engine.contract.IntegrationRequest`.
     on_event : callable, optional
-        As in `lagcli.engine.contract.Request`.
+        See `lagcli.engine.contract.IntegrationRequest`.
     monitor : Monitor, optional
         Monitor of the conserved quantities.
     sensitivity : SensitivityRun, optional
-        Made by `with_derivatives`.
+        Created by `with_derivatives`.
     """
 
     model: Model
@@ -208,7 +208,7 @@ class Simulation:
         Raises
         ------
         UsageError
-            There is no such parameter or initial value, or the method does not suit.
+            There is no such parameter or initial value, or the method does not support derivatives.
         ModelError
             The fixed initial values satisfy the constraints only for the given values.
         """
@@ -240,18 +240,18 @@ class Simulation:
 
     @property
     def initial(self) -> dict[str, float]:
-        """Values of the coordinates, and of the velocities (x'), that the run starts from."""
+        """Initial values of the coordinates and velocities (x')."""
         names = self.model.coordinate_names
         state = [*self.start.state.q.tolist(), *self.start.state.v.tolist()]
         return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
 
     @cached_property
     def freedom(self) -> DegreesOfFreedom:
-        """The degrees of freedom at the start."""
+        """The degrees of freedom at the initial state."""
         return freedom_at(self.equations, self.system, self.start, self.settings.closed)
 
     def check_memory(self, kept: bool = False) -> None:
-        """Raise NumericalError if the run would take more memory than there is.
+        """Raise NumericalError if the run would need more memory than available.
 
         Parameters
         ----------
@@ -272,7 +272,7 @@ class Simulation:
 
     @property
     def _copies(self) -> int:
-        """How many times the numbers of the motion alone a sample has at most."""
+        """Return the largest size of a sample relative to that of the motion."""
         return 1 if self.sensitivity is None else 1 + len(self.sensitivity.names)
 
     @property
@@ -285,7 +285,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
         interruption: Interruption | None = None,
     ) -> Record:
-        """Run, and emit the samples as they come.
+        """Integrate, and emit the samples during the run.
 
         Parameters
         ----------
@@ -295,17 +295,17 @@ class Simulation:
         progress : callable, optional
             As for `simulate`.
         interruption : Interruption, optional
-            Asked several times in 0.1 s whether to end the run.
+            Called several times per 0.1 s; returns whether to end the run.
 
         Returns
         -------
         Record
-            As in `Trajectory`; the run's status among it.
+            Metadata as in `Trajectory`, including the run's status.
         """
         began = time.perf_counter()
         columns = DerivedColumns(self.system, self.start.state.p, self.monitor)
         trust = Trust(self.system, self.start.state.p)
-        elsewhere = 0.0  # seconds that are not the engine's
+        elsewhere = 0.0  # time outside of the engine, s
 
         def take(block: Block, derivatives: Derivatives | None = None) -> None:
             nonlocal elsewhere
@@ -327,7 +327,7 @@ class Simulation:
             columns.p = trust.p = p
 
         request = self.request._replace(on_parameters=change_parameters)
-        # loads what it needs before threads are limited
+        # loads its dependencies before threads are limited
         engine = engine_named(self.settings.engine)
         with one_thread():
             if self.sensitivity is None:
@@ -343,7 +343,7 @@ class Simulation:
         unused = () if self.model.switches else _OF_CONTACTS
         options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
         if run.methods:
-            options["method"] = ", ".join(run.methods)  # what `auto` was
+            options["method"] = ", ".join(run.methods)  # the methods that `auto` selected
         if self.sensitivity is not None:
             options["engine"] = self.sensitivity.engine
         reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()
@@ -409,7 +409,7 @@ def warnings_of(
     steps: int,
     changes: ParameterChanges = (),
 ) -> tuple[str, ...]:
-    """Return why a completed run cannot be trusted, from its samples alone.
+    """Return the warnings of a completed run, from its samples.
 
     Parameters
     ----------
@@ -419,12 +419,12 @@ def warnings_of(
     settings : Settings
         Complete ones.
     rank : int
-        Rank of B at the start.
+        Rank of B at the initial state.
     samples : (nt, width) array
-        Sample rows from the start on, as in `SampleLayout`.
+        Sample rows from the initial state on, as in `SampleLayout`.
     steps : int
     changes : sequence of (int, tuple of float), optional
-        Samples from which events give other values to the parameters.
+        Samples from which events set other parameter values.
     """
     layout, held = system.sample_layout, _block_rows(system)
     columns, trust = DerivedColumns(system, p), Trust(system, p)
@@ -441,7 +441,7 @@ def warnings_of(
 
 
 def _block_rows(system: System) -> int:
-    """Return how many samples may be under way at once, by the memory and the time they take."""
+    """Return the largest number of samples of a block, limited by memory and time."""
     held = max(system.dynamics.registers, system.report.registers)
     in_time = max(_BLOCK_NUMBERS // numbers_per_sample(system), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))

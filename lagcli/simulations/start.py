@@ -1,4 +1,4 @@
-"""The start of a run: a consistent state, or why there is none."""
+"""The consistent initial state of a run, or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def find_start(
 ) -> ConsistentState:
     """Find the consistent initial state of a model at a time, or explain why there is none.
 
-    Contacts that are open there do not constrain.
+    Open contacts are not constraints.
 
     Parameters
     ----------
@@ -47,15 +47,15 @@ def find_start(
     t : float
         s.
     closed : float, optional
-        The setting ``closed``; that of the model without.
+        The setting ``closed``; by default that of the model.
 
     Raises
     ------
     ModelError
-        The fixed initial values, or the constraints among each other, contradict; a contact is
-        violated.
+        The fixed initial values, or the constraints, contradict each other; a contact is violated.
     NumericalError
-        No consistent state near the guesses, no finite value there, a coordinate without inertia.
+        No state near the guesses is consistent, a value there is not finite, or a coordinate has no
+        inertia.
     """
     model = equations.model
     if model.inputs:
@@ -98,7 +98,7 @@ def freedom_at(
     system : System
     start : ConsistentState
     closed : float, optional
-        As for `find_start`.
+        See `find_start`.
     """
     names, rank = system.constraints, start.rank
     rows: Sequence[int] = range(len(names))
@@ -114,7 +114,7 @@ def freedom_at(
 
 
 class ModelStart:
-    """The System of equations and its consistent state at the model's start, each found once.
+    """The System of equations and the consistent initial state of a model, each computed once.
 
     Parameters
     ----------
@@ -131,13 +131,13 @@ class ModelStart:
 
     @cached_property
     def consistent(self) -> ConsistentState:
-        """The consistent state; raises as `find_start`."""
+        """The consistent state; raises the errors of `find_start`."""
         t = self.equations.model.settings.t_start or 0.0
         return find_start(self.equations, self.system, t)
 
     @cached_property
     def freedom(self) -> DegreesOfFreedom:
-        """The degrees of freedom; their rank is None where there is no consistent state."""
+        """The degrees of freedom; their rank is None if there is no consistent state."""
         k, r = len(self.equations.q), len(self.equations.constraints)
         if not r:
             return DegreesOfFreedom(k, 0, 0)
@@ -157,7 +157,7 @@ def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
     Returns
     -------
     DegreesOfFreedom
-        Its rank is None where there is no consistent initial state.
+        Its rank is None if there is no consistent initial state.
     """
     return ModelStart(equations).freedom
 
@@ -168,14 +168,14 @@ def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
 
 
 def undefined_at(equations: Equations, state: State) -> UndefinedExpression:
-    """Say which expression of the model has no finite value at a state."""
+    """Return which expression of the model is not finite at a state."""
     from lagcli.simulations.undefined import undefined_expression
 
     return undefined_expression(equations, state)
 
 
 def message_of(equations: Equations, run: Outcome) -> str:
-    """Return the message of a run with the place in the model of what ended it."""
+    """Return the message of a run with the location in the model of its cause."""
     message = run.message
     if run.undefined is not None:
         given = run.undefined.p[: len(equations.model.parameters)]  # without branches
@@ -273,7 +273,7 @@ def _no_gradient(model: Model, constraints: list[str]) -> NumericalError:
 
 
 def _check_inertia(equations: Equations, system: System, start: ConsistentState) -> None:
-    """Reject a motion that the constraints allow and no inertia resists."""
+    """Reject admissible motions without inertia."""
     state = start.state
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     if not d.finite:
@@ -285,13 +285,13 @@ def _check_inertia(equations: Equations, system: System, start: ConsistentState)
 
 
 def _own_sizes(mass: Array) -> Array:
-    """Return 1/√M_jj, by which coordinates of different units are compared; 1 without inertia."""
+    """Return 1/√M_jj, which scales coordinates of different units; 1 without inertia."""
     size = np.sqrt(np.abs(np.diag(mass)))
     return 1 / np.where(size > 0, size, 1.0)
 
 
 def _free_inertia(d: Dynamics, system: System, rank: int) -> tuple[Array, Array]:
-    """Return the eigenvalues of M scaled, in the directions that B allows, and these directions."""
+    """Return the eigenvalues of the scaled M on the null space of B, and the eigenvectors."""
     free = np.eye(len(d.forcing))
     if held := list(system.held_at_start):
         from lagcli.engine.linear.dense import decompose
@@ -337,17 +337,17 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
 
 
 def negative_inertia(system: System, state: State, rank: int) -> list[str]:
-    """Return a warning where T falls with the velocities that the constraints allow.
+    """Return a warning if T decreases with admissible velocities.
 
-    Equations with negative masses can be solved, but no body has one: a sign is wrong.
+    Equations with negative masses can be solved, but indicate a wrong sign.
 
     Parameters
     ----------
     system : System
     state : State
-        A consistent one.
+        A consistent state.
     rank : int
-        Rank of B there.
+        Rank of B at the state.
     """
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     mass, nq = d.mass_matrix, len(state.q)
@@ -368,7 +368,7 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
 
 
 def _vanishing_in(model: Model, coordinates: list[str]) -> list[str]:
-    """Return the parameters that are zero and by which the velocities of coordinates enter T."""
+    """Return the parameters that are zero and are factors of velocities in T."""
     kinetic = -model.potential if model.kinetic is None else model.kinetic
     found: dict[str, None] = {}
     for name in coordinates:

@@ -1,4 +1,4 @@
-"""One thread for BLAS and LAPACK: lagcli's matrices are too small to be shared among threads.
+"""One thread for BLAS and LAPACK: lagcli's matrices are too small to benefit from threads.
 
 See docs/decisions/2026-11-blas-threads.md for the measurements.
 """
@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: What the libraries that NumPy may be built with read, once, when NumPy is first imported.
+#: Environment variables of BLAS libraries, read once, when NumPy is first imported.
 VARIABLES = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -20,9 +20,9 @@ VARIABLES = (
 
 
 def limit_process() -> None:
-    """Let BLAS have one thread in this process and in those that it starts.
+    """Limit BLAS to one thread in this process and its child processes.
 
-    To be called before NumPy is imported. A number that the user has set stays.
+    Must be called before NumPy is imported. A number set by the user is kept.
     """
     if not _set():
         os.environ.update(dict.fromkeys(VARIABLES, "1"))
@@ -30,18 +30,18 @@ def limit_process() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let BLAS have one thread inside a ``with`` statement, where the environment sets no number.
+    """Context manager that limits BLAS to one thread, unless the environment sets a number.
 
-    The limit is the process' own: where several threads are inside at once, it is that of the first
-    and ends with it.
+    The limit applies to the process: if several threads are inside at once, it ends with the first
+    one.
     """
     if _set():
         yield
         return
     try:
-        # imported where it is needed: the command line sets the environment instead
+        # imported on demand: the command line sets the environment instead
         from threadpoolctl import threadpool_limits
-    except ImportError:  # only speed depends on it
+    except ImportError:  # affects only speed
         yield
         return
     with threadpool_limits(1, "blas"):

@@ -14,22 +14,23 @@ from lagcli.settings.settings import Settings
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.samples import Samples
 
-#: Relative error of the energy per step, in relative tolerances: coordinates and velocities are
-#: held to rtol (|y| + 0.1 S) together, and an energy quadratic in them changes by twice that.
+#: Relative error of the energy per step, in relative tolerances: errors of coordinates and
+#: velocities are limited to rtol (|y| + 0.1 S) together, which changes a quadratic energy by twice
+#: that.
 _PER_STEP = 3.0
-#: Of the energy: beyond it no tolerance excuses an error, and rounding alone stays below it.
+#: Largest error of the energy for any tolerance, relative; rounding errors are smaller.
 _LARGEST = 0.01
 _ROUNDING = 1e-11
-#: Of what the energies are made of: below it they are rounding and errors of the state.
+#: Energies below this part of their terms are rounding errors and errors of the state.
 _CANCELLED = 1e-9
-#: Of the state: the change that shows what the energy is made of.
+#: Relative change of the state that reveals the size of the energy's terms.
 _CHANGE = 1e-7
-#: Of a constraint's terms: the most that projection leaves, which aims at 1e-14.
+#: Largest residual after projection, relative to a constraint's terms; the target is 1e-14.
 _RESIDUAL = 1e-9
 
 
 class Trust:
-    """Follows the energy balance and the residuals along a run.
+    """Monitors the energy balance and the residuals along a run.
 
     Parameters
     ----------
@@ -74,15 +75,16 @@ class Trust:
             self._residuals[level] = np.fmax(found, largest)
 
     def _parts(self, samples: Samples) -> Array:
-        """Return what T and V are made of, though it cancel, at the first and the last sample.
+        """Return the sizes of the terms of T and V, which may cancel, at the first and the last
+        sample.
 
-        It is what they change by with the state, by the relative size of the change.
+        They are the changes of T and V over the relative change of the state.
         """
         some = [0, -1]
         t, q, v, a = (getattr(samples, x)[some] for x in ("time", "q", "v", "a"))
         found = np.zeros(2)
         for sign in (-1, 1):
-            # no two entries are alike, so that their changes cannot cancel
+            # all entries differ, so that their changes cannot cancel
             change = 1 + sign * _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
             at, rate = q * change[: q.shape[1]], v * change[q.shape[1] :]
             kinetic, potential, *_ = Batch(self.system, self.p, t, at, rate).report(
@@ -97,7 +99,7 @@ class Trust:
         return np.where(np.isfinite(found), found, 0.0)
 
     def _remedy(self) -> str:
-        """Return what helps against a large error of the energy balance."""
+        """Return the remedy for a large error of the energy balance."""
         places = [REPORTED.index(name) for name in ("energy_kinetic", "energy_potential")]
         energies = self.system.report.selected(places)
         if any(op in KINKS for op, *_ in energies.code):
@@ -108,14 +110,14 @@ class Trust:
         return "give a smaller --rtol"
 
     def warnings(self, settings: Settings, steps: int, columns: DerivedColumns) -> tuple[str, ...]:
-        """Return why the result may not be trusted.
+        """Return the reasons to distrust the result.
 
         Parameters
         ----------
         settings : Settings
         steps : int
         columns : DerivedColumns
-            With the constraints' own scales.
+            Samples, with the constraints' scales.
         """
         found, rtol = [], settings.rtol
         scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
@@ -124,7 +126,7 @@ class Trust:
         scale = float(np.fmax(max(self.energy, self.flow), np.diff(self._potential)[0]))
         if scale < min(rtol, _CANCELLED) * self.parts:
             scale = self.parts
-        elif scale < rtol * self.parts:  # less than the tolerance resolves, but not nothing
+        elif scale < rtol * self.parts:  # smaller than the tolerance resolves, but not zero
             allowed = min(_LARGEST, explained * self.parts / scale)
         if not self.balance <= allowed * scale:
             share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
@@ -134,7 +136,7 @@ class Trust:
             )
         for level, largest in self._residuals.items():
             terms = scales[level]
-            if level == "velocity" and self._span:  # what moves no position counts for nothing
+            if level == "velocity" and self._span:  # motions that move no position
                 terms = np.fmax(terms, scales["position"] / self._span)
             with np.errstate(invalid="ignore"):
                 relative = np.nan_to_num(largest / terms)

@@ -1,4 +1,4 @@
-"""Name the expression of a model that has no finite value at a state, as its author wrote it."""
+"""Location of an expression of a model that is not finite at a state."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import NO_INDICES, TIME
 from lagcli.model.names.scoping import Value
 
-_NAMED = 8  # coordinates whose values a message lists
+_NAMED = 8  # largest number of coordinates whose values a message lists
 
 
 class UndefinedExpression(NamedTuple):
-    """What has no finite value: a clause, and the place in the model file."""
+    """An expression that is not finite: a clause, and its location in the model file."""
 
     clause: str
     location: SourceLocation | None
@@ -43,7 +43,7 @@ class UndefinedExpression(NamedTuple):
 
 
 class _Written(NamedTuple):
-    """A part of the model's text: the tree, the entry that it stands in, the index's values."""
+    """A part of the model's text: the tree, its entry, and the index values."""
 
     tree: Tree
     block: str
@@ -52,7 +52,7 @@ class _Written(NamedTuple):
 
 
 def undefined_expression(equations: Equations, state: State) -> UndefinedExpression:
-    """Say which expression of the model is not finite at a state, and what the state is.
+    """Return the expression of the model that is not finite at a state.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def undefined_expression(equations: Equations, state: State) -> UndefinedExpress
     Returns
     -------
     Undefined
-        A clause such as "`log(x)` in `V` has no finite value at x = -0.2", and its place. Where
-        all expressions have one, it names the smallest whose first or second derivatives do not.
+        A clause such as "`log(x)` in `V` has no finite value at x = -0.2", and its location. If all
+        expressions are finite, it names the smallest one whose first or second derivatives are not.
     """
     return _ExpressionSearch(equations, state).found()
 
@@ -97,7 +97,7 @@ class _ExpressionSearch:
         )
 
     def statements(self) -> Iterator[_Written]:
-        """Yield what the model states of the motion."""
+        """Yield the expressions of the model that determine the motion."""
         trees = self.model.trees
         for key in ("L", "T", "V", "D"):
             if key in trees:
@@ -122,7 +122,8 @@ class _ExpressionSearch:
         return build(part.tree, self.scope).value
 
     def inside(self, part: _Written) -> Iterator[_Written]:
-        """Yield the parts of a part; of cases the one that is taken, of a name its definition."""
+        """Yield the subexpressions of a part; for cases, the selected one; for a name, its
+        definition."""
         tree = part.tree
         self.scope.values.clear()
         self.scope.values.update(part.indices)
@@ -152,11 +153,11 @@ class _ExpressionSearch:
         return ScalarTape(compile_tape(expressions, list(self.values)))(self.values.values())
 
     def unbounded(self, value: Value | None) -> bool:
-        """Whether an expression has no finite value."""
+        """Whether an expression is not finite."""
         return self.unbounded_any(_entries(value))
 
     def steep(self, value: Value | None) -> bool:
-        """Whether an expression's first or second derivatives have no finite value."""
+        """Whether an expression's first or second derivatives are not finite."""
         slopes = [derivative(e, s) for e in _entries(value) for s in self.symbols(e)]
         curvatures = [derivative(e, s) for e in slopes for s in self.symbols(e)]
         return self.unbounded_any(slopes) or self.unbounded_any(curvatures)
@@ -165,15 +166,15 @@ class _ExpressionSearch:
         return bool(expressions) and not all(map(math.isfinite, self.numbers(expressions)))
 
     def symbols(self, expression: Basic) -> list[Basic]:
-        """Return the coordinates and velocities that occur, and the time."""
+        """Return the coordinates, velocities and time in an expression."""
         return sorted((s for s in expression.free_symbols if s in self.state), key=str)
 
-    # the culprit
+    # search
 
     def described(
         self, part: _Written, bad: Callable[[Value | None], bool], what: str
     ) -> UndefinedExpression:
-        """Describe the smallest part that is bad inside one that is."""
+        """Describe the smallest part that is not finite."""
         used_by = part
         while True:
             inner = next((x for x in self.inside(part) if bad(self.value(x))), None)
@@ -206,7 +207,7 @@ def _entries(value: Value | None) -> list[Basic]:
 
 
 def _title(part: _Written) -> str:
-    """Say what an entry is."""
+    """Return the description of an entry."""
     if part.name is None:
         return f"`{part.block}`"
     kind = {"definitions": "the definition", "constraints": "constraint", "Q": "the force on"}

@@ -1,4 +1,4 @@
-"""One model, derived once, for many values of its parameters and initial values."""
+"""Variants: one model, derived once, for many values of its parameters and initial values."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Values(NamedTuple):
     ----------
     parameters : (n, np) array
     q, v : (n, nq) arrays
-        As given: fixed values and guesses, not yet consistent.
+        Given values: fixed ones and guesses, not yet consistent.
     fixed_q, fixed_v : (nq,) arrays of bool
-        Which of them are fixed.
+        Which initial values are fixed.
     """
 
     parameters: Array
@@ -52,14 +52,14 @@ class Values(NamedTuple):
 
 
 class Variants:
-    """A model ready to be simulated with other values, without being derived again.
+    """A prepared model that can be simulated with other values without a new derivation.
 
     Parameters
     ----------
     model : Model
-        Its values are those that no variant changes.
+        The model, with the values that no variant changes.
     settings : SettingsOverrides, optional
-        As for `lagcli.simulations.simulation.prepare`.
+        See `lagcli.simulations.simulation.prepare`.
 
     Raises
     ------
@@ -84,10 +84,10 @@ class Variants:
 
     @cached_property
     def prepared(self) -> Prepared | None:
-        """What the compiled engine need not make ready again for each variant.
+        """Preparation of the compiled engine that all variants share.
 
-        None where the model's own values have no start to make it for, and where something
-        switches: the engine keeps that itself.
+        None if the model's own values have no initial state, or if the model switches: the engine
+        caches it then.
         """
         if self.settings.engine != "compiled" or self.system.switching is not None:
             return None
@@ -113,9 +113,9 @@ class Variants:
         Parameters
         ----------
         set, set_initial : mapping of str to numbers or text, optional
-            As for `lagcli.load`, beside those that the model was loaded with. Another value of a
-            structural parameter, on which the number of members of a family depends, asks for
-            another derivation; no other does.
+            As for `lagcli.load`, in addition to the values with which the model was loaded. Only
+            another value of a structural parameter, which determines the number of members of a
+            family, requires a new derivation.
 
         Raises
         ------
@@ -147,15 +147,15 @@ class Variants:
         )
 
     def together(self, names: Sequence[str]) -> bool:
-        """Return whether `values` has the variants in these parameters and initial values.
+        """Return whether `values` supports these parameters and initial values.
 
-        Not in a structural parameter, nor in one that the settings are made of: each value of
-        those makes a run of another kind.
+        Not structural parameters, nor those that the settings depend on: their values give
+        different kinds of runs.
 
         Parameters
         ----------
         names : sequence of str
-            Parameters, coordinates and velocities (``phi'``), as the model has them.
+            Names of parameters, coordinates and velocities (``phi'``) in the model.
         """
         needs = {family_of(name) for name in self.model.settings_need}
         return not any(
@@ -169,10 +169,10 @@ class Variants:
         Parameters
         ----------
         names : sequence of k str
-            As for `together`, which must be true of them.
+            Names for which `together` is true.
         table : (n, k) array
-            Their values in each variant, in SI. What is not finite in a result has no value there:
-            `varied` explains it.
+            Values of each variant, in SI. Results that are not finite are errors, which `varied`
+            explains.
 
         Returns
         -------
@@ -207,7 +207,7 @@ class Variants:
 
 
 class _Followers(NamedTuple):
-    """What follows from the varied values, and the tape that computes it from them."""
+    """Quantities that depend on the varied values, and the tape that computes them."""
 
     names: tuple[str, ...]
     tape: Tape

@@ -1,4 +1,4 @@
-"""The layout of a sweep file: which columns there are, how they are named and measured."""
+"""Columns of sweep files: names, units and layout."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ KIND = "sweep"
 #: Version of the layout of sweep files.
 SCHEMA_VERSION = "2"
 
-#: Datasets that a sweep file has beside the varied quantities and the measures.
+#: Datasets of a sweep file besides the varied quantities and the measures.
 RESERVED = {
     *("run", "status", "message", "steps", "rejected", "evaluations", "outputs"),
     *("coordinate", "constraint", *(q.name for q in QUANTITIES)),
 }
-#: The quantities of kept trajectories.
+#: Quantities of stored trajectories.
 KEPT = tuple(quantity for quantity in SAMPLED if quantity.kept)
 COUNTS = ("steps", "rejected", "evaluations")
 
-#: Dimensions of the columns that have one number at each sample.
+#: Dimensions of columns with one number per sample.
 _SCALARS = {q.name: read_unit(q.unit).dimension for q in SCALARS if "{" not in q.unit}
 
 _NAMED = re.compile(r"\s*([^\W\d_]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)
 
 
 class Column(NamedTuple):
-    """A number of each row.
+    """A column with one number per row.
 
     Parameters
     ----------
     name : str
-        As the model, or the measure, has it.
+        Name in the model, or text of the measure.
     dataset : str
-        Its name in the file.
+        Name in the file.
     unit, long_name : str
     """
 
@@ -91,12 +91,13 @@ def measure_columns(model: Model, measures: tuple[tuple[str, str], ...]) -> list
 
 
 def named_measure(text: str) -> tuple[str, str]:
-    """Return name and expression of ``NAME=EXPRESSION``, or of an expression, named by its text.
+    """Return name and expression of ``NAME=EXPRESSION``, or of an expression, whose text is the
+    name.
 
     Raises
     ------
     UsageError
-        The name is that of another column, or a file cannot have it.
+        The name is that of another column, or is not allowed in a file.
     """
     match = _NAMED.fullmatch(text)
     name, expression = (match[1], match[2].strip()) if match else (text.strip(),) * 2
@@ -115,7 +116,7 @@ def named_measure(text: str) -> tuple[str, str]:
 
 
 def check_names(columns: list[Column]) -> None:
-    """Raise if two columns have one name.
+    """Raise an error if two columns have the same name.
 
     Raises
     ------
@@ -132,7 +133,7 @@ def check_names(columns: list[Column]) -> None:
 
 
 def _unit_of_log(model: Model, asked: EventMeasure) -> str:
-    """Return the unit of a number of the log."""
+    """Return the unit of a number from the event log."""
     if asked.kind == "count":
         return "1"
     if asked.kind == "time_of":
@@ -142,7 +143,7 @@ def _unit_of_log(model: Model, asked: EventMeasure) -> str:
 
 
 def _unit(model: Model, tree: Tree, of_log: Mapping[str, str]) -> str:
-    """Return the unit of a measure, where it follows from its form: that of its signal, or s."""
+    """Return the unit of a measure if its form determines it: that of its signal, or s."""
     if isinstance(tree, SumExpr):
         units = {_unit(model, term, of_log) for _, term in tree.terms}
         return units.pop() if len(units) == 1 else NOT_STATED
@@ -160,7 +161,7 @@ def _unit(model: Model, tree: Tree, of_log: Mapping[str, str]) -> str:
 
 
 def _unit_of_name(model: Model, name: str) -> str:
-    """Return the SI unit of a name, where the model states it."""
+    """Return the SI unit of a name, if the model gives it."""
     if name in model.outputs:
         return model.units.of_output(name) or NOT_STATED
     if name in model.parameters or name in model.definitions:
@@ -183,9 +184,9 @@ def default_measures(model: Model) -> tuple[tuple[str, str], ...]:
 
 
 def kept_layout(model: Model) -> list[tuple[ResultQuantity, int]]:
-    """Return the quantities of kept trajectories, and how many numbers a sample has of each.
+    """Return the quantities of stored trajectories, and the number of values per sample of each.
 
-    The outputs come after them, in the model's order.
+    The outputs follow, in the model's order.
     """
     widths = {"coordinate": len(model.coordinates), "constraint": len(model.constraints), "": 1}
     return [(quantity, widths[quantity.along]) for quantity in KEPT]

@@ -1,4 +1,4 @@
-"""The results of rows of a sweep, as they are computed, journaled and written."""
+"""Results of rows of a sweep, as computed, journaled and written."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from numpy.typing import NDArray
 
 from lagcli.arrays import Array, Numbers
 
-#: The status of a row, by its number; MISSING is none that a result has.
+#: Statuses of rows, by number; MISSING does not occur in results.
 STATUSES = ("completed", "failed", "error", "missing")
 COMPLETED, FAILED, ERROR, MISSING = range(4)
 
 
 class Results(NamedTuple):
-    """The results of n rows; arrays, so that they are sent and kept as they are.
+    """The results of n rows, as arrays.
 
     Parameters
     ----------
     numbers : (n,) array of int
-        The rows' numbers.
+        Numbers of the rows.
     status : (n,) array of int8
-        An index of ``STATUSES``: completed; failed, where the numbers did or, of a strict sweep,
-        cannot be trusted; error, where the model cannot have these values.
+        Indices into ``STATUSES``: completed; failed, if the integration failed or, in a strict
+        sweep, has warnings; error, if the values are invalid for the model.
     messages : list of n str
-        Empty for most completed rows.
+        Messages; empty for most completed rows.
     counts : (n, 3) array of int
         Steps, rejected steps and evaluations.
     measures : (n, m) array
-        NaN in rows that are not completed.
+        Measures; NaN in rows that are not completed.
     kept : (n, nt, columns) array
-        The samples, NaN where a run did not come to them; (n, 0, 0) where they are not kept.
+        Stored samples, NaN after the end of a run; (n, 0, 0) if they are not stored.
     """
 
     numbers: Numbers

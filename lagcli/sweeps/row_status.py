@@ -10,8 +10,8 @@ import numpy as np
 from lagcli.arrays import Numbers
 from lagcli.sweeps.row_results import COMPLETED, MISSING, STATUSES, Results
 
-_MOST_CAUSES = 1000  # counted separately
-_LONGEST = 200  # characters of a cause
+_MOST_CAUSES = 1000  # largest number of causes that are counted separately
+_LONGEST = 200  # largest number of characters of a cause
 _NUMBER = re.compile(r"[-+−]?(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
@@ -24,7 +24,7 @@ def cause(message: str) -> str:
 
 
 class RowStatus:
-    """The status of each row of a sweep, and why rows failed.
+    """The status of each row of a sweep, and the causes of failures.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class RowStatus:
             self._cause[results.numbers[i]] = place
 
     def forget_failures(self) -> None:
-        """Mark the rows that failed as missing."""
+        """Mark failed rows as missing."""
         self.status[self.status != COMPLETED] = MISSING
         self._cause[:] = 0
 
@@ -79,12 +79,12 @@ class RowStatus:
 
 
 class MissingRows:
-    """The missing rows in order, taken some at a time.
+    """The missing rows in order, taken in blocks.
 
     Parameters
     ----------
     row_status : RowStatus
-        Read once, now: each row is returned once.
+        Status, read once at construction: each row is returned once.
     """
 
     def __init__(self, row_status: RowStatus):
@@ -93,7 +93,7 @@ class MissingRows:
         self.left = int(np.count_nonzero(self._wanted))
 
     def take(self, count: int) -> Numbers:
-        """Return the next rows, at most so many; none at the end."""
+        """Return the next rows, up to a number; none at the end."""
         found: list[Numbers] = []
         size = 0
         while size < count and self._next < len(self._wanted):

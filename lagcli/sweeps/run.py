@@ -28,34 +28,34 @@ from lagcli.sweeps.row_status import MissingRows
 from lagcli.sweeps.rows.workers import Chunks, run_here
 from lagcli.sweeps.validate import PreparedSweep, SweepRequest, prepare_sweep
 
-#: Runs the missing rows of a sweep and yields their results, in any order.
+#: Function that runs the missing rows of a sweep and yields their results, in any order.
 Executor = Callable[[Spec, Chunks, Callable[[], None]], Iterable[Results]]
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What became of a sweep.
+    """Summary of a sweep.
 
     Parameters
     ----------
     status : str
-        ``completed`` (every row has a result, good or bad) or ``interrupted``.
+        ``completed`` (every row has a result, possibly a failure) or ``interrupted``.
     output : str or None
-        The file; of an interrupted sweep the journal from which ``resume`` goes on, None where
-        that was removed while the sweep ran.
+        The result file; for an interrupted sweep, the journal for ``resume``, or None if it was
+        removed during the sweep.
     rows, done, ok : int
-        All rows, those with a result, and those that were completed.
+        Numbers of all rows, of those with a result, and of completed ones.
     failed : dict of str to int
-        The numbers of rows that failed, by cause.
+        Numbers of failed rows, by cause.
     run : int
-        Rows that were run now, not taken from the journal.
+        Number of rows run now, not taken from the journal.
     rows_per_second : float
         Rows per second of these.
     seconds : float
     keep : str
     measures : list of str
     notes : list of str
-        What was wrong with the journal of a resumed sweep.
+        Problems of the journal of a resumed sweep.
     """
 
     status: str
@@ -72,7 +72,7 @@ class Summary:
     notes: list[str]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the summary as JSON values."""
         return asdict(self)
 
 
@@ -107,30 +107,32 @@ def sweep(
     vary : sequence of str
         ``m=1:2:0.1``, ``l=0.2,0.3``, ``@file.csv``, …; see docs/sweeps.md.
     output : str or path
-        ``.h5``, or ``.csv`` for the measures alone.
+        ``.h5``, or ``.csv`` for only the measures.
     measures : sequence of str, or mapping of names to expressions
         ``max(abs(lambda.guide))``, ``peak=max(x)``, ….
     keep : "measures" or "trajectories", optional
-        Whether the samples of each row are kept. By default where no measure is given, the file is
+        Whether to store the samples of each row. By default, if no measure is given, the file is
         HDF5 and they take less than 1 GB.
     sample, seed, zipped
         As for `lagcli.sweeps.plan.plan.make_plan`.
     set, set_initial : mappings, optional
         Values that replace the model's in all rows.
     jobs : int, optional
-        Processes; by default as many as this one may use processors. Rows do not depend on it.
+        Number of processes; by default the number of available processors. Results do not depend on
+        it.
     resume : bool
         Continue an interrupted sweep, or start one.
     retry_failed : bool
-        With ``resume``, run rows that failed again.
+        With ``resume``, repeat failed rows.
     strict : bool
-        Count rows as failed whose energy balance, residuals or inertia `simulate` warns of.
+        Count rows as failed for which `simulate` would warn about energy balance, residuals or
+        inertia.
     force : bool
         Replace an existing file, and restart.
     progress : callable, optional
-        Called with the numbers of rows that are done and of all.
+        Called with the numbers of completed and of all rows.
     executor : callable, optional
-        Runs the rows elsewhere than on this machine.
+        Runs the rows on other machines.
     settings : SettingsOverrides, optional
     **options
         Settings by name, instead of ``settings``.
@@ -138,14 +140,14 @@ def sweep(
     Returns
     -------
     Summary
-        One failed row never stops the others: it has its status and message in the file.
+        A failed row does not stop the others: its status and message are in the file.
 
     Raises
     ------
     UsageError, ModelError
-        The options, the model or a measure is wrong; or a sweep of another kind is to be resumed.
+        The options, the model or a measure is invalid; or the sweep to resume is a different one.
     FileError
-        A file cannot be read or written. What was done stays in the journal.
+        A file cannot be read or written. Completed rows remain in the journal.
     """
     began = time.monotonic()
     path = os.fspath(output)
@@ -247,7 +249,7 @@ class _Sweep:
         self.row_status.enter(results)
 
     def _noted(self, error: FileError, kept: str, does: str) -> FileError:
-        """Return an error with the number of rows that are kept."""
+        """Return an error with the number of stored rows."""
         path = self.journal.path
         if self.journal.lost:
             note = f"{path} was removed while the sweep ran, and its rows with it; run it again"
@@ -276,7 +278,7 @@ class _Sweep:
         write_sweep(path, self.prepared, results, facts, force)
 
     def _write_csv(self, seconds: float) -> None:
-        """Write CSV by way of a file that is removed."""
+        """Write CSV from a temporary sweep file."""
         hidden = f"{self.path}.{os.getpid()}.h5"
         try:
             self._write_hdf5(hidden, seconds, force=True)
@@ -286,7 +288,7 @@ class _Sweep:
 
 
 def _processors() -> int:
-    """Return the number of processors that this process may use: a batch system may say which."""
+    """Return the number of processors available to this process, which a batch system may limit."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

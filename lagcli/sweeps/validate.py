@@ -1,4 +1,4 @@
-"""Check the options of a sweep before its first row."""
+"""Validation of the options of a sweep before its first row."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.rows.rows import Runner
 
-#: Bytes of samples up to which trajectories are kept where nothing is said.
+#: Size of samples up to which trajectories are stored by default, bytes.
 KEPT_UNASKED = 10**9
 
 
 class SweepRequest(NamedTuple):
-    """The options of a sweep, as they are given."""
+    """The options of a sweep."""
 
     vary: Sequence[str]
     sample: str | None
@@ -50,14 +50,14 @@ class PreparedSweep:
     ----------
     spec : Spec
     model : Model
-        With the values that no row changes.
+        The model with the values common to all rows.
     times : (nt,) array
-        The samples of the first structure, s.
+        The sample times of the first structure, s.
     columns, measures : lists of Column
     row_bytes : int
-        Bytes of the samples that a row keeps.
+        Size of a row's stored samples, bytes.
     options : dict
-        The settings, resolved.
+        The resolved settings.
     """
 
     spec: Spec
@@ -126,7 +126,7 @@ def prepare_sweep(
 
 
 def _dotted(set_initial: Mapping[str, object]) -> dict[str, object]:
-    """Return initial values by the one name that each has (``phi'``)."""
+    """Return initial values by their canonical names (``phi'``)."""
     return {
         name.removesuffix("_dot") + "'" if name.endswith("_dot") else name: value
         for name, value in set_initial.items()

@@ -1,1 +1,1 @@
-"""Trajectories: samples of a run, in blocks or as a whole."""
+"""Trajectories: samples of a run, in blocks or complete."""

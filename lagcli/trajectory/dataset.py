@@ -1,4 +1,4 @@
-"""A trajectory as a dataset of xarray."""
+"""Conversion of a trajectory to a dataset of xarray."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def to_dataset(trajectory: Trajectory) -> Any:
 
 
 def _events(log: EventLog, time: Array) -> dict[str, Any]:
-    """Return the log's variables, and the modes of the rows that switch at each sample."""
+    """Return the variables of the event log, and the modes of the switched rows at each sample."""
     records = log.records
     recorded = {
         "recorded_entry": (("recorded",), records.entry),
@@ -99,6 +99,6 @@ def _events(log: EventLog, time: Array) -> dict[str, Any]:
 
 
 def _units(along: Sequence[str | None]) -> dict[str, str]:
-    """Return the attribute of an array whose columns have one unit; nothing of any other."""
+    """Return the unit attribute of an array if all columns have the same unit; otherwise none."""
     (unit,) = set(along) if len(set(along)) == 1 else (None,)
     return {"units": unit} if unit else {}

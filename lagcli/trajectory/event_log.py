@@ -1,4 +1,4 @@
-"""The log of a run: what happened at contacts and events, and the modes that follow from it."""
+"""The event log of a run: contacts, events, and the resulting modes."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 
 from lagcli.arrays import Array, Indices
 
-#: Modes of switched rows, as `lagcli.engine.switching.switching.RowMode` numbers them.
+#: Modes of switched rows, numbered as `lagcli.engine.switching.switching.RowMode`.
 MODES = ("open", "holds", "forward", "backward")
-#: What an entry may be.
+#: Kinds of entries.
 KINDS = (
     *("closes", "opens", "slips", "sticks", "impact", "rest"),
     *("releases", "engages", "event"),
 )
 
-#: Columns of an event of which the last values are listed.
+#: Largest number of recorded columns of an event whose last values are listed.
 _LISTED = 8
 
 
@@ -33,7 +33,7 @@ class Rest(NamedTuple):
     time : float
         s.
     impacts : int
-        How many of it there were since it last opened, or since the start.
+        Number of impacts since the contact last opened, or since the initial time.
     """
 
     name: str
@@ -47,20 +47,19 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EventRecords:
-    """Columns of results at the instants of events, from both sides.
+    """Columns of results at the instants of events, before and after.
 
-    nr entries of the log record something, of nn columns.
+    nr entries of the log with recorded columns, nn columns.
 
     Parameters
     ----------
     columns : tuple of nn str
-        As CSV files name them.
+        Names as in CSV files.
     entry : (nr,) array of int
-        Which entry of the log, increasing.
+        Indices of the log entries, increasing.
     before, after : (nr, nn) arrays
-        The limits at the instant: before anything happens there, and after all has. NaN where
-        the entry does not record the column, and where there is no limit: accelerations and
-        forces before the start.
+        One-sided limits at the instant: before and after it. NaN if the entry does not record the
+        column, or if there is no limit: accelerations and forces before the initial time.
     """
 
     columns: tuple[str, ...]
@@ -69,7 +68,7 @@ class EventRecords:
     after: Array
 
     def check(self, entries: int) -> None:
-        """Raise ValueError unless they are of a log with so many entries."""
+        """Raise ValueError unless they are consistent with a number of log entries."""
         shape = (len(self.entry), len(self.columns))
         if len(set(self.columns)) < len(self.columns):
             raise ValueError("a column is recorded twice")
@@ -81,7 +80,7 @@ class EventRecords:
             raise ValueError("recorded columns refer to entries that do not exist")
 
     def of(self, place: int) -> dict[str, tuple[float, float]]:
-        """Return what one of them records: the values before and after, by column."""
+        """Return the recorded values of an entry: before and after, by column."""
         both = zip(self.before[place].tolist(), self.after[place].tolist(), strict=True)
         known = ~np.isnan(self.before[place]) | ~np.isnan(self.after[place])
         named = zip(self.columns, both, known.tolist(), strict=True)
@@ -98,41 +97,41 @@ NOTHING_RECORDED = EventRecords(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EventLog:
-    """What happened at contacts and events during a run, in order.
+    """Log of contacts and events during a run, in order.
 
     ne entries, one for each row and instant; nq coordinates, nc constraints, ns switched rows.
 
     Parameters
     ----------
     rows : tuple of ns str
-        The constraints that switch.
+        The switched constraints.
     start : (ns,) array of int
-        Their modes at the start, places in `MODES`.
+        Their initial modes, indices into `MODES`.
     time : (ne,) array
         s.
     names : tuple of ne str
-        The constraint; of kind "event", the event.
+        Name of the constraint; for kind "event", name of the event.
     kinds : tuple of ne str
-        Among `KINDS`. "rest" ends a sequence of impacts that has a limit in time.
+        One of `KINDS`. "rest" ends a sequence of impacts that has a limit in time.
     q, before, after : (ne, nq) arrays
         The coordinates, and the velocities before and after the instant.
     impulse : (ne, nc) array
         Impulse of all constraints at the instant, J s per unit of the constraint; 0 without an
         impact.
     loss : (ne,) array
-        Energy that the entry's own impulse takes, −Λ (γ⁻ + γ⁺)/2 with its friction, J.
+        Energy absorbed by the entry's own impulse, −Λ (γ⁻ + γ⁺)/2 including its friction, J.
     supplied : (ne,) array
-        Energy that moving constraints supply by their impulses, J.
+        Energy supplied by the impulses of moving constraints, J.
     work : (ne,) array
-        Work of the event's actions, J, with what velocities lose where it engages a constraint.
+        Work of the event's actions, and energy lost by velocities when it engages a constraint, J.
     modes : (ne, ns) array of int
         Modes of the switched rows after the entry.
     records : EventRecords
-        What the events record.
+        Recorded columns of events.
     parameters : tuple of n str
-        Parameters and initial values with respect to which the run has derivatives.
+        Parameters and initial values of the run's derivatives.
     dtime : (ne, n) array
-        Derivatives of the times with respect to these; NaN where there is none.
+        Derivatives of the times with respect to these; NaN if undefined.
     """
 
     rows: tuple[str, ...]
@@ -172,22 +171,22 @@ class EventLog:
             raise ValueError("there is not one derivative of each time by each parameter")
 
     def recorded(self, column: str) -> tuple[Array, Array]:
-        """Return a column that events record, right before and right after each entry.
+        """Return a recorded column, right before and right after each entry.
 
         Parameters
         ----------
         column : str
-            As CSV files name it.
+            Name of the column as in CSV files.
 
         Returns
         -------
         before, after : (ne,) arrays
-            NaN where the entry does not record it.
+            NaN if the entry does not record the column.
 
         Raises
         ------
         KeyError
-            No event has recorded it.
+            No event records the column.
         """
         records = self.records
         if column not in records.columns:
@@ -197,7 +196,7 @@ class EventLog:
         return sides[0], sides[1]
 
     def modes_at(self, time: Array) -> Indices:
-        """Return the modes at given times, after what happens there.
+        """Return the modes right after given times.
 
         Parameters
         ----------
@@ -207,12 +206,12 @@ class EventLog:
         Returns
         -------
         (nt, ns) array of int
-            Places in `MODES`.
+            Indices into `MODES`.
         """
         return np.vstack([self.start, self.modes])[np.searchsorted(self.time, time, side="right")]
 
     def counts(self) -> dict[str, dict[str, int]]:
-        """Return how often what happened, by name and kind, in the order of the first time."""
+        """Return the number of entries by name and kind, in the order of first occurrence."""
         found: dict[str, dict[str, int]] = {}
         for (name, kind), count in Counter(zip(self.names, self.kinds, strict=True)).items():
             found.setdefault(name, {})[kind] = count
@@ -233,7 +232,7 @@ class EventLog:
     def total_impulse(self) -> Array:
         """Return the sum of the impulses of each constraint, (nc,).
 
-        The entries of one impact all have its impulses, which count once.
+        All entries of one impact contain its impulses, which are counted once.
         """
         again = np.zeros(len(self), dtype=bool)
         same = (self.impulse[1:] == self.impulse[:-1]).all(axis=1)
@@ -241,7 +240,7 @@ class EventLog:
         return np.asarray(self.impulse[~again].sum(axis=0))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return what happened in short, as JSON values.
+        """Return a summary of the log as JSON values.
 
         ``entries``, their number; ``counts`` by name and kind; ``rests`` (name, time, impacts);
         ``loss``, ``supplied`` and ``work``, the sums; ``at_end``, the mode of each row that
@@ -307,9 +306,9 @@ class EventLog:
 
 
 def event_sentences(found: Mapping[str, Any]) -> list[str]:
-    """Return what happened in a run for people, from `EventLog.to_mapping`.
+    """Return sentences on contacts and events, from `EventLog.to_mapping`.
 
-    Counts by constraint and event, notes on sequences of impacts that came to rest, and the energy.
+    Counts by constraint and event, notes on sequences of impacts that came to rest, and energies.
     """
     if not found["entries"]:
         return ["no changes of contacts, no events"]
@@ -335,7 +334,7 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
 
 
 def _at_end(modes: Mapping[str, str]) -> list[str]:
-    """Say which rows hold and slip at the end of a run, and that the others are open."""
+    """Return the clause on active, slipping and open rows at the end of a run."""
     if not modes:
         return []
     words = {"holds": "holds", "forward": "slips", "backward": "slips"}
@@ -359,6 +358,6 @@ def _recorded(name: str, found: Mapping[str, Any]) -> str:
 
 
 def _jump(before: float | None, after: float | None) -> str:
-    """Return the two limits of a number, or the one that both are."""
+    """Return the two limits of a number, or one if they are equal."""
     shown = ["nan" if x is None else f"{x:.6g}" for x in (before, after)]
     return " → ".join(dict.fromkeys(shown))

@@ -1,4 +1,4 @@
-"""The largest and least values along a run, gathered block by block."""
+"""Largest and smallest values along a run, computed block by block."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from lagcli.columns import ERRORS, PANELS
 
 
 class Drift:
-    """The first value of a conserved quantity and the largest difference from it; NaN without."""
+    """First value of a conserved quantity and largest difference from it; NaN if there is none."""
 
     def __init__(self) -> None:
         self.first = self.drift = math.nan
 
 
 class Extreme:
-    """The least and the greatest value of one quantity, and when, s; NaN where it has none."""
+    """Smallest and largest value of a quantity and their times, s; NaN if there is none."""
 
     def __init__(self) -> None:
         self.low = self.low_time = self.high = self.high_time = math.nan
 
 
 class Extremes:
-    """What the summary of a run says of its samples, in memory that does not grow with them.
+    """Extremes for the summary of a run, in constant memory.
 
-    NaN counts as no value.
+    NaN values are ignored.
 
     Parameters
     ----------
@@ -43,16 +43,16 @@ class Extremes:
     first, last : float
         Times, s; NaN without samples.
     multipliers : dict of str to Extreme
-        By constraint.
+        Extremes by constraint.
     residual_position, residual_velocity : (nc,) arrays
-        The largest magnitude by constraint; NaN where there is none.
+        Largest magnitude by constraint; NaN if there is none.
     residual_equation, energy_balance : float
-        The largest magnitude; NaN where there is none.
+        Largest magnitude; NaN if there is none.
     conserved : dict of str to Drift
-        By conserved quantity.
+        Drift by conserved quantity.
     """
 
-    #: The fields of `Samples` that are looked at.
+    #: The fields of `Samples` that are used.
     COLUMNS = (
         "time",
         "multipliers",
@@ -73,18 +73,18 @@ class Extremes:
 
     @property
     def energy_scale(self) -> float:
-        """The energy by which the balance is judged, J: the largest of |T|, |E| and V's swing."""
+        """The energy scale of the balance, J: the largest of |T|, |E| and the range of V."""
         swing = self._potential.high - self._potential.low
         scale = np.fmax(self._energy, swing)
         return 0.0 if math.isnan(scale) else float(scale)
 
     def add(self, columns: Mapping[str, Array]) -> None:
-        """Take the next samples into account.
+        """Update with the next samples.
 
         Parameters
         ----------
         columns : mapping of str to array
-            Those of ``COLUMNS``, by name; others are passed over.
+            Fields of ``COLUMNS``, by name; others are ignored.
         """
         time = columns["time"]
         if not len(time):
@@ -117,12 +117,12 @@ def known(value: float) -> float | None:
 
 
 def widen(extreme: Extreme, time: Array, values: Array) -> None:
-    """Take more values of one quantity into account; of equal ones the first counts, NaN never.
+    """Update with more values of a quantity; of equal ones the first counts, NaN never.
 
     Parameters
     ----------
     extreme : Extreme
-        Is changed.
+        Modified in place.
     time, values : (n,) arrays
     """
     if np.isnan(values).all():

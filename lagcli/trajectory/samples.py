@@ -1,4 +1,4 @@
-"""The samples of one run, and the record of everything needed to reproduce it."""
+"""Samples of a run, and the record of everything needed to reproduce it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 #: Version of the layout of result files.
 SCHEMA_VERSION = "2"
 
-#: The one sign of lambda, written into every file (seed equation 8.85).
+#: The sign convention of lambda, written to every file (textbook equation 8.85).
 SIGN_CONVENTION = (
     "d/dt dT/dq' - dT/dq + dV/dq = Q + sum_beta lambda_beta b_beta, "
     "b_beta = dphi_beta/dq (holonomic) or dpsi_beta/dq' (nonholonomic); "
     "for lhs = rhs, phi = lhs - rhs"
 )
 
-#: The values of ``Record.status``.
+#: Values of ``Record.status``.
 STATUSES = ("completed", "stopped-by-event", "failed", "interrupted")
-#: Those of a run that ended as it was meant to.
+#: Statuses of runs that ended as intended.
 ENDED = STATUSES[:2]
 
 
@@ -35,14 +35,14 @@ class Terms(NamedTuple):
     """The nonzero pattern of B: which constraint acts on which coordinate.
 
     n terms, ordered by constraint and then by coordinate: the rows and columns of a sparse matrix
-    whose values are those of one sample.
+    with the values of one sample.
 
     Parameters
     ----------
     constraint, coordinate : (n,) arrays of int
-        Places in the names of the constraints and of the coordinates.
+        Indices of the constraints and of the coordinates.
     shape : (int, int)
-        nc and nq.
+        Numbers of constraints and coordinates, nc and nq.
     """
 
     constraint: Indices
@@ -51,12 +51,13 @@ class Terms(NamedTuple):
 
     @classmethod
     def of(cls, pairs: Iterable[tuple[int, int]], shape: tuple[int, int]) -> Terms:
-        """Return the terms of pairs of constraint and coordinate, which are in order."""
+        """Return the terms of ordered pairs of constraint and coordinate."""
         both = np.array(list(pairs), dtype=np.intp).reshape(-1, 2)
         return cls(both[:, 0].copy(), both[:, 1].copy(), shape)
 
     def check(self) -> None:
-        """Raise ValueError unless the terms are in order and of the constraints and coordinates."""
+        """Raise ValueError unless the terms are ordered and within the constraints and
+        coordinates."""
         nc, nq = self.shape
         if self.constraint.ndim != 1 or self.constraint.shape != self.coordinate.shape:
             raise ValueError("the parts of the terms differ in length")
@@ -77,13 +78,13 @@ class Terms(NamedTuple):
         Returns
         -------
         (nt, nq) array
-            The terms of each coordinate are added in the order of the constraints.
+            The terms of each coordinate are summed in the order of the constraints.
         """
         total = np.zeros((len(values), self.shape[1]))
         order = np.argsort(self.coordinate, kind="stable")
         coordinate = self.coordinate[order]
         first = np.searchsorted(coordinate, coordinate)
-        place = np.arange(len(order)) - first  # of a term among those of its coordinate
+        place = np.arange(len(order)) - first  # index of a term among those of its coordinate
         for turn in range(int(place.max(initial=-1)) + 1):
             mine = order[place == turn]
             total[:, self.coordinate[mine]] += values[:, mine]
@@ -97,7 +98,7 @@ class Terms(NamedTuple):
         return forces
 
     def acting(self, constraint: int) -> dict[int, int]:
-        """Return the coordinates that a constraint acts on, each with the place of its term."""
+        """Return the coordinates that a constraint acts on, with the indices of the terms."""
         first, end = np.searchsorted(self.constraint, (constraint, constraint + 1))
         return {int(self.coordinate[k]): k for k in range(first, end)}
 
@@ -112,26 +113,26 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Samples(Columns):
-    """Consecutive samples of a run: its columns, see `Columns`, with the names along their axes.
+    """Consecutive samples of a run: its columns, see `Columns`, and the names along their axes.
 
     Parameters
     ----------
     coordinates, constraints : tuple of str
         Names, in the model's order.
     terms : Terms
-        Which constraint acts on which coordinate: the order of ``constraint_force_by``.
+        Nonzero constraint forces: the order of ``constraint_force_by``.
         `constraint_force_of` gives the forces of one constraint.
     outputs : mapping of str to (nt,) array
         The model's own columns.
     conserved_names : tuple of str
         Names of the conserved quantities.
     sensitivity : tuple of n str
-        Parameters and initial values with respect to which the motion was differentiated; mostly
+        Parameters and initial values with respect to which the motion is differentiated; usually
         none.
     dq, dv : (nt, nq, n) arrays or None
-        Derivatives of q and v; None without any.
+        Derivatives of q and v; None without derivatives.
     dmultipliers : (nt, nc, n) array or None
-        Derivatives of λ; NaN where λ is not unique.
+        Derivatives of λ; NaN if λ is not unique.
     """
 
     coordinates: tuple[str, ...]
@@ -146,7 +147,7 @@ class Samples(Columns):
 
     @property
     def nbytes(self) -> int:
-        """The memory that the numbers take."""
+        """Size of the arrays, bytes."""
         arrays = (x for x in vars(self).values() if isinstance(x, np.ndarray))
         return sum(x.nbytes for x in arrays) + len(self.outputs) * self.time.nbytes
 
@@ -166,7 +167,7 @@ class Samples(Columns):
         Returns
         -------
         (nt, nq) array
-            Zero for coordinates that it does not act on.
+            Zero for coordinates that the constraint does not act on.
 
         Raises
         ------
@@ -182,16 +183,16 @@ class Samples(Columns):
 
 
 class InputTable(NamedTuple):
-    """The table of an input, a known function of time, as a record keeps it.
+    """The table of an input, a known function of time, in a record.
 
     Parameters
     ----------
     times, values : (n,) arrays
-        SI; the times increase.
+        Increasing times and values, in SI units.
     unit : str
-        The unit in which the values are written; empty where none is stated.
+        Unit of the values in the file; empty if none is given.
     file, sha256 : str
-        The CSV file and its digest; empty where the table stands in the model.
+        CSV file and its SHA-256; empty if the table is in the model.
     """
 
     times: Array
@@ -212,22 +213,21 @@ class InputTable(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Record:
-    """What is known of a run besides its samples; some of it only at its end.
+    """Metadata of a run; some of it is only known at the end.
 
     Parameters
     ----------
     scale_position, scale_velocity : (nc,) arrays
-        The constraints' own scales, by which residuals are judged: the largest sum of the
-        magnitudes of their terms along the run, or what `lagcli.engine.scales` gives
-        where that is larger.
+        Scales of the constraints' residuals: the largest sum of the magnitudes of their terms along
+        the run, or the scale of `lagcli.engine.scales` if it is larger.
     units : mapping of str to str
-        Unit, in SI, of a coordinate, a parameter or an output, by name, where the model states it.
+        Unit, in SI, of a coordinate, a parameter or an output, by name, if the model gives it.
     status, message : str
-        One of ``STATUSES``, and one sentence for the reader.
+        One of ``STATUSES``, and a message of one sentence.
     model, model_sha256 : str
-        The model file's text, verbatim, and its digest.
+        The text of the model file, verbatim, and its SHA-256.
     parameters : mapping of str to float
-        The values used.
+        Values of the parameters.
     options : mapping
         Options of the run.
     counts : mapping of str to int
@@ -235,22 +235,22 @@ class Record:
     seconds : mapping of str to float
         Time spent by phase.
     initial_correction : mapping of str to (float, float)
-        What the consistent initial state moved: name → (value before, value after).
+        Adjustments by consistent initialization: name → (value before, value after).
     tolerances : mapping of str to float
         The absolute tolerance of each coordinate and velocity (``phi'``) at the end of the run.
     warnings : tuple of str
-        Why the result may not be trusted, one sentence each.
+        Warnings: reasons to distrust the result, one sentence each.
     freedom : mapping
-        The degrees of freedom at the start: ``coordinates``, ``constraints``, ``rank`` of B,
-        ``degrees_of_freedom``, and ``redundant``, the sets of ``constraints`` that depend on each
-        other and how many of each (``surplus``) follow from the others. Empty where not recorded.
+        The degrees of freedom at the initial state: ``coordinates``, ``constraints``, ``rank`` of
+        B, ``degrees_of_freedom``, and ``redundant``: sets of dependent ``constraints``, and the
+        number of redundant ones in each (``surplus``). Empty if not recorded.
     conserved_formulas : mapping of str to str
-        The conserved quantities by the momenta ``p_q`` of the coordinates and Jacobi's integral
-        ``h``, such as ``x*p_y - y*p_x``.
+        The conserved quantities in terms of the momenta ``p_q`` of the coordinates and Jacobi's
+        integral ``h``, such as ``x*p_y - y*p_x``.
     inputs : mapping of str to InputTable
         The tables of the model's inputs, by name.
     events : EventLog or None
-        What happened at contacts and events; None of a model that has none.
+        The event log; None for a model without switching.
     """
 
     scale_position: Array

@@ -15,29 +15,29 @@ from lagcli.trajectory.samples import Record, Samples
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Record, Samples):
-    """All samples of one run with its record; see `Samples` and `Record` for the fields."""
+    """All samples of one run and its record; see `Samples` and `Record` for the fields."""
 
     @property
     def modes(self) -> Indices | None:
-        """The modes of the rows that switch, at each sample.
+        """The modes of the switched rows at each sample.
 
-        (nt, ns) places in `lagcli.trajectory.event_log.MODES`, of the rows ``events.rows``, after
-        what happens at the sample's time; None of a model in which nothing switches.
+        (nt, ns) indices into `lagcli.trajectory.event_log.MODES`, of the rows ``events.rows``,
+        right after the sample's time; None for a model without switching.
         """
         return None if self.events is None else self.events.modes_at(self.time)
 
     def to_xarray(self) -> Any:
         """Return the run as an `xarray.Dataset` with named coordinates and constraints.
 
-        ``dataset.multipliers.sel(constraint="guide")`` is λ of the guide over the time.
+        ``dataset.multipliers.sel(constraint="guide")`` is λ of the guide over time.
 
         Returns
         -------
         xarray.Dataset
             The arrays of `Columns` and the outputs, over ``time``, ``coordinate``, ``constraint``
-            and ``term``, with units as far as the model states them. Arrays are not copied.
-            Of a model with contacts or events also ``mode`` over ``time`` and ``row``, and the
-            log, ``event_time``, ``event_name``, …, over ``event``.
+            and ``term``, with units if the model gives them. Arrays are not copied. For a model
+            with contacts or events also ``mode`` over ``time`` and ``row``, and the log,
+            ``event_time``, ``event_name``, …, over ``event``.
 
         Raises
         ------
@@ -55,12 +55,12 @@ def joined(blocks: Sequence[Samples]) -> Samples:
     Parameters
     ----------
     blocks : sequence of Samples
-        In order, at least one.
+        Blocks in order, at least one.
 
     Returns
     -------
     Samples
-        The only block itself, or copies.
+        A single block itself, or copies.
     """
     first = blocks[0]
     if len(blocks) == 1:
@@ -85,5 +85,5 @@ def joined(blocks: Sequence[Samples]) -> Samples:
 
 
 def complete(samples: Samples, record: Record) -> Trajectory:
-    """Return samples and record as one Trajectory."""
+    """Combine samples and record into a Trajectory."""
     return Trajectory(**vars(samples), **vars(record))

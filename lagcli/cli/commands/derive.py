@@ -149,7 +149,7 @@ def derive(
 
 
 def _without_partition(error: LagcliError) -> str:
-    """Say why a derivation has no independent coordinates."""
+    """Print why a derivation has no independent coordinates."""
     found = error.diagnostics[0].message if error.diagnostics else str(error)
     return f"note: independent coordinates and the second kind are omitted: {found}"
 

@@ -51,7 +51,7 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
 
 
 def _analysis(file: str) -> tuple[dict[str, Any], str]:
-    """Return the content of a file of an analysis, and its text."""
+    """Return the content of an analysis file, and its text."""
     from lagcli.analysis.contents import format_content
     from lagcli.results.hdf5.analysis_file import read_analysis
 

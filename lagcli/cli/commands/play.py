@@ -59,12 +59,12 @@ def play(
         if not no_browser:
             import webbrowser
 
-            # a browser in the terminal returns when it is left
+            # a text browser returns when it is closed
             threading.Thread(target=webbrowser.open, args=[server.address], daemon=True).start()
 
     server.serve(ready)
     if server.busy:
-        # a thread that derives equations cannot be stopped, and would be torn down half-way
+        # a thread that derives equations cannot be stopped; exit without waiting for it
         sys.stdout.flush()
         os._exit(0)
     return 0

@@ -58,7 +58,7 @@ def plot(
     from lagcli.pictures.plots.figure_file import size_of
     from lagcli.pictures.plots.plot import plot as draw
 
-    suffixes = (*SUFFIXES, *MODEL_SUFFIXES)  # a model file gets its own error
+    suffixes = (*SUFFIXES, *MODEL_SUFFIXES)  # a model file has a separate error
     files = [a for a in arguments if a.lower().endswith(suffixes)]
     names = [a for a in arguments if not a.lower().endswith(suffixes)]
     if not files:

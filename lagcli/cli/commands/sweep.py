@@ -26,11 +26,11 @@ from lagcli.cli.streams import print_notes, tell, visible
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
-_CAUSES = 10  # that a person reads
+_CAUSES = 10  # largest number of causes of failure in the summary
 
 
 class Keep(StrEnum):
-    """What is kept of each row."""
+    """The stored part of each row."""
 
     measures = "measures"
     trajectories = "trajectories"
@@ -175,7 +175,7 @@ def sweep(
 
 @contextmanager
 def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[Any]:
-    """Yield what runs the rows elsewhere, if they are to be run elsewhere."""
+    """Yield a function that runs the rows on a cluster, if requested."""
     if scheduler is None:
         yield None
         return
@@ -188,14 +188,16 @@ def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[A
 
     def say(text: str) -> None:
         if not quiet:
-            print(f"note: {visible(text)}", file=sys.stderr)  # the bar may stand in for the stream
+            print(
+                f"note: {visible(text)}", file=sys.stderr
+            )  # the bar may replace the stream
 
     with Cluster(scheduler, say) as cluster:
         yield cluster.run
 
 
 def _kept(summary: Any) -> str:
-    """Say what an interrupted sweep leaves."""
+    """Print what an interrupted sweep has stored."""
     if summary.output is None:
         return "the journal was removed while the sweep ran, so that no rows are kept"
     return (

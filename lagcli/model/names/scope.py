@@ -379,9 +379,7 @@ class ModelScope:
         return Sized(value, size, sized.depth + 2 * primes, sized.constant, order)
 
     def _dotted(self, name: Name, text: str) -> Basic:
-        """Return the symbol of a multiplier or constraint force; for members of families, before
-        index values are known.
-        """
+        """Return the symbol of a multiplier or constraint force, before indices have values."""
         head, *rest = text.split(".")
         if head in ("lambda", "Qc") and not self.context.multipliers:
             used = (

@@ -1,1 +1,1 @@
-"""Inputs of runs: whether their tables reach far enough, and how records keep them."""
+"""Inputs of runs: check of the range of their tables, and their representation in records."""

@@ -1,11 +1,11 @@
-"""Whether the tables of a model's inputs reach from the start of a run to its end."""
+"""Check that the tables of a model's inputs cover a run."""
 
 from __future__ import annotations
 
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.model import Model
 
-#: Of a time: what a table may lack for rounding.
+#: Rounding error of times, relative.
 _ROUNDING = 1e-12
 
 

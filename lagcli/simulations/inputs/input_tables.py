@@ -1,4 +1,4 @@
-"""The tables of a model's inputs as a record keeps them, and back."""
+"""Conversion of the tables of a model's inputs to records and back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def input_tables(model: Model) -> dict[str, InputTable]:
 
 
 def input_data(tables: Mapping[str, InputTable]) -> dict[str, InputData]:
-    """Return tables of a record as `lagcli.load_text` takes them."""
+    """Return tables of a record in the form that `lagcli.load_text` takes."""
     return {
         name: InputData(
             array("d", x.times.tobytes()),

@@ -1,1 +1,1 @@
-"""Contacts and events of a run: its log, and which constraints hold at samples."""
+"""Contacts and events of a run: the event log, and active constraints at samples."""

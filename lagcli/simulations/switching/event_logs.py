@@ -1,4 +1,4 @@
-"""The log of a run from what its engine returns."""
+"""The event log of a run, from the engine's outcome."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ def event_log(
     derived: DerivedColumns | None = None,
     names: tuple[str, ...] = (),
 ) -> EventLog | None:
-    """Return the log of a run; None of a System in which nothing switches.
+    """Return the log of a run; None for a System without switching.
 
     Parameters
     ----------
     system : System
     outcome : Outcome
     derived : DerivedColumns, optional
-        That has completed the samples; without it, the log lacks what events record.
+        The evaluator that completed the samples; without it, the log contains no recorded columns.
     names : tuple of n str, optional
-        Parameters and initial values with respect to which the run has derivatives.
+        Parameters and initial values of the run's derivatives.
     """
     switching = system.switching
     if switching is None:
         return None
-    # a sequence of impacts ends a little later than the instant at which that is known
+    # a sequence of impacts ends slightly after the instant at which its limit is known
     order = sorted(range(len(outcome.events)), key=lambda i: outcome.events[i].time)
     entries, count = [outcome.events[i] for i in order], len(order)
     records = NOTHING_RECORDED
@@ -71,6 +71,6 @@ def event_log(
 
 
 def _dtime(outcome: Outcome, order: Sequence[int]) -> Array:
-    """Return derivatives of the times of entries in an order."""
+    """Return derivatives of the times of entries, in a given order."""
     assert outcome.event_changes is not None
     return outcome.event_changes[np.array(order, dtype=np.intp)]

@@ -1,4 +1,4 @@
-"""What the events of a run record: columns right before and right after each."""
+"""Recorded columns of events: values right before and right after each instant."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def event_records(
     limits: Sequence[OneSidedLimits],
     rules: Sequence[EventRule],
 ) -> EventRecords:
-    """Return what events record.
+    """Return the recorded columns of events.
 
     Parameters
     ----------
     system : System
     derived : DerivedColumns
-        That has completed the samples of the run; it is not changed.
+        The evaluator that completed the samples of the run; it is not changed.
     limits : sequence of OneSidedLimits
         Limits of the events that record something.
     rules : sequence of EventRule
-        That of each of the limits.
+        Names of columns to record for each limit.
     """
     if not limits:
         return NOTHING_RECORDED
@@ -62,19 +62,19 @@ def event_records(
     )
 
 
-#: Names of the time, which each entry has.
+#: Names of the time, which every entry has.
 _TIMES = ("t", "time")
 
 
 def _columns(
     system: System, derived: DerivedColumns, states: Sequence[tuple[Array, tuple[float, ...]]]
 ) -> dict[str, Array]:
-    """Return all columns of sample rows with the parameters of each, by name."""
+    """Return all columns of sample rows, by name, with the parameters of each."""
     parts = []
     for p, group in groupby(states, key=lambda state: state[1]):
         own = copy.copy(derived)
         own.p = p
-        with np.errstate(all="ignore"):  # NaN where a and lambda are not known
+        with np.errstate(all="ignore"):  # NaN if a and lambda are unknown
             samples = own(Block.of_rows(np.array([x for x, _ in group]), system.sample_layout))
         parts.append(_named(samples))
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

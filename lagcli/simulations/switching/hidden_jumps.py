@@ -1,4 +1,4 @@
-"""Jumps of forces at which no step ends: those of multipliers, or beside a root."""
+"""Detection of jumps of forces inside steps: those of multipliers, or next to a root."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 
 _COMPARED, _WHOLE = (Op.LT, Op.LE), (Op.FLOOR, Op.CEIL)
-#: Lines that are tried for each comparison, steps to its surface, and how near that is, of the
-#: terms; a step over it, and a difference that is a jump.
+#: Number of lines for each comparison, number of steps to its surface, and relative accuracy; step
+#: across the surface, and relative difference that is a jump.
 _LINES, _SECANT, _ON, _OVER, _JUMP = 8, 40, 1e-14, 1e-12, 1e-3
 
 
 def has_hidden_jumps(system: System, p: Sequence[float]) -> bool:
-    """Return whether forces, limits or constraints jump where branches are not frozen.
+    """Return whether forces, limits or constraints jump at branches that are not frozen.
 
-    Both sides of each comparison are compared at points of its surface on random lines.
+    The two sides of each comparison are evaluated at points of its surface on random lines.
 
     Parameters
     ----------
@@ -76,7 +76,8 @@ def _jumps(tape: Tape, count: int | None, p: list[float]) -> bool:
 
 
 def _surface(at: Callable[[float], Array], place: int) -> float | None:
-    """Return where on a line the operands of a comparison are equal, by the secant method."""
+    """Return the point of a line where the operands of a comparison are equal, by the secant
+    method."""
     s, t = 0.0, 1.0
     values = at(s)[place : place + 2]
     g = values[0] - values[1]

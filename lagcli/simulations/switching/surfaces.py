@@ -1,4 +1,4 @@
-"""Samples of motions on surfaces at which forces jump: what acts and is reported there."""
+"""Samples of motions that slide along surfaces where forces jump: forces and reports there."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from lagcli.engine.switching.kinks import Kink, frozen_of
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
-#: Of the largest terms of a function: what counts as zero. Of the residual of one side: what a
-#: combination of both leaves where the motion slides.
+#: Values of a function below this part of its largest terms count as zero; residual of the
+#: combination of both sides, relative to that of one side, while sliding.
 _ON, _BETTER = 1e-9, 0.1
-#: States that are tried, steps towards a surface, how near it is; a difference that is a jump.
+#: Number of trial states, number of steps towards a surface, accuracy; difference that is a jump.
 _TRIES, _NEWTON, _SOLVED, _JUMP = 3, 6, 1e-7, 1e-4
 
 
 class SurfaceValues(NamedTuple):
-    """Columns of samples, as the forces that act on surfaces make them.
+    """Columns of samples with the forces that act on surfaces.
 
     Parameters
     ----------
     residual : (n,) array
-        The largest difference of the forces from what the motion requires.
+        The largest difference between these forces and those required by the motion.
     report : (outputs, n) array
         Outputs of the System's report tape.
     """
@@ -39,10 +39,10 @@ class SurfaceValues(NamedTuple):
 def with_surfaces(
     system: System, p: tuple[float, ...], block: Block, required: Array, values: SurfaceValues
 ) -> SurfaceValues:
-    """Return columns with Filippov's combination of both sides where the motion is on a surface.
+    """Return columns with Filippov's combination of both sides for samples on a surface.
 
-    The part of each side is the one with which the forces are those that the motion requires.
-    Reports are combined with the same parts, as what alternates between both sides is on average.
+    The weights are those with which the forces agree with the motion. Reports are combined with the
+    same weights, since they are averages over rapid switching.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def with_surfaces(
     required : (nq, n) array
         M a − Bᵀλ, without forces that depend on λ.
     values : SurfaceValues
-        As the branches are at the samples.
+        Columns with the branches of the samples.
     """
     frozen = frozen_of(system)
     if frozen is None:
@@ -108,9 +108,10 @@ def _beside(kink: Kink, whole: Array, upper: bool) -> Array:
 
 
 def jumping_names(system: System, start: State) -> tuple[str, ...]:
-    """Return what a branch depends on at which forces or constraints jump; nothing without any.
+    """Return names on which a branch with jumps of forces or constraints depends; empty if there is
+    none.
 
-    Both sides are compared at points of each surface that are found near random states.
+    The two sides are compared at points of each surface near random states.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def jumping_names(system: System, start: State) -> tuple[str, ...]:
 
 
 def _on_surface(functions: ScalarTape, k: int, at: State, y: Array) -> list[float] | None:
-    """Return a state near another at which the function of a kink vanishes, or is whole."""
+    """Return a state near another at which the function of a kink vanishes, or is an integer."""
     found = y.copy()
 
     def value(x: Array) -> float:

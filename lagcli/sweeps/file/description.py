@@ -15,16 +15,16 @@ from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
 _LABEL = 14
-_LONGEST = 120  # characters of what is said of one varied quantity
+_LONGEST = 120  # largest number of characters of the description of one varied quantity
 
 
 def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what a sweep file holds, as JSON values.
+    """Return the description of a sweep file as JSON values.
 
     Parameters
     ----------
     path : str or path
-        A file of ``lagcli sweep``.
+        A file written by ``lagcli sweep``.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
-    """Return name, unit and extremes of a column; None where no row has a value."""
+    """Return name, unit and extremes of a column; None if no row has a value."""
     low, high = np.nan, np.nan
     for start in range(0, file.length, SLAB):
         values = file.read(column.dataset, slice(start, start + SLAB))
@@ -72,7 +72,7 @@ def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
 
 
 def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
-    """Return the text that ``lagcli info`` prints of a sweep file, with lines of some columns."""
+    """Return the text that ``lagcli info`` prints for a sweep file, with a given line width."""
     _entry = partial(entry, width=_LABEL, columns=columns)
     rows = info["rows"]
     lines = _entry(

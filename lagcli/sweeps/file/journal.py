@@ -1,9 +1,9 @@
-"""The journal of a sweep: results of its rows, stored while it runs.
+"""The journal of a sweep: results of its rows, stored during the sweep.
 
-A file that only grows, record by record. Each record has its length and a checksum over all
-records up to it, so that it is valid only in its place. A process that is killed leaves whole
-records and at most a part of one; a power failure may leave zeros. The next reader cuts the file
-after the last record that is whole.
+An append-only file of records. Each record has its length and a checksum over all records up to it,
+so that it is valid only at its position. A killed process leaves complete records and at most a
+partial one; a power failure may leave zeros. The next reader truncates the file after the last
+complete record.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from lagcli.sweeps.row_results import Results
 
 try:
     import fcntl
-except ImportError:  # without POSIX locks, nothing keeps a second process out
+except ImportError:  # without POSIX locks, a second process cannot be excluded
     fcntl = None  # type: ignore[assignment]
 
 _NAME = b"lagcli sweep journal "
 _MAGIC = _NAME + b"2\n"
 _HEAD = struct.Struct("<QI")  # bytes of the record; CRC-32 of all lengths and records so far
 _LENGTH = struct.Struct("<Q")
-_SYNC = 1.0  # s between two syncs: what a power failure may cost
+_SYNC = 1.0  # s between two syncs: the largest loss at a power failure
 
 
 def journal_of(output: str) -> str:
-    """Return the name of the journal beside a result file."""
+    """Return the name of the journal of a result file."""
     return f"{output}.journal"
 
 
 class Mark(NamedTuple):
-    """The end of a record: its place in the file, and the checksum up to there."""
+    """The end of a record: its position in the file, and the checksum up to there."""
 
     place: int
     checksum: int
@@ -56,22 +56,22 @@ class Journal:
     ----------
     path : str
     header : mapping
-        What the sweep is, as JSON values.
+        Description of the sweep, as JSON values.
     resume : bool
-        Continue an existing journal. One that ends before its first row (an empty file, a
-        header cut short, zeros) is rewritten; otherwise the file is emptied first.
+        Continue an existing journal. One that ends before its first row (an empty file, a truncated
+        header, zeros) is rewritten; otherwise the file is emptied first.
 
     Attributes
     ----------
     header : dict
-        What the journal was begun with.
+        Description with which the journal was created.
     damage : int
-        Bytes that `recover` cut off.
+        Number of bytes that `recover` truncated.
 
     Raises
     ------
     FileError
-        The file cannot be read or written, is no journal, or its beginning is damaged.
+        The file cannot be read or written, is not a journal, or its beginning is damaged.
     UsageError
         Another process has it open.
     """
@@ -113,7 +113,7 @@ class Journal:
                     f"another process is running this sweep: it holds {self.path}; wait for it, or"
                     " write to another file"
                 ) from None
-            os.close(file)  # finished and removed by its owner in between
+            os.close(file)  # completed and removed by its owner in the meantime
 
     def close(self) -> None:
         """Sync and close the file without removing it."""
@@ -129,7 +129,7 @@ class Journal:
 
     @property
     def lost(self) -> bool:
-        """Whether the name no longer leads to this file: it was removed or replaced."""
+        """Whether the name no longer refers to this file: it was removed or replaced."""
         try:
             return not os.path.samestat(os.fstat(self._file), os.stat(self.path))
         except OSError:
@@ -146,9 +146,9 @@ class Journal:
         sync_folder(os.path.dirname(self.path) or ".")
 
     def _holds_rows(self, header: Mapping[str, Any]) -> bool:
-        """Return whether rows may follow the header; raise if the file is something else.
+        """Return whether rows may follow the header; raise an error if the file is something else.
 
-        A power failure during the first writes leaves a part of the beginning, or zeros.
+        A power failure during the first writes leaves a partial header, or zeros.
         """
         head = self._read(0, len(_MAGIC))
         if not head.startswith(_NAME) and not _NAME.startswith(head.rstrip(b"\0")):
@@ -180,12 +180,12 @@ class Journal:
     # records
 
     def append(self, results: Results) -> None:
-        """Add the results of some rows; later ones of a row replace earlier ones.
+        """Append the results of some rows; later results of a row replace earlier ones.
 
         Raises
         ------
         FileError
-            The disk is full, or rejects; the journal is as it was.
+            The disk is full, or the write fails; the journal is unchanged.
         """
         self._add(encode(results))
 
@@ -195,7 +195,7 @@ class Journal:
         Parameters
         ----------
         rows, measures : int
-            The sweep's; a record of others counts as damaged.
+            Those of the sweep; a record with other sizes counts as damaged.
         """
         self._end = self._start
         while (found := self._record(self._end)) is not None:
@@ -218,7 +218,7 @@ class Journal:
         Raises
         ------
         FileError
-            The file no longer holds them.
+            The file no longer contains them.
         """
         mark = self._start
         while mark.place < self._end.place:
@@ -232,7 +232,7 @@ class Journal:
             yield decode(record, rows, measures)
 
     def _record(self, before: Mark) -> tuple[Mark, bytes] | None:
-        """Return the record that follows a mark, and its end; None where there is no valid one."""
+        """Return the record after a mark, and its end; None if there is no valid one."""
         head = self._read(before.place, _HEAD.size)
         if len(head) < _HEAD.size:
             return None
@@ -262,7 +262,7 @@ class Journal:
         return b"".join(parts)
 
     def _write(self, data: bytes) -> None:
-        """Write at the end; if that fails, leave the file as it was."""
+        """Write at the end; if that fails, restore the file."""
         place, view = self._end.place, memoryview(data)
         try:
             os.ftruncate(self._file, place)
@@ -285,13 +285,13 @@ class Journal:
 
 
 def _following(before: Mark, record: bytes) -> Mark:
-    """Return the end of a record that follows a mark."""
+    """Return the end of a record after a mark."""
     checksum = zlib.crc32(record, zlib.crc32(_LENGTH.pack(len(record)), before.checksum))
     return Mark(before.place + _HEAD.size + len(record), checksum)
 
 
 def check_no_journal(output: str) -> None:
-    """Raise if a result file has the journal of an unfinished sweep.
+    """Raise an error if a result file has the journal of an unfinished sweep.
 
     Raises
     ------

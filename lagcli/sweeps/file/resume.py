@@ -17,12 +17,12 @@ from lagcli.sweeps.validate import PreparedSweep
 
 
 class OpenedSweep(NamedTuple):
-    """A sweep with its open journal (None where no row is missing) and the status of its rows."""
+    """A sweep with its open journal (None if no row is missing) and the status of its rows."""
 
     journal: Journal | None
     row_status: RowStatus
-    replace: bool  # whether the result file may be there
-    notes: list[str]  # what was wrong with the journal
+    replace: bool  # whether the result file may already exist
+    notes: list[str]  # problems of the journal
 
 
 @contextmanager
@@ -96,12 +96,12 @@ def _reopened(
 
 
 def refuse_difference(before: Mapping[str, Any], now: Mapping[str, Any], path: str) -> None:
-    """Raise if a sweep to be resumed was started with other settings.
+    """Raise an error if a sweep to be resumed was started with other settings.
 
     Raises
     ------
     UsageError
-        Names what differs.
+        States the difference.
     """
     lines = []
     for key in now:

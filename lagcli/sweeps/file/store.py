@@ -1,4 +1,4 @@
-"""Sweep files: HDF5 with one entry per row along the axis ``run``; written whole, and read."""
+"""Sweep files: HDF5 with one entry per row along the axis ``run``."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from lagcli.version import __version__
 if TYPE_CHECKING:
     from lagcli.sweeps.validate import PreparedSweep
 
-#: Bytes of messages at first, and of those that are stored together.
+#: Initial length of messages, and size of a chunk of them, bytes.
 _SHORT, _MESSAGES = 64, 1 << 16
-#: Rows that are looked at together.
+#: Number of rows that are read at once.
 SLAB = 1 << 14
 _OUTPUTS = "outputs/"
-#: The root attributes that are read, and what each must be.
+#: The root attributes that are read, and their types.
 _FACTS: dict[str, type] = {
     **dict.fromkeys(("lagcli_version", "model", "model_sha256", "model_path"), str),
     **dict.fromkeys(("sweep", "parameters", "options", "rows", "failures", "seconds"), dict),
@@ -53,7 +53,7 @@ def write_sweep(
     facts: Mapping[str, Any],
     force: bool = False,
 ) -> None:
-    """Write a sweep file, whole or not at all.
+    """Write a sweep file atomically.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def write_sweep(
     results : iterable of Results
         Results of all rows; later ones of a row replace earlier ones.
     facts : mapping
-        Root attributes beside those that follow from the others; what is no text is JSON.
+        Root attributes besides the derived ones; values other than texts are written as JSON.
     force : bool
 
     Raises
@@ -116,7 +116,7 @@ class _SweepWriter:
     def add(
         self, name: str, kind: Any, column: tuple[str, str], *axes: h5py.Dataset
     ) -> h5py.Dataset:
-        """Make a dataset with a unit and a long name, along ``run`` and other axes."""
+        """Create a dataset with a unit and a long name, along ``run`` and other axes."""
         shape = (self.length, *(len(axis) for axis in axes))
         dataset = self.root.create_dataset(name, shape, kind)
         for i, axis in enumerate((self.axis, *axes)):
@@ -135,7 +135,7 @@ class _SweepWriter:
         added = self.root.create_dataset(
             "message_longer", (self.length,), kind, chunks=(rows,), compression=1
         )
-        # empty texts are stored too: a reader takes what is declared and not stored for damage
+        # empty texts are stored too: missing data counts as damage
         for start in range(0, self.length, rows):
             part = slice(start, min(start + rows, self.length))
             added[part] = b"" if before is None else before[part]
@@ -145,7 +145,7 @@ class _SweepWriter:
         self.message, self.longest = added, length
 
     def describe_message(self) -> None:
-        """Complete the dataset of messages, whose length is known at the end."""
+        """Complete the dataset of messages, whose length is only known at the end."""
         self.message.dims[0].attach_scale(self.axis)
         set_text(self.message.id, "long_name", "why the row failed, or notes")
         set_text(self.message.id, "_Encoding", "utf-8")
@@ -236,9 +236,9 @@ class SweepFile:
     columns, measures : lists of Column
         The varied quantities, and the measures.
     outputs : tuple of str
-        The outputs whose samples were kept.
+        The outputs with stored samples.
     facts : dict
-        The root attributes; what is JSON is read.
+        The root attributes; JSON is parsed.
     inputs : dict of str to InputTable
         The tables of the model's inputs.
     root : h5py.File
@@ -263,7 +263,7 @@ class SweepFile:
         _check_plan(self.facts["sweep"])
         self.columns = [_column(x) for x in self.facts["columns"]]
         self.measures = [_column(x) for x in self.facts["measures"]]
-        self.kept = "time" in self.root  # whether the samples of each row are there
+        self.kept = "time" in self.root  # whether the samples of each row are stored
         self.outputs: tuple[str, ...] = ()
         if self.kept:
             check_times(self.times)
@@ -275,7 +275,7 @@ class SweepFile:
 
     @property
     def times(self) -> Array:
-        """The times of the kept samples, s."""
+        """The times of the stored samples, s."""
         return np.asarray(numbers(self.root, "time")[()], dtype=np.float64)
 
     @property
@@ -310,7 +310,7 @@ class SweepFile:
         return [x.decode() for x in dataset[rows].tolist()]
 
     def results(self) -> Iterator[Results]:
-        """Yield the results of all rows, some at a time."""
+        """Yield the results of all rows, in blocks."""
         names = [c.dataset for c in self.measures]
         kept = self._kept_names()
         slab = SLAB
@@ -337,7 +337,7 @@ class SweepFile:
             )
 
     def _kept_names(self) -> list[str]:
-        """Return the datasets of kept trajectories, in their order."""
+        """Return the datasets of stored trajectories, in order."""
         if not self.kept:
             return []
         outputs = [_OUTPUTS + family.dataset for family in self._outputs.families]
@@ -364,7 +364,7 @@ def _check_plan(sweep: dict[str, Any]) -> None:
 
 
 def _column(value: Any) -> Column:
-    """Return the column that JSON describes."""
+    """Return a column from its JSON description."""
     if not isinstance(value, dict) or set(value) != set(Column._fields):
         raise ValueError(f"a column is {shortened(value)}")
     if not all(isinstance(x, str) for x in value.values()):

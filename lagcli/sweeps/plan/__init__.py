@@ -1,1 +1,1 @@
-"""Plans of sweeps: which values each row has."""
+"""Plans of sweeps: the values of each row."""

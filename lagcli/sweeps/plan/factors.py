@@ -24,7 +24,7 @@ class Factor(Protocol):
         """The number of rows."""
 
     def rows(self, numbers: Numbers) -> Array:
-        """Return the values, in SI, in the rows of these numbers, (n, columns)."""
+        """Return the values, in SI, of given rows, (n, columns)."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Steps:
 
     def rows(self, numbers: Numbers) -> Array:
         """Return the values, (n, 1)."""
-        # numbers that come again are not computed again
+        # repeated numbers are computed once
         different, places = np.unique(numbers, return_inverse=True)
         values = [float((self.first + int(k) * self.step) * self.si) for k in different]
         return np.array(values, dtype=np.float64)[places.reshape(-1), None]
@@ -75,13 +75,13 @@ class Ratios:
 
 @dataclass(frozen=True, eq=False)
 class TableFactor:
-    """Rows as they are given.
+    """Explicit rows of values.
 
     Parameters
     ----------
     columns : tuple of k str
     values : (n, k) array
-        In SI.
+        Values in SI.
     """
 
     columns: tuple[str, ...]

@@ -15,9 +15,9 @@ class OptionText:
     Parameters
     ----------
     option : str
-        As ``--vary``.
+        Name of the option, such as ``--vary``.
     text : str
-        All of its value.
+        The complete value.
     """
 
     option: str

@@ -1,6 +1,6 @@
-"""The plan of a sweep: how many rows there are, and the values in each of them.
+"""The plan of a sweep: the number of rows, and the values of each.
 
-A row is a function of the plan and its number alone, so that rows need not be kept anywhere.
+A row is a function of the plan and its number, so that rows need not be stored.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ class Plan:
     Parameters
     ----------
     factors : tuple of Factor
-        Crossed: the last runs fastest. Zipped: all have one length, and run together.
+        Crossed: the last factor varies fastest. Zipped: all have the same length, and vary
+        together.
     zipped : bool
     given : tuple of str
-        The texts that it was made of.
+        The texts of the options.
     """
 
     factors: tuple[Factor, ...]
@@ -52,7 +53,7 @@ class Plan:
         return lengths[0] if self.zipped else math.prod(lengths)
 
     def rows(self, numbers: Numbers) -> Array:
-        """Return the values, in SI, in the rows of these numbers, (n, columns)."""
+        """Return the values, in SI, of given rows, (n, columns)."""
         parts, rest = [], numbers
         for factor in reversed(self.factors):
             if self.zipped:
@@ -100,17 +101,17 @@ def make_plan(
     vary : sequence of str
         ``m=1:2:0.1``, ``@file.csv``, …; see docs/sweeps.md.
     sample : str, optional
-        ``sobol:N``, ``lhs:N`` or ``random:N``: points over those quantities that have a range.
+        ``sobol:N``, ``lhs:N`` or ``random:N``: points over the quantities with a range.
     seed : int
     zipped : bool
         Whether the factors vary together instead of in all combinations.
     taken : mapping with str keys, optional
-        What has its own value, and is not to be varied.
+        Names with given values, which must not be varied.
 
     Raises
     ------
     UsageError, ModelError, FileError
-        As `read_vary`; or the options contradict each other.
+        As `read_vary`; also if the options contradict each other.
     """
     if not vary:
         raise UsageError("nothing is varied: give --vary NAME=VALUES, as in --vary m=1:2:0.1")

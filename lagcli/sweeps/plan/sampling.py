@@ -12,11 +12,11 @@ from lagcli.arrays import Array, Numbers
 
 KINDS = ("sobol", "lhs", "random")
 
-#: Points of one block: a block is a function of its number alone, and so is each of its points.
+#: Number of points of a block: a block, and each of its points, is a function of its number.
 _BLOCK = 1 << 12
-#: Numbers of a Latin hypercube, which exists only as a whole: 128 MB.
+#: Largest number of values of a Latin hypercube, which is generated as a whole: 128 MB.
 MOST_OF_HYPERCUBE = 1 << 24
-#: Points of a Sobol sequence, in the 30 bits that each coordinate has.
+#: Largest number of points of a Sobol sequence with 30 bits per coordinate.
 MOST_OF_SOBOL = 1 << 30
 
 
@@ -28,7 +28,7 @@ class Distribution:
     ----------
     kind : "uniform", "loguniform" or "normal"
     a, b : float
-        The ends; of "normal" mean and standard deviation.
+        The ends; for "normal", mean and standard deviation.
     """
 
     kind: str
@@ -36,7 +36,7 @@ class Distribution:
     b: float
 
     def quantile(self, u: Array) -> Array:
-        """Return the quantiles of the probabilities ``u``."""
+        """Return the quantiles of probabilities ``u``."""
         a, b = self.a, self.b
         if self.kind == "uniform":
             return a + (b - a) * u
@@ -44,7 +44,7 @@ class Distribution:
             return np.asarray(a * (b / a) ** u, dtype=np.float64)
         from scipy.special import ndtri
 
-        # the ends of the unit interval have no quantile: half of what Sobol's 30 bits resolve
+        # the ends of the unit interval have no quantile: use half the resolution of Sobol's 30 bits
         inside = np.clip(u, 2.0**-31, 1 - 2.0**-31)
         return np.asarray(a + b * ndtri(inside), dtype=np.float64)
 
@@ -62,7 +62,7 @@ def unit_points(kind: str, count: int, dimensions: int, seed: int, numbers: Numb
     Returns
     -------
     (n, dimensions) array
-        Functions of the arguments: the same whoever asks, and in whichever order.
+        Functions only of the arguments.
     """
     if kind == "lhs":
         return _hypercube(count, dimensions, seed)[numbers]
@@ -95,7 +95,7 @@ def _sobol_block(dimensions: int, seed: int, block: int) -> Array:
         engine.reset()
     if engine.num_generated < start:
         engine.fast_forward(start - engine.num_generated)
-    # whole blocks of a power of two: what SciPy asks for
+    # complete blocks of a power of two, as SciPy requires
     return np.asarray(engine.random(_BLOCK))
 
 

@@ -21,22 +21,22 @@ from lagcli.version import __version__
 class Spec:
     """Specification that determines the result of each row from its number.
 
-    It can be sent to another process or machine, which needs no file.
+    It can be sent to another process or machine, which needs no files.
 
     Parameters
     ----------
     text, path : str
-        The model, and what the reader knows its file by.
+        Text of the model, and the name of its file.
     set, set_initial : mappings of str to numbers or text
-        Values that replace the model's, in all rows.
+        Values that replace the model's in all rows.
     settings : SettingsOverrides
-        As given, not yet resolved.
+        Overrides, not yet resolved.
     plan : Plan
     measures : tuple of (name, text)
     keep : "measures" or "trajectories"
-        Whether the samples of each row are kept too.
+        Whether the samples of each row are stored.
     strict : bool
-        Whether a row that cannot be trusted counts as failed.
+        Whether a row with warnings counts as failed.
     data : mapping of str to InputData
         The tables of the model's inputs.
     """

@@ -32,7 +32,7 @@ def read_table(path: str, model: Model) -> TableFactor:
     Raises
     ------
     FileError
-        The file cannot be read, or an entry is no number.
+        The file cannot be read, or an entry is not a number.
     UsageError
         A column is not a parameter or initial value of the model.
     """

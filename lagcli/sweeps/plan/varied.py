@@ -1,4 +1,4 @@
-"""Varied quantities: which one a name stands for, and the unit of its values."""
+"""Varied quantities: resolution of names, and units of their values."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from lagcli.model.spelling import did_you_mean, nearest
 
 
 def varied_name(model: Model, name: str) -> str:
-    """Return the parameter, coordinate or velocity (``phi'``) that a name stands for.
+    """Return the parameter, coordinate or velocity (``phi'``) that a name denotes.
 
     Raises
     ------
     UsageError
-        The model has none.
+        The model has no such quantity.
     """
     plain = "".join(name.split())
     if plain in model.parameters or plain in model.initial_positions:

@@ -1,4 +1,4 @@
-"""The text of ``--vary``: NAME=VALUES, or @FILE.csv, as factors of a plan."""
+"""Parser of ``--vary``: NAME=VALUES, or @FILE.csv, as factors of a plan."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from lagcli.sweeps.plan.sampling import Distribution
 from lagcli.sweeps.plan.value_table import read_table
 from lagcli.sweeps.plan.varied import si_factor, varied_name
 
-#: Values of one grid; a larger one is a typing error.
+#: Largest number of values of a grid; larger ones are typing errors.
 MOST_VALUES = 10**9
 
 _UNIT = re.compile(r"(?<=[0-9.)])\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|°)[\w/*^()°·²³ .-]*)$")
@@ -56,7 +56,7 @@ class Drawn(NamedTuple):
 
 
 def read_vary(text: str, model: Model) -> factors.Factor | Drawn:
-    """Read one ``--vary``.
+    """Parse one ``--vary``.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def read_vary(text: str, model: Model) -> factors.Factor | Drawn:
     Raises
     ------
     UsageError
-        It is not of this form, or the model has no such quantity.
+        The text does not have this form, or the model has no such quantity.
     ModelError
-        Something is wrong with the values; points to the place.
+        The values have an error; the location is stated.
     FileError
         The file cannot be read.
     """
@@ -135,7 +135,7 @@ class _VaryReader:
         return start, match.start() if match else end, si
 
     def pieces(self, span: tuple[int, int], mark: str) -> list[tuple[int, int]]:
-        """Return the spans between marks that stand in no parentheses."""
+        """Return the spans between separators outside of parentheses."""
         text, (start, end) = self.option.text, span
         found, depth, at = [], 0, start
         while at < end:

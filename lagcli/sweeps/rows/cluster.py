@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 
-#: Seconds within which a scheduler answers, or is not there.
+#: Timeout of the connection to a scheduler, s.
 PATIENCE = 10.0
-_LOOK = 1.0  # s between two looks at who is there
-_TICK = 0.1  # s between two looks at whether to go on
+_LOOK = 1.0  # s between two queries of the workers
+_TICK = 0.1  # s between two checks for cancellation
 
 
 class Cluster:
@@ -39,12 +39,12 @@ class Cluster:
         ``tcp://HOST:PORT`` (or another protocol of Dask's), or ``local:N`` for a scheduler and N
         worker processes on this machine, which end with the context.
     say : callable
-        Takes what the user should know: a worker that is gone, workers that are waited for.
+        Receives messages for the user: a lost worker, waiting for workers.
 
     Raises
     ------
     UsageError
-        The address is none, `distributed` is not installed, or a worker has another version of
+        The address is invalid, `distributed` is not installed, or a worker has another version of
         lagcli.
     FileError
         No scheduler answers.
@@ -71,15 +71,15 @@ class Cluster:
     def run(
         self, spec: Spec, chunks: Chunks, check_cancelled: Callable[[], None]
     ) -> Iterator[Results]:
-        """Run rows; yield results as they come, in no certain order.
+        """Run rows; yield results as they are completed, in any order.
 
         Parameters
         ----------
         spec : Spec
         chunks : Chunks
-            Read as workers take rows, so that few are under way, however many there are.
+            Iterated as workers take rows, so that few are in flight.
         check_cancelled : callable
-            Called several times a second; what it raises ends the runs.
+            Called several times a second; an exception ends the runs.
 
         Yields
         ------
@@ -108,12 +108,12 @@ class Cluster:
             flight.cancel()
 
     def _received(self, flight: Flight, future: Future[Any], numbers: Numbers) -> Iterator[Results]:
-        """Emit the results of a chunk, or report why there are none."""
+        """Return the results of a chunk, or handle its failure."""
         from distributed import KilledWorker
 
         if future.status == "cancelled":
             raise self._gone()
-        if future.status == "lost":  # with the worker that had it; it is run again
+        if future.status == "lost":  # lost with its worker; it is repeated
             flight.expect(future, numbers)
             return
         try:
@@ -130,7 +130,7 @@ class Cluster:
             self._look()
             flight.expect(future, numbers)
         except Exception:
-            self._check_versions(self._client.nthreads())  # a bug, or not the same program?
+            self._check_versions(self._client.nthreads())  # a bug, or another version?
             raise
         else:
             if found.version != __version__:
@@ -175,7 +175,7 @@ class Cluster:
 
 
 def _local_workers(address: str) -> int | None:
-    """Return N of ``local:N``, or None where the address is a scheduler's."""
+    """Return N of ``local:N``, or None for the address of a scheduler."""
     found = re.fullmatch(r"local:(\d{1,4})", address)
     if found and int(found[1]):
         return int(found[1])
@@ -197,12 +197,12 @@ def _connected(address: str, local_workers: int | None) -> Iterator[Client]:
             f"--scheduler needs packages that are not installed ({error.name}); install them with:"
             " pip install 'lagcli[cluster]'"
         ) from None
-    # what its loggers would say to a person, `say` does
+    # messages of its loggers are replaced by those of `say`
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         if local_workers is not None:
-            # a chunk that ends its process comes back at once, to be cut into parts
+            # a chunk that terminates its process is returned immediately, to be divided
             stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
             cluster = LocalCluster(
                 n_workers=local_workers, threads_per_worker=1, host="127.0.0.1",
@@ -214,7 +214,7 @@ def _connected(address: str, local_workers: int | None) -> Iterator[Client]:
 
 
 def _check_scheduler(address: str) -> None:
-    """Raise unless a scheduler answers; a client would wait for the end of any conversation."""
+    """Raise an error unless a scheduler answers; a client would wait for any other service."""
     import asyncio
     from concurrent.futures import ThreadPoolExecutor
 
@@ -225,7 +225,7 @@ def _check_scheduler(address: str) -> None:
             return str((await there.identity())["type"])
 
     try:
-        # in its own thread: the caller's may have a running loop, as in a notebook
+        # in a separate thread: the caller's may have a running loop, as in a notebook
         with ThreadPoolExecutor(1) as thread:
             found = thread.submit(
                 lambda: asyncio.run(asyncio.wait_for(identity(), PATIENCE))
@@ -241,7 +241,7 @@ def _check_scheduler(address: str) -> None:
         )
 
 
-#: Ctrl-C is a matter of the process that asks; its workers end when it says so.
+#: Workers ignore Ctrl-C; the client ends them.
 _QUIET = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 
 
@@ -253,7 +253,7 @@ def _other_version(worker: str, version: object) -> UsageError:
     )
 
 
-# words
+# messages
 
 
 def _rows(numbers: Numbers) -> str:

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 
-#: Chunks under way for each thread of a worker: one that runs, one that waits for its turn.
+#: Chunks in flight per thread of a worker: one running, one waiting.
 _AHEAD = 2
-_PARTS = 8  # that a chunk is cut into when it ends processes
+_PARTS = 8  # number of parts of a chunk that has crashed processes
 
 
 class Flight:
-    """Chunks in flight: no more than keep the workers busy.
+    """The chunks in flight: just enough to keep the workers busy.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Flight:
 
     def __init__(self, client: Client, spec: Spec, chunks: Chunks):
         self.client, self.spec, self.chunks = client, spec, chunks
-        # the sweep goes to the scheduler once; workers get it from there, or from each other
+        # the sweep is sent to the scheduler once; workers fetch it from there, or from each other
         self.sent = client.submit(_itself, spec, key=f"lagcli-sweep-{spec.sha256}")
         self.name, self.count = f"lagcli-rows-{os.urandom(8).hex()}", 0
         self.repeated: deque[Numbers] = deque()
@@ -53,7 +53,7 @@ class Flight:
 
     def fill(self, threads: int) -> bool:
         """Send chunks to all idle threads; return whether any are in flight."""
-        # without workers too there is something to do, for what starts them as they are needed
+        # one chunk even without workers, for adaptive clusters
         self.chunks.jobs = max(1, threads)
         while len(self.under_way) < (1 if self.alone else _AHEAD * self.chunks.jobs):
             numbers = self.next()
@@ -67,15 +67,15 @@ class Flight:
         return True
 
     def expect(self, future: Future[Any], numbers: Numbers) -> None:
-        """Wait for a chunk among others."""
+        """Track a chunk."""
         self.under_way[future.key] = future, numbers
         future.add_done_callback(self.ended.put)
 
     def next(self) -> Numbers:
-        """Return the rows to run next; none if there are none, or not before others have ended.
+        """Return the rows to run next; none if there are none, or none until others have ended.
 
-        A row that may have ended processes runs last, and alone, so that nothing else is taken
-        for the culprit.
+        A row that may have crashed processes runs last, and alone, so that no other row is
+        suspected.
         """
         if self.repeated:
             return self.repeated.popleft()
@@ -86,7 +86,7 @@ class Flight:
         return found
 
     def wait(self, seconds: float) -> tuple[Future[Any], Numbers] | None:
-        """Return a chunk that ended."""
+        """Wait for a chunk and return it."""
         try:
             future = self.ended.get(timeout=seconds)
         except queue.Empty:
@@ -124,7 +124,7 @@ def _itself(spec: Spec) -> Spec:
 
 
 def _run(spec: Spec, numbers: Numbers, version: str) -> Answer:
-    """Run rows on a worker, provided that its lagcli has the client's version."""
+    """Run rows on a worker if its lagcli has the client's version."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -142,9 +142,9 @@ def _run(spec: Spec, numbers: Numbers, version: str) -> Answer:
     try:
         results = _runner(spec).run(numbers, check_cancelled)
     except Interrupted:
-        return done._replace(bug="cancelled")  # nobody waits for it
+        return done._replace(bug="cancelled")  # the client no longer waits
     except Exception:
-        # as text: an exception that could not be sent would leave the client waiting
+        # as text, because an exception that cannot be pickled would block the client
         return done._replace(bug=traceback.format_exc())
     return done._replace(results=results, seconds=max(time.perf_counter() - began, 1e-6))
 
@@ -153,7 +153,7 @@ _mine = threading.local()
 
 
 def _runner(spec: Spec) -> Runner:
-    """Return this thread's runner of rows, made once: threads share no scratch memory."""
+    """Return this thread's runner, created once: threads must not share scratch memory."""
     if getattr(_mine, "sha256", None) != spec.sha256:
         _mine.runner, _mine.sha256 = Runner(spec), spec.sha256
     runner: Runner = _mine.runner

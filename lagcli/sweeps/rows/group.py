@@ -1,4 +1,4 @@
-"""Rows of one structure: derived once, then run many at a time."""
+"""Rows with the same structure: derived once, then run in batches."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
 
 
 class FinishedRuns(NamedTuple):
-    """Finished runs, including those that could not start.
+    """Completed runs, including those that could not start.
 
     Parameters
     ----------
     places : (k,) array of int
-        Which of the rows that were requested.
+        Indices of the requested rows.
     samples : (k, nt, width) array
-        Sample rows, as in `SampleLayout`, at all times of the grid; where k is 1 and the run
-        failed, at those that were reached.
+        Sample rows, as in `SampleLayout`, at all times of the grid; for a failed run, if k is 1, up
+        to its end.
     runs : list of k Run or LagcliError
-        How each ended, or why it did not begin.
+        Outcome of each run, or why it did not start.
     parameters : (k, np) array
     rank : int
-        Rank of B at the starts.
+        Rank of B at the initial states.
     changes : sequence of (int, tuple of float)
         For a single run: samples from which events set other parameter values.
     """
@@ -55,21 +55,21 @@ class FinishedRuns(NamedTuple):
 
 
 class RowGroup:
-    """A model derived once, for rows that differ in numbers alone.
+    """A model derived once, for rows that differ only in values.
 
     Parameters
     ----------
     variants : Variants
     columns : sequence of str
-        The varied parameters and initial values, of which `Variants.together` is true.
+        The varied parameters and initial values, for which `Variants.together` is true.
     measures : sequence of (name, text)
     kept : bool
-        Whether the samples are kept.
+        Whether the samples are stored.
 
     Raises
     ------
     ModelError, UsageError
-        A measure or a setting does not fit the model.
+        A measure or a setting is invalid for the model.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class RowGroup:
         self.measuring = Measuring(found, list(model.parameters))
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
-        self._request: IntegrationRequest | Literal[False] | None = None  # not made ready yet
+        self._request: IntegrationRequest | Literal[False] | None = None  # not prepared yet
         self._extra = kept_signals(variants.equations) if kept else {}
         self._layout = SampleLayout(Counts(len(model.coordinates), len(model.constraints)))
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
@@ -115,9 +115,9 @@ class RowGroup:
         table : (n, columns) array
             The varied values, in SI.
         sink : callable
-            Takes the rows that ended, a few dozen at a time at most.
+            Receives the completed rows, at most a few dozen at a time.
         check_cancelled : callable
-            Called several times in 0.1 s; may raise `Interrupted`.
+            Called several times per 0.1 s; may raise `Interrupted`.
         """
         values = self.variants.values(self.columns, table)
         rest = self._together(values, sink, check_cancelled)
@@ -125,7 +125,7 @@ class RowGroup:
             sink(self.single(place, table[place], values, check_cancelled))
 
     def measured(self, ended: FinishedRuns) -> tuple[Array, Array]:
-        """Return measures (k, m) and kept columns (k, samples reached, columns) of runs.
+        """Return measures (k, m) and stored columns (k, samples, columns) of runs.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class RowGroup:
         return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
 
     def _happened(self, ended: FinishedRuns) -> Array | None:
-        """Return what measures ask of the logs of runs, (k, asked); None where they do not."""
+        """Return the values that measures take from event logs, (k, n); None if they take none."""
         asked = self.measuring.of_events
         if not asked:
             return None
@@ -166,20 +166,20 @@ class RowGroup:
         return found
 
     def warnings(self, ended: FinishedRuns, i: int) -> tuple[str, ...]:
-        """Return the warnings of the i-th run, which completed."""
+        """Return the warnings of the i-th run, which is completed."""
         run = ended.runs[i]
         assert isinstance(run, Outcome)
         variants, p = self.variants, tuple(ended.parameters[i].tolist())
         about = (variants.system, p, variants.settings, ended.rank, ended.samples[i], run.steps)
         return warnings_of(*about, ended.changes)
 
-    # eight at a time
+    # in batches
 
     def _common(self, check_cancelled: Callable[[], None]) -> IntegrationRequest | None:
-        """Return what all runs have in common; None where the compiled engine does not do them.
+        """Return the common data of all runs; None if they are not run in batches.
 
-        What is made ready once comes from the model's own values, so that no row depends on which
-        others it is run with. It takes as long as one run.
+        The preparation uses the model's own values, so that no row depends on the others in its
+        batch. It takes as long as one run.
         """
         if self._request is None:
             self._request = self._prepare(check_cancelled)
@@ -204,7 +204,7 @@ class RowGroup:
 
     @cached_property
     def _search(self) -> StartSearch:
-        """The search for starts, whose programs serve all rows."""
+        """The search for initial states, whose programs serve all rows."""
         from lagcli.engine.constraints.initial_batch import StartSearch
 
         return StartSearch(self.variants.system)
@@ -215,7 +215,7 @@ class RowGroup:
         sink: Callable[[FinishedRuns], None],
         check_cancelled: Callable[[], None],
     ) -> Indices:
-        """Run what can be run in lanes; return the places of the other rows."""
+        """Run the rows that can be run in batches; return the indices of the others."""
         request, system = self._common(check_cancelled), self.variants.system
         if request is None:
             return np.arange(len(values.q))
@@ -240,7 +240,7 @@ class RowGroup:
         return np.flatnonzero(~starts.found)
 
     def _said(self, run: Outcome) -> Outcome:
-        """Return a run whose message says where the model says what ended it."""
+        """Return a run whose message includes the location in the model of its cause."""
         run.message = message_of(self.variants.equations, run)
         return run
 
@@ -254,7 +254,7 @@ class RowGroup:
         Parameters
         ----------
         place : int
-            Which row of the values.
+            Index of the row in the values.
         given : (columns,) array
             Its varied values, in SI.
         values : Values
@@ -289,7 +289,7 @@ class RowGroup:
         return FinishedRuns(places, samples, [said], parameters, request.rank, changes)
 
     def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
-        """Return the simulation of one row; raises what keeps it from beginning."""
+        """Return the simulation of one row; raises an error if it cannot start."""
         variants = self.variants
         parameters, q, v = (x[place] for x in (values.parameters, values.q, values.v))
         if not all(np.isfinite(x).all() for x in (parameters, q, v)):

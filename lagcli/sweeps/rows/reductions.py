@@ -17,19 +17,19 @@ from lagcli.trajectory.event_log import EventLog
 
 
 class Grid:
-    """Sample times, and the additional times that measures need.
+    """Sample times, and additional times for measures.
 
     Parameters
     ----------
     times : (nt,) array
-        The samples, over which measures are taken.
+        Times of the samples, over which measures are evaluated.
     more : sequence of float
         Times of ``at``.
 
     Attributes
     ----------
     all : array
-        Both, in order.
+        All times, in order.
     """
 
     def __init__(self, times: Array, more: Sequence[float]):
@@ -37,7 +37,7 @@ class Grid:
         self.all = np.union1d(times, np.array(more, dtype=np.float64))
         self.samples = np.searchsorted(self.all, times)
         self.same = len(self.all) == len(times)
-        #: what each sample counts for in a mean over time, by the trapezoidal rule
+        #: weight of each sample in a mean over time, by the trapezoidal rule
         self.weights = np.ones(1)
         if len(times) > 1:
             steps = np.diff(times)
@@ -45,16 +45,16 @@ class Grid:
             self.weights /= 2 * (times[-1] - times[0])
 
     def of_samples(self, signals: Array) -> Array:
-        """Return signals at the samples alone; time is their last axis."""
+        """Return signals at the sample times; time is their last axis."""
         return signals if self.same else np.ascontiguousarray(signals[..., self.samples])
 
     def place(self, time: float) -> int:
-        """Return the index of a time among all."""
+        """Return the index of a time among all times."""
         return int(np.searchsorted(self.all, time))
 
 
 class Measuring:
-    """Computes measures of many runs at once.
+    """Evaluates measures of many runs.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Measuring:
     reductions : list of Reduction
         Distinct reductions of all measures; the signals passed are in this order.
     count : int
-        m.
+        Values of m measures.
     """
 
     def __init__(self, measures: Sequence[Measure], parameters: Sequence[str]):
@@ -86,12 +86,12 @@ class Measuring:
 
     @property
     def times(self) -> list[float]:
-        """The times at which ``at`` looks."""
+        """The times of ``at``."""
         return [r.time for r in self.reductions if r.time is not None]
 
     @property
     def of_events(self) -> list[EventMeasure]:
-        """What is asked of the logs."""
+        """Values requested from event logs."""
         return [r.event for r in self.reductions if r.event is not None]
 
     def __call__(
@@ -105,7 +105,7 @@ class Measuring:
         parameters : (runs, np) array
         grid : Grid
         happened : (runs, len(of_events)) array, optional
-            Where the logs are requested something.
+            Values from event logs, if any are requested.
         """
         logged = iter(() if happened is None else happened.T)
         found = [
@@ -116,14 +116,14 @@ class Measuring:
 
 
 def of_log(log: EventLog, asked: EventMeasure, constraints: Sequence[str]) -> float:
-    """Return what a log says; NaN for the time of what did not happen.
+    """Return a value from an event log; NaN for the time of an event that did not occur.
 
     Parameters
     ----------
     log : EventLog
     asked : EventMeasure
     constraints : sequence of str
-        In the order of the impulses.
+        Names of constraints in the order of the impulses.
     """
     if asked.kind == "impulse":
         return float(log.total_impulse()[constraints.index(asked.name)])
@@ -134,9 +134,7 @@ def of_log(log: EventLog, asked: EventMeasure, constraints: Sequence[str]) -> fl
 
 
 def _number(reduction: Reduction, signal: Array, grid: Grid) -> Array:
-    """Return one number of each run's signal, (runs,); values that are NaN do not count for max,
-    min, argmax and argmin.
-    """
+    """Return one number of each run's signal, (runs,); max, min, argmax and argmin ignore NaN."""
     kind = reduction.kind
     if kind == "at":
         assert reduction.time is not None
@@ -149,7 +147,7 @@ def _number(reduction: Reduction, signal: Array, grid: Grid) -> Array:
     if kind == "min":
         return np.fmin.reduce(x, axis=1)
     if kind == "mean":
-        # sums along one run, one after the other: they do not depend on the other runs
+        # sums along each run in order: they do not depend on the other runs
         return (x * grid.weights).sum(axis=1)
     if kind == "rms":
         return np.sqrt((x * x * grid.weights).sum(axis=1))

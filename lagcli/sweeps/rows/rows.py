@@ -1,4 +1,4 @@
-"""Numbers of rows → their results: the one place where rows are run, on whichever machine."""
+"""Execution of rows by number, on any machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lagcli.sweeps.row_results import COMPLETED, ERROR, FAILED, MISSING, Numbers
 from lagcli.sweeps.rows.group import FinishedRuns, RowGroup
 from lagcli.trajectory.samples import ENDED
 
-_MOST_GROUPS = 16  # structures that are kept derived
+_MOST_GROUPS = 16  # largest number of derived structures in the cache
 _MOST_SPECS = 2
 
 
@@ -28,28 +28,27 @@ def run_rows(
 ) -> Results:
     """Run some rows of a sweep.
 
-    A plain function of its arguments, which may be sent to any process; the model is loaded and
-    derived there once, and kept for the next call. What a row gives does not depend on which
-    other rows are run with it.
+    A pure function that can be sent to any process; the model is loaded and derived there once, and
+    cached. The result of a row does not depend on the other rows.
 
     Parameters
     ----------
     spec : Spec
     numbers : (n,) array of int
-        A few dozen rows or more, so that they are run together.
+        Preferably a few dozen rows or more, so that they are run in batches.
     check_cancelled : callable, optional
-        Called several times in 0.1 s. What it raises ends the call; `Interrupted` is made for it.
+        Called several times per 0.1 s. An exception, such as `Interrupted`, ends the call.
 
     Returns
     -------
     Results
-        In the order of ``numbers``. A row that fails is a row with a status and a message.
+        In the order of ``numbers``. A failed row has a status and a message.
     """
     return _runner(spec).run(np.asarray(numbers, dtype=np.int64), check_cancelled or (lambda: None))
 
 
 class Runner:
-    """A sweep made ready to run rows; its structures are derived when a row needs them.
+    """Runs rows of a sweep; derives its structures on demand.
 
     Parameters
     ----------
@@ -72,7 +71,7 @@ class Runner:
         Raises
         ------
         LagcliError
-            The model cannot have them, or a measure does not fit it.
+            The values are invalid for the model, or a measure is.
         """
         found = self._groups.get(values)
         if found is None:
@@ -89,12 +88,12 @@ class Runner:
         return found
 
     def base(self) -> RowGroup:
-        """Return the group of the model as it is given, to see whether all fits it.
+        """Return the group of the model's own values, to validate the sweep.
 
         Raises
         ------
         LagcliError
-            It does not.
+            The sweep is invalid.
         """
         return self._derive(None)
 
@@ -107,13 +106,13 @@ class Runner:
         return RowGroup(Variants(model, spec.settings), numeric, spec.measures, kept)
 
     def _text(self, name: str, value: float) -> str:
-        """Return a parameter's value in SI as --set takes it."""
+        """Return a parameter's value in SI in the syntax of --set."""
         unit = self.model.parameters[name].unit
         text = repr(int(value) if value.is_integer() else value)
         return text if unit is None or to_si(unit) == 1 else f"{text} {si_notation(unit)}"
 
     def run(self, numbers: Numbers, check_cancelled: Callable[[], None]) -> Results:
-        """Run rows; as `run_rows`."""
+        """Run rows; see `run_rows`."""
         table = self.spec.plan.rows(numbers)
         found = _Collected(numbers, len(self.spec.measures), self.spec.strict)
         different, which = np.unique(table[:, self.structural], axis=0, return_inverse=True)
@@ -135,7 +134,7 @@ class Runner:
 
 
 class _Collected:
-    """The results of some rows as they come."""
+    """The results of some rows during their execution."""
 
     def __init__(self, numbers: Numbers, measures: int, strict: bool):
         n, self.strict = len(numbers), strict
@@ -146,18 +145,18 @@ class _Collected:
         self.kept = np.empty((n, 0, 0))
 
     def refuse(self, places: Indices, error: LagcliError) -> None:
-        """Enter rows that a whole structure's error keeps from running."""
+        """Record an error of a whole structure for its rows."""
         for place in places:
             self.status[place], self.messages[place] = ERROR, str(error)
 
     def expect(self, group: RowGroup) -> None:
-        """Make room for the samples that a group keeps."""
+        """Allocate memory for the samples of a group."""
         if group.kept_names:
             shape = len(self.numbers), len(group.grid.times), len(group.kept_names)
             self.kept = np.full(shape, np.nan)
 
     def enter(self, group: RowGroup, places: Indices, ended: FinishedRuns) -> None:
-        """Enter rows of a group that ended; ``places`` are those of all of its rows."""
+        """Record completed rows of a group; ``places`` are the indices of all of its rows."""
         rows = places[ended.places]
         for row, run in zip(rows, ended.runs, strict=True):
             self.status[row], self.messages[row] = _outcome(run)
@@ -174,14 +173,14 @@ class _Collected:
             self.kept[rows, : kept.shape[1]] = kept
 
     def _distrust(self, group: RowGroup, rows: Indices, ended: FinishedRuns) -> None:
-        """Let completed rows fail that cannot be trusted."""
+        """Mark completed rows with warnings as failed."""
         for i in np.flatnonzero(self.status[rows] == COMPLETED).tolist():
             warnings = group.warnings(ended, i)
             if warnings:
                 self.status[rows[i]], self.messages[rows[i]] = FAILED, "; ".join(warnings)
 
     def results(self) -> Results:
-        """Return them."""
+        """Return the results."""
         return Results(
             self.numbers, self.status, self.messages, self.counts, self.measures, self.kept
         )
@@ -197,7 +196,7 @@ _runners: OrderedDict[str, Runner] = OrderedDict()
 
 
 def _runner(spec: Spec) -> Runner:
-    """Return what runs a sweep's rows in this process, made once."""
+    """Return a cached runner of a sweep in this process."""
     found = _runners.get(spec.sha256)
     if found is None:
         found = _runners[spec.sha256] = Runner(spec)

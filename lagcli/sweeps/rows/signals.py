@@ -1,4 +1,5 @@
-"""Evaluate expressions along the samples of many runs, for measures and kept trajectories."""
+"""Evaluation of expressions along the samples of many runs, for measures and stored
+trajectories."""
 
 from __future__ import annotations
 
@@ -26,11 +27,11 @@ from lagcli.errors import UsageError
 from lagcli.model.model import TIME, multiplier
 from lagcli.simulations.sampling import ParameterChanges, parts_of_constant_parameters
 
-#: What a trajectory is made of.
+#: Columns of stored trajectories.
 STATE = ("time", "q", "v", "a", "multipliers")
 _SCALARS = {quantity.name for quantity in SCALARS}
 _RESIDUALS = {quantity.name for quantity in RESIDUALS}
-#: Samples that are evaluated at once: their registers stay in the cache.
+#: Number of samples evaluated at once: their registers fit in the cache.
 _TOGETHER = 1 << 12
 
 
@@ -41,14 +42,14 @@ class Signals:
     ----------
     equations : Equations
     expressions : sequence of expressions
-        As in `lagcli.model.sections.measures`.
+        See `lagcli.model.sections.measures`.
     compiled : bool
         Whether the compiled core evaluates them.
 
     Raises
     ------
     UsageError
-        The residual of a position constraint is requested, and it has none.
+        The residual of a position constraint is requested for a nonholonomic constraint.
     """
 
     def __init__(self, equations: Equations, expressions: Sequence[Basic], compiled: bool):
@@ -76,9 +77,9 @@ class Signals:
         Parameters
         ----------
         samples : (runs, nt, width) array
-            By sample t, q, v, a, λ, W.
+            Sample rows t, q, v, a, λ, W.
         parameters : (runs, np) array
-            At the first sample.
+            Values at the first sample.
         changes : sequence of (int, tuple of float), optional
             For a single run: samples from which events set other parameter values.
         """
@@ -111,7 +112,7 @@ def _run_blocks(tape: Tape, samples: Array, constants: Array) -> Array:
 
 
 class _ColumnSymbols:
-    """The columns of results that expressions name, as expressions themselves."""
+    """The columns of results in expressions, as expressions."""
 
     def __init__(self, equations: Equations):
         self.equations = equations
@@ -125,7 +126,7 @@ class _ColumnSymbols:
         return {symbol: column for symbol, column in found.items() if column is not None}
 
     def _column(self, name: str) -> Basic | None:
-        """Return the expression of a column; None of any other symbol."""
+        """Return the expression of a column; None for any other symbol."""
         if name in _SCALARS:
             return column_expression(self.equations, name)
         if name in _RESIDUALS:  # of all constraints
@@ -150,7 +151,7 @@ def _part(constraint: ConstraintEquation, residual: str) -> Basic | None:
 
 
 def kept_signals(equations: Equations) -> Mapping[str, Basic]:
-    """Return what a kept trajectory has beside its state, by column."""
+    """Return the signals of a stored trajectory besides the state, by column."""
     model = equations.model
     derived = [q for q in SAMPLED if q.kept and q.name not in STATE]
     names = [

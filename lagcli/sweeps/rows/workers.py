@@ -15,27 +15,27 @@ from lagcli.sweeps.row_results import Results
 from lagcli.sweeps.row_status import MissingRows
 from lagcli.sweeps.rows.rows import run_rows
 
-#: Seconds that a chunk of rows should take: what is lost where a sweep is killed.
+#: Target duration of a chunk of rows, s: the loss if a sweep is killed.
 _CHUNK = 0.5
-_TOGETHER = 8  # rows that the compiled engine runs at once: fewer take nearly as long
-_LONG = 10.0  # s for so many rows, beyond which chunks are smaller all the same
-_FIRST = 16  # rows of the first chunk
-_MOST = 4096  # rows of a chunk
-_MOST_BYTES = 1 << 25  # of the samples that a chunk keeps
+_TOGETHER = 8  # number of rows in a batch: fewer take nearly as long
+_LONG = 10.0  # duration of a batch above which chunks are smaller, s
+_FIRST = 16  # number of rows of the first chunk
+_MOST = 4096  # largest number of rows of a chunk
+_MOST_BYTES = 1 << 25  # largest size of the stored samples of a chunk
 _GROWTH = 4
-#: Seconds of work below which it is not worth it to start processes, each of which imports lagcli.
+#: Seconds of work below which processes, each of which imports lagcli, are not worth starting.
 _WORTH = 1.0
-_PATIENCE = 0.05  # s between two looks at whether to end
+_PATIENCE = 0.05  # s between two checks for cancellation
 
 
 class Chunks:
-    """Hands out rows in chunks of about equal time.
+    """Divides rows into chunks of about equal duration.
 
     Parameters
     ----------
     missing : MissingRows
     row_bytes : int
-        Bytes of the samples that a row keeps.
+        Size of a row's stored samples, bytes.
     jobs : int
     """
 
@@ -44,16 +44,16 @@ class Chunks:
         self.most = max(1, min(_MOST, _MOST_BYTES // max(1, row_bytes)))
         self.size = min(_FIRST, self.most)
         self.seconds_per_row = 0.0
-        self.timed = 0  # chunks
+        self.timed = 0  # number of chunks
 
     def next(self) -> Numbers:
         """Return the numbers of the next rows; none at the end."""
-        # towards the end, in pieces small enough that all processes end together
+        # small chunks towards the end, so that all processes end at the same time
         fair = max(_TOGETHER, self.missing.left // (2 * self.jobs))
         return self.missing.take(_filled(min(self.size, fair)))
 
     def took(self, rows: int, seconds: float) -> None:
-        """Take note of how long a chunk took."""
+        """Record the duration of a chunk."""
         self.seconds_per_row = seconds / rows
         self.timed += 1
         wanted = int(_CHUNK / max(self.seconds_per_row, 1e-9))
@@ -63,31 +63,31 @@ class Chunks:
 
     @property
     def left(self) -> float:
-        """Seconds of work that one process would have left; 0 while that is not known.
+        """Estimated remaining work of one process, s; 0 if unknown.
 
-        The first chunk says nothing of it: it derives the model.
+        The first chunk is not representative: it includes the derivation.
         """
         return self.missing.left * self.seconds_per_row if self.timed > 1 else 0.0
 
 
 def _filled(rows: int) -> int:
-    """Return a number of rows of which none are run in a group that is not full, if it can be."""
+    """Return a number of rows that fills complete batches, if possible."""
     return rows // _TOGETHER * _TOGETHER or rows
 
 
 def run_here(
     spec: Spec, chunks: Chunks, check_cancelled: Callable[[], None], jobs: int
 ) -> Iterator[Results]:
-    """Run all rows; yield results as they come.
+    """Run all rows; yield results as they are completed.
 
     Parameters
     ----------
     spec : Spec
     chunks : Chunks
     check_cancelled : callable
-        Called several times in 0.1 s; what it raises ends the runs.
+        Called several times per 0.1 s; an exception ends the runs.
     jobs : int
-        The number of processes. What a row gives does not depend on it.
+        The number of processes. The result of a row does not depend on it.
     """
     while len(numbers := chunks.next()):
         began = time.monotonic()
@@ -99,14 +99,14 @@ def run_here(
 
 
 class _Processes:
-    """Processes that run rows, each with its own pipe."""
+    """Processes that run rows, each with a pipe."""
 
     def __init__(self, spec: Spec, jobs: int):
-        # started again, not forked: they hold nothing of ours open, and end when their pipe does,
-        # even if this process is killed
+        # spawned, not forked: they inherit no open files, and end with their pipe, even if this
+        # process is killed
         context = get_context("spawn")
         self.workers: dict[Any, Any] = {}
-        blocked = _blocking(signal.SIGINT)  # Ctrl-C is for this process alone
+        blocked = _blocking(signal.SIGINT)  # only this process handles Ctrl-C
         try:
             for _ in range(jobs):
                 ours, theirs = context.Pipe()
@@ -161,7 +161,7 @@ class _Processes:
 
 
 def _work(pipe: Any, spec: Spec) -> None:
-    """Run chunks of rows until the pipe ends."""
+    """Run chunks of rows until the pipe is closed."""
     try:
         while True:
             numbers = pipe.recv()
