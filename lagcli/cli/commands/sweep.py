@@ -188,9 +188,7 @@ def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[A
 
     def say(text: str) -> None:
         if not quiet:
-            print(
-                f"note: {visible(text)}", file=sys.stderr
-            )  # the bar may replace the stream
+            print(f"note: {visible(text)}", file=sys.stderr)  # the bar may replace the stream
 
     with Cluster(scheduler, say) as cluster:
         yield cluster.run
