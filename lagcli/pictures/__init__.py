@@ -1,1 +1,1 @@
-"""Pictures of a run: its scene, plots, animations, pages."""
+"""Pictures: scenes, plots, animations, reports."""

@@ -1,4 +1,4 @@
-"""Contacts and events in plots: marks at their instants, and curves that jump there."""
+"""Contacts and events in plots: marks at their instants, and jumps of curves."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.event_log import EventLog
 
 _LOOK = {"color": "#808080", "linewidth": 0.6, "zorder": 0.5}
-#: Columns of pixels of which one has a mark at most, so that the curves remain visible.
+#: Smallest distance of marks in pixels, so that the curves remain visible.
 _APART = 3
 #: Quantities that jump with the modes.
 _SIDED = (
     *("a", "multipliers", "constraint_force", "constraint_force_by"),
     *(quantity.name for quantity in PANELS["powers"]),
 )
-#: Energies, which jump by what impacts and events change them by.
+#: Energies, which jump by the changes due to impacts and events.
 _ENERGIES = ("energy_total", "energy_kinetic", "energy_potential")
 _SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
-#: Samples of one side that tell how a curve goes on to an instant.
+#: Number of samples on one side from which a curve is continued to an instant.
 _BESIDE = 3
-#: Marks on the plots of a page.
+#: Largest number of marks on the plots of a page.
 _MARKS = 400
 
 
 def draw_marks(ax: Any, run: RunFile, span: tuple[float, float], columns: int) -> None:
-    """Draw a thin line at each instant of a run at which something happened.
+    """Draw a thin line at each instant of a contact or event of a run.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
-        Over the time.
+        With time as horizontal axis.
     run : RunFile
     span : (float, float)
-        The first and the last time that are drawn, s.
+        First and last time of the axis, s.
     columns : int
         Pixels along the axis.
     """
@@ -59,7 +59,8 @@ def draw_marks(ax: Any, run: RunFile, span: tuple[float, float], columns: int) -
 
 
 def marks(log: EventLog | None) -> Array:
-    """Return the distinct times of a log that a page marks, s; of many, evenly chosen ones."""
+    """Return the distinct times of a log for the marks of a page, s; of many, evenly chosen
+    ones."""
     if log is None or not len(log):
         return np.empty(0)
     times = np.unique(log.time)
@@ -67,7 +68,7 @@ def marks(log: EventLog | None) -> Array:
 
 
 def jumping_outputs(model: Model) -> frozenset[str]:
-    """Return the outputs that may jump: those of more than configuration, time and constants."""
+    """Return the outputs that may jump: those that depend on more than q, t and parameters."""
     changed = {name for event in model.events for name in event.action.set}
     continuous = {TIME, *map(coordinate, model.coordinate_names)}
     continuous |= {Symbol(name) for name in model.parameters if name not in changed}
@@ -83,17 +84,17 @@ def jumps_of(run: RunFile) -> Jumps:
     if log is not None and len(log) and run.outputs:
         try:
             outputs = jumping_outputs(run.written_model)
-        except LagcliError:  # without the model it is not known which outputs jump
+        except LagcliError:  # without the model, the outputs that jump are unknown
             outputs = ()
     return Jumps(log, run.coordinates, run.constraints, outputs)
 
 
 class Jumps:
-    """Draws the instants of a log into curves, which are straight between samples.
+    """Inserts jumps at the instants of a log into curves, which are straight between samples.
 
-    Where an event records the column, its limits are those. Else, coordinates and velocities are
+    If an event records the column, its limits are used. Otherwise, coordinates and velocities are
     those of the log, and energies jump by its losses. Accelerations, forces, powers and outputs
-    that jump are continued to the instant from the samples on each side. Any other curve is
+    that jump are extrapolated to the instant from the samples on each side. Other curves are
     unchanged.
 
     Parameters
@@ -150,7 +151,7 @@ class Jumps:
         Returns
         -------
         time : (nt + 2 ni,) array
-            Each instant stands there twice; a sample at an instant has the value after it.
+            Each instant is contained twice; a sample at an instant has the value after it.
         values : (nt + 2 ni, n) array
         """
         log = self.log
@@ -173,7 +174,7 @@ class Jumps:
     def _limits(
         self, name: str, time: Array, values: Array, at: Array, ends: tuple[Indices, Indices]
     ) -> tuple[Array, Array]:
-        """Return a curve right before and after instants, of which the ends are entries."""
+        """Return a curve right before and after instants with the given log entries."""
         log = self.log
         assert log is not None
         before, after = self._unrecorded_limits(name, time, values, at, ends)
@@ -217,10 +218,10 @@ class Jumps:
 
 
 def _continued(time: Array, values: Array, at: Array, nearest: Indices, away: int) -> Array:
-    """Return a curve at instants, continued from the samples on one side.
+    """Return a curve at instants, extrapolated from the samples on one side.
 
-    With the slope of the last two samples, if by the one before them the curve goes on in this
-    direction; else, and where a single sample lies between two instants, it is held.
+    Linearly from the last two samples if the curve is consistent with the previous one; otherwise,
+    or if only one sample lies between two instants, constant.
 
     Parameters
     ----------
@@ -228,9 +229,9 @@ def _continued(time: Array, values: Array, at: Array, nearest: Indices, away: in
     at : (ni,) array
         Increasing.
     nearest : (ni,) array of int
-        The sample that is next to each instant on this side; beyond the ends, the last one counts.
+        Index of the sample next to each instant on this side; beyond the ends, the last one.
     away : {-1, 1}
-        To the samples before, or after.
+        Direction: samples before, or after.
     """
     end = len(time) - 1
     places = [np.clip(nearest + away * i, 0, end) for i in range(_BESIDE)]
@@ -248,9 +249,9 @@ def _continued(time: Array, values: Array, at: Array, nearest: Indices, away: in
 
 
 def _changes(log: EventLog, quantity: str) -> Array:
-    """Return by how much each entry changes an energy.
+    """Return the change of an energy by each entry.
 
-    Impacts change T. Actions do, where velocities change; else they change V.
+    Impacts change T. Actions change T if velocities change; otherwise V.
     """
     moved = (log.before != log.after).any(axis=1)
     impacts = log.supplied - log.loss

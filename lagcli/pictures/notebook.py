@@ -1,4 +1,4 @@
-"""What notebooks show of models, equations and runs."""
+"""Rich display of models, equations and runs in notebooks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _HEIGHT = 560  # pixels of an animation
 def register() -> None:
     """Register the representations in the IPython session, if there is one.
 
-    Types are registered by name, so that nothing is imported before it is shown.
+    Types are registered by name, so that nothing is imported before it is displayed.
     """
     from IPython import get_ipython
 
@@ -38,7 +38,7 @@ def register() -> None:
 
 
 def model_markdown(model: Model) -> str:
-    """Return a model as its equations, in Markdown with LaTeX."""
+    """Return the equations of a model, in Markdown with LaTeX."""
     from lagcli.equations.derivation.lagrange import derive
 
     return equations_markdown(derive(model))
@@ -66,7 +66,7 @@ def trajectory_html(trajectory: Trajectory) -> str:
 
 
 def _picture(make: Any, trajectory: Trajectory) -> str:
-    """Return a picture, or why there is none."""
+    """Return a picture, or the reason why there is none."""
     with TemporaryDirectory() as folder:
         try:
             return str(make(trajectory, Path(folder)))

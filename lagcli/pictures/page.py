@@ -1,4 +1,4 @@
-"""Self-contained pages: scripts, styles and data in one HTML file, which fetches nothing."""
+"""Self-contained pages: scripts, styles and data in one HTML file without network access."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 from lagcli.json_values import json_values
 
-#: What draws scenes and plays them, in the order in which the scripts need each other.
+#: Scripts that draw and play scenes, in the order of their dependencies.
 PLAYER_SCRIPTS = ("camera.js", "motion.js", "labels.js", "shapes.js", "scene.js", "player.js")
 PLAYER_STYLES = ("player.css",)
 
@@ -23,7 +23,7 @@ def asset(name: str) -> str:
 
 
 def script_data(value: Any) -> str:
-    """Return a value as JSON that may stand in a script of a page.
+    """Return a value as JSON for use in a script of a page.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def script_data(value: Any) -> str:
     text = json.dumps(
         json_values(value), ensure_ascii=False, allow_nan=False, separators=(",", ":")
     )
-    # neither may end the script nor begin a comment in it; both are in texts alone
+    # both characters occur only in texts; they could end the script or begin a comment
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 def content_policy(script: str, style: str) -> str:
-    """Return the policy by which a page runs this script and style alone, and fetches nothing.
+    """Return a content security policy that permits only this script and style.
 
-    Each of them stands in its element between two ends of lines.
+    Each of them is between two line ends in its element.
     """
 
     def digest(text: str) -> str:
@@ -62,7 +62,7 @@ def page(
     layout: str = "",
     images: bool = False,
 ) -> str:
-    """Return a page that holds all that it needs.
+    """Return a self-contained page.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def page(
     body : str
         HTML.
     styles, scripts : iterables of str
-        Their text; see `asset`.
+        Texts of the scripts; see `asset`.
     start : str
-        What to run at last.
+        Script to run last.
     layout : str
-        The class of the body.
+        Class of the body.
     images : bool
-        Whether images whose data are in the page may be shown.
+        Whether images with data URLs are permitted.
     """
     style = "\n".join(styles)
     script = "\n".join([*scripts, start] if start else scripts)

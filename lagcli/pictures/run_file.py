@@ -1,4 +1,4 @@
-"""A run to be drawn, opened from its result file."""
+"""Access to a run and its model for drawing."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _NONE = np.empty(0)
 
 
 class RunFile:
-    """The columns of one run, and the model that it is of.
+    """The columns of one run, and its model.
 
     Parameters
     ----------
     source : path or Trajectory
         A result file, HDF5 or CSV, or a run in memory.
     model : path, optional
-        A model file instead of the text that the result holds: the same model, with another view.
+        A model file instead of the text in the result: the same model, with another view.
 
     Attributes
     ----------
     name : str
-        What messages call it.
+        Name in messages.
     coordinates, constraints, outputs, conserved_names, sensitivity : tuples of str
     terms : Terms
     count : int
@@ -44,7 +44,7 @@ class RunFile:
     varied : mapping of str to float
         Varied quantities of a row of a sweep, by name.
     fields : frozenset of str or None
-        The fields that there are; None for all.
+        The available fields; None for all.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class RunFile:
         names : iterable of str
             Fields of `lagcli.trajectory.samples.Samples`; an output is ``outputs/NAME``.
         samples : (m,) array of int, optional
-            Which samples, increasing; all by default.
+            Indices of samples, increasing; all by default.
 
         Returns
         -------
@@ -105,7 +105,7 @@ class RunFile:
         return {name: np.concatenate(found or [_NONE]) for name, found in pieces.items()}
 
     def blocks(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
-        """Yield fields of `Samples` by name, for so many samples at a time as memory allows."""
+        """Yield fields of `Samples` by name, in blocks that fit in memory."""
         if isinstance(self._source, Trajectory):
             yield {name: _field(self._source, name) for name in names}
             return
@@ -125,21 +125,21 @@ class RunFile:
 
     @cached_property
     def written_model(self) -> Model:
-        """The model with the values of this run, as its file has it.
+        """The model with the values of this run, and the view of its file.
 
         Raises
         ------
         UsageError
-            The result holds no model, or another file holds another one.
+            The result contains no model, or the other file contains a different one.
         ModelError
-            The text is no model for this version.
+            The text is invalid for this version.
         FileError
             The model file cannot be read.
         """
         record = self.record
-        # as expressions: they are in SI, whatever unit the file gives to a parameter
+        # as expressions, which are in SI regardless of the file's unit
         parameters = {name: f"{value!r}*1" for name, value in record.parameters.items()}
-        # the text alone may lack some
+        # the text may lack some of them
         initial = self.initial
         if self._model_file is not None:
             model = self._other_model(self._model_file, parameters, initial)

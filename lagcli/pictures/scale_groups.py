@@ -1,19 +1,19 @@
-"""Scales of curves: which can be seen beside each other."""
+"""Grouping of curves by scale, so that all are visible."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-#: Curves whose largest magnitudes differ by more than this factor are drawn apart.
+#: Curves whose largest magnitudes differ by more than this factor are drawn separately.
 _RATIO = 20.0
-#: More curves are a family, which stays together.
+#: More curves than this form a family, which is not divided.
 _FAMILY = 10
-#: Of the largest of all: what is 0 but for errors of the integration.
+#: Curves below this part of the largest are 0 except for integration errors.
 ROUNDING = 1e-9
 
 
 def scale_groups(largest: Sequence[float]) -> list[list[int]]:
-    """Group curves of one unit by their size, so that none is too small to be seen.
+    """Group curves of one unit by their size, so that none is too small to be visible.
 
     Parameters
     ----------
@@ -23,8 +23,8 @@ def scale_groups(largest: Sequence[float]) -> list[list[int]]:
     Returns
     -------
     list of list of int
-        The places of the curves of each group, in order. Curves that are 0 but for errors are
-        with the largest ones.
+        The indices of the curves of each group, in order. Curves that are 0 except for errors are
+        grouped with the largest ones.
     """
     if len(largest) > _FAMILY:
         return [list(range(len(largest)))]

@@ -13,7 +13,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 HOST = "127.0.0.1"
 
-#: What the page may load; nothing from elsewhere.
+#: Content security policy: nothing is loaded from elsewhere.
 POLICY = (
     "default-src 'none'",
     "script-src 'self'",
@@ -24,7 +24,7 @@ POLICY = (
     "frame-ancestors 'none'",
 )
 HEADERS = {
-    "Referrer-Policy": "no-referrer",  # the address holds the token
+    "Referrer-Policy": "no-referrer",  # the address contains the token
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -34,7 +34,7 @@ HEADERS = {
 
 
 class Access:
-    """The rules of one server.
+    """Access rules of one server.
 
     A page of another site can make a browser send requests here, even under a name that
     leads to 127.0.0.1 (DNS rebinding). It does not have the token and cannot send this server's
@@ -47,7 +47,7 @@ class Access:
     Attributes
     ----------
     token : str
-        The first part of every path.
+        The token, which is the first part of every path.
     """
 
     def __init__(self, port: int):
@@ -63,10 +63,10 @@ class Access:
         return f"http://{HOST}:{self.port}/{self.token}/"
 
     def status(self, request: web.Request) -> int:
-        """Return 200 for a request that is answered, else the status of its rejection."""
+        """Return 200 for an accepted request, else the status of its rejection."""
         if request.headers.getall("Host", []) not in [[host] for host in self._hosts]:
             return 403
-        # OPTIONS may ask for *, and CONNECT for no path at all
+        # OPTIONS may request *, and CONNECT no path at all
         given = request.path.removeprefix("/").partition("/")[0]
         if not secrets.compare_digest(given.encode(), self.token.encode()):
             return 404
@@ -95,7 +95,7 @@ class Access:
         return guard
 
     async def mark(self, request: web.Request, response: web.StreamResponse) -> None:
-        """Give a response the headers that keep the page to itself."""
+        """Set the headers of a response that isolate the page."""
         policy = [*POLICY, f"connect-src 'self' ws://{HOST}:{self.port} ws://localhost:{self.port}"]
         response.headers["Content-Security-Policy"] = "; ".join(policy)
         response.headers.update(HEADERS)

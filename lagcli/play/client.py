@@ -1,4 +1,4 @@
-"""A client of the page: it runs the newest request."""
+"""A client of the page, which runs the newest request."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from lagcli.play.messages import on_page
 from lagcli.play.runs import Played, PlayRequest
 from lagcli.simulations.cancellation import Interruption
 
-#: Seconds that a run may go on when a newer one waits: while a slider moves, something is drawn.
+#: Time for which a run may continue while a newer one waits, s, so that plots are updated while a
+#: slider moves.
 GRACE = 0.25
 
 
 class _Superseded(Interruption):
-    """Cancels a run whose client has left, or has waited long enough for a newer one."""
+    """Cancels a run whose client has left, or for which a newer request has waited long enough."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +28,7 @@ class _Superseded(Interruption):
         self.closed = self.newer = False
 
     def requested(self) -> bool:
-        """Return whether the run is to end."""
+        """Return whether to end the run."""
         return self.closed or (self.newer and time.monotonic() - self.began > GRACE)
 
 
@@ -37,13 +38,13 @@ class Client(threading.Thread):
     Parameters
     ----------
     played : Played
-        The client's own.
+        The client's model.
     answer : callable
-        Is called in the thread with what the page is to be told.
+        Called in the thread with messages for the page.
     """
 
     def __init__(self, played: Played, answer: Callable[[dict[str, Any]], None]):
-        # a thread that derives equations cannot be stopped: it must not keep the program
+        # a thread that derives equations cannot be stopped: it must not block the program's exit
         super().__init__(name="lagcli play", daemon=True)
         self._played, self._answer = played, answer
         self._change = threading.Condition()
@@ -52,7 +53,7 @@ class Client(threading.Thread):
         self._closed = False
 
     def ask(self, request: PlayRequest) -> None:
-        """Replace the pending request and stop the running one."""
+        """Replace the pending request and stop the current one."""
         with self._change:
             self._waiting = request
             if self._running is not None:
@@ -68,7 +69,7 @@ class Client(threading.Thread):
             self._change.notify()
 
     def run(self) -> None:
-        """Answer requests until the client is closed."""
+        """Process requests until the client is closed."""
         while True:
             with self._change:
                 self._change.wait_for(lambda: self._closed or self._waiting is not None)

@@ -15,11 +15,11 @@ from lagcli.pictures.report.writing import unit as printed
 from lagcli.pictures.scene.timing import round_number
 from lagcli.settings.settings import Settings
 
-#: Of a slider; about as many places as it has pixels.
+#: Number of steps of a slider, about the number of its pixels.
 _PLACES = 400
-#: How far a value reaches that is 0, where nothing else of the model says how large it may be.
+#: Range of a value that is 0, if the model does not suggest another one.
 _USUAL = {"rad/s": 10.0}
-#: Half a turn, and a step of it, by unit.
+#: Half a turn, and a step, by unit.
 _TURNS = {"rad": (3.15, 0.01), "deg": (180.0, 1.0), "°": (180.0, 1.0)}
 
 
@@ -30,27 +30,27 @@ class Control:
     Parameters
     ----------
     name : str
-        As ``--set`` and ``--set-initial`` know it; ``t_end``.
+        Name in ``--set`` and ``--set-initial``; ``t_end``.
     kind : str
     label : str
-        How formulas print it.
+        Name in formulas.
     value : float
-        In ``unit``.
+        Value in ``unit``.
     unit : str
-        That of the file; may be empty.
+        Unit in the file; may be empty.
     suffix : str
-        What follows a bare number on the command line, so that it is of this unit.
+        Suffix of a number on the command line that gives it this unit.
     low, high, step : float
-        Of the slider.
+        Range and step of the slider.
     family : str
-        What the members of a family are listed under; else empty.
+        Heading for the members of a family; otherwise empty.
     description : str
     text : str
-        The expression of other parameters that the value follows; else empty.
+        Expression of other parameters that determines the value; otherwise empty.
     free : bool
         Whether it is a guess.
     whole : bool
-        Whether it must be a whole number.
+        Whether it must be an integer.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Control:
         return _in_unit(value, self.unit)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as JSON values, with its unit as it is printed."""
+        """Return the control as JSON values, with a formatted unit."""
         return {**asdict(self), "unit": printed(self.unit)}
 
 
@@ -84,13 +84,13 @@ def controls(model: Model, settings: Settings) -> dict[str, Control]:
     ----------
     model : Model
     settings : Settings
-        Complete.
+        Complete settings.
 
     Returns
     -------
     dict of str to Control
-        By name: parameters, then positions and velocities, then the end of the run. A velocity is
-        ``phi'``; no parameter can have that name.
+        By name: parameters, then positions and velocities, then the end time. A velocity is
+        ``phi'``, which no parameter can be named.
     """
     maker = _Maker(model)
     found = {name: maker.parameter(p) for name, p in model.parameters.items()}
@@ -103,19 +103,19 @@ def controls(model: Model, settings: Settings) -> dict[str, Control]:
 
 
 class _Maker:
-    """Makes the controls of one model."""
+    """Creates the controls of one model."""
 
     def __init__(self, model: Model):
         self.given, self.names, self.sizes = model.set, Notation(model), _sizes(model)
         self.known = {*model.parameters, *map(family_of, model.parameters)}
 
     def follows(self, written: Written | None) -> bool:
-        """Return whether an expression is one of parameters."""
+        """Return whether an expression depends on parameters."""
         used = names_used(written.tree) if written is not None else []
         return any(n in self.known or f"{n}[]" in self.known for n in used)
 
     def size(self, unit: str) -> float:
-        """Return the range of a slider whose value is 0, by its unit."""
+        """Return the range of a slider with value 0, by unit."""
         return self.sizes.get(unit) or _USUAL.get(unit, 1.0)
 
     def parameter(self, parameter: Parameter) -> Control:
@@ -129,7 +129,7 @@ class _Maker:
             self.names.text(name),
             value,
             unit,
-            # a bare number is of the file's unit, if that is SI; not of that of an option
+            # a number without a unit has the file's unit if that is SI; not that of an option
             f" {unit}" if unit and (to_si(unit) != 1 or name in self.given) else "",
             low,
             high,
@@ -170,7 +170,7 @@ class _Maker:
 
 
 def _end(settings: Settings) -> Control | None:
-    """Return the control of the run's end; none where the sample times themselves are given."""
+    """Return the control of the end time; none if sample times are given."""
     if settings.times is not None:
         return None
     start, end = settings.t_start, settings.t_end
@@ -180,7 +180,7 @@ def _end(settings: Settings) -> Control | None:
 
 
 def family_label(name: str) -> str:
-    """Return the family of a name without brackets: ``r.x`` of ``r[1].x``; or nothing."""
+    """Return the family of a name without brackets: ``r.x`` for ``r[1].x``; otherwise empty."""
     family = family_of(name)
     return family.replace("[]", "").replace("[,]", "") if family != name else ""
 
@@ -202,13 +202,13 @@ def _coherent(unit: str | None, moving: bool) -> str:
 
 
 def _in_unit(value: float, unit: str) -> float:
-    """Return an SI value in a unit, with the digits that it was written with."""
+    """Return an SI value in a unit, with its original digits."""
     factor = to_si(unit) if unit else 1
     return value if factor == 1 else float(f"{value / float(factor):.15g}")
 
 
 def _sizes(model: Model) -> dict[str, float]:
-    """Return the largest value of each unit in the model: what is 0 may become as large."""
+    """Return the largest value of each unit in the model: the range of values that are 0."""
     sizes: dict[str, float] = {}
     units = {c.name: c.unit for c in model.coordinates}
     values = [(p.unit, p.value) for p in model.parameters.values()]

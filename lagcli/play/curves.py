@@ -1,4 +1,4 @@
-"""Curves: what the plots of the page show of a run."""
+"""Curves in the plots of the page."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from lagcli.pictures.scale_groups import scale_groups
 from lagcli.trajectory.event_log import EventLog
 from lagcli.trajectory.samples import Samples
 
-#: Curves that a plot can show and a reader distinguish.
+#: Largest number of curves in a plot.
 MOST = 12
 
 
 class LiveCurve(NamedTuple):
-    """One curve: a name that result files know, how it is printed, its unit and values."""
+    """A curve: its name in result files, its label, its unit and values."""
 
     name: str
     label: str
@@ -31,12 +31,12 @@ class LiveCurve(NamedTuple):
     values: Array
 
 
-#: The group of the model's own outputs.
+#: The group of the model's outputs.
 _OUTPUTS = "outputs"
 
 
 class Curves:
-    """Chooses and names the curves of one model.
+    """Selects and names the curves of one model.
 
     Parameters
     ----------
@@ -49,26 +49,26 @@ class Curves:
         self._jumping = jumping_outputs(model)
 
     def groups(self) -> dict[str, str]:
-        """Return the groups that have curves, with their titles."""
+        """Return the groups with curves, with their titles."""
         panels = [panel for panel in PANELS if any(map(self._exists, PANELS[panel]))]
         groups = [*panels, _OUTPUTS] if self._model.outputs else panels
         return {group: group.capitalize() for group in groups}
 
     def _exists(self, quantity: ResultQuantity) -> bool:
-        """Return whether the model has columns of a quantity, which the page shows."""
+        """Return whether the model has columns of a quantity, and the page shows them."""
         if quantity.name in ("energy_kinetic", "energy_potential"):
-            return self._model.kinetic is not None  # not where it is written with L
+            return self._model.kinetic is not None  # not if it is given by L
         if quantity.along == "term":  # too many
             return False
         if quantity.name == "residual_position":
             return any(c.kind == "holonomic" for c in self._model.constraints)
-        if quantity.along == "conserved_quantity":  # found again for each run
+        if quantity.along == "conserved_quantity":  # computed again for each run
             return False
         of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
         return bool(self._model.constraints) or not of_constraints
 
     def plot(self, group: str, samples: Samples, log: EventLog | None) -> dict[str, Any]:
-        """Return a plot as ``plots.js`` takes it, with arrays; its series name their panels.
+        """Return a plot for ``plots.js``, with arrays; its series contain their panels.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Curves:
             One of `groups`.
         samples : Samples
         log : EventLog or None
-            Its instants are marked, and curves jump there.
+            The log, whose instants are marked and at which curves jump.
         """
         quantities = [q for q in PANELS.get(group, ()) if self._exists(q)]
         curves = [curve for q in quantities for curve in self._curves(q, samples)]
@@ -108,7 +108,7 @@ class Curves:
         }
 
     def _curves(self, quantity: ResultQuantity, samples: Samples) -> list[LiveCurve]:
-        """Return the curves of a quantity, without those that have no values at all."""
+        """Return the curves of a quantity, without those that have no values."""
         values = np.asarray(getattr(samples, quantity.name))
         table = values if values.ndim == 2 else values[:, None]
         names = column_names(quantity, samples.coordinates, samples.constraints)
@@ -129,7 +129,7 @@ class Curves:
 
 
 def _panels(curves: list[LiveCurve]) -> list[int]:
-    """Return the panel of each curve: those of one unit and of like size share one."""
+    """Return the panel of each curve: curves of the same unit and similar size share one."""
     found: list[list[int]] = []
     for symbol in dict.fromkeys(c.unit for c in curves):
         places = [i for i, c in enumerate(curves) if c.unit == symbol]

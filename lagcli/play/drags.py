@@ -18,30 +18,30 @@ from lagcli.simulations.simulation import Simulation
 from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import joined
 
-#: Digits of initial values; fixed ones satisfy the constraints as far as a start accepts it.
+#: Digits of initial values; fixed ones must satisfy the constraints within the accepted residual.
 _DIGITS = 13
-#: Of the largest value: what is 0 except for rounding.
+#: Values below this part of the largest are 0 except for rounding.
 _ZERO = 1e-14
 
 
 @dataclass(frozen=True)
 class DragRequest:
-    """Where a body is moved to.
+    """A request to move a body.
 
     Parameters
     ----------
     gesture : int
-        From the moment it is grasped to that of its release, the same.
+        Identifier of the gesture, from grasp to release.
     time : float
-        s, of the configuration in which it is grasped.
+        Time of the configuration at the beginning, s.
     weights : mapping of str to float
-        The place: a weighted mean of points of the view.
+        The grasped point: a weighted mean of points of the view.
     target : tuple of float
-        In two or three dimensions.
+        Target in two or three dimensions.
     eye : tuple of float or None
-        From where the reader looks at the target, in three dimensions.
+        Viewing direction, in three dimensions.
     length : float
-        The size of what is drawn.
+        Size of the drawing.
     """
 
     gesture: int
@@ -53,12 +53,12 @@ class DragRequest:
 
     @classmethod
     def parsed(cls, value: Any) -> DragRequest | None:
-        """Return the drag in a message of the page; None for none.
+        """Return the drag in a message of the page; None if there is none.
 
         Raises
         ------
         ValueError
-            It is none.
+            The drag is invalid.
         """
         if value is None:
             return None
@@ -87,7 +87,7 @@ class Drags:
     Parameters
     ----------
     model : Model
-        With a view.
+        Model with a view.
     evaluator : ViewEvaluator
         Evaluator of its view.
     """
@@ -98,12 +98,12 @@ class Drags:
         self._gesture: int | None = None
 
     def take(self, samples: Samples) -> None:
-        """Take the run that the page shows: a drag begins in a configuration of it."""
+        """Set the run that the page shows: a drag begins in one of its configurations."""
         self._time, self._q = samples.time, samples.q
         self._gesture = None
 
     def fits(self, request: DragRequest) -> bool:
-        """Return whether a request is one of this model's view."""
+        """Return whether a request is valid for this model's view."""
         view = self._model.view
         assert view is not None
         known = request.weights.keys() <= set(places(self._model, view))
@@ -115,20 +115,20 @@ class Drags:
         Parameters
         ----------
         request : DragRequest
-            One that fits.
+            A valid request.
         simulation : callable
-            Returns that of the values of the page; called when a gesture begins.
+            Returns the simulation with the page's values; called when a gesture begins.
 
         Returns
         -------
         dict
-            ``gesture``, ``initial``: the initial values that change, in SI; ``scene``: at the start
-        alone.
+            ``gesture``, ``initial``: the changed initial values, in SI; ``scene``: only at the
+            initial time.
 
         Raises
         ------
         ModelError, UsageError, NumericalError
-            There is something wrong with the values.
+            The values are invalid.
         """
         if request.gesture != self._gesture:
             self._simulation = simulation()

@@ -1,4 +1,4 @@
-"""The equations of a model, as the page shows them beside the motion."""
+"""The equations of a model on the page."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from lagcli.equations.render.html import equation
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 
-#: Coordinates above which the page shows no equations: nobody reads so many beside a motion.
+#: Number of coordinates above which the page shows no equations.
 MOST = 12
 
 
 def equations_html(equations: Equations) -> str:
-    """Return the equations of motion and the constraints in HTML; of a large system nothing.
+    """Return the equations of motion and the constraints in HTML; empty for a large system.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Frames: JSON with arrays in it, as one binary message.
+"""Frames: JSON with arrays in one binary message.
 
 A frame is the length of its header in bytes (32 bits, little-endian), the header (JSON in UTF-8,
 with blanks at its end so that both are a multiple of 8 bytes), and the numbers of all arrays (64
@@ -24,7 +24,8 @@ def encode(value: Mapping[str, Any]) -> bytes:
     Parameters
     ----------
     value : mapping
-        JSON values and one-dimensional arrays. A number that is not finite is null, but in arrays.
+        JSON values and one-dimensional arrays. Outside of arrays, numbers that are not finite
+        become null.
     """
     arrays: list[Array] = []
 
@@ -33,7 +34,7 @@ def encode(value: Mapping[str, Any]) -> bytes:
         return {"$array": [sum(map(len, arrays[:-1])), len(array)]}
 
     text = json.dumps(json_values(value, place), ensure_ascii=False, allow_nan=False)
-    header = text.encode(errors="replace")  # a message of a page may hold halves of characters
+    header = text.encode(errors="replace")  # a message of a page may contain lone surrogates
     header += b" " * (-(4 + len(header)) % 8)
     body = b"".join(np.ascontiguousarray(a, dtype="<f8").tobytes() for a in arrays)
     return struct.pack("<I", len(header)) + header + body

@@ -1,4 +1,4 @@
-"""What happened at contacts and events of a run, for the page."""
+"""Contacts and events of a run, for the page."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import Any
 
 from lagcli.trajectory.event_log import EventLog, event_sentences
 
-#: Entries that the page lists: of more, the first ones.
+#: Largest number of entries on the page: of more, the first ones.
 _MOST = 200
 
 
 def happened(log: EventLog | None) -> dict[str, Any] | None:
-    """Return the log of a run as JSON values; None of a model without contacts and events.
+    """Return the log of a run as JSON values; None for a model without contacts and events.
 
     ``sentences``, ``entries`` as {``time``, ``text``}, and how many ``more`` there are.
     """
@@ -28,5 +28,5 @@ def happened(log: EventLog | None) -> dict[str, Any] | None:
     }
 
 
-#: Kinds that are no verbs.
+#: Kinds that are not verbs.
 _WORDS = {"impact": "has an impact", "rest": "comes to rest"}

@@ -6,14 +6,14 @@ import re
 
 from lagcli.settings.settings import Settings
 
-#: A value of the page, as the command line would have it: where an error is, and in a remedy.
+#: Matches a value of the page as written by the command line: in locations and in remedies.
 _PLACE = re.compile(r"(?m)(^|\()--set(?:-initial)? ([\w\[\].,']+?)=(.*?)(?=: \w+\[[\w-]+\]: |\)$)")
 _REMEDY = re.compile(r"""--set(?:-initial)? (['"]?)([\w\[\].,']+?)=([^`"\n]*?)\1(?=[`\s]|$)""")
 _FREE = re.compile(r"\bfree ([^\n]+?), for instance `[^`\n]*`")
 _SETTING = re.compile(
     r"--([a-z][a-z-]*[a-z])(?: ([-+\d][\w.+-]*|[A-Z]\w*|scipy|compiled|projection))?"
 )
-#: Settings that the page itself, or the command that starts it, has.
+#: Settings that the page, or the command that starts it, provides.
 _OWN = {"t_end": "t_end", "timeout": "`lagcli play --timeout`"}
 _WHERE = "Settings are given under `simulation` in the model file; then start the page again."
 
@@ -21,7 +21,7 @@ _WHERE = "Settings are given under `simulation` in the model file; then start th
 def on_page(text: str) -> str:
     """Return a message that names fields of the page instead of options.
 
-    Values are those of fields, guesses are marks, and settings belong in the model file.
+    Values become fields, guesses become marks, and settings belong in the model file.
     """
     found = _PLACE.sub(r"\1\2 = \3", text)
     found = _REMEDY.sub(r"\2 = \3", found)

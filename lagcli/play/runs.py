@@ -37,32 +37,32 @@ from lagcli.simulations.variants import Variants
 from lagcli.trajectory.samples import Record, Samples
 from lagcli.trajectory.trajectory import joined
 
-#: Samples that a page can draw in a moment; a run that asks for more is sampled so often.
+#: Largest number of samples that a page can draw quickly; runs with more are resampled.
 MOST_SAMPLES = 4001
-#: Seconds that a run may take, unless others are given.
+#: Default time limit of a run, s.
 TIMEOUT = 5.0
-#: Members that the page derives equations for; more take seconds, which nobody waits for.
+#: Largest number of members for which the page derives equations; more take seconds.
 MOST_MEMBERS = 500
 
 
 @dataclass(frozen=True)
 class PlayRequest:
-    """What a page asks for.
+    """A request of the page.
 
     Parameters
     ----------
     number : int
-        By which the page knows the answer.
+        Identifier that associates the response.
     set, set_initial : mapping of str to str
-        As on the command line, beside those that the program was started with.
+        Values as on the command line, in addition to those that the program was started with.
     t_end : str
-        The end of the run, s; empty for the model's.
+        End time, s; empty for the model's.
     plots : tuple of str
         Groups of curves.
     members : str
-        The numbers of members that the page has controls for; see `Played.members`.
+        The numbers of members for which the page has controls; see `Played.members`.
     drag : DragRequest, optional
-        A body is moved: the answer has initial values instead of a run.
+        A drag: the response has initial values instead of a run.
     """
 
     number: int = 0
@@ -80,7 +80,7 @@ class PlayRequest:
         Raises
         ------
         ValueError
-            It is none.
+            The message is invalid.
         """
         number, plots = message.get("number"), message.get("plots", [])
         if not isinstance(number, int) or not _texts(plots):
@@ -101,16 +101,16 @@ class Played:
     Parameters
     ----------
     model : Model
-        As the program was started with.
+        Model with the values of the command line.
     settings : SettingsOverrides, optional
-        The end of the run, and the seconds that a run may take: `TIMEOUT` by default.
+        End time and time limit of a run: by default `TIMEOUT`.
 
     Attributes
     ----------
     controls : dict of str to Control
     curves : Curves
     members : str
-        The numbers of members that the controls are for: N=20.
+        The numbers of members of the current controls: N=20.
 
     Raises
     ------
@@ -134,7 +134,7 @@ class Played:
         self._drags = Drags(model, self._evaluator) if self._evaluator is not None else None
 
     def check(self) -> None:
-        """Raise if the values of the command line are invalid.
+        """Raise an error if the values of the command line are invalid.
 
         Raises
         ------
@@ -152,12 +152,12 @@ class Played:
         Returns
         -------
         dict
-            What the page is told: JSON values and arrays.
+            Response to the page: JSON values and arrays.
 
         Raises
         ------
         ModelError, UsageError, NumericalError
-            There is something wrong with the values.
+            The values are invalid.
         """
         if request.drag is not None:
             return self._dragged(request, request.drag)
@@ -178,7 +178,7 @@ class Played:
         return answer if request.members == self.members else answer | self.description()
 
     def _dragged(self, request: PlayRequest, drag: DragRequest) -> dict[str, Any]:
-        """Answer a request to move a body."""
+        """Process a request to move a body."""
         if self._drags is None or not self._drags.fits(drag):
             raise UsageError("what is moved is no body of this model")
         asked = self._fitting(request)
@@ -189,7 +189,7 @@ class Played:
         return {"number": request.number, **found, "initial": values, "command": command}
 
     def _written(self, values: Mapping[str, float], given: Mapping[str, str]) -> dict[str, str]:
-        """Return initial values as the command line takes them; guesses stay guesses."""
+        """Return initial values in the syntax of the command line; guesses remain guesses."""
         found = {}
         for name, value in values.items():
             control = self.controls[name]
@@ -212,7 +212,7 @@ class Played:
         }
 
     def _adapt(self, given: Mapping[str, str]) -> None:
-        """Derive the equations again where the number of members changes."""
+        """Derive the equations again if the number of members changes."""
         started = self._started
         wanted = {n: x for n, x in given.items() if n in started.structural_parameters}
         if {**started.set, **wanted} == self.model.set:
@@ -237,7 +237,7 @@ class Played:
             )
 
     def _fitting(self, request: PlayRequest) -> PlayRequest:
-        """Leave out the values of members that the model, with fewer of them, does not have."""
+        """Remove values of members that the model, with fewer of them, does not have."""
         families = {c.family for c in self.controls.values() if c.family}
 
         def known(values: Mapping[str, str]) -> dict[str, str]:
@@ -292,7 +292,7 @@ class Played:
         scene = with_contacts(scene, record.events, samples.constraints)
         return scene.to_json(lambda values: values)
 
-    # what is taken away from the page
+    # output of the page
 
     def command(self, request: PlayRequest) -> str:
         """Return the command line that reproduces a run, quoted for the shell."""
@@ -317,7 +317,7 @@ class Played:
         ModelError
             As `rewrite`.
         UsageError
-            The end of the run is no number.
+            The end time is not a number.
         """
         started, request = self._started, self._fitting(request)
         end = self._settings(request.t_end).t_end
@@ -331,7 +331,7 @@ class Played:
 
 
 def _model_word(path: str) -> str:
-    """Return what names a model on the command line: a shipped one its name."""
+    """Return the argument for the model on the command line: its name for a shipped one."""
     if path == "<stdin>":
         return "-"
     shipped = {str(file): name for name, file in shipped_models().items()}

@@ -1,4 +1,4 @@
-"""The server of the page: files, and a socket for each client."""
+"""The server of the page: files, and a WebSocket for each client."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from lagcli.play.frames import encode
 from lagcli.play.messages import on_page
 from lagcli.play.runs import Played, PlayRequest
 
-#: Bytes of a message of the page; all values of a thousand bodies take a tenth.
+#: Largest message of the page, bytes; all values of a thousand bodies take a tenth.
 MOST_BYTES = 1 << 20
-#: Seconds that what still runs is waited for at the end.
+#: Time to wait for running threads at the end, s.
 PATIENCE = 0.5
 
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
 
 
 def listen(port: int) -> socket.socket:
-    """Return a socket on this machine's own address; port 0 is any free one.
+    """Return a socket on the loopback address; port 0 selects a free port.
 
     Raises
     ------
     FileError
-        The port is taken, or not for everybody.
+        The port is in use, or requires privileges.
     """
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
@@ -87,7 +87,7 @@ class Server:
 
     @property
     def busy(self) -> bool:
-        """Whether a client's thread still runs."""
+        """Whether a client's thread is still running."""
         return any(thread.is_alive() for thread in self._threads)
 
     def serve(self, ready: Callable[[], None]) -> None:
@@ -96,13 +96,13 @@ class Server:
         Parameters
         ----------
         ready : callable
-            Is called when the page can be opened.
+            Called when the page can be opened.
         """
         asyncio.run(self._serve(ready))
 
     async def _serve(self, ready: Callable[[], None]) -> None:
         if hasattr(signal, "SIGPIPE"):
-            # a client that leaves must not end the program, as a reader of a pipe does
+            # a client that disconnects must not end the program with SIGPIPE
             signal.signal(signal.SIGPIPE, signal.SIG_IGN)
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
@@ -114,7 +114,7 @@ class Server:
         application.on_response_prepare.append(self._access.mark)
         application.router.add_get("/{token}/socket", self._talk)
         application.router.add_get("/{token}/{file:[^/]*}", self._file)
-        quiet = logging.Logger("lagcli play")  # says nothing of requests that are none
+        quiet = logging.Logger("lagcli play")  # invalid requests are not logged
         quiet.addHandler(logging.NullHandler())
         runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.1, logger=quiet)
         await runner.setup()
@@ -140,7 +140,7 @@ class Server:
         return web.Response(body=self._files[name], content_type=kind, charset="utf-8")
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
-        """Talk with one client: its requests in, answers out."""
+        """Communicate with one client: receive requests, send responses."""
         ws = web.WebSocketResponse(max_msg_size=MOST_BYTES, compress=False, heartbeat=30)
         await ws.prepare(request)
         loop = asyncio.get_running_loop()
@@ -186,7 +186,7 @@ async def _send(ws: web.WebSocketResponse, outbox: asyncio.Queue[bytes]) -> None
 
 
 def _saved(played: Played, request: PlayRequest) -> dict[str, Any]:
-    """Return the model file with the values of a request, or why there is none."""
+    """Return the model file with the values of a request, or an error message."""
     try:
         return {"number": request.number, "file": played.text(request)}
     except LagcliError as error:

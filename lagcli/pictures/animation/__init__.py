@@ -1,1 +1,1 @@
-"""Animations: pages that play a run, GIF, MP4."""
+"""Animations: interactive pages, GIF, MP4."""

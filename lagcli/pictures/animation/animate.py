@@ -1,4 +1,4 @@
-"""Animations of a run: a page that plays it, GIF, MP4."""
+"""Animations of a run: an interactive page, GIF, or MP4."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ FPS = {".gif": 25.0, ".mp4": 50.0}
 SIZE = (640, 480)
 _SMALLEST, _LARGEST = 64, 8192  # pixels
 
-_NAMED = 8  # points that a note names
-#: Samples from which films are interpolated.
+_NAMED = 8  # largest number of points in a note
+#: Number of samples from which films are interpolated.
 _FILMED = 20_000
 
 
 class Animation(NamedTuple):
-    """What was made.
+    """A written animation.
 
     Parameters
     ----------
     output : str
-        The file.
+        The path of the file.
     start, end : float
         The part of the motion, s.
     speed : float
@@ -48,7 +48,7 @@ class Animation(NamedTuple):
     frames : int
         Frame rate of a film; number of samples in a page.
     notes : tuple of str
-        What the reader should know of the run.
+        Notes on the run for the reader.
     """
 
     output: str
@@ -60,7 +60,7 @@ class Animation(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """What was made, in a line."""
+        """One line on the animation."""
         when = Timing(self.start, self.end, self.speed)
         frames = "samples" if self.output.lower().endswith(".html") else "frames"
         return (
@@ -78,10 +78,10 @@ def _unseen(start: float, end: float) -> Iterator[Callable[[float], object]]:
 
 
 class Drawing(Protocol):
-    """What draws frames."""
+    """A drawing of frames."""
 
     def frame(self, time: float, note: str = "") -> Image:
-        """Return the picture of a time, with a line of text."""
+        """Return the picture at a time, with a line of text."""
 
 
 def animate(
@@ -106,7 +106,7 @@ def animate(
     source : path or Trajectory
         A result file, or a run in memory.
     output : path
-        ``.html`` is a page that plays the motion by itself, without a network; ``.gif`` and
+        ``.html`` is a self-contained page that plays the motion without a network; ``.gif`` and
         ``.mp4`` are films.
     model : str, optional
         A model file with another view, instead of the text in the result.
@@ -119,19 +119,19 @@ def animate(
     size : (width, height), optional
         Size of a film, pixels; 640 by 480.
     forces : bool
-        Whether the arrows of constraint forces are shown; in a page, at first.
+        Whether the arrows of constraint forces are shown; in a page, initially.
     force : bool
         Replace an existing file.
     progress : callable, optional
-        Called with the start and the end of a film, s; returns a context whose value is called
-        with the time that has been reached.
+        Called with the start and the end of a film, s; returns a context manager whose value is
+        called with the current time.
 
     Raises
     ------
     UsageError
-        The options contradict each other or the run; the run holds no samples; ffmpeg is missing.
+        The options contradict each other or the run; the run has no samples; ffmpeg is missing.
     ModelError
-        The model that the result holds is none for this version.
+        The model in the result is invalid for this version.
     FileError
         A file cannot be read or written, or ffmpeg failed.
     """
@@ -190,7 +190,7 @@ def _suffix(output: str) -> str:
 
 
 def _check_film_options(suffix: str, fps: float | None, size: tuple[int, int] | None) -> None:
-    """Raise if the options are none of this format, or out of their ranges."""
+    """Raise an error if the options are invalid for the format, or out of range."""
     for name, value in (("--fps", fps), ("--size", size)):
         if suffix == ".html" and value is not None:
             raise UsageError(
@@ -214,12 +214,12 @@ _ENDINGS = {
 
 
 def _notes(run: RunFile, last: float, known: bool, view: bool) -> tuple[str, ...]:
-    """Return what the reader should know of the run."""
+    """Return notes on the run for the reader."""
     status, message = run.record.status, run.record.message
     notes: tuple[str, ...] = ()
     if status not in ("completed", ""):
         what = _ENDINGS.get(status, f"is marked {status}")
-        # the message of an event states its time, which lies after the last sample
+        # the message of an event states its time, which is after the last sample
         at = "" if status == "stopped-by-event" and message else f" at t = {last:.6g} s"
         notes = (f"the run {what}{at}{f': {message}' if message else ''}",)
     if view:
@@ -243,12 +243,13 @@ def _notes(run: RunFile, last: float, known: bool, view: bool) -> tuple[str, ...
 
 
 def _within(times: Array, when: Timing, most: int) -> Any:
-    """Return at most so many samples of a part of the run, and those on both sides of it."""
+    """Return a maximum number of samples of a part of the run, and those next to it on both
+    sides."""
     first = max(0, int(np.searchsorted(times, when.start, side="right")) - 1)
     last = min(len(times), int(np.searchsorted(times, when.end)) + 1)
     return first + evenly(last - first, most)
 
 
 def _digits(span: float) -> int:
-    """Return the decimals of a time with which a thousandth of the run can be distinguished."""
+    """Return the number of decimals of a time that distinguish a thousandth of the run."""
     return max(0, min(9, math.ceil(2.5 - math.log10(span)))) if span > 0 else 2

@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 from lagcli.arrays import Image
 from lagcli.errors import FileError, UsageError
 
-#: Draws a frame of a time, s: (height, width, 3).
+#: Function that draws the frame at a time, s: (height, width, 3).
 Draw = Callable[[float], Image]
 Reached = Callable[[float], object]
 
-#: The fastest that browsers play a GIF, frames per second.
+#: The highest frame rate at which browsers play a GIF.
 GIF_FASTEST = 50.0
-#: Pillow holds a GIF until it is written: half a gigabyte.
+#: Limit of the size of a GIF, which Pillow keeps in memory: half a gigabyte.
 _MOST_PIXELS = 500_000_000
-_COLORS = 128  # lines of a dozen colours, with their soft edges
-_TYPICAL = 12  # frames whose colours stand for those of all
+_COLORS = 128  # a dozen colours of lines, with antialiasing
+_TYPICAL = 12  # number of frames from which the palette is chosen
 
 
 def check_film(suffix: str, frames: int, size: tuple[int, int], fps: float) -> None:
-    """Raise, before the first frame is drawn, if the film cannot be made.
+    """Raise an error, before the first frame is drawn, if the film cannot be made.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ def check_film(suffix: str, frames: int, size: tuple[int, int], fps: float) -> N
     Raises
     ------
     UsageError
-        matplotlib or ffmpeg is not installed, or the format cannot have so many frames, or pixels.
+        matplotlib or ffmpeg is not installed, or the format does not support as many frames or
+        pixels.
     """
     width, height = size
     if find_spec("matplotlib") is None:
@@ -75,7 +76,7 @@ def check_film(suffix: str, frames: int, size: tuple[int, int], fps: float) -> N
 def write_gif(
     draw: Draw, times: Sequence[float], fps: float, file: BinaryIO, reached: Reached
 ) -> None:
-    """Write an animated GIF, which repeats.
+    """Write an animated GIF that repeats.
 
     Parameters
     ----------
@@ -83,8 +84,8 @@ def write_gif(
     times : sequence of float
         Times of the frames, s.
     fps : float
-        Frames per second. GIF counts in hundredths of a second: single frames are rounded to
-        them, the film as a whole is not.
+        Frames per second. GIF has a resolution of hundredths of a second: single frames are
+        rounded, the whole film is not.
     file : binary file
     reached : callable
         Called with the time of each frame.
@@ -113,7 +114,7 @@ def write_gif(
 
 
 class _Palette:
-    """The colours of all frames, so that nothing flickers: those most often in an image.
+    """One palette for all frames, to avoid flicker: the most frequent colours.
 
     Colours of lines are preserved, and white stays white; quantizers would choose averages.
     """
@@ -122,8 +123,8 @@ class _Palette:
         colors, counts = np.unique(_packed(image), return_counts=True)
         often = colors[np.argsort(-counts, kind="stable")[:_COLORS]]
         self.colors = np.stack([often >> 16, often >> 8 & 255, often & 255], 1).astype(np.uint8)
-        # of other colours the nearest one, as seen from the middle of a cube of eight by eight by
-        # eight of them
+        # other colours are mapped to the nearest one, for the centre of each cube of eight levels
+        # per channel
         steps = np.arange(4, 256, 8)
         cubes = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)[..., None, :]
         nearest = np.abs(cubes - self.colors.astype(int)).sum(-1).argmin(-1).astype(np.uint8)
@@ -131,12 +132,12 @@ class _Palette:
         self._places[often] = np.arange(len(often))
 
     def places(self, image: Image) -> Image:
-        """Return the place of each pixel's colour: (height, width)."""
+        """Return the palette index of each pixel: (height, width)."""
         return self._places[_packed(image)].reshape(image.shape[:2])
 
 
 def _packed(image: Image) -> NDArray[np.uint32]:
-    """Return each pixel's colour as one number."""
+    """Return the colour of each pixel as one number."""
     return image.reshape(-1, 3).astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
 
 
@@ -148,7 +149,7 @@ def write_mp4(
     Parameters
     ----------
     draw : callable
-        Its frames have even width and height.
+        Size of the frames, even numbers.
     times : sequence of float
         Times of the frames, s.
     fps : float
@@ -161,7 +162,7 @@ def write_mp4(
     UsageError
         ffmpeg is not installed.
     FileError
-        It failed.
+        ffmpeg failed.
     """
     first = draw(times[0])
     height, width, _ = first.shape
@@ -188,7 +189,7 @@ def write_mp4(
                 ffmpeg.wait()
             except BrokenPipeError:
                 ffmpeg.wait()
-            except BaseException:  # Ctrl-C among them
+            except BaseException:  # including Ctrl-C
                 ffmpeg.kill()
                 raise
             if ffmpeg.returncode:

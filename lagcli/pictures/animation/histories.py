@@ -1,4 +1,4 @@
-"""Coordinates over the time, with a mark that moves: for runs of models without a view."""
+"""Coordinates as functions of time, with a moving mark: for models without a view."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.raster import Raster
 
 _DPI = 100
-_MARKED = 10  # curves on which a dot moves: on more, dots would be a cloud
+_MARKED = 10  # largest number of curves with a moving dot
 
 
 class Histories:
@@ -26,7 +26,7 @@ class Histories:
     ----------
     run : Run
     samples : (m,) array of int
-        Which, increasing.
+        Indices of the samples, increasing.
     """
 
     def __init__(self, run: RunFile, samples: Indices):
@@ -38,7 +38,7 @@ class Histories:
         self.time: Array = self.values["t"]
 
     def to_json(self) -> dict[str, Any]:
-        """Return what ``assets/histories.js`` draws."""
+        """Return the data for ``assets/histories.js``."""
         notation = self.catalogue.notation
         return {
             "time": self.time,
@@ -62,7 +62,7 @@ class Histories:
 
 
 class HistoriesDrawing:
-    """Draws coordinates over the time, and where they are at a time.
+    """Draws coordinates as functions of time, with marks at the current time.
 
     Parameters
     ----------
@@ -87,11 +87,12 @@ class HistoriesDrawing:
             drawing.draw([panels], [1.0] * len(panels))
             canvas.draw()
             self.still = np.asarray(canvas.buffer_rgba()).copy()
-            #: Of each panel: from numbers to pixels, and its left, lower, right and upper end.
+            #: For each panel, the transformation to pixels, and its left, lower, right and upper
+            #: end.
             self.axes = [(ax.transData.frozen(), ax.get_window_extent()) for ax in figure.axes]
 
     def frame(self, time: float, note: str = "") -> Image:
-        """Return the picture of a time, with a line of text; see `SceneDrawing.frame`."""
+        """Return the picture at a time, with a line of text; see `SceneDrawing.frame`."""
         raster, histories = self.raster, self.histories
         raster.clear(self.still)
         for panel, (place, box) in zip(histories.panels, self.axes, strict=True):

@@ -1,4 +1,4 @@
-"""The page that plays a run by itself."""
+"""The self-contained page that plays a run."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lagcli.pictures.scene.timing import Timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 
 _UPLOT = "vendor/uplot/"
-#: What draws coordinates where there is no view.
+#: Scripts that draw coordinates if there is no view.
 _HISTORIES_SCRIPTS = (_UPLOT + "uPlot.iife.min.js", "plots.js", "histories.js")
 _HISTORIES_STYLES = (_UPLOT + "uPlot.min.css", "plots.css")
 
-#: Samples that a page holds: so many per second that it plays, and at least so many,
+#: Number of samples in a page: per second of the animation, and the minimum,
 _PER_SECOND, _LEAST = 60, 1000
-#: but no more numbers than these: about 3 MB.
+#: limited by the number of values: about 3 MB.
 _NUMBERS = 300_000
 
 
 class _Subject(NamedTuple):
-    """What is played: the data, what draws them, and the number of samples."""
+    """Data to play, scripts that draw them, and the number of samples."""
 
     data: Any
     samples: int
@@ -47,22 +47,22 @@ def animation_page(
     forces: bool,
     notes: Sequence[str],
 ) -> tuple[str, int]:
-    """Return a page that plays a run, and how many samples it holds.
+    """Return a page that plays a run, and the number of samples in it.
 
     Parameters
     ----------
     run : Run
     samples : (m,) array of int
-        Those that the page may hold, increasing.
+        Indices of the samples that the page may contain, increasing.
     when : Timing
-        The speed is the one that it begins with.
+        Timing with the initial speed.
     title : str
     view : bool
         Whether the model has a view; otherwise coordinates are drawn.
     forces : bool
-        Whether the arrows of constraint forces are shown at first.
+        Whether the arrows of constraint forces are initially shown.
     notes : sequence of str
-        What the reader should know of the run.
+        Notes on the run for the reader.
     """
     subject = (_scene if view else _histories)(run, samples, when)
     options = {"label": title, "speed": when.speed, "forces": forces, "autoplay": True}
@@ -80,7 +80,7 @@ const player = new Player(document.getElementById("player"), data, options);"""
 
 
 def _scene(run: RunFile, samples: Indices, when: Timing) -> _Subject:
-    # what varies is known from two samples; the rest is one number in each series
+    # two samples show which series vary; the others are one number each
     few = scene_of(run, samples[:2])
     assert few is not None
     scene = scene_of(run, _chosen(samples, when, _varying(few)))
@@ -100,13 +100,13 @@ def _histories(run: RunFile, samples: Indices, when: Timing) -> _Subject:
 
 
 def _chosen(samples: Indices, when: Timing, series: int) -> Indices:
-    """Return as many of the samples as the page should hold of so many series."""
+    """Return the samples to store for a number of series."""
     most = max(_LEAST, math.ceil(_PER_SECOND * when.seconds))
     return samples[evenly(len(samples), max(2, min(most, _NUMBERS // max(1, series))))]
 
 
 def _varying(scene: Scene) -> int:
-    """Return how many series of a scene vary."""
+    """Return the number of series of a scene that vary."""
     series = [x for place in scene.points.values() for x in place]
     for disc in scene.discs:
         series += [x for x in (disc.radius, disc.angle, *(disc.normal or ())) if x is not None]

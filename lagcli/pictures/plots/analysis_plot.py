@@ -14,8 +14,8 @@ from lagcli.pictures.plots.curves import pretty_unit
 from lagcli.pictures.plots.figure_file import FigureTarget
 
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
-_USUAL = 4  # panels that are drawn where none is named
-_MULTIPLIERS = 6  # of two models, that are drawn
+_USUAL = 4  # number of panels by default
+_MULTIPLIERS = 6  # largest number of multipliers of two models that are drawn
 _MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
 _OF_CONTACT = "X"  # where a contact ends a branch
 #: Curves of a comparison, and the labels of their axes; SI.
@@ -39,22 +39,22 @@ def plot_analysis(
     target: FigureTarget,
     units: Mapping[str, str] | None = None,
 ) -> None:
-    """Plot the content of a file of an analysis.
+    """Plot the content of an analysis file.
 
     Parameters
     ----------
     content : mapping
         Content of ``lagcli equilibrium --along``, ``lagcli modes`` or ``lagcli compare``.
     names : sequence of str
-        Coordinates, velocities and multipliers of branches; by default those that change.
+        Coordinates, velocities and multipliers of branches; by default those that vary.
     target : FigureTarget
     units : mapping of str to str, optional
-        Units of coordinates, parameters and, by the names of columns, λ, for the axes.
+        Units of coordinates, parameters and, by column, λ, for the axes.
 
     Raises
     ------
     UsageError
-        There is nothing to draw, or no such quantity.
+        There is nothing to draw, or a quantity is unknown.
     FileError
         The file cannot be written.
     """
@@ -132,7 +132,7 @@ def _draw_models(
 
 
 def _series(branch: Mapping[str, Any]) -> dict[str, Sequence[float]]:
-    """Return what changes along a branch, by name."""
+    """Return the quantities that vary along a branch, by name."""
     return {
         **branch["q"],
         **{f"{name}_dot": values for name, values in branch["v"].items()},
@@ -170,7 +170,7 @@ def _draw_branches(
             stable = np.asarray(branch["stable"], bool)
             look = {"color": style.PALETTE[number % len(style.PALETTE)]}
             for chosen, drawn in ((stable, "-"), (~stable, (0, (4, 3)))):
-                # a piece reaches to the first point of the next
+                # a piece extends to the first point of the next one
                 reached = chosen | np.append(False, chosen[:-1])
                 ax.plot(at, np.where(reached, values, np.nan), linestyle=drawn, **look)
         for point in content["special_points"]:
@@ -185,7 +185,7 @@ def _draw_branches(
 
 
 def _label(name: str, units: Mapping[str, str]) -> str:
-    """Return a quantity with its unit, where it is known."""
+    """Return a quantity with its unit, if known."""
     base = name.removesuffix("'").removesuffix("_dot")
     unit = "1/s" if name == "growth" else units.get(name)
     if unit is None and base != name and base in units:
@@ -248,7 +248,7 @@ def _draw_spectrum(figure: Any, content: Mapping[str, Any]) -> None:
     ax.margins(0.12)
     values = np.array([mode["eigenvalue"] for mode in content["modes"]])
     if not np.any(values[:, 0]):
-        # undamped: the imaginary axis is in the middle
+        # undamped: centre the imaginary axis
         reach = np.abs(values).max() or 1.0
         ax.set_xlim(-reach / 4, reach / 4)
     ax.legend(loc="best")

@@ -1,4 +1,4 @@
-"""Bands around curves: how far parameters that are not known exactly move the motion.
+"""Bands around curves: the effect of uncertain parameters on the motion.
 
 With the derivatives in the result, the half-width is (Σ (∂y/∂p · spread of p)²)^½ to first order.
 """
@@ -15,7 +15,7 @@ from lagcli.errors import UsageError
 from lagcli.pictures.plots.curves import Curve
 from lagcli.pictures.run_file import RunFile
 
-#: The fields that have derivatives, and the fields of these.
+#: The fields with derivatives, and the fields of these.
 _DERIVED = dict(zip(("q", "v", "multipliers"), (x.name for x in DERIVATIVES), strict=True))
 
 
@@ -31,7 +31,7 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
     Raises
     ------
     UsageError
-        An entry has another form, or the result has no derivatives with respect to this name.
+        An entry has another form, or the result has no derivatives with respect to the name.
     """
     found: dict[str, float] = {}
     for text in given:

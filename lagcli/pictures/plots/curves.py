@@ -1,4 +1,4 @@
-"""The curves of a run by their names: which numbers they are, their unit, how they are written."""
+"""The curves of a run by name: values, units and labels."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.pictures.plots.ticks import drawable
 from lagcli.pictures.run_file import RunFile
 
-#: Forces that are listed one by one, constraints times coordinates.
+#: Largest number of forces that are listed individually, constraints times coordinates.
 _LISTED = 10_000
 _SHOWN = 40  # names in a message
-#: Behind the name of a family or a vector: the index of a member, a component, or both.
+#: Matches the suffix of a family or a vector: the index of a member, a component, or both.
 _PART = re.compile(r"(\[[^\]]*\])?(\.[a-z0-9]+)?")
 _RATES = ("v", "a")
 _EVERY_MULTIPLIER = str(ColumnName("multipliers", "*"))
@@ -43,27 +43,26 @@ _RESIDUALS = {quantity.name: quantity for quantity in RESIDUALS}
 
 
 class Curve(NamedTuple):
-    """One number at each sample.
+    """A quantity with one value per sample.
 
     Parameters
     ----------
     name : str
-        As the user writes it, and as a CSV file's column is called.
+        Name on the command line, equal to the column of a CSV file.
     field : str
         Field of `Samples`; an output is ``outputs/NAME``.
     place : tuple of int
-        Where it is in the field after the time; of ``constraint_force_by``, constraint and
-        coordinate.
+        Index in the field after the time; for ``constraint_force_by``, constraint and coordinate.
     group : str
-        What curves that share a panel are together.
+        Label of the group of curves that share a panel.
     unit : str
-        SI; empty where it is not known.
+        SI unit; empty if unknown.
     label : str
-        For matplotlib: with TeX between dollar signs.
+        Label for matplotlib: with TeX between dollar signs.
     log : bool
-        Whether its magnitude is drawn over a logarithmic axis.
+        Whether its magnitude is drawn on a logarithmic axis.
     largest : bool
-        Whether it is the largest magnitude in the field, each relative to its constraint's scale.
+        Whether it is the largest magnitude in the field, relative to each constraint's scale.
     """
 
     name: str
@@ -92,14 +91,14 @@ class Catalogue:
         self._derivatives = {curve.name: curve for curve in _derivatives(run)}
 
     def find(self, text: str) -> list[Curve]:
-        """Return the curves of a name, in which * stands for anything.
+        """Return the curves that match a name, in which * is a wildcard.
 
         Raises
         ------
         UsageError
-            There is none.
+            No curve matches.
         """
-        if text.strip() in self._derivatives:  # of initial values too: dphi/dphi'
+        if text.strip() in self._derivatives:  # including initial values: dphi/dphi'
             return [self._derivatives[text.strip()]]
         name = _plain(text)
         curve = self.named(name)
@@ -137,7 +136,7 @@ class Catalogue:
             return self._derivatives[name]
         if name in self.run.outputs:
             unit = self.run.record.units.get(name, "")
-            # outputs without a unit have nothing in common but the name of their family
+            # outputs without a unit are grouped by family
             group = "outputs" if unit else name.partition("[")[0]
             return Curve(name, f"outputs/{name}", (), group, unit, self._look(name))
         return None
@@ -231,15 +230,15 @@ class Catalogue:
             + f"\n   * matches any text, as in '{_EVERY_MULTIPLIER}'"
         )
 
-    # looks
+    # notation
 
     @cached_property
     def notation(self) -> Notation | None:
-        """How the model writes its names; None where the result holds no model."""
+        """Notation of the model's names; None if the result contains no model."""
         try:
             return Notation(self.run.model)
         except LagcliError:
-            return None  # names as they are typed serve as well
+            return None  # the names as typed are sufficient
 
     def _look(self, name: str, dots: int = 0) -> str:
         return look(self.notation, name, dots)
@@ -251,7 +250,7 @@ class Catalogue:
 
 
 def look(names: Notation | None, name: str, dots: int = 0) -> str:
-    """Return a name as matplotlib shows it: in TeX, if it is a letter with a subscript.
+    """Return a name for matplotlib: in TeX, if it is a letter with a subscript.
 
     Parameters
     ----------
@@ -272,7 +271,7 @@ def look(names: Notation | None, name: str, dots: int = 0) -> str:
 
 
 def look_of_value(names: Notation | None, name: str) -> str:
-    """Return the name of a parameter or an initial value, phi or phi', as matplotlib shows it."""
+    """Return the name of a parameter or an initial value, phi or phi', for matplotlib."""
     base = name.rstrip("'")
     dots = len(name) - len(base)
     known = names is not None and base in names.declared and dots <= 2
@@ -280,7 +279,7 @@ def look_of_value(names: Notation | None, name: str) -> str:
 
 
 def _derivatives(run: RunFile) -> Iterator[Curve]:
-    """Yield the derivatives that a run has: ``dphi/dl``."""
+    """Yield the derivatives of a run: ``dphi/dl``."""
     for quantity in DERIVATIVES if run.sensitivity else ():
         along = run.coordinates if quantity.axes[1] == "coordinate" else run.constraints
         names = derivative_names(quantity, run.coordinates, run.constraints, run.sensitivity)
@@ -327,7 +326,7 @@ def _values(run: RunFile, curve: Curve, values: Array) -> Array:
 
 
 def _plain(text: str) -> str:
-    """Return a name as columns are called: phi' is phi_dot, x_dot[3] is x[3]_dot."""
+    """Return a name as in columns: phi' is phi_dot, x_dot[3] is x[3]_dot."""
     name = "".join(text.split())
     primes = len(name) - len(name.rstrip("'"))
     if primes in (1, 2):
@@ -341,14 +340,14 @@ def _plain(text: str) -> str:
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as people write it: m/s^2 as m/s²."""
+    """Return a unit with superscripts: m/s^2 as m/s²."""
     for plain, shown in (("^2", "²"), ("^3", "³"), ("*", "·")):
         unit = unit.replace(plain, shown)
     return unit
 
 
 def _drawable(label: str) -> bool:
-    """Return whether matplotlib can draw a label: its mathtext lacks some of LaTeX's commands."""
+    """Return whether matplotlib can draw a label: its mathtext lacks some commands of LaTeX."""
     from matplotlib.mathtext import MathTextParser
 
     try:
@@ -359,17 +358,17 @@ def _drawable(label: str) -> bool:
 
 
 def raw(text: str) -> str:
-    """Return a text without TeX as matplotlib shows it."""
+    """Return a text escaped for matplotlib, without TeX."""
     return text.replace("$", r"\$")
 
 
 def _word(text: str) -> str:
-    """Return a name in the upright letters of mathtext."""
+    """Return a name in upright letters of mathtext."""
     return text.replace("_", r"\_")
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return names in few words: those of a family as x[1..20]."""
+    """Return a list of names, with families as x[1..20]."""
     families: dict[str, list[str]] = {}
     for name in names:
         families.setdefault(name.partition("[")[0], []).append(name)

@@ -1,4 +1,4 @@
-"""What runs differ in, by which a legend distinguishes them."""
+"""Differences between runs, for legends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MOST = 3  # names in a label
 
 
 def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, str]:
-    """Return a label for each run, and their values where one number tells them apart.
+    """Return a label for each run, and values if a single number distinguishes the runs.
 
     Parameters
     ----------
@@ -23,12 +23,12 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     Returns
     -------
     labels : list of str
-        For matplotlib. By parameters that differ; else by initial values, by options, by file
-        names.
+        For matplotlib. By the parameters that differ; otherwise by initial values, by options, or
+        by file names.
     values : list of float or None
         Values of the differing parameter; of several, the one with the most values.
     name : str
-        That parameter with its unit, and the others that differ.
+        Label of that parameter with its unit, and of the others that differ.
     """
     if len(runs) < 2:
         return [""] * len(runs), None, ""
@@ -79,7 +79,7 @@ def _differing(tables: Sequence[dict[str, float]] | Sequence[dict[str, str]]) ->
 
 
 def _chosen(differing: list[str], tables: Sequence[dict[str, float]]) -> list[str]:
-    """Return the fewest of the differing names, from the front, that tell all runs apart."""
+    """Return the smallest number of leading names that distinguish all runs."""
     for count in range(1, len(differing) + 1):
         seen = {tuple(table.get(name) for name in differing[:count]) for table in tables}
         if len(seen) == len(tables):
@@ -88,7 +88,7 @@ def _chosen(differing: list[str], tables: Sequence[dict[str, float]]) -> list[st
 
 
 def _unique(labels: list[str], runs: Sequence[RunFile]) -> list[str]:
-    """Return the labels, with the files' names where two are the same."""
+    """Return the labels, with file names added if two are equal."""
     if len(set(labels)) == len(labels) and all(labels):
         return labels
     stems = [Path(run.name).stem for run in runs]

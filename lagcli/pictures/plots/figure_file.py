@@ -1,4 +1,4 @@
-"""A matplotlib figure, from its style to its file."""
+"""matplotlib figures: style and output."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from lagcli.results.atomic import check_writable, whole_file
 from lagcli.simulations.memory import check_fits
 
 FORMATS = ("png", "svg", "pdf")
-#: Pixels of a side of a picture, which is what other programs open.
+#: Largest number of pixels of a side of a picture that other programs can open.
 _MOST = 32_767
 _LEAST = 1.5  # inches
-#: Address space that importing matplotlib and drawing take, bytes.
+#: Address space needed by importing matplotlib and drawing, bytes.
 _MATPLOTLIB = 110_000_000
 
 
 def check_picture(path: str, force: bool) -> str:
-    """Return the format that a name stands for; raise if it could not be written.
+    """Return the format of a file name; raise an error if it could not be written.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def size_of(text: str) -> tuple[float, float]:
     Raises
     ------
     UsageError
-        It is none, or too small for a plot.
+        The text is invalid, or the size is too small for a plot.
     """
     match = re.fullmatch(r"\s*([0-9.]+)\s*[xX×,]\s*([0-9.]+)\s*", text)
     try:
@@ -65,7 +65,7 @@ def size_of(text: str) -> tuple[float, float]:
 
 
 def check_resolution(size: tuple[float, float], dpi: float) -> None:
-    """Raise unless a picture of this size, in inches, can have so many dots per inch."""
+    """Raise an error unless a picture of this size, in inches, can have this resolution."""
     if not 10 <= dpi <= 2400:
         raise UsageError(f"--dpi {dpi:g} is out of range: 100 suits screens, 300 print")
     if max(size) * dpi > _MOST:
@@ -77,7 +77,7 @@ def check_resolution(size: tuple[float, float], dpi: float) -> None:
 
 @contextmanager
 def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
-    """Make a figure in the style of all plots, which holds inside the block.
+    """Create a figure in the common style, which applies inside the block.
 
     Yields
     ------
@@ -88,7 +88,7 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
     UsageError
         matplotlib is not installed.
     NumericalError
-        There is too little memory for it; it would end the process without a message.
+        There is not enough memory; matplotlib would crash the process without a message.
     """
     check_fits(
         _MATPLOTLIB, "drawing a plot", "close other programs, or raise the limit (ulimit -v)"
@@ -101,13 +101,13 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
             "plots are drawn by matplotlib, which is not installed: pip install 'lagcli[pictures]'"
         ) from None
     with matplotlib.rc_context(style.settings()), warnings.catch_warnings():
-        # a letter that no font has is drawn as a box, which says enough
+        # a missing letter is drawn as a box, so the warning is redundant
         warnings.filterwarnings("ignore", r"Glyph .* missing from")
         yield Figure(figsize=size, dpi=dpi)
 
 
 class FigureTarget(Protocol):
-    """What a plot is drawn to: a format, one of `FORMATS`, and its dots per inch."""
+    """The target of a plot: a format, one of `FORMATS`, and a resolution."""
 
     @property
     def kind(self) -> str:
@@ -118,11 +118,11 @@ class FigureTarget(Protocol):
         """Dots per inch."""
 
     def figure(self, size: tuple[float, float], title: str) -> AbstractContextManager[Any]:
-        """Make a figure, which is kept when the block ends well."""
+        """Create a figure, which is kept if the block succeeds."""
 
 
 class FigureFile(NamedTuple):
-    """The file of a plot, and how it is to look.
+    """The file of a plot, and its appearance.
 
     Parameters
     ----------
@@ -146,14 +146,14 @@ class FigureFile(NamedTuple):
 
     @contextmanager
     def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
-        """Make a figure, which is written when the block ends well.
+        """Create a figure, which is written if the block succeeds.
 
         Parameters
         ----------
         size : (float, float)
-            Width and height, inches, where none is given.
+            Default width and height, inches.
         title : str
-            Likewise.
+            Default resolution.
         """
         size = self.size or size
         title = title if self.title is None else self.title
@@ -166,7 +166,7 @@ class FigureFile(NamedTuple):
 
 
 def write_figure(figure: Any, path: str, kind: str, title: str, force: bool) -> None:
-    """Write a figure whole, the same bytes each time.
+    """Write a figure atomically and reproducibly.
 
     Raises
     ------

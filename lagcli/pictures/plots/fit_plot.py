@@ -18,13 +18,13 @@ from lagcli.pictures.plots.ticks import plain_ticks
 
 _WIDTH, _DATA, _RESIDUALS = 7.0, 1.9, 0.9  # inches
 _GREY = "#8C8C8C"
-#: Standard deviations within which some 95 % of the residuals of a good fit lie.
+#: Standard deviations that contain about 95 % of the residuals of a good fit.
 _BAND = 2.0
 
 
 class _ObservedPanel(NamedTuple):
     data: FittedData
-    place: int  # of the observed quantity
+    place: int  # index of the observed quantity
     name: str
 
 
@@ -38,7 +38,7 @@ def plot_fit(path: str, names: Sequence[str], target: FigureFile) -> None:
     names : sequence of str
         Observed quantities; all of them by default.
     target : FigureFile
-        By default as wide as a page, with the model's name.
+        Size, resolution and title; by default as wide as a page, with the model's name.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def plot_fit(path: str, names: Sequence[str], target: FigureFile) -> None:
 def draw_result(
     result: FitResult, names: Sequence[str], target: FigureTarget, path: str = "the fit"
 ) -> None:
-    """Draw a fit that is read; see `plot_fit`."""
+    """Draw a fit that has been read; see `plot_fit`."""
     panels = _panels(result, names, path)
     heights = [x for _ in panels for x in (_DATA, _RESIDUALS)]
     with target.figure((_WIDTH, sum(heights) + 0.6), result.model_name) as figure:

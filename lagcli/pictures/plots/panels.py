@@ -1,4 +1,4 @@
-"""Which curves share a panel of a plot."""
+"""Assignment of curves to the panels of a plot."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from lagcli.pictures.scale_groups import scale_groups
 
 
 class Panel(NamedTuple):
-    """Curves over the time, or pairs of curves over each other.
+    """Curves as functions of time, or pairs of curves.
 
     Parameters
     ----------
     curves : tuple of Curve
-        What is drawn upwards.
+        Curves of the vertical axis.
     over : tuple of Curve
-        What each of them is drawn over; empty for the time.
+        Curves of the horizontal axis; empty for the time.
     joined : bool
         Whether the user joined the curves.
     """
@@ -36,7 +36,7 @@ class Panel(NamedTuple):
 
     @property
     def alike(self) -> bool:
-        """Whether both axes are lengths, and one unit is to be as long on both."""
+        """Whether both axes are lengths and need equal scales."""
         pairs = list(zip(self.curves, self.over, strict=False))
         lengths = all(a.unit == b.unit == "m" for a, b in pairs)
         unknown = all(a.unit == b.unit == "" and a.field == b.field == "q" for a, b in pairs)
@@ -46,8 +46,8 @@ class Panel(NamedTuple):
 def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
     """Return the panels of the names on a command line.
 
-    Names of one kind and unit share a panel; those joined by commas do, whatever they are. ``a:b``
-    is b over a.
+    Names of one kind and unit share a panel; so do those joined by commas, of any kind. ``a:b`` is
+    b over a.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
 
 
 def usual(catalogue: Catalogue) -> list[Panel]:
-    """Return the panels of a plot without names: coordinates, multipliers and energies."""
+    """Return the default panels: coordinates, multipliers and energies."""
     run = catalogue.run
     names = [
         *run.coordinates,
@@ -110,9 +110,9 @@ def usual(catalogue: Catalogue) -> list[Panel]:
 
 
 def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> list[Panel]:
-    """Return panels of which no curve is too small to be seen beside another.
+    """Return panels without curves that are too small to be visible next to the others.
 
-    Panels whose curves the user joined stay as they are.
+    Panels with curves joined by the user are unchanged.
 
     Parameters
     ----------

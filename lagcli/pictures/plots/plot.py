@@ -35,30 +35,31 @@ def plot(
     Parameters
     ----------
     results : path or Trajectory, or sequence of them
-        Runs, drawn over each other, or one file of a sweep, a fit, branches or modes.
+        Runs, drawn together, or one file of a sweep, a fit, branches or modes.
     output : path
-        A name that ends with ``.png``, ``.svg`` or ``.pdf``.
+        File name ending in ``.png``, ``.svg`` or ``.pdf``.
     names : sequence of str
-        What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers and
-        energies; of a sweep, its measures; of a fit, what was observed; of branches, what changes.
+        Quantities to plot: see docs/pictures.md. By default, for runs, coordinates, multipliers and
+        energies; for a sweep, its measures; for a fit, the observed quantities; for branches, the
+        varying ones.
     title : str, optional
-        By default the model's name, and what went wrong with a run that is not complete.
+        By default the model's name, and the status of a run that is not complete.
     size : (float, float), optional
         Width and height, inches.
     dpi : float
-        Dots per inch; a vector format has them for nothing but how finely long runs are drawn.
+        Resolution; for a vector format, only the thinning of long runs depends on it.
     model : str, optional
         A model file instead of the text in the result.
     bands : sequence of str
-        Spreads of parameters, ``l=0.01`` or ``l=5%``, by which bands are drawn around the curves of
-        runs that were simulated with derivatives.
+        Spreads of parameters, ``l=0.01`` or ``l=5%``, for bands around the curves of runs with
+        derivatives.
     force : bool
         Replace an existing file.
 
     Returns
     -------
     tuple of str
-        What the reader of the picture should know.
+        Notes for the reader of the picture.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def plot(
 
 
 def _units(file: str) -> dict[str, str]:
-    """Return the units of the model of an analysis; none where it needs files that are gone."""
+    """Return the units of the model of an analysis; none if it needs missing files."""
     from lagcli.model.loader import load_text
     from lagcli.model.result_units import result_units
     from lagcli.results.hdf5.analysis_file import read_model_text
@@ -120,7 +121,7 @@ def _plot_sweep(
 
 
 def file_kind(source: Source) -> str:
-    """Return what a source holds: a run, a sweep, a fit or another analysis."""
+    """Return the kind of a source: a run, a sweep, a fit or another analysis."""
     if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
         return KIND
     from lagcli.results.hdf5.opening import open_verified

@@ -1,4 +1,4 @@
-"""Plots of runs: time histories, phase portraits, several runs over each other."""
+"""Plots of runs: time histories, phase portraits, several runs in one figure."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.samples import ENDED
 
 WIDTH = 7.0  # inches
-_TIME, _PHASE = 1.7, 4.2  # inches, of panels
-_LISTED = 10  # curves that a legend names
-_NAMED = 4  # curves that the label of an axis names
-#: Vector pictures have no pixels, but printers do.
+_TIME, _PHASE = 1.7, 4.2  # heights of panels, inches
+_LISTED = 10  # largest number of curves in a legend
+_NAMED = 4  # largest number of curves in the label of an axis
+#: Resolution of vector formats, for thinning.
 _PRINTED = 300
-#: Columns of time into which a curve that is not over the time is cut.
+#: Number of time intervals for thinning a curve that is not a function of time.
 _PORTRAIT = 20_000
 _GREY = {"color": "#404040"}
-#: A letter in TeX, maybe with a dot, before its subscript or superscript.
+#: Matches a TeX letter, possibly with a dot, before its subscript or superscript.
 _SUBSCRIPTED = re.compile(r"\$(\\?[A-Za-z]+(?:\{\\?[A-Za-z]+\})?)[_^]")
 
 Values = Mapping[str, Array]
@@ -45,12 +45,12 @@ def plot_runs(
     Parameters
     ----------
     runs : sequence of Run
-        At least one; several are drawn over each other.
+        At least one; several are drawn together.
     names : sequence of str
         What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers
         and energies.
     target : FigureTarget
-        By default as wide as a page, with the model's name.
+        Size, resolution and title; by default as wide as a page, with the model's name.
     bands : sequence of str
         As for `lagcli.plot`.
 
@@ -90,7 +90,7 @@ def _largest(values: Sequence[Values]) -> dict[str, float]:
 
 
 def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:
-    """Raise unless there is something to draw."""
+    """Raise an error unless there is something to draw."""
     for run, own in zip(runs, panels, strict=True):
         if not run.count:
             raise UsageError(f"{run.name} contains no samples to plot")
@@ -107,7 +107,7 @@ def _shape(panel: Panel) -> tuple[list[str], list[str]]:
 
 
 def _title(runs: Sequence[RunFile]) -> str:
-    """Return the model's name, and what went wrong."""
+    """Return the model's name, and the status if the run is not complete."""
     from lagcli.results.metadata import model_title
 
     name = model_title(runs[0].record.model) or ""
@@ -127,9 +127,9 @@ class PanelDrawing:
     values : sequence of mappings of str to (nt,) array
         The curves of each run, by name.
     columns : int
-        Pixels, or what stands for them, along the axis of time.
+        Number of pixels, or their equivalent, along the axis of time.
     widths : sequence of mappings of str to (nt,) array
-        Half-widths of the bands around curves of each run, by name; none without.
+        Half-widths of the bands around curves of each run, by name; others have none.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class PanelDrawing:
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
         self.jumps = [jumps_of(run) for run in runs]
         self.labels, numbers, self.difference = labels_of(runs)
-        #: Many runs are a family: coloured by what tells them apart, without a legend.
+        #: Many runs form a family: coloured by the value that distinguishes them, without a legend.
         self.family: Sequence[float] | None = None
         if len(runs) > len(style.PALETTE):
             self.family = numbers or range(1, len(runs) + 1)
@@ -164,7 +164,7 @@ class PanelDrawing:
             axes.append(ax)
         over_time = [not panel.over for panel in panels[0]]
         for place, ax in enumerate(axes):
-            if over_time[place]:  # the last one of several has the numbers of all
+            if over_time[place]:  # the last of several shows the numbers for all
                 below = place + 1 < len(axes) and over_time[place + 1]
                 ax.set_xlabel("" if below else "$t$ [s]")
                 ax.tick_params(labelbottom=not below)
@@ -174,7 +174,7 @@ class PanelDrawing:
             self.scale(axes)
 
     def scale(self, axes: Sequence[Any]) -> None:
-        """Draw the scale of a family's colours."""
+        """Draw the colour bar of a family."""
         self.figure.colorbar(self.grades, ax=axes, label=self.difference, aspect=40, pad=0.02)
 
     def panel(self, ax: Any, panels: Sequence[Panel]) -> None:
@@ -187,7 +187,7 @@ class PanelDrawing:
                 over = panel.over[place] if panel.over else None
                 x, y = self.drawn(number, values, curve, over)
                 look = self.look(number, place, count)
-                if panel.log:  # rounding errors jump: a line through them would cover the panel
+                if panel.log:  # rounding errors are noise: a line would cover the panel
                     look = {"color": look["color"], **_points(place if count > 1 else number)}
                     x, y = x[y > 0], y[y > 0]
                 elif len(x) == 1:
@@ -218,7 +218,7 @@ class PanelDrawing:
     def drawn(
         self, run: int, values: Values, curve: Curve, over: Curve | None
     ) -> tuple[Array, Array]:
-        """Return what is drawn of a curve of a run."""
+        """Return the drawn points of a curve of a run."""
         y, time = drawable(values[curve.name]), values["t"]
         if over is None:
             time, y = self.jumps[run].drawn(curve.name, time, y)
@@ -229,7 +229,7 @@ class PanelDrawing:
         return x[kept], y[kept]
 
     def look(self, run: int, curve: int, count: int) -> dict[str, Any]:
-        """Return colour and dashes of a curve of a run."""
+        """Return colour and line style of a curve of a run."""
         if self.family is not None:
             return {"color": self.grades.to_rgba(self.family[run]), **_dash(curve)}
         if len(self.runs) == 1:
@@ -241,9 +241,9 @@ class PanelDrawing:
         return {"color": style.line(run)["color"], **_dash(curve)}
 
     def legend(self, ax: Any, curves: Sequence[Curve], first: bool) -> None:
-        """Draw the legend of a panel, if there is something to tell apart.
+        """Draw the legend of a panel, if there is anything to distinguish.
 
-        Several curves are named; the first panel names the runs too.
+        Several curves are named; the first panel also names the runs.
         """
         from matplotlib.lines import Line2D
 
@@ -282,10 +282,10 @@ def _dash(curve: int) -> dict[str, Any]:
 
 
 def _axis(curves: Sequence[Curve], room: float) -> str:
-    """Return the label of an axis of so many inches: what it shows, and its unit.
+    """Return the label of an axis of a given length in inches: its quantities and unit.
 
-    The curves, if they are few and have room, else their letters without indices, else what they
-    are together.
+    The curves, if they are few and fit; otherwise their letters without indices; otherwise the name
+    of their group.
     """
     curves = list(dict.fromkeys(curves))
     groups = {c.group for c in curves}

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-#: Okabe & Ito, "Color Universal Design", 2008, in an order in which neighbours differ most also in
-#: grey; black and yellow, which vanish on dark and on white pages, are left out.
+#: Okabe & Ito, "Color Universal Design", 2008, ordered so that neighbours also differ most in grey;
+#: without black and yellow, which are invisible on dark and on white pages.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
-#: Line styles beside the colours: together they name so many curves as both numbers multiplied.
+#: Line styles combined with the colours: the number of combinations is their product.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)))
 
-#: Of curves that are drawn as points.
+#: Markers of curves that are drawn as points.
 MARKERS = ("o", "x", "^", "s", "+", "D")
 
-#: What things of a scene are drawn in.
+#: Colours of the elements of a scene.
 ROLES = {
     "rod": "#404040",
     "spring": "#009E73",
@@ -30,7 +30,7 @@ ROLES = {
     "paper": "#FFFFFF",
 }
 
-#: The same on dark pages.
+#: The same for dark pages.
 DARK_ROLES = {
     "rod": "#B4BCC4",
     "spring": "#2FC49A",
@@ -46,18 +46,17 @@ DARK_ROLES = {
     "paper": "#16191D",
 }
 
-#: Of values over two parameters; uniform in lightness, so that it survives print in grey.
+#: Colour map of values over two parameters; perceptually uniform, also in grey.
 COLORMAP = "viridis"
 
 
 def line(number: int) -> dict[str, Any]:
-    """Return colour and line style of the curve of this number.
+    """Return colour and line style of a curve by number.
 
     Parameters
     ----------
     number : int
-        From 0. Colours change first, then both go round together, so that no two of thirty
-        curves look alike.
+        Number from 0. Colours change first, then both together, so that thirty curves all differ.
 
     Returns
     -------
@@ -69,10 +68,10 @@ def line(number: int) -> dict[str, Any]:
 
 
 def shade(part: float) -> Any:
-    """Return the colour of a place between 0 and 1 among many."""
+    """Return the colour of a value between 0 and 1."""
     from matplotlib import colormaps
 
-    return colormaps[COLORMAP](0.9 * part)  # its bright end vanishes on white
+    return colormaps[COLORMAP](0.9 * part)  # without the bright end, which is invisible on white
 
 
 def grades(values: Any, log: bool = False) -> Any:
@@ -96,7 +95,7 @@ def grades(values: Any, log: bool = False) -> Any:
 
 
 def legend_beside(ax: Any, *entries: Any) -> None:
-    """Draw the legend of a panel beside it, where it covers nothing.
+    """Draw the legend of a panel next to it.
 
     Parameters
     ----------
@@ -110,7 +109,7 @@ def legend_beside(ax: Any, *entries: Any) -> None:
 def settings() -> Any:
     """Return the matplotlib settings of a picture."""
     return {
-        # fonts that come with matplotlib: a picture looks the same everywhere
+        # fonts included in matplotlib, so that pictures look the same everywhere
         "font.family": "DejaVu Sans",
         "font.size": 9,
         "mathtext.fontset": "dejavusans",
@@ -134,8 +133,8 @@ def settings() -> Any:
         "figure.dpi": 100,
         "figure.constrained_layout.use": True,
         "figure.max_open_warning": 0,
-        "svg.fonttype": "none",  # text stays text: it can be searched and edited
-        "svg.hashsalt": "lagcli",  # the same picture is the same file
+        "svg.fonttype": "none",  # text remains text that can be searched and edited
+        "svg.hashsalt": "lagcli",  # reproducible files
         "pdf.fonttype": 42,
         "path.simplify": True,
         "agg.path.chunksize": 10_000,

@@ -1,4 +1,4 @@
-"""Plots of sweeps: measures over varied quantities, as curves and maps."""
+"""Plots of sweeps: measures as functions of varied quantities, as curves and maps."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from lagcli.results.layout import NOT_STATED
 from lagcli.sweeps.row_results import COMPLETED
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
-_FAMILIES = 6  # values of a second quantity that a legend distinguishes
-_MARKED = 60  # points of a curve that are marked
-_TICKED = 12  # values along an axis of a map that are all written
-_WIDE = 100  # ratio of values beyond which colours follow their logarithm
+_FAMILIES = 6  # largest number of values of a second quantity in a legend
+_MARKED = 60  # largest number of points of a curve with markers
+_TICKED = 12  # largest number of values along an axis of a map with a label each
+_WIDE = 100  # ratio of values above which the colour scale is logarithmic
 _EMPTY = "no value: the row failed, or the measure has none"
-_USUAL = 6  # measures that are drawn where none is named
+_USUAL = 6  # number of measures that are drawn by default
 _GREY, _NOTE = "#8C8C8C", "#595959"
-#: What asks for a tornado chart of a measure.
+#: Prefix of a tornado chart of a measure.
 TORNADO = "tornado:"
 
 
@@ -44,7 +44,7 @@ class PlottedQuantity(NamedTuple):
     unit: str = ""
 
     def told(self, value: float) -> str:
-        """Return a value of it as text: m = 2 kg."""
+        """Return a value as text: m = 2 kg."""
         return f"{self.symbol} = {value:.4g} {self.unit}".rstrip()
 
     @property
@@ -54,12 +54,12 @@ class PlottedQuantity(NamedTuple):
 
     @property
     def log(self) -> bool:
-        """Whether the values are spaced by a ratio rather than by a difference."""
+        """Whether the values form a geometric rather than an arithmetic sequence."""
         return _spaced_by_ratio(self.values)
 
 
 class PlottedTable:
-    """The numbers of a sweep's rows; what was measured in rows that failed is NaN.
+    """The values of a sweep's rows; measures of failed rows are NaN.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class PlottedTable:
         }
 
     def knows(self, name: str) -> bool:
-        """Whether a name, or a pair or triple of names, is made of the columns of the file."""
+        """Whether a name, or a pair or triple of names, consists of columns of the file."""
         plain = name.removeprefix(TORNADO)
         return plain in self._every or all(part.strip() in self._every for part in plain.split(":"))
 
@@ -107,7 +107,7 @@ class PlottedTable:
         Raises
         ------
         UsageError
-            There is none of this name.
+            There is no quantity of this name.
         """
         if name.strip() in self._every:
             return self._every[name.strip()]
@@ -128,7 +128,7 @@ class PlottedTable:
 def _notation(
     text: str, path: str, parameters: Mapping[str, float], data: Mapping[str, InputData]
 ) -> Notation | None:
-    """Return how the model of a sweep writes its names; None where this version cannot read it."""
+    """Return the notation of the model of a sweep; None if this version cannot read the model."""
     try:
         given = {name: f"{value!r}*1" for name, value in parameters.items()}
         return Notation(load_text(text, f"{path}:model", given, data=data))
@@ -139,7 +139,7 @@ def _notation(
 def _quantity(
     column: Any, values: Array, measured: bool, names: Notation | None = None
 ) -> PlottedQuantity:
-    """Return a varied quantity in the notation of its model, or a measure by its own name."""
+    """Return a varied quantity in the notation of its model, or a measure under its name."""
     unit = "" if column.unit in (NOT_STATED, "1") else pretty_unit(column.unit)
     name = look_of_value(names, column.name)
     label = f"{name} [{unit}]" if unit else name
@@ -149,8 +149,8 @@ def _quantity(
 class _Panel(NamedTuple):
     value: PlottedQuantity
     over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map; none: a tornado chart
-    rows: Flags | slice = slice(None)  # of a map: those that it shows
-    told: str = ""  # which rows these are
+    rows: Flags | slice = slice(None)  # rows shown in a map
+    told: str = ""  # description of these rows
 
     @property
     def height(self) -> float:
@@ -159,22 +159,22 @@ class _Panel(NamedTuple):
 
 
 def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) -> None:
-    """Plot measures of a sweep to a file.
+    """Plot measures of a sweep.
 
     Parameters
     ----------
     table : Table
     names : sequence of str
-        Measures, over the one or two quantities that were varied; or ``m:peak``, and ``m:l:peak``
-        for a map over m and l; ``tornado:peak`` for the effects of all that was varied. By default
-        all measures, if they are few. A map has rows of one value of what else was varied: of few
-        values, each has its map.
+        Measures, as functions of the one or two varied quantities; or ``m:peak``, and ``m:l:peak``
+        for a map over m and l; ``tornado:peak`` for the effects of all varied quantities. By
+        default all measures, if they are few. A map contains rows with one value of the other
+        varied quantities; if these have few values, there is a map for each.
     target : FigureTarget
 
     Raises
     ------
     UsageError
-        A name is unknown, or so much was varied that it is to be said over what to draw.
+        A name is unknown, or the quantities to draw over must be chosen, because many were varied.
     FileError
         The file cannot be written.
     """
@@ -197,7 +197,7 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) 
 
 
 def _asked(table: PlottedTable, name: str) -> list[_Panel]:
-    """Return the panels that a name asks for."""
+    """Return the panels for a name."""
     if name.startswith(TORNADO):
         return [_Panel(table.find(name.removeprefix(TORNADO)), ())]
     parts = [name] if name in (q.name for q in table.measures) else name.split(":")
@@ -232,13 +232,13 @@ def _distinct(quantity: PlottedQuantity) -> int:
 
 
 def _others(table: PlottedTable, drawn: Sequence[PlottedQuantity]) -> list[PlottedQuantity]:
-    """Return what varied beside what is drawn."""
+    """Return the varied quantities that are not drawn."""
     names = {q.name for q in drawn}
     return [q for q in table.varied if q.name not in names and _distinct(q) > 1]
 
 
 def _combinations(quantities: Sequence[PlottedQuantity]) -> tuple[list[str], Indices]:
-    """Return the combinations of values that occur, as text, and that of each row, (rows,)."""
+    """Return the existing combinations of values, as text, and that of each row, (rows,)."""
     every = np.stack([q.values for q in quantities], axis=1)
     unique, places = np.unique(every, axis=0, return_inverse=True)
     told = [", ".join(q.told(x) for q, x in zip(quantities, row, strict=True)) for row in unique]
@@ -246,7 +246,7 @@ def _combinations(quantities: Sequence[PlottedQuantity]) -> tuple[list[str], Ind
 
 
 def _draw_curve(ax: Any, panel: _Panel, table: PlottedTable) -> None:
-    """Draw a value over one quantity; for each value of the others, its own curve."""
+    """Draw a measure over one quantity; one curve for each value of the others."""
     (over,), value = panel.over, panel.value
     others = _others(table, (over, value))
     told, places = _combinations(others) if others else ([""], np.zeros(len(over.values), int))
@@ -294,7 +294,7 @@ def _draw_family(
 
 
 def _mark_missing(ax: Any, missing: Array, values: Array) -> None:
-    """Cross the places of rows without a value at the foot of a panel, and say what they are."""
+    """Mark rows without a value at the bottom of a panel, and explain them."""
     if not len(missing):
         return
     look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 4, "color": _GREY}
@@ -306,15 +306,15 @@ def _mark_missing(ax: Any, missing: Array, values: Array) -> None:
 
 
 def _is_function(x: Array, y: Array | Indices) -> bool:
-    """Whether no two rows are alike in both."""
+    """Whether no two rows agree in both."""
     pairs = np.stack((x, y), axis=1)
     return len(np.unique(pairs, axis=0)) == len(x)
 
 
 class _Axis:
-    """One side of a map: the places of values, and the edges of their cells.
+    """An axis of a map: the positions of values, and the edges of their cells.
 
-    Values that are neither evenly spaced nor by a ratio have cells of one width, if they are few.
+    Few values that form neither an arithmetic nor a geometric sequence have cells of equal width.
     """
 
     def __init__(self, quantity: PlottedQuantity):
@@ -332,7 +332,7 @@ class _Axis:
         return _edges(self.centers) if not self.listed else _edges_between(self.centers)
 
     def label(self, ax: Any, which: str) -> None:
-        """Number the axis: each value, if they are few."""
+        """Label the axis: each value, if they are few."""
         if not self.listed:
             _scale(ax, which, self.quantity)
         if self.ticked:
@@ -346,7 +346,7 @@ class _Axis:
 
 
 def _draw_map(figure: Any, ax: Any, panel: _Panel) -> None:
-    """Draw a value over two quantities: as a map on a grid, elsewhere as coloured points."""
+    """Draw a measure over two quantities: as a map on a grid, otherwise as coloured points."""
     first, second = (q._replace(values=q.values[panel.rows]) for q in panel.over)
     values = panel.value.values[panel.rows]
     axes = [_Axis(first), _Axis(second)]
@@ -379,7 +379,7 @@ def _draw_map(figure: Any, ax: Any, panel: _Panel) -> None:
 
 
 def _color_scale(values: Array) -> Any:
-    """Return what gives values their colours: by their logarithm where they are far apart."""
+    """Return the colour scale: logarithmic if the values differ widely."""
     from matplotlib.colors import LogNorm, Normalize
 
     finite = values[np.isfinite(values)]
@@ -390,7 +390,7 @@ def _color_scale(values: Array) -> Any:
 
 
 def _mark_empty(ax: Any, points: tuple[Array, Array] | None) -> None:
-    """Hatch the cells without a value, or cross such points, and say what they are."""
+    """Hatch cells without a value, or mark such points, and explain them."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -405,7 +405,7 @@ def _mark_empty(ax: Any, points: tuple[Array, Array] | None) -> None:
 
 
 def _spaced_by_ratio(values: Array) -> bool:
-    """Whether values are spaced by a ratio rather than by a difference."""
+    """Whether values form a geometric rather than an arithmetic sequence."""
     unique = np.unique(values)
     if len(unique) < 4 or unique[0] <= 0:
         return False
@@ -421,7 +421,7 @@ def _scale(ax: Any, axis: str, quantity: PlottedQuantity) -> None:
 
 
 def _edges(centers: Array) -> Array:
-    """Return the edges of the cells around increasing places."""
+    """Return the edges of the cells around increasing positions."""
     if _spaced_by_ratio(centers):
         return np.asarray(np.exp(_edges_between(np.log(centers))))
     return _edges_between(centers)

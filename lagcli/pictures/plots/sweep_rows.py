@@ -1,4 +1,4 @@
-"""The rows of a sweep file as runs to be drawn."""
+"""Rows of a sweep file as runs for plots."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from lagcli.simulations.inputs.input_tables import input_data
 from lagcli.sweeps.row_results import COMPLETED
 from lagcli.trajectory.samples import Record
 
-#: Rows that are drawn: more curves would only cover each other.
+#: Largest number of rows that are drawn: more curves would cover each other.
 MOST = 200
 
 
 class Rows:
-    """The kept trajectories of a sweep file.
+    """The stored trajectories of a sweep file.
 
     Parameters
     ----------
     path : str
     model : str, optional
-        As for `Run`.
+        See `RunFile`.
 
     Attributes
     ----------
     runs : list of Run
-        The rows that were completed, `MOST` of them at most, evenly.
+        The completed rows, at most `MOST`, evenly selected.
     good : int
-        How many were completed.
+        Number of completed rows.
 
     Raises
     ------
     UsageError
-        The file holds no trajectories, or no row was completed.
+        The file contains no trajectories, or no row was completed.
     FileError
         As `lagcli.sweeps.file.store.open_sweep`.
     """
@@ -79,12 +79,12 @@ class Rows:
 
     @cached_property
     def model(self) -> Model:
-        """The model with the values that no row changes.
+        """The model with the values common to all rows.
 
         Raises
         ------
         ModelError, FileError
-            As `Run.model`.
+            As `RunFile.model`.
         """
         parameters = {name: f"{value!r}*1" for name, value in self.parameters.items()}
         if self._model_file is not None:
@@ -93,7 +93,7 @@ class Rows:
 
 
 class SweepRow(RunFile):
-    """One row of a sweep file; see `Run`."""
+    """One row of a sweep file; see `RunFile`."""
 
     def __init__(self, rows: Rows, number: int, varied: Mapping[str, float]):
         self._rows, self._number = rows, number

@@ -1,4 +1,4 @@
-"""Thinning of long runs for drawing, with all peaks kept."""
+"""Thinning of long runs for drawing that preserves all peaks."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from lagcli.arrays import Array, Indices
 
 
 def thin(x: Array, values: Array, columns: int) -> Indices:
-    """Return the samples that draw the same curves as all of them.
+    """Return the indices of samples that draw the same curves as all samples.
 
-    The axis of x is cut into columns of equal width, such as those of the pixels. Of each column
-    and each curve stay the first and the last sample, the smallest and the largest one: drawn
-    through these, a curve covers the same pixels. Gaps stay: of a run of values that are not
-    finite, the first sample of each column.
+    The axis of x is divided into columns of equal width, such as those of the pixels. For each
+    column and each curve, the first, the last, the smallest and the largest sample are kept: a
+    curve drawn through these covers the same pixels. Gaps are preserved: of consecutive values that
+    are not finite, the first sample of each column is kept.
 
     Parameters
     ----------
     x : (nt,) array
-        Does not decrease: the time.
+        Nondecreasing: the time.
     values : (nt,) or (nt, n) array
-        One or several curves over x.
+        One or several curves as functions of x.
     columns : int
         At least 1.
 
     Returns
     -------
     (m,) array of int
-        Increasing; all samples where that is not more than requested, and never more than
-        2 + columns (2 + 3 n).
+        Increasing; all samples if there are no more than requested, and never more than 2 + columns
+        (2 + 3 n).
     """
     values = np.asarray(values, dtype=np.float64)
     curves = values[:, None] if values.ndim == 1 else values
@@ -50,7 +50,7 @@ def thin(x: Array, values: Array, columns: int) -> Indices:
 
 
 def _first(curve: Array, starts: Indices, extreme: np.ufunc) -> Indices:
-    """Return the first place of each column's extreme value."""
+    """Return the first index of each column's extreme value."""
     best = extreme.reduceat(curve, starts)
     widths = np.diff(np.append(starts, len(curve)))
     places = np.flatnonzero(curve == np.repeat(best, widths))
@@ -60,7 +60,8 @@ def _first(curve: Array, starts: Indices, extreme: np.ufunc) -> Indices:
 
 
 def evenly(count: int, most: int) -> Indices:
-    """Return at most so many of ``count`` samples, evenly, the first and the last one among them.
+    """Return at most a number of ``count`` indices, evenly spaced, including the first and the
+    last.
 
     Parameters
     ----------

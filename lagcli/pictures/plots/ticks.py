@@ -1,4 +1,4 @@
-"""The numbers along the axes of plots, as text: TeX for each takes half of the time of a plot."""
+"""Tick labels of plots as plain text, because TeX labels take half of the time of a plot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lagcli.arrays import Array
 _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-#: Beyond it the differences and margins of an axis would overflow.
+#: Larger values would overflow the differences and margins of an axis.
 _LARGEST = 1e300
 
 
@@ -29,12 +29,12 @@ def power(exponent: int) -> str:
     return f"10{str(exponent).translate(_RAISED)}"
 
 
-#: Powers of ten that have neighbours in double precision: ticks lie one beyond the limits.
+#: Powers of ten that are adjacent in double precision: ticks lie one beyond the limits.
 _MOST_DECADES = 305
 
 
 def plain_ticks(axis: Any) -> None:
-    """Number an axis; a common power of ten stands at its end."""
+    """Label an axis; a common power of ten is placed at its end."""
     from matplotlib.ticker import ScalarFormatter
 
     class Formatter(ScalarFormatter):
@@ -46,7 +46,7 @@ def plain_ticks(axis: Any) -> None:
 
 
 def decades(ax: Any, values: list[Array]) -> None:
-    """Give the upright axis of a panel whole decades around some values that are positive."""
+    """Extend the vertical axis of a panel to whole decades around positive values."""
     from matplotlib.ticker import FuncFormatter, NullFormatter
 
     finite = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in values] or [np.empty(0)])

@@ -1,6 +1,6 @@
 """Tornado charts: effects of the varied quantities on a measure.
 
-The bar of a quantity spans the means of the measure over the rows with each of its values, where
+The bar of a quantity spans the means of the measure over the rows with each of its values, if
 all values were combined; otherwise what a linear fit to all rows says of its range.
 """
 
@@ -15,7 +15,7 @@ from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.ticks import plain_ticks
 
-#: Values of a quantity up to which a mean is taken for each.
+#: Largest number of values of a quantity for which means are computed.
 _LEVELS = 50
 
 
@@ -26,9 +26,9 @@ class Effect(NamedTuple):
     ----------
     label : str
     low, high : float
-        The measure at the quantity's least and largest value.
+        The measure at the smallest and the largest value of the quantity.
     least, largest : float
-        The ends of the bar: the extremes on the way.
+        The ends of the bar: the extremes over all values.
     """
 
     label: str
@@ -51,7 +51,7 @@ def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
     Raises
     ------
     UsageError
-        There are too few rows with a value.
+        Too few rows have a value.
     """
     good = np.isfinite(measure)
     changing = {k: x[good] for k, x in varied.items() if len(np.unique(x[good])) > 1}
@@ -83,7 +83,7 @@ def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
 
 
 def draw_tornado(ax: Any, found: list[Effect], label: str) -> None:
-    """Draw a bar for each quantity, the longest on top; the sides tell low from high values."""
+    """Draw a bar for each quantity, the longest on top; colours distinguish low and high values."""
     center = float(np.mean([0.5 * (e.low + e.high) for e in found]))
     for place, effect in enumerate(reversed(found)):
         for end, color in ((effect.low, style.PALETTE[0]), (effect.high, style.PALETTE[1])):

@@ -16,18 +16,18 @@ _SUFFIXES = (".html", ".htm")
 
 
 class Report(NamedTuple):
-    """What was made.
+    """A written report.
 
     Parameters
     ----------
     output : str
-        The page.
+        Path of the page.
     size : int
-        Bytes.
+        Size, bytes.
     samples : int or None
         Number of samples of the run; none for an analysis.
     notes : tuple of str
-        What the reader should know of the run.
+        Notes on the run for the reader.
     """
 
     output: str
@@ -37,7 +37,7 @@ class Report(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """What was made, in a line."""
+        """One line on the report."""
         samples = "" if self.samples is None else f"{self.samples} samples, "
         return f"{self.output}: {samples}{self.size / 1000:.0f} kB"
 
@@ -53,25 +53,25 @@ def report(
 ) -> Report:
     """Write the report of a run: equations, animation, plots and figures on one HTML page.
 
-    Of a sweep or a file of an analysis (equilibria, branches, modes, linear models, comparisons,
-    fits), the page has what was found, in tables and plots, and the equations; its plots need
+    For a sweep or an analysis file (equilibria, branches, modes, linear models, comparisons, fits),
+    the page contains the results, in tables and plots, and the equations; its plots need
     matplotlib.
 
-    The page fetches nothing, and is below 6 MB whatever the number of samples: long runs are
-    thinned for the plots. Of every curve the least and the largest value of each of some hundred
-    intervals are kept as they are.
+    The page needs no network, and is smaller than 6 MB for any number of samples: long runs are
+    thinned for the plots, such that the extremes of every curve in each of some hundred intervals
+    are exact.
 
     Parameters
     ----------
     source : path or Trajectory
-        A result file that holds its model (HDF5, or CSV with its sidecar), a file of a sweep or
+        A result file that contains its model (HDF5, or CSV with its sidecar), a file of a sweep or
         an analysis (HDF5), or a run in memory.
     output : path
         The page, ``.html``.
     title : str, optional
-        In place of the model's name.
+        Title instead of the model's name.
     model : path, optional
-        A model file instead of the text that the result holds: the same model, with another view.
+        A model file instead of the text in the result: the same model, with another view.
     modes : str, optional
         For a run: add the modes of its model about its ``start``, the ``equilibrium`` next to it,
         or its state at a time, s; their plot needs matplotlib.
@@ -87,9 +87,10 @@ def report(
     FileError
         The result cannot be read, or the page cannot be written.
     UsageError
-        The result holds no model, its view cannot be drawn, or the output is no name of a page.
+        The result contains no model, its view cannot be drawn, or the output is not a file name of
+        a page.
     ModelError
-        The text of the model is none for this version.
+        The text of the model is invalid for this version.
     """
     from lagcli.pictures.plots.plot import file_kind
     from lagcli.pictures.report.assembly import assembled

@@ -11,7 +11,7 @@ from typing import Any
 
 from lagcli.pictures.plots.figure_file import FigureTarget, new_figure
 
-#: Colours of light pictures, and those of the same things on a dark page.
+#: Colours of light pictures, and the corresponding ones of dark pages.
 _DARK = {
     "#ffffff": "#16191d",
     "#000000": "#e8e8e8",
@@ -25,14 +25,14 @@ _DARK = {
 
 
 class _HeldFigure:
-    """A figure that is kept as SVG."""
+    """A figure that is stored as SVG."""
 
     kind, dpi = "svg", 100.0
     svg = ""
 
     @contextmanager
     def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
-        """Make a figure; the page has the title."""
+        """Create a figure; the page contains the title."""
         with new_figure(size, 100) as figure:
             yield figure
             held = io.BytesIO()
@@ -46,9 +46,9 @@ def picture(draw: Callable[[FigureTarget], object], caption: str) -> str:
     Parameters
     ----------
     draw : callable
-        Draws to what it is given.
+        Function that draws to the given target.
     caption : str
-        What it shows, for those who do not see it.
+        Alternative text.
 
     Raises
     ------
@@ -69,5 +69,5 @@ def _darkened(svg: str) -> str:
     """Return a picture for dark pages."""
     for light, dark in _DARK.items():
         svg = svg.replace(f": {light}", f": {dark}")
-    # letters have no colour
+    # letters have no colour attribute
     return svg.replace('<style type="text/css">', '<style type="text/css">text{fill:#e8e8e8}', 1)

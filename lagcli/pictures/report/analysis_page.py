@@ -1,4 +1,4 @@
-"""The page of an analysis: what it found, the equations it is of, and its provenance."""
+"""The page of an analysis: results, equations, and provenance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lagcli.version import __version__
 
 _STYLES = ("report.css", "analysis.css")
 
-#: The sections after those of the analysis.
+#: Sections after those of the analysis.
 _CONTENTS = (
     ("equations", "Equations"),
     ("system", "System"),
@@ -36,7 +36,7 @@ _CONTENTS = (
 
 
 class _Values(NamedTuple):
-    """What a run's record says of a model, for the tables of the system."""
+    """Values of a model in the form of a run's record."""
 
     units: Mapping[str, str]
     parameters: Mapping[str, float]
@@ -51,16 +51,16 @@ class _AnalysedModel:
 
 
 def analysis_page(path: str, kind: str, title: str | None = None) -> str:
-    """Return the page of a file of an analysis.
+    """Return the page of an analysis file.
 
     Parameters
     ----------
     path : str
         HDF5.
     kind : str
-        The command that made it.
+        The command that wrote it.
     title : str, optional
-        In place of the model's.
+        Title instead of the model's.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The sections of the page of an analysis: what it found, in tables and pictures."""
+"""The sections of the page of an analysis: results in tables and pictures."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from lagcli.pictures.plots.fit_plot import draw_result
 from lagcli.pictures.report.analysis_figures import picture
 from lagcli.pictures.report.writing import number, table, unit
 
-#: Modes and components of shapes, rows and columns of matrices, and equilibria that are listed.
+#: Largest numbers of modes, components of shapes, rows and columns of matrices, and equilibria.
 _MODES, _COMPONENTS, _ENTRIES, _LISTED = 12, 24, 12, 24
-#: Of the largest component of a shape: what counts as none.
+#: Components below this part of the largest of a shape are omitted.
 _NONE = 1e-9
 
 
@@ -44,14 +44,14 @@ def section_html(section: AnalysisSection) -> str:
 
 
 def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
-    """Return the sections of a file of an analysis.
+    """Return the sections of an analysis file.
 
     Parameters
     ----------
     content : mapping
-        As ``--json`` prints it.
+        Content printed by ``--json``.
     units : mapping of str to str
-        Units of coordinates, and of λ by the names of columns.
+        Units of coordinates, and of λ by column.
     """
     match content["command"]:
         case "modes":
@@ -81,7 +81,7 @@ def _named(name: str) -> str:
 
 
 def _point(content: Mapping[str, Any], units: Mapping[str, str]) -> AnalysisSection:
-    """Return the point about which a model is linearized."""
+    """Return the description of the point of linearization."""
     point = content["operating_point"]
     rows = [[_named(q), number(x, 8), _unit_of(q, units)] for q, x in point["q"].items()]
     rows += [

@@ -1,4 +1,4 @@
-"""The page of a report, put together."""
+"""Assembly of the page of a report."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ _UPLOT = "vendor/uplot/"
 _SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "report.js")
 _STYLES = (_UPLOT + "uPlot.min.css", *PLAYER_STYLES, "plots.css", "report.css")
 
-#: Pictures of the animation: at most so many, and no more than so many numbers in all.
+#: Largest numbers of frames, and of values, of the animation.
 _FRAMES, _FRAME_NUMBERS = 3000, 90_000
-#: Rows of each kind in the table of extremes.
+#: Number of rows of each kind in the table of extremes.
 _ROWS = 24
-#: Of the energies that change: what powers do along the run that is rounding.
+#: Relative integral of powers that counts as rounding error.
 _ROUNDING = 1e-10
 
 
@@ -63,7 +63,7 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
     ----------
     run : Run
     title : str, optional
-        In place of the model's name.
+        Title instead of the model's name.
     modes : str, optional
         See `lagcli.pictures.report.report`.
 
@@ -140,7 +140,7 @@ _MOTION = """<aside id="motion" aria-label="Animation">
 
 
 def _scene(run: RunFile) -> dict[str, Any] | None:
-    """Return the scene in JSON values, at some of the samples; None where there is none."""
+    """Return the scene as JSON values, at some of the samples; None if there is none."""
     if run.model.view is None or run.count < 2:
         return None
     few = scene_of(run, evenly(run.count, 2))
@@ -179,7 +179,7 @@ def _residuals(run: RunFile) -> Extremes:
 
 
 def _notable(found: list[Section], extremes: Mapping[ReportCurve, Extreme]) -> list[Section]:
-    """Return the sections without curves that say nothing."""
+    """Return the sections without insignificant curves."""
     energies = [x for curve, x in extremes.items() if curve.name.startswith("energy")]
     scale = max((x.high - x.low for x in energies if x.high >= x.low), default=0.0)
     kept = []
@@ -195,7 +195,7 @@ def _notable(found: list[Section], extremes: Mapping[ReportCurve, Extreme]) -> l
 
 
 def _plots(found: list[Section], count: int) -> str:
-    """Return the places of the plots; the script fills them in this order."""
+    """Return the placeholders of the plots; the script fills them in this order."""
     if not found:
         return "<p>There are no samples.</p>"
     parts = []

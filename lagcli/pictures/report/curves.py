@@ -1,4 +1,4 @@
-"""The curves of a report: which there are, and their values, thinned without losing a peak."""
+"""The curves of a report, and their values, thinned without losing a peak."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scale_groups import ROUNDING, scale_groups
 from lagcli.trajectory.extremes import Extreme, widen
 
-#: Curves in one plot, and constraints whose forces are drawn: a reader cannot distinguish more.
+#: Largest number of curves in a plot, and of constraints whose forces are drawn.
 _CURVES, _CONSTRAINTS = 24, 12
-#: Terms λ_β b_βi of a sample above which they are not looked at: they are n_c n_q.
+#: Number of terms λ_β b_βi of a sample above which they are omitted: they are n_c n_q.
 _FORCES = 4096
-#: Numbers of all curves, 8 bytes each and a third more as text: 4.1 MB.
+#: Largest number of values of all curves, 8 bytes each plus a third as text: 4.1 MB.
 _NUMBERS = 380_000
-#: The plot whose curves are noise where they should be 0.
+#: The plot whose curves are noise if they should be 0.
 POWERS = "Powers"
 #: The section of the residuals.
 RESIDUALS_TITLE = "Residuals"
-#: The axis of the constraint forces along coordinates.
+#: Suffix of the constraint forces along coordinates.
 ALL_FORCES = "Σ λ b"
 
-#: Numbers of one plot.
+#: Largest number of values of one plot.
 _OF_PLOT = 40_000
 
 
 class ReportCurve(NamedTuple):
-    """One curve: where its values are, and what it is called.
+    """A curve: the location of its values, and its labels.
 
     Parameters
     ----------
     name : str
-        As in result files, e.g. ``phi_dot``.
+        Name in result files, e.g. ``phi_dot``.
     label : str
-        As people write it; an underscore begins a subscript.
+        Displayed label; an underscore begins a subscript.
     field : str
         Field of `Samples`, or ``outputs/NAME``.
     place : tuple of int
         Index of the values in a sample of that field.
     scale : float
-        By which the values are divided.
+        Divisor of the values.
     """
 
     name: str
@@ -66,17 +66,17 @@ class ReportCurve(NamedTuple):
 
 @dataclass
 class Plot:
-    """Curves that are drawn together, with their thinned values once they are gathered.
+    """Curves that are drawn together, and their thinned values.
 
     Parameters
     ----------
     title, unit, note : str
-        The title is empty where the section has no other plot.
+        Empty if the section has no other plot.
     curves : list of Curve
     log : bool
         Whether magnitudes are drawn on a logarithmic scale.
     least : float, optional
-        Curves that nowhere exceed it in magnitude are left out.
+        Curves below this magnitude everywhere are omitted.
     symbol : str
         Label of the vertical axis; by default the labels of the curves.
     """
@@ -96,7 +96,7 @@ class Plot:
         return np.asarray(np.fmax.reduce(np.abs(self.values), axis=0, initial=0.0))
 
     def notable(self) -> bool:
-        """Leave out the curves that are small all along; return whether there are others."""
+        """Omit curves that are small everywhere; return whether any remain."""
         if self.least is not None:
             kept = np.flatnonzero(self.largest() > self.least)
             self.curves = [self.curves[i] for i in kept]
@@ -113,7 +113,7 @@ class Section(NamedTuple):
 
 
 def sections(run: RunFile, names: Notation) -> list[Section]:
-    """Return the plots of a run, without values as yet.
+    """Return the plots of a run, without values.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
     Returns
     -------
     list of Section
-        Without those that have nothing to show.
+        Without sections that have nothing to show.
     """
     found = [
         Section(
@@ -163,21 +163,21 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
 
 
 def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, Extreme]) -> None:
-    """Read the run once, in blocks: thin the plots' values, and find extremes among all samples.
+    """Read the run once, in blocks: thin the values of the plots, and find extremes of all samples.
 
     Parameters
     ----------
     run : Run
     plots : sequence of Plot
-        Get their ``time`` and ``values``.
+        Plots whose ``time`` and ``values`` are set.
     extremes : mapping of Curve to Extreme
-        Are widened.
+        Updated in place.
     """
     fields = {"time"} | {c.field for p in plots for c in p.curves} | {c.field for c in extremes}
     of_plot = min(_OF_PLOT, _NUMBERS // max(1, len(plots)))
     pieces: list[list[tuple[Array, Array]]] = [[] for _ in plots]
     jumps = jumps_of(run)
-    ends: list[tuple[Array, Array]] = []  # of each plot, the last sample of the block before
+    ends: list[tuple[Array, Array]] = []  # for each plot, the last sample of the previous block
     for block in run.blocks(sorted(fields)):
         time = block["time"]
         if not len(time):
@@ -201,12 +201,12 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, E
         time = np.concatenate([time for time, _ in kept] or [np.empty(0)])
         empty = np.empty((0, len(plot.curves)))
         values = np.concatenate([values for _, values in kept] or [empty])
-        # of short blocks more was kept than their share
+        # short blocks kept more than their share
         plot.time, plot.values = _thinned(time, values, of_plot)
 
 
 def by_scale(plot: Plot) -> list[Plot]:
-    """Return plots in which no curve is too small to be seen beside another."""
+    """Return plots without curves that are too small to be visible next to the others."""
     if plot.log or not len(plot.time):
         return [plot]
     return [
@@ -216,9 +216,9 @@ def by_scale(plot: Plot) -> list[Plot]:
 
 
 def without_errors(plots: Sequence[Plot]) -> list[Plot]:
-    """Return plots without curves that are 0 but for errors, beside others of their unit.
+    """Return plots without curves that are 0 except for errors, next to others of their unit.
 
-    Of plots that have a least magnitude of what they show.
+    Applies to plots with a minimum magnitude.
     """
     sizes: dict[str, float] = {}
     for plot in plots:
@@ -230,7 +230,7 @@ def without_errors(plots: Sequence[Plot]) -> list[Plot]:
 
 
 def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
-    """Return a plot for plots.js, its numbers packed."""
+    """Return a plot for plots.js, with packed numbers."""
     return {
         "title": plot.title,
         "unit": plot.unit,
@@ -246,13 +246,13 @@ def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
 
 
 class Packed:
-    """Arrays of doubles as text, each once: plots share their times."""
+    """Arrays of doubles as text without duplicates: plots share their times."""
 
     def __init__(self) -> None:
         self.texts: dict[str, int] = {}
 
     def add(self, values: Array) -> int:
-        """Return the place of an array among `texts`."""
+        """Return the index of an array in `texts`."""
         from base64 import b64encode
 
         text = b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
@@ -260,9 +260,9 @@ class Packed:
 
 
 def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
-    """Return the samples of some curves that a plot keeps: about so many numbers, times included.
+    """Return thinned samples of curves, with about a given number of values including times.
 
-    What was thinned before is thinned again without loss: the extremes of its columns are there.
+    Thinning thinned values loses nothing: the extremes of their columns are included.
     """
     width = values.shape[1]
     if len(time) * (width + 1) <= numbers:
@@ -273,7 +273,7 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
 
 
 def label(name: ColumnName, names: Notation) -> str:
-    """Return the label of a column in text, as legends of pages have it."""
+    """Return the label of a column in text, as in legends of pages."""
     match name.quantity:
         case "q" | "v" | "a":
             return names.text(name.coordinate, "qva".index(name.quantity))
@@ -287,7 +287,7 @@ def label(name: ColumnName, names: Notation) -> str:
 def curve_of(
     name: ColumnName, names: Notation, place: tuple[int, ...] = (), scale: float = 1.0
 ) -> ReportCurve:
-    """Return the curve of a column, which has this place in its field."""
+    """Return the curve of a column, given its index in the field."""
     return ReportCurve(str(name), label(name, names), name.quantity, place, scale)
 
 
@@ -298,7 +298,7 @@ def _by_coordinate(run: RunFile, names: Notation, field: str) -> list[Plot]:
         curve = curve_of(ColumnName(field, "", q), names, (j,))
         stated = BY_NAME[field].unit_at(run.record.units.get(q))
         groups.setdefault(stated, []).append(curve)
-    # beside other units it must be said that there is none
+    # next to other units, the missing unit must be stated
     none = "1" if len(groups) > 1 else ""
     return [_abridged(Plot("", axis_unit(symbol) or none, c)) for symbol, c in groups.items()]
 
@@ -340,7 +340,7 @@ def _forces(run: RunFile, names: Notation) -> Section:
 def _grouped(
     run: RunFile, names: Notation, constraint: str, places: Mapping[int, int]
 ) -> dict[str, list[ReportCurve]]:
-    """Return the forces of a constraint, or of all, on coordinates by their places, by unit."""
+    """Return the forces of a constraint, or of all, on coordinates with given indices, by unit."""
     quantity = BY_NAME["constraint_force_by" if constraint else "constraint_force"]
     groups: dict[str, list[ReportCurve]] = {}
     for j, place in places.items():
@@ -351,7 +351,7 @@ def _grouped(
 
 
 def _by_unit(title: str, symbol: str, groups: Mapping[str, list[ReportCurve]]) -> list[Plot]:
-    """Return plots of forces; where there are several, titles say along which coordinates."""
+    """Return plots of forces; if there are several, titles state the coordinates."""
     plots = []
     for stated, curves in groups.items():
         along = f" on {', '.join(c.label for c in curves)}" if title and len(groups) > 1 else ""
@@ -391,7 +391,7 @@ def _derivatives(run: RunFile, names: Notation) -> list[Plot]:
 
 
 def scalar_curves(panel: str, names: Notation) -> list[ReportCurve]:
-    """Return the curves of a panel of quantities with one number at each sample."""
+    """Return the curves of a panel of quantities with one number per sample."""
     return [curve_of(ColumnName(q.name), names) for q in PANELS[panel]]
 
 
@@ -440,7 +440,7 @@ def _usable(scale: float) -> float:
 
 
 def _abridged(plot: Plot) -> Plot:
-    """Return a plot of no more curves than can be distinguished."""
+    """Return a plot with at most as many curves as can be distinguished."""
     count = len(plot.curves)
     if count > _CURVES:
         plot.curves = [plot.curves[round(i)] for i in np.linspace(0, count - 1, 12)]

@@ -30,21 +30,22 @@ from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
 from lagcli.equations.symmetry.generality import generalized
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 
-#: Coordinates, parameters, constraints and equations that are listed one by one; of more than
-#: these, about so many constraints and equations.
+#: Largest number of coordinates, parameters, constraints and equations that are listed; of more
+#: than these, approximately this number of constraints and equations.
 _ROWS, _PARAMETERS, _LISTED, _FEW = 24, 60, 12, 6
-#: Coordinates up to which families are in index form: all members are compared.
+#: Largest number of coordinates for index form, which requires comparing all members.
 _INDEXED = 300
-#: Lines of text that matrices of a large system take on the page, about.
+#: Approximate number of lines of text of a large system's matrices.
 _LINES = 150
-#: Nodes of an equation above which it is not arranged.
+#: Number of nodes of an equation above which it is not arranged.
 _NODES = 200_000
-#: Letters of a formula from which its sums are abridged, and from which it is not printed.
+#: Number of characters of a formula above which its sums are abridged, and above which it is
+#: omitted.
 _LONG, _LETTERS = 700, 4000
 
 
 class RecordOfValues(Protocol):
-    """Units and values of parameters that tables state."""
+    """Units and values of parameters in tables."""
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -56,7 +57,7 @@ class RecordOfValues(Protocol):
 
 
 class DescribedSystem(Protocol):
-    """What of a run, or of an analysis, the equations are stated with."""
+    """The part of a run, or of an analysis, needed to present the equations."""
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -92,11 +93,11 @@ class EquationSystem:
         self.text = TextFormula(self.names, decimals)
 
     def symbol(self, name: str, dots: int = 0) -> str:
-        """Return a name of the model as a formula within a text."""
+        """Return a name of the model as an inline formula."""
         return inline(Symbol(name, dots), self.mathml)
 
     def multiplier(self, constraint: str) -> str:
-        """Return λ of a constraint as a formula within a text."""
+        """Return λ of a constraint as an inline formula."""
         return inline(Symbol(constraint, kind="multiplier"), self.mathml)
 
     def coordinates(self, first: Sequence[Array]) -> str:
@@ -105,7 +106,7 @@ class EquationSystem:
         Parameters
         ----------
         first : sequence of (nq,) arrays
-            q and v; none where the run has no samples.
+            q and v; none if the run has no samples.
         """
         given = self.model.coordinates
         places = chosen(self.run.coordinates, _ROWS)
@@ -141,7 +142,7 @@ class EquationSystem:
         return table(caption, head, elided(places, rows, _dots(head)), numeric=(2,))
 
     def energies(self) -> str:
-        """Return T and V, or L, as the model states them."""
+        """Return T and V, or L, as given by the model."""
         lines = self._energies
         if self.indexed:
             lines = [Line(tuple(map(self.index_form.sums, line.sides))) for line in lines]
@@ -155,7 +156,7 @@ class EquationSystem:
         return [Line((sign, written(trees[key]))) for key, sign in stated.items() if key in trees]
 
     def _items(self, lines: Iterable[Line]) -> list[list[Line]]:
-        """Return lines in index form, by labels."""
+        """Return lines in index form, grouped by label."""
         step = Step("", tuple(lines))
         if self.indexed:
             step = self.index_form.step(step)
@@ -164,9 +165,9 @@ class EquationSystem:
     def _listed(
         self, lines: Mapping[int, list[Line]], count: int
     ) -> tuple[dict[int, list[Line]], int]:
-        """Return the items that are listed, by their places, and how many there are in all.
+        """Return the listed items, by their indices, and their total number.
 
-        The lines of each place become an item; families become items in index form.
+        The lines of each index become an item; families become items in index form.
         """
         if not self.indexed:
             return dict(lines), count
@@ -177,21 +178,21 @@ class EquationSystem:
         return {i: items[i] for i in chosen(labels, _LISTED, _FEW)}, len(items)
 
     def _places(self, names: Sequence[str]) -> list[int]:
-        """Return which of many constraints or equations are listed: all of what has an index."""
+        """Return the indices of constraints or equations that are listed: all of indexed ones."""
         if self.indexed:
             return list(range(len(names)))
         return chosen(names, _LISTED, _FEW)
 
     @cached_property
     def _constraints(self) -> dict[int, ConstraintEquation]:
-        """The constraints that are listed, by their places."""
+        """The listed constraints, by index."""
         every = self.equations.constraints
         return {i: every[i] for i in self._places(self.run.constraints)}
 
     @cached_property
     def _matrices(self) -> list[Step]:
-        """M, f, B and γ with abbreviations, where `derive` gives them; else nothing."""
-        # of many equations that are short a few are listed
+        """M, f, B and γ with abbreviations, if `derive` prints them; otherwise nothing."""
+        # of many short equations, a few are listed
         many = len(self.equations.q) > _LISTED
         if not (is_large(self.equations) if many else in_matrices(self.formulas)):
             return []
@@ -212,13 +213,13 @@ class EquationSystem:
 
     @cached_property
     def _motion(self) -> dict[int, Line]:
-        """The equations that are listed, by their places."""
+        """The listed equations, by index."""
         if self._matrices:
             return {}
         return {i: self.formulas.equation_line(i) for i in self._places(self.run.coordinates)}
 
     def definitions(self) -> str:
-        """Return the definitions that energies, constraints and equations use, as written."""
+        """Return the definitions used in energies, constraints and equations, as written."""
         lines = [*self._energies, *self._motion.values()]
         nodes = [side for line in lines for side in line.sides]
         used = self.formulas.definition_lines(self._constraints.values(), nodes)
@@ -232,7 +233,7 @@ class EquationSystem:
         return f"<h3>Definitions</h3>{''.join(shown)}{rest}"
 
     def forces(self) -> str:
-        """Return the generalized forces Q that have no potential, those of D among them."""
+        """Return the generalized forces Q without potential, including those of D."""
         applied = self.equations.applied_forces
         names = [q for q, x in zip(self.run.coordinates, applied, strict=True) if x != 0]
         lines = []
@@ -293,7 +294,7 @@ class EquationSystem:
         )
 
     def conserved(self) -> str:
-        """Return the conserved quantities that the run monitors, and the energy, with proofs."""
+        """Return the monitored conserved quantities and the energy, with proofs."""
         eq, parts = self.equations, []
         for quantity in conserved_quantities(eq, QUICK).quantities:
             step = conserved_step(self.formulas, generalized(eq, quantity))
@@ -315,7 +316,7 @@ class EquationSystem:
         return f"<h3>Conserved quantities, with proofs</h3>{''.join(parts)}" if parts else ""
 
     def motion(self) -> str:
-        """Return the equations of motion, those that are too long by their size."""
+        """Return the equations of motion; long ones are replaced by their size."""
         if self._matrices:
             return "".join(map(self._step, self._matrices))
         written = {i: [line] for i, line in self._motion.items()}
@@ -358,13 +359,13 @@ class EquationSystem:
         return f'<div class="labelled"><span class="kind">{shown}:</span>{formula}</div>'
 
     def convention(self) -> str:
-        """Return the general equations, which fix the sign of λ."""
+        """Return the general equations, which define the sign of λ."""
         step = convention(self.formulas)
         remark = f"<p>{escape(step.remark)}</p>" if step.remark else ""
         return "".join(self._equation(line) for line in step.lines) + remark
 
     def _limited(self, line: Line) -> str:
-        """Return a formula, or how long it is."""
+        """Return a formula, or its length if it is too long."""
         if self._letters(line) > _LONG:
             line = Line(tuple(map(abridged, line.sides)))
         letters = self._letters(line)
@@ -382,7 +383,7 @@ def _family(name: str) -> str:
 
 
 def _nodes(expression: object, most: int) -> int:
-    """Count the nodes of an expression, as far as it matters."""
+    """Count the nodes of an expression, up to the limit."""
     count, stack = 0, [expression]
     while stack and count < most:
         count += 1
@@ -398,7 +399,7 @@ def _too_long(size: str) -> str:
 
 
 def _elision(shown: int, count: int, what: str) -> str:
-    """Say how many of something are not shown."""
+    """Return a remark on the number of omitted items."""
     if shown == count:
         return ""
     return (
@@ -419,5 +420,5 @@ _DOTS = '<dt class="dots">⋮</dt><dd></dd>'
 
 
 def _dots(head: Sequence[str]) -> list[str]:
-    """Return a row of a table that stands for missing ones."""
+    """Return a row of a table that represents omitted ones."""
     return ["⋮", *[""] * (len(head) - 1)]

@@ -1,4 +1,4 @@
-"""What happened at contacts and events, in a report: counts, notes, and the entries of the log."""
+"""Contacts and events in a report: counts, notes, and the entries of the log."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from lagcli.pictures.report.writing import axis_unit, number, table, with_code
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.event_log import MODES, EventLog, EventRecords, event_sentences
 
-#: Entries that are listed: of more, the first ones and the last.
+#: Largest number of entries that are listed: of more, the first ones and the last.
 _FIRST, _LAST = 60, 20
-#: Columns that events record, of which a table is made.
+#: Largest number of recorded columns in a table.
 _COLUMNS = 8
 
 
 def events_section(run: RunFile) -> str:
-    """Return the section of a run with contacts or events; nothing of any other."""
+    """Return the section of a run with contacts or events; nothing for any other."""
     log = run.record.events
     if log is None:
         return ""
@@ -30,12 +30,12 @@ def events_section(run: RunFile) -> str:
 
 
 def events_contents(run: RunFile) -> list[tuple[str, str]]:
-    """Return the entry in the table of contents; none of a run without contacts and events."""
+    """Return the entry in the table of contents; none for a run without contacts and events."""
     return [] if run.record.events is None else [("events", "Contacts and events")]
 
 
 def _recorded(run: RunFile, records: EventRecords, log: EventLog) -> str:
-    """Return the table of what events record."""
+    """Return the table of recorded columns."""
     places = _listed(len(records.entry))
     rows = []
     for place in places:
@@ -51,7 +51,7 @@ def _recorded(run: RunFile, records: EventRecords, log: EventLog) -> str:
 
 
 def _limits(both: tuple[float, float]) -> str:
-    """Return the values before and after an event, or the one that both are."""
+    """Return the values before and after an event, or one if they are equal."""
     return " → ".join(dict.fromkeys(number(x) for x in both))
 
 
@@ -62,7 +62,7 @@ def _headed(run: RunFile, name: str) -> str:
 
 
 def _listed(count: int) -> list[int]:
-    """Return which of so many entries are listed."""
+    """Return the indices of the entries that are listed."""
     places = list(range(count))
     return places if count <= _FIRST + _LAST else places[:_FIRST] + places[-_LAST:]
 
@@ -72,7 +72,7 @@ def _left_out(count: int) -> str:
 
 
 def _impulse_unit(run: RunFile, log: EventLog) -> str:
-    """Return the unit of the impulses: of λ, times s; in general where they differ."""
+    """Return the unit of the impulses: that of λ times s, or a general one if they differ."""
     struck = {name for name in log.names if name in run.constraints}
     columns = [ColumnName("multipliers", name) for name in struck]
     units = {axis_unit(unit_of_column(c, run.record.units)) for c in columns}

@@ -1,4 +1,4 @@
-"""The modes of the model of a run, as sections of its report."""
+"""The modes of a run's model, as sections of its report."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ def modes_sections(model: Model, about: str) -> list[AnalysisSection]:
     Parameters
     ----------
     model : Model
-        With the values of the run.
+        Model with the values of the run.
     about : str
         ``start``, ``equilibrium`` or a time, s.
 
     Raises
     ------
     UsageError
-        It is none of these, or matplotlib is not installed.
+        The point is invalid, or matplotlib is not installed.
     ModelError, NumericalError
         As `lagcli.modes`.
     """

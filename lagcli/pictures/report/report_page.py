@@ -1,4 +1,4 @@
-"""What the pages of runs and of analyses share: their frame, the equations, the model file."""
+"""Common parts of the pages of runs and of analyses: frame, equations, model file."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ def report_page(
     model : Model
     system : EquationSystem
     template : str
-        The asset with the page's own sections, in which ``parts`` are filled.
+        The asset with the page's sections, in which ``parts`` are inserted.
     title : str, optional
-        In place of the model's.
+        Title instead of the model's.
     contents : sequence of (anchor, title)
         The sections, in the order of the page.
     styles, scripts : iterables of str
-        Their text.
+        Texts of the scripts.
     layout, images
         See `lagcli.pictures.page.page`.
     status : str
-        HTML above the contents.
+        HTML before the contents.
     start : sequence of arrays
         Initial coordinates and velocities.
     conserved, steps : str

@@ -1,4 +1,4 @@
-"""Sensitivities in the report of a run: which parameters drive the multipliers and the motion."""
+"""Sensitivities in the report of a run: effects of parameters on multipliers and motion."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from lagcli.pictures.report.curves import label
 from lagcli.pictures.report.writing import chosen, number, table, unit
 from lagcli.pictures.run_file import RunFile
 
-#: Multipliers with a tornado chart, and coordinates that are listed.
+#: Largest number of multipliers with a tornado chart, and of listed coordinates.
 _CHARTS, _COORDINATES = 12, 24
 _HALF, _HEIGHT = 60.0, 12  # of a bar, in units of its picture
 
 
 def sensitivity_section(run: RunFile, names: Notation) -> str:
-    """Return the section of a run with derivatives; nothing of any other.
+    """Return the section of a run with derivatives; nothing for any other.
 
-    A tornado chart of each multiplier has the change of its peak for 1 % more of each parameter:
-    at a peak the derivative of the largest value is that of the multiplier there.
+    A tornado chart of each multiplier shows the change of its peak for 1 % more of each parameter:
+    the derivative of the peak is that of the multiplier at its time.
     """
     if not run.sensitivity or not run.count:
         return ""
@@ -45,13 +45,13 @@ def sensitivity_contents(run: RunFile) -> list[tuple[str, str]]:
 
 
 def _values(run: RunFile) -> Array:
-    """Return the values of what the run is differentiated with respect to, SI."""
+    """Return the values of the parameters and initial values of the derivatives, SI."""
     known = {**run.record.parameters, **run.initial}
     return np.array([known[name] for name in run.sensitivity])
 
 
 def _tornado(run: RunFile, names: Notation, constraint: int, values: Array) -> str:
-    """Return the tornado chart of the largest magnitude of a multiplier."""
+    """Return the tornado chart of the peak of a multiplier."""
     peak, when, slopes = 0.0, 0.0, np.zeros(len(run.sensitivity))
     for block in run.blocks(("time", "multipliers", "dmultipliers")):
         found = np.nan_to_num(block["multipliers"][:, constraint])

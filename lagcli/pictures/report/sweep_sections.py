@@ -1,4 +1,5 @@
-"""The sections of the page of a sweep: rows, measures, effects of what was varied, motions."""
+"""The sections of the page of a sweep: rows, measures, effects of the varied quantities,
+motions."""
 
 from __future__ import annotations
 
@@ -24,12 +25,12 @@ from lagcli.sweeps.file.description import describe_sweep
 from lagcli.sweeps.file.store import open_sweep
 from lagcli.sweeps.row_results import COMPLETED
 
-#: Measures that are drawn, causes of failures and rows that are listed.
+#: Largest number of measures that are drawn, and of failures and rows that are listed.
 _DRAWN, _CAUSES, _ROWS = 8, 12, 60
 
 
 def sweep_model(path: str) -> Model:
-    """Return the model of a sweep file, with the values that no row changes.
+    """Return the model of a sweep file, with the values common to all rows.
 
     Raises
     ------
@@ -106,13 +107,13 @@ def _columns(content: Mapping[str, Any]) -> str:
 
 
 def _measures(plotted: PlottedTable) -> str:
-    """Return a picture of each measure; a note where one map does not show it."""
+    """Return a picture of each measure, and a note if a map shows only a part of the rows."""
     shown = []
     for measure in plotted.measures[:_DRAWN]:
         try:
             drawn = picture(partial(plot_table, plotted, [measure.name]), f"{measure.name}")
         except UsageError:
-            # more was varied than a map has axes: over each quantity alone
+            # more quantities were varied than a map has axes: draw over each quantity
             names = [f"{q.name}:{measure.name}" for q in plotted.varied]
             drawn = picture(partial(plot_table, plotted, names), f"{measure.name}")
         shown.append(drawn)
@@ -121,7 +122,7 @@ def _measures(plotted: PlottedTable) -> str:
 
 
 def _effects(plotted: PlottedTable) -> str:
-    """Return tornado charts of the measures; nothing where less than two quantities vary."""
+    """Return tornado charts of the measures; nothing if fewer than two quantities vary."""
     if sum(len(np.unique(q.values)) > 1 for q in plotted.varied) < 2:
         return ""
     try:
@@ -136,7 +137,7 @@ def _effects(plotted: PlottedTable) -> str:
 
 
 def _rows(path: str) -> str:
-    """Return the table of the rows: of many, the first and the last."""
+    """Return the table of the rows; of many, the first and the last."""
     with open_sweep(path) as file:
         columns = [*file.columns, *file.measures]
         count = file.length

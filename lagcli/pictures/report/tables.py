@@ -26,7 +26,7 @@ _ENDINGS = {
 
 
 def status(run: RunFile) -> str:
-    """Return the banner of a run that is not complete; nothing for one that is."""
+    """Return the banner of a run that is not complete; nothing for a complete one."""
     record = run.record
     if record.status == "completed":
         return ""
@@ -45,7 +45,7 @@ def status(run: RunFile) -> str:
 
 
 def extremes_table(found: Mapping[ReportCurve, Extreme], system: EquationSystem) -> str:
-    """Return the table of extremes, with their times as links."""
+    """Return the table of extremes, with links at their times."""
     rows = []
     for curve, extreme in found.items():
         if math.isnan(extreme.low):
@@ -81,7 +81,7 @@ def moved(run: RunFile, system: EquationSystem) -> str:
 
 
 def solver(run: RunFile, found: Extremes) -> str:
-    """Return the solver and its accuracy."""
+    """Return the table of the solver and its accuracy."""
     record = run.record
     options = record.options
     counts = ", ".join(f"{value} {name}" for name, value in record.counts.items())
@@ -105,7 +105,7 @@ def solver(run: RunFile, found: Extremes) -> str:
 
 
 def provenance(run: RunFile) -> str:
-    """Return what is needed to reproduce the run."""
+    """Return the information needed to reproduce the run."""
     record = run.record
     options = ", ".join(f"{k} = {_plain(v)}" for k, v in record.options.items() if v is not None)
     versions = f"run by lagcli {record.lagcli_version}" if record.lagcli_version else ""
@@ -144,7 +144,7 @@ def _named(curve: ReportCurve, system: EquationSystem) -> tuple[str, str]:
 
 
 def time_button(time: float, digits: int = 6) -> str:
-    """Return a time that can be gone to, in HTML."""
+    """Return a time as a button that moves the animation to it, in HTML."""
     shown = number(time, digits)
     title = "Show this time in the animation and the plots"
     return f'<button type="button" data-time="{time!r}" title="{title}">{shown}</button>'
@@ -163,7 +163,7 @@ def _phrase(options: Mapping[str, Any]) -> str:
 
 
 def _worst(residual: Array, scale: Array) -> str:
-    """Return the largest residual by its constraint's scale."""
+    """Return the largest residual relative to its constraint's scale."""
     ratios = [r / s for r, s in zip(residual, scale, strict=True) if r == r and s == s and s > 0]
     return f"{number(max(ratios), 2)}, relative to the constraint's scale" if ratios else ""
 

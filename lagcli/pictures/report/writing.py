@@ -13,7 +13,7 @@ _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def number(value: float | None, digits: int = 6) -> str:
-    """Return a number as it is printed: −5.15836, 2.4·10⁻⁹; a dash for none."""
+    """Format a number: −5.15836, 2.4·10⁻⁹; a dash for None."""
     if value is None or math.isnan(value):
         return "–"
     if math.isinf(value):
@@ -26,7 +26,7 @@ def number(value: float | None, digits: int = 6) -> str:
 
 
 def unit(text: str | None) -> str:
-    """Return a unit as it is printed: m/s², N m."""
+    """Format a unit: m/s², N m."""
     if not text or text == "1":
         return ""
     shown = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda m: m[1].translate(_RAISED), text)
@@ -34,7 +34,7 @@ def unit(text: str | None) -> str:
 
 
 def axis_unit(text: str | None) -> str:
-    """Return a unit as an axis has it: 1 for a number; empty where it is not known."""
+    """Format a unit for an axis: 1 for a number; empty if unknown."""
     return "1" if text == "1" else unit(text)
 
 
@@ -45,16 +45,16 @@ def table(
     numeric: Sequence[int] = (),
     kind: str = "",
 ) -> str:
-    """Return a table that is scrolled where the screen is too narrow.
+    """Return a table that scrolls on a narrow screen.
 
     Parameters
     ----------
     caption, head : text and texts
         HTML.
     rows : iterable of sequences of str
-        HTML; the first cell of a row heads it. A column without any text is left out.
+        HTML; the first cell of a row is its header. Columns without text are omitted.
     numeric : sequence of int
-        Columns that are numbers.
+        Indices of numerical columns.
     kind : str
         A class, for the style sheet.
     """
@@ -74,16 +74,16 @@ def table(
 
 
 def chosen(names: Sequence[str], most: int, few: int | None = None) -> list[int]:
-    """Return the places of not too many names: of each family the first ones and the last.
+    """Return the indices of a limited number of names: of each family the first ones and the last.
 
     Parameters
     ----------
     names : sequence of str
-        Members of families, x[1], x[2], …, among them.
+        Names; members of families are x[1], x[2], ….
     most : int
-        All names where there are no more.
+        Number up to which all names are returned.
     few : int, optional
-        About how many there are otherwise; ``most`` by default.
+        Approximate number that is returned otherwise; ``most`` by default.
     """
     if len(names) <= most:
         return list(range(len(names)))
@@ -98,7 +98,7 @@ def chosen(names: Sequence[str], most: int, few: int | None = None) -> list[int]
 
 
 def elided(places: Sequence[int], items: Sequence[_Item], dots: _Item) -> list[_Item]:
-    """Return items with dots where some are missing between their places."""
+    """Return items with ellipses where their indices have gaps."""
     found: list[_Item] = []
     for n, item in enumerate(items):
         if n and places[n] > places[n - 1] + 1:
@@ -122,5 +122,5 @@ def paragraphs(text: str | None) -> str:
 
 
 def with_code(text: str) -> str:
-    """Return a text in HTML, in which names between backticks are code."""
+    """Return a text in HTML, with names in backticks as code."""
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))

@@ -17,10 +17,10 @@ _LINE = re.compile(
 
 
 def highlighted(text: str) -> str:
-    """Return the text of a YAML file as HTML, to stand in ``<pre>``.
+    """Return the text of a YAML file as HTML for ``<pre>``.
 
-    Every character of the text is there, escaped; what looks like a key, a number, a quoted text
-    or a comment is in a ``<span>`` of that class.
+    Every character of the text is kept, escaped; keys, numbers, quoted texts and comments are in a
+    ``<span>`` of that class.
     """
     return "\n".join(map(_line, text.splitlines()))
 

@@ -1,4 +1,4 @@
-"""A view for models that have none: points recognized by the names of their coordinates."""
+"""Automatic views: points recognized by the names of their coordinates."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.model import Constraint, Model, Segment, View, coordinate
 from lagcli.pictures.scene.rigid_bodies import Position, point_name, rigid_bodies
 
-#: x, x_A, x1, xA, x[2]; partners differ in the first letter only.
+#: Matches x, x_A, x1, xA, x[2]; the other coordinates differ only in the first letter.
 _FIRST = re.compile(r"(?P<letter>[xX])(?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
 _OTHERS = {"x": "yz", "X": "YZ"}
 _HEIGHT = re.compile(r"[yYzZ](?:|_\w+|\d+|[A-Z]\w*|\[\d+\])")
-#: Definitions of position vectors: r, r_A, rA.
+#: Matches definitions of position vectors: r, r_A, rA.
 _VECTOR = re.compile(r"[rR](?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
-_TRAILS = 4  # more would cover the picture
+_TRAILS = 4  # largest number of trails; more would cover the picture
 _LABELS = 12
 
 
 def with_view(model: Model) -> Model:
-    """Return a model with a view: its own, or one of the points that are recognized.
+    """Return a model with its view, or with an automatic one.
 
     Points are pairs or triples of coordinates or definitions such as ``x_A, y_A``, and vector
     definitions such as ``r_A``; without any, coordinates ``x`` along the horizontal, or one ``y``
@@ -39,7 +39,7 @@ def with_view(model: Model) -> Model:
     Returns
     -------
     Model
-        The model itself if it has a view, or if no point is recognized.
+        The same model if it has a view, or if no point is recognized.
     """
     if model.view is not None:
         return model
@@ -78,7 +78,7 @@ def with_view(model: Model) -> Model:
 
 
 class _Link(NamedTuple):
-    """A rod between two points, of which the first may be fixed."""
+    """A rod between two points, the first of which may be fixed."""
 
     name: str
     ends: tuple[str, str]
@@ -114,7 +114,7 @@ def _points(model: Model) -> Iterator[tuple[str, Position]]:
 def _on_a_line(model: Model) -> Iterator[tuple[str, Position]]:
     """Yield the points of a model whose bodies move along one line.
 
-    Of several heights it is not known where beside each other they are.
+    For several heights, their horizontal positions are unknown.
     """
     zero = Integer(0)
     lengths = [q.name for q in model.coordinates if q.unit in (None, "", "m")]
@@ -147,10 +147,10 @@ def _free(place: Position) -> set[Basic]:
 def _rods(
     constraints: Sequence[Constraint], points: Mapping[str, Position], symbols: set[Basic]
 ) -> Iterator[_Link]:
-    """Yield the rods that constraints stand for: φ = a/2 |P − C|² + const.
+    """Yield the rods given by constraints: φ = a/2 |P − C|² + const.
 
-    With points whose components are coordinates, ∂φ/∂P = a (P − C) gives the other end C: a fixed
-    point, or another of the points.
+    For points whose components are coordinates, ∂φ/∂P = a (P − C) gives the other end C: a fixed
+    point, or another one of the points.
     """
     owners = {
         symbol: name

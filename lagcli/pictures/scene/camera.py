@@ -1,4 +1,4 @@
-"""Cameras: projection of a scene to a picture, as ``assets/camera.js`` does for pages."""
+"""Cameras: projection of a scene to a picture, like ``assets/camera.js`` for pages."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Bounds = Sequence[tuple[float, float]]
 
 
 class PlaneCamera:
-    """Two dimensions: x to the right, y up, both to one scale.
+    """Camera for two dimensions: x to the right, y up, with equal scales.
 
     Parameters
     ----------
     bounds : two pairs
-        What is to be seen of x and y.
+        Visible range of x and y.
     width, height : float
-        Of the picture, pixels.
+        Size of the picture, pixels.
     margin : float
-        Left free at the foot and at the top, pixels.
+        Margins at the bottom and at the top, pixels.
 
     Attributes
     ----------
@@ -39,24 +39,24 @@ class PlaneCamera:
         self.centre = np.array([width / 2, height / 2])
 
     def project(self, points: Array) -> Array:
-        """Return the places of (…, 2) points as (…, 3): right, up, depth (0)."""
+        """Return the positions of (…, 2) points as (…, 3): right, up, depth (0)."""
         places = self.centre + (points - self.middle) * self.scale
         return np.concatenate([places, np.zeros((*places.shape[:-1], 1))], axis=-1)
 
 
 class OrbitCamera:
-    """Three dimensions: z up, seen from a point beside the scene; a mild perspective.
+    """Camera for three dimensions: z up, with moderate perspective.
 
     Parameters
     ----------
     bounds : three pairs
     width, height, margin : float
     azimuth, elevation : float
-        Where the eye is, rad: from the x axis, and above the horizontal.
+        Position of the eye, rad: azimuth from the x axis, and elevation.
     """
 
     AZIMUTH, ELEVATION = math.radians(-60), math.radians(20)
-    #: Distance of the eye from the middle, in radii of the scene.
+    #: Distance of the eye from the centre, in radii of the scene.
     DISTANCE = 6.0
 
     def __init__(
@@ -73,19 +73,19 @@ class OrbitCamera:
         self.eye = self.DISTANCE * (math.hypot(*half) or 1.0)
         ca, sa = math.cos(azimuth), math.sin(azimuth)
         ce, se = math.cos(elevation), math.sin(elevation)
-        #: Rows: to the right, up, towards the eye.
+        #: Rows: unit vectors to the right, up, towards the eye.
         self.axes = np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
-        # whichever way the box is turned about the vertical, all of it stays in the picture
+        # the picture contains the whole box at any rotation about the vertical
         level = math.hypot(half[0], half[1])
         upright = level * abs(se) + half[2] * ce
         high = height - 2 * margin
         room = [size / span for size, span in ((width, level), (high, upright)) if span > 0]
-        near = 1 + 1 / self.DISTANCE  # what is nearer than the middle looks larger
+        near = 1 + 1 / self.DISTANCE  # objects nearer than the centre appear larger
         self.scale = min(room) / (2 * near) if room else min(width, high) / 2
         self.centre = np.array([width / 2, height / 2])
 
     def project(self, points: Array) -> Array:
-        """Return the places of (…, 3) points: right, up, depth."""
+        """Return the positions of (…, 3) points: right, up, depth."""
         seen = (points - self.middle) @ self.axes.T
         near = seen[..., 2:]
         places = self.centre + seen[..., :2] * (self.scale * self.eye / (self.eye - near))

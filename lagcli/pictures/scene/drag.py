@@ -1,4 +1,4 @@
-"""Drag: a point of a view is moved, and the initial state follows on the constraints."""
+"""Dragging: a point of a view is moved, and the initial state follows on the constraints."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME, Model, View, coordinate
 from lagcli.simulations.simulation import Simulation
 
-#: Units of coordinates that may come back to the same configuration after a turn.
+#: Units of coordinates that may return to the same configuration after a turn.
 _ANGLES = ("rad", "deg", "°")
-_SAME = 1e-9  # relative: changes that whole turns bring by rounding
+_SAME = 1e-9  # relative: rounding errors of whole turns
 
 
 def places(model: Model, view: View) -> dict[str, bool]:
-    """Return the points of a view that the configuration gives, and whether it moves them.
+    """Return the points of a view that depend only on the configuration, and whether they move.
 
     Parameters
     ----------
@@ -44,15 +44,15 @@ def places(model: Model, view: View) -> dict[str, bool]:
 
 
 def with_rims(model: Model) -> Model:
-    """Return a model whose view has two points on each disc that turns, called by its name.
+    """Return a model whose view has two points on each rotating disc, named after it.
 
-    Every place on the disc is a weighted mean of its centre and these, ``NAME rim 0`` along its
+    Every point of the disc is a weighted mean of its centre and these, ``NAME rim 0`` along its
     spoke and ``NAME rim 1`` at a right angle to it.
 
     Parameters
     ----------
     model : Model
-        With a view in the plane; any other is as it was.
+        Model with a plane view; others are unchanged.
     """
     view = model.view
     if view is None or view.dimension != 2:
@@ -73,13 +73,13 @@ class Drag:
     Parameters
     ----------
     simulation : Simulation
-        The configuration is sought at its start time.
+        The simulation whose initial state is changed.
     view : View
         View of its model.
     weights : mapping of str to float
         The point: a weighted mean of points of the view, such as a place on a rod.
     q : (nq,) array
-        The configuration in which it is grasped.
+        The configuration at the beginning of the drag.
     """
 
     def __init__(self, simulation: Simulation, view: View, weights: Mapping[str, float], q: Array):
@@ -102,23 +102,23 @@ class Drag:
         self._q = self._unwound(q)
 
     def to(self, target: Sequence[float], eye: Sequence[float] | None, length: float) -> Simulation:
-        """Move the point to a target, or as near as the constraints let it.
+        """Move the point to a target, or as close as the constraints allow.
 
-        Fixed velocities that no longer satisfy the constraints are changed as little as possible.
+        Fixed velocities that no longer satisfy the constraints are changed minimally.
 
         Parameters
         ----------
         target : sequence of float
-            As many as the view has dimensions.
+            As many components as the view has dimensions.
         eye : sequence of float, optional
-            Where the reader looks at the target from: the point may be anywhere on that line.
+            Viewing direction: the point may be anywhere on the line through the target.
         length : float
-            The size of what is drawn, by which distances are judged.
+            Size of the drawing, the scale of distances.
 
         Returns
         -------
         Simulation
-            The same, with another start.
+            The same simulation with another initial state.
         """
         across = np.eye(self._dimension)
         if eye is not None:
@@ -144,7 +144,7 @@ class Drag:
         return out[: self._dimension], out[self._dimension :].reshape(self._dimension, len(q))
 
     def _places(self, q: Array) -> Array:
-        """Return all points that are drawn."""
+        """Return all points of the drawing."""
         return self._values(self._drawn, q)
 
     def _values(self, tape: Tape, q: Array) -> Array:
@@ -152,7 +152,7 @@ class Drag:
         return np.asarray(run_arrays(tape, inputs, 1)[:, 0])
 
     def _start(self) -> ConsistentState:
-        """Return the start with the configuration as it is, and velocities that suit it."""
+        """Return the initial state with the current configuration, and consistent velocities."""
         model, state = self._simulation.model, self._state
         entries = model.initial_velocities.values()
         given = State(state.t, self._q, np.array([x.value for x in entries]), state.p)
@@ -166,7 +166,8 @@ class Drag:
         return found
 
     def _unwound(self, q: Array) -> Array:
-        """Leave out whole turns since the start that change neither the equations nor the point."""
+        """Remove whole turns since the initial state that change neither the equations nor the
+        point."""
         model, start = self._simulation.model, self._state
         angles = np.array([c.unit in _ANGLES for c in model.coordinates])
         turns = 2 * math.pi * np.round((q - start.q) / (2 * math.pi)) * angles

@@ -1,4 +1,4 @@
-"""Scenes drawn as pictures, as ``assets/scene.js`` does for pages."""
+"""Drawing of scenes, like ``assets/scene.js`` for pages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lagcli.pictures.scene.shapes import (
 )
 from lagcli.pictures.scene.timing import TRAIL_PART, round_number
 
-_LISTED = 6  # vectors whose magnitudes are written
+_LISTED = 6  # largest number of vectors whose magnitudes are written
 
 
 class SceneDrawing:
@@ -36,7 +36,7 @@ class SceneDrawing:
     forces : bool
         Whether the arrows of constraint forces are shown.
     trail : float, optional
-        How far back trails go, s; by default 30 % of the run.
+        Duration of trails, s; by default 30 % of the run.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class SceneDrawing:
         self.trail = TRAIL_PART * span if trail is None else trail
         unit = max(0.6, min(1.6, min(width, height) / 420))
         self.raster = Raster(width, height, unit, ROLES["paper"])
-        #: The height of the lines of text at the top and at the foot.
+        #: Height of the lines of text at the top and at the bottom.
         self.strip = 26 * max(1.0, unit)
         camera = PlaneCamera if scene.dimension == 2 else OrbitCamera
         self.camera = camera(scene.bounds, width, height, self.strip)
@@ -61,14 +61,14 @@ class SceneDrawing:
         self._joints = joints(scene)
 
     def frame(self, time: float, note: str = "") -> Image:
-        """Return the picture of a time.
+        """Return the picture at a time.
 
         Parameters
         ----------
         time : float
-            s; between samples, it is interpolated.
+            Time, s; samples are interpolated.
         note : str
-            What is written at the top.
+            Text at the top.
 
         Returns
         -------
@@ -95,7 +95,7 @@ class SceneDrawing:
         return raster.image()
 
     def _floor(self) -> None:
-        """Draw a grid at the foot of the scene, without which depth is hard to see."""
+        """Draw a grid at the bottom of the scene, which makes depth visible."""
         (x_low, x_high), (y_low, y_high), (floor, _) = self.scene.bounds
         step = round_number(max(x_high - x_low, y_high - y_low) / 5)
 
@@ -119,7 +119,7 @@ class SceneDrawing:
             self.raster.text(name, corner + 1.35 * length * seen[:2], ROLES["ground"], 12, "center")
 
     def _rule(self) -> None:
-        """Draw a length to measure by in a corner."""
+        """Draw a scale bar in a corner."""
         raster = self.raster
         length = round_number(0.2 * raster.width / self.camera.scale)
         pixels, tick = length * self.camera.scale, 4 * raster.unit
@@ -134,7 +134,7 @@ class SceneDrawing:
         )
 
     def _magnitudes(self, moment: Moment) -> None:
-        """List what the arrows are, with their magnitudes now."""
+        """List the vectors with their current magnitudes."""
         raster = self.raster
         right, space = raster.width - 14.0, 16 * raster.unit
         for vector in reversed(self.vectors[:_LISTED]):
@@ -149,13 +149,13 @@ class SceneDrawing:
 
 
 def named(vector: DrawnVector, among: tuple[DrawnVector, ...]) -> str:
-    """Return what a vector is called: with its point, where others have its name."""
+    """Return the name of a vector, with its point if others have the same name."""
     alike = sum(v.name == vector.name for v in among) > 1
     return f"{vector.name} at {vector.at}" if alike else vector.name
 
 
 def three_digits(value: float) -> str:
-    """Return a magnitude with three digits, without an exponent where it reads better so."""
+    """Format a magnitude with three digits, without an exponent if that is more readable."""
     if not math.isfinite(value):
         return "–"
     if value == 0:

@@ -1,4 +1,4 @@
-"""Contacts and impacts in a scene: flashes where impacts are, forces only of what is closed."""
+"""Contacts in a scene: flashes at impacts, and forces only of closed contacts."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from lagcli.arrays import Array, Indices
 from lagcli.pictures.scene.scene import DrawnFlashes, DrawnVector, Scene
 from lagcli.trajectory.event_log import MODES, EventLog
 
-#: Of the motion: how long a flash is seen.
+#: Duration of a flash, relative to the motion.
 LIFE = 0.04
-#: Impulses, next to the largest, below which an impact has no flash, and the most flashes.
+#: Smallest impulse with a flash, relative to the largest, and largest number of flashes.
 _WEAK, _MOST = 1e-3, 500
 
 
 def with_contacts(scene: Scene, log: EventLog | None, constraints: Sequence[str]) -> Scene:
-    """Return a scene with flashes at impacts, and without forces of contacts that are open.
+    """Return a scene with flashes at impacts, and without forces of open contacts.
 
-    Flashes are where the view draws the forces of the contacts: of several points, in the middle.
+    Flashes are at the points of the contact forces in the view; of several points, at their mean.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def with_contacts(scene: Scene, log: EventLog | None, constraints: Sequence[str]
 
 
 def _of_closed(vector: DrawnVector, log: EventLog, modes: Indices) -> DrawnVector:
-    """Return the force of a constraint, which is 0 where it is open."""
+    """Return the force of a constraint, 0 while it is open."""
     if vector.constraint not in log.rows:
         return vector
     is_open = modes[:, log.rows.index(vector.constraint)] == MODES.index("open")

@@ -1,4 +1,4 @@
-"""Placement of labels away from lines, as ``assets/labels.js`` does for pages."""
+"""Placement of labels away from lines, like ``assets/labels.js`` for pages."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import numpy as np
 
 from lagcli.arrays import Array
 
-#: Height of the letters of a label, pixels at unit 1.
+#: Height of the letters of a label, pixels at scale 1.
 LABEL_SIZE = 13
-#: Directions that are tried, and the clearance in pixels beyond which more does not count.
+#: Number of candidate directions, and clearance in pixels beyond which all are equally good.
 _DIRECTIONS, _CLEAR = 16, 10.0
-#: Distance of a text from its point, pixels at unit 1: more than the radius of a body's dot.
+#: Distance of a text from its point, pixels at scale 1: larger than the radius of a body's dot.
 _AWAY = 10.0
-#: A letter is so many times as wide as high, on the average.
+#: Average ratio of width to height of a letter.
 _LETTER = 0.62
 
 
 def label_size(text: str, unit: float) -> tuple[float, float]:
-    """Return about the width and height of a label in pixels."""
+    """Return the approximate width and height of a label in pixels."""
     size = LABEL_SIZE * max(1.0, unit)
     return _LETTER * size * len(text), size
 
 
 def label_place(at: Array, size: tuple[float, float], lines: Array, unit: float) -> Array:
-    """Return the middle of a text beside a point, where it is farthest from the lines.
+    """Return the centre of a text near a point, where it is farthest from the lines.
 
     Parameters
     ----------
@@ -38,14 +38,14 @@ def label_place(at: Array, size: tuple[float, float], lines: Array, unit: float)
     """
     angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
     along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    # the nearest edge or corner of the text is as far from the point in all directions
+    # the nearest edge or corner of the text has the same distance from the point in all directions
     middles = at + along * _AWAY * unit + np.sign(np.round(along, 9)) * np.array(size) / 2
     grid = np.array([(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]) * np.array(size) / 2
     clear = np.full(_DIRECTIONS, _CLEAR)
     if len(lines):
         places = middles[:, None] + grid
         clear = np.minimum(clear, distances(places.reshape(-1, 2), lines).reshape(16, -1).min(1))
-    # above and to the right, where it is as good
+    # prefer above and to the right
     score = clear + 1.5 * np.cos(angles - np.pi / 4)
     place: Array = middles[int(np.argmax(np.round(score, 9)))]
     return place

@@ -1,4 +1,4 @@
-"""The force of a constraint at points: F of Jᵀ F = λ b, J = ∂P/∂q."""
+"""The force of a constraint at points: F with Jᵀ F = λ b, J = ∂P/∂q."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import Arrow, Model, coordinate
 
-#: Relative to the largest λ b along the run: what may be left of Jᵀ F − λ b.
+#: Largest residual of Jᵀ F − λ b, relative to the largest λ b along the run.
 _LEFT = 1e-6
-#: A direction in which the points move so much less than in others is one in which they do not.
+#: Directions in which the points move less than this, relatively, count as fixed.
 _SINGULAR, _NEVER = 1e-9, 1e-6
 
 
@@ -30,11 +30,11 @@ class PointForce:
     arrow : Arrow
         A force.
     rows : list of (str, int)
-        Point and axis of the rows of J: the directions in which the points can move at all.
+        Point and axis of each row of J: the directions in which the points can move.
     columns : list of int
-        Coordinates of the columns of J: those that move the points.
+        Coordinates of the columns of J: those on which the points depend.
     entries : list of expressions
-        J, row by row.
+        Entries of J, by rows.
     """
 
     model: Model
@@ -56,7 +56,7 @@ class PointForce:
         Raises
         ------
         UsageError
-            No force at these points does the work of the constraint, or many do.
+            No force at these points, or more than one, does the work of the constraint.
         """
         count, shape = len(work), (len(self.columns), len(self.rows))
         jacobian = np.empty((count, *shape))  # transposed
@@ -75,7 +75,7 @@ class PointForce:
             yield point, tuple(components)
 
     def _solved(self, jacobian: Array, work: Array) -> Array:
-        """Return F of Jᵀ F = λ b, of least magnitude where J is singular."""
+        """Return F with Jᵀ F = λ b, of least norm if J is singular."""
         q = work[:, self.columns]
         if not len(q):
             return np.empty((0, len(self.rows)))
@@ -112,7 +112,7 @@ class PointForce:
 
 
 def point_force(model: Model, arrow: Arrow) -> PointForce:
-    """Return the force that an arrow shows, with the derivatives of its points."""
+    """Return the force of an arrow, with the derivatives of its points."""
     assert model.view is not None
     points = [(name, model.view.points[name]) for name in dict.fromkeys(arrow.points)]
     names = model.coordinate_names

@@ -1,7 +1,7 @@
 """A raster image: lines, areas and text in pixels, drawn by matplotlib's Agg renderer.
 
-Frames of an animation are many and alike: drawn in pixels, one takes milliseconds, a tenth of what
-a matplotlib figure takes.
+Frames of an animation are many and similar: drawn in pixels, one takes milliseconds, a tenth of a
+matplotlib figure.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 
 from lagcli.arrays import Array, Image
 
-#: The size at which the outlines of characters are kept, and the middle of small letters in it.
+#: Font size of cached outlines, and the middle of small letters at that size.
 _EM, _MIDDLE = 100.0, 0.36
 
 
 @lru_cache(maxsize=1000)
 def _glyph(character: str) -> tuple[Any, float]:
-    """Return the outline of a character and how far the next one is from it.
+    """Return the outline of a character and its advance width.
 
-    Laying out a text takes milliseconds, and in each frame the same few characters are written.
+    Text layout takes milliseconds, and each frame contains the same few characters.
     """
     from matplotlib.textpath import TextPath
 
     outline = None if character.isspace() else TextPath((0, 0), character, size=_EM)
-    # what follows a character says how wide it is, also where it is a space
+    # the next character shows the advance width, also of a space
     after, alone = (TextPath((0, 0), text, size=_EM) for text in (f"{character}|", "|"))
     return outline, float(after.get_extents().x1 - alone.get_extents().x1)
 
@@ -39,9 +39,9 @@ class Raster:
     ----------
     width, height : int
     unit : float
-        Pixels for one unit of the widths of lines.
+        Pixels per unit of line width.
     paper : str
-        Colour of the ground.
+        Background colour.
     """
 
     def __init__(self, width: int, height: int, unit: float, paper: str):
@@ -89,7 +89,7 @@ class Raster:
     def area(
         self, places: Any, color: str, alpha: float = 1.0, edge: str | None = None, width: float = 0
     ) -> None:
-        """Fill what (n, 2) places surround, with an edge of a width in units."""
+        """Fill the polygon of (n, 2) positions, with an edge of a width in units."""
         context = self._context(edge or color, width * self.unit, 1.0 if edge else 0.0)
         closed = np.concatenate([places, places[:1]])
         self._draw(context, closed, self._rgba(color, alpha))
@@ -110,9 +110,9 @@ class Raster:
         *,
         halo: bool = False,
     ) -> float:
-        """Write text beside a place, in the middle of its height; return its width in pixels.
+        """Write text at a position, vertically centred; return its width in pixels.
 
-        A halo sets it off from what is under it.
+        A halo separates it from the background.
         """
         from matplotlib.path import Path
         from matplotlib.transforms import Affine2D

@@ -13,16 +13,16 @@ from lagcli.arrays import Array
 from lagcli.model.expression.tensors import Tensor, angular_velocity, quaternion
 from lagcli.model.model import Model, Segment, coordinate, velocity
 
-#: Bodies, and vectors that may be points of theirs, beyond which none is sought.
+#: Largest numbers of bodies, and of vectors that may be points of these.
 _BODIES, _VECTORS = 20, 120
-_STATES = 3  # random ones, in which a fixed point has the same place in its body
+_STATES = 3  # random ones, in which a fixed point has the same position in its body
 _SAME = 1e-9  # relative
 
 Position = tuple[Basic, ...]
 
 
 class _Orientation(NamedTuple):
-    """The rotation of a body, and a state in which its angular velocity gives all its rates.
+    """The rotation of a body, and a state in which its angular velocity determines all its rates.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class _Orientation(NamedTuple):
     rates : tuple of 3 Symbol
         Velocities of three of these coordinates.
     inverse : DenseMatrix
-        From the angular velocity in the body's frame to these rates, in that state.
+        Matrix from the angular velocity in the body frame to these rates, in that state.
     """
 
     matrix: Tensor
@@ -42,7 +42,7 @@ class _Orientation(NamedTuple):
 
 
 class RigidBody(NamedTuple):
-    """The drawing of a body: more points, and lines between them.
+    """The drawing of a body: additional points, and lines between them.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def rigid_bodies(model: Model, centres: Mapping[str, Position]) -> list[RigidBod
     ----------
     model : Model
     centres : mapping of str to positions
-        Points that may be centres of mass; that of R_A or e_A is the point A, that of R[2] is
-        P[2], that of R or e is P.
+        Points that may be centres of mass; that of R_A or e_A is the point A, that of R[2] is P[2],
+        that of R or e is P.
 
     Returns
     -------
     list of RigidBody
-        None of more than can be distinguished.
+        Empty if there are more than can be distinguished.
     """
     turns = {point_name(name[1:]): turn for name, turn in _rotations(model)}
     found = {name: turn for name, turn in turns.items() if len(centres.get(name, ())) == 3}
@@ -124,7 +124,7 @@ def _by_quaternion(*parts: Basic) -> _Orientation:
 
 
 def _by_angles(model: Model, matrix: Tensor) -> _Orientation | None:
-    """Return an orientation that depends on three coordinates, as Euler angles; None of another."""
+    """Return an orientation that depends on three coordinates, such as Euler angles, or None."""
     free = set().union(*(x.free_symbols for x in matrix.entries))
     angles = [q for q in map(coordinate, model.coordinate_names) if q in free]
     if len(angles) != 3 or not free <= {*angles, *map(Symbol, model.parameters)}:
@@ -141,7 +141,7 @@ def _by_angles(model: Model, matrix: Tensor) -> _Orientation | None:
 
 
 def _angular_velocity_along(matrix: Tensor, angle: Basic) -> tuple[Basic, ...]:
-    """Return the angular velocity where only one angle changes, per unit of its rate."""
+    """Return the angular velocity if only one angle changes, per unit of its rate."""
 
     def derivative(x: Basic) -> Basic:
         return x.diff(angle)
@@ -195,7 +195,7 @@ def _body(
 def _fixed(
     model: Model, centre: Position, rotation: Tensor, vectors: Mapping[str, Position]
 ) -> Iterator[tuple[str, Position]]:
-    """Yield the vectors whose components in the body are the same in all states."""
+    """Yield the vectors with constant components in the body frame."""
     if not vectors:
         return
     values = model.parameter_values
@@ -219,8 +219,8 @@ def _fixed(
 def _half_sizes(model: Model, centre: Position, turn: _Orientation) -> tuple[Basic, ...]:
     """Return half the sides of the homogeneous box with the mass and the inertia of a body.
 
-    With ω = W v, the inertia is W⁻ᵀ ∂²T/∂v² W⁻¹. Zeros where there is no such box: the axes are
-    not principal ones, or the inertia is that of another point.
+    With ω = W v, the inertia is W⁻ᵀ ∂²T/∂v² W⁻¹. Zeros if there is no such box: the axes are not
+    principal axes, or the inertia refers to another point.
     """
     none = (Integer(0),) * 3
     if model.kinetic is None or not all(isinstance(x, Symbol) for x in centre):

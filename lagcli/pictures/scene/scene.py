@@ -1,4 +1,4 @@
-"""Scene: the view of a model at the samples of a run, in numbers.
+"""Scene: the view of a model at the samples of a run, as numbers.
 
 As JSON, for programs that draw (`Scene.to_json`)::
 
@@ -36,16 +36,16 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.model.model import Segment
 
-#: Of the picture's size: how much is left free around it, and the length of a long vector.
+#: Margin of the picture, relative to its size, and relative length of a long vector.
 MARGIN, LONG = 0.08, 0.3
-#: Of the longest vector of a unit: what is 0 except for rounding.
+#: Vectors below this part of the longest one of their unit are 0 except for rounding.
 _ROUNDED = 1e-12
-#: Of the largest axis of the bounds: what the others have at least.
+#: Minimum extent of an axis, relative to the largest one.
 LEAST = 0.3
 
 
 class DrawnDisc(NamedTuple):
-    """A disc: arrays of nt values, or of 1 where they are constant."""
+    """A disc: arrays of nt values, or of 1 if constant."""
 
     name: str
     center: str
@@ -55,9 +55,9 @@ class DrawnDisc(NamedTuple):
 
 
 class DrawnVector(NamedTuple):
-    """A vector at a point; ``scale`` times its components is what is drawn.
+    """A vector at a point, drawn as ``scale`` times its components.
 
-    The force of a constraint has its name.
+    The force of a constraint has the constraint's name.
     """
 
     name: str
@@ -83,11 +83,11 @@ class DrawnFlashes(NamedTuple):
     times : (n,) array
         s.
     at : tuple of (n,) arrays
-        Where, by axis.
+        Positions, by axis.
     strengths : (n,) array
-        Impulses next to the largest one of all contacts.
+        Impulses relative to the largest one of all contacts.
     life : float
-        How long each is seen, s.
+        Duration of each flash, s.
     """
 
     name: str
@@ -99,7 +99,7 @@ class DrawnFlashes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is to be drawn, at nt samples; see the module for its JSON.
+    """A scene at nt samples; see the module for its JSON.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class Scene:
     time : (nt,) array
         s.
     points : dict of str to arrays
-        By axis, of nt values, or of 1 where it is constant.
+        By axis, of nt values, or of 1 if constant.
     segments : tuple of Segment
     discs : tuple of DrawnDisc
     vectors : tuple of DrawnVector
@@ -140,9 +140,9 @@ class Scene:
 
     @cached_property
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        """The least and the largest value that each axis shows, over all samples.
+        """The smallest and the largest value of each axis, over all samples.
 
-        To be drawn with equal axes: one unit is as long on each of them.
+        To be drawn with equal scales.
         """
         extent = extent_of(self.points, self.discs)
         for vector in self.vectors:
@@ -162,7 +162,7 @@ class Scene:
         Parameters
         ----------
         numbers : callable, optional
-            What stands for an array; a list by default.
+            Function that converts an array; by default to a list.
         """
         numbers = numbers or _numbers
 
@@ -198,10 +198,10 @@ class Scene:
 def scaled(
     vectors: Sequence[DrawnVector], extent: Sequence[tuple[float, float]]
 ) -> tuple[DrawnVector, ...]:
-    """Return vectors with their scales: those of one unit share one.
+    """Return vectors with their scales; vectors of one unit share a scale.
 
-    The longest one is `LONG` times as long as the picture; where it is a rare peak, three times
-    the root mean square is. Vectors that are rounding beside the longest one are 0.
+    The longest one is `LONG` times the size of the picture; if that is a rare peak, three times the
+    root mean square is. Vectors that are rounding errors relative to the longest one are 0.
     """
     size = max((high - low for low, high in extent), default=0.0) or 1.0
     lengths = [np.sqrt(sum((x * x for x in v.components), np.zeros(1))) for v in vectors]
@@ -228,7 +228,7 @@ def scaled(
 def extent_of(
     points: dict[str, tuple[Array, ...]], discs: Sequence[DrawnDisc]
 ) -> list[tuple[float, float]]:
-    """Return the least and the largest value of points and discs on each axis."""
+    """Return the smallest and the largest value of points and discs on each axis."""
     dimension = len(next(iter(points.values())))
     extent = [
         _joined(*(_range(place[axis]) for place in points.values())) for axis in range(dimension)
@@ -248,7 +248,7 @@ def extent_of(
 
 
 def frames(normal: Sequence[Array]) -> tuple[Array, Array]:
-    """Return the two directions in which the discs of some normals lie.
+    """Return two unit vectors in the planes of discs with given normals.
 
     Parameters
     ----------
@@ -279,5 +279,5 @@ def _joined(*ranges: tuple[float, float]) -> tuple[float, float]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return values for JSON, with nine digits: finer than any screen."""
+    """Return values for JSON, with nine digits, which exceeds the resolution of screens."""
     return [float(f"{x:.9g}") if np.isfinite(x) else None for x in values.tolist()]

@@ -1,4 +1,4 @@
-"""Shapes of a scene as drawing commands, as ``assets/shapes.js`` does for pages."""
+"""Shapes of a scene as drawing commands, like ``assets/shapes.js`` for pages."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from lagcli.pictures.scene.label_places import LABEL_SIZE, label_place, label_si
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnFlashes, DrawnVector, Scene, frames
 
-#: What is painted over what.
+#: Layers, in the order of painting.
 LAYERS = (
     *("guide", "ground", "trail", "disc", "edge", "spring", "rod", "joint"),
     *("flash", "vector", "label"),
 )
-#: In three dimensions these are one layer, the nearest painted last.
+#: In three dimensions these are one layer, painted from back to front.
 BODIES = frozenset({"trail", "disc", "edge", "spring", "rod", "joint"})
 
-#: The pieces of one shade in a trail, and the most points.
+#: Number of pieces of equal shade in a trail, and largest number of points.
 _PIECES, _POINTS = 40, 400
 _TURNS = 7  # of a spring
 
 
 class DrawCommand(NamedTuple):
-    """Something to be painted on its layer; what has the larger depth is farther away."""
+    """A drawing command on its layer; larger depth is farther away."""
 
     layer: str
     depth: float
@@ -39,14 +39,14 @@ class DrawCommand(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """Where bodies end: how many meet, and the points at their other ends."""
+    """End of bodies: their number, and the points at their other ends."""
 
     bodies: int
     others: tuple[str, ...]
 
 
 class Moment:
-    """A scene at a time, seen by a camera, with the raster that paints it.
+    """A scene at a time, with a camera and a raster.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Moment:
     now : float
         s.
     trail : float
-        How far back trails go, s.
+        Duration of trails, s.
     """
 
     def __init__(
@@ -73,18 +73,18 @@ class Moment:
         self.places = {name: camera.project(point) for name, point in self.points.items()}
 
     def value(self, series: Array) -> float:
-        """Return a series now, between samples too."""
+        """Return a series at the current time, interpolated."""
         if len(series) == 1:
             return float(series[0])
         return float(np.interp(self.now, self.scene.time, series))
 
     def vector(self, components: Sequence[Array]) -> Array:
-        """Return several series now."""
+        """Return several series at the current time."""
         return np.array([self.value(series) for series in components])
 
     @cached_property
     def slim(self) -> float:
-        """By how much rods and joints are thinner than usual, where rods are short."""
+        """Factor of the widths of rods and joints, below 1 for short rods."""
         rods = [s for s in self.scene.segments if s.kind == "rod"]
         lengths = [math.dist(self.points[s.start], self.points[s.end]) for s in rods]
         usual = 48 * self.raster.unit
@@ -93,7 +93,7 @@ class Moment:
 
 
 def joints(scene: Scene) -> dict[str, Joint]:
-    """Return the points that are drawn: where rods, springs, grounds or trails are."""
+    """Return the drawn points: ends of rods and springs, grounds and trails."""
     found: dict[str, Joint] = {}
 
     def meet(name: str, bodies: int, *others: str) -> None:
@@ -114,7 +114,7 @@ def joints(scene: Scene) -> dict[str, Joint]:
 def commands(
     moment: Moment, drawn: Mapping[str, Joint], vectors: Sequence[DrawnVector]
 ) -> Iterator[DrawCommand]:
-    """Yield the commands of all shapes; what is nowhere (not finite) has none.
+    """Yield the commands of all shapes that are finite.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def commands(
     drawn : mapping of str to Joint
         See `joints`.
     vectors : sequence of DrawnVector
-        Those of the scene that are to be shown.
+        Shapes of the scene to be shown.
     """
     scene, places, raster = moment.scene, moment.places, moment.raster
 
@@ -160,7 +160,7 @@ def commands(
             width, height = label_size(text, raster.unit)
             middle = label_place(places[name][:2], (width, height), np.array(lines), raster.unit)
             side = np.array([width / 2, 0.0])
-            lines.append((middle - side, middle + side))  # the next labels keep off this one
+            lines.append((middle - side, middle + side))  # the next labels avoid this one
             write = partial(
                 raster.text, text, middle, ROLES["label"], LABEL_SIZE, "center", halo=True
             )
@@ -168,7 +168,7 @@ def commands(
 
 
 def _obstacles(moment: Moment, vectors: Sequence[DrawnVector]) -> list[tuple[Array, Array]]:
-    """Return the ends of the lines that labels keep off."""
+    """Return the ends of the lines that labels avoid."""
     scene, places = moment.scene, moment.places
     found = [(places[s.start], places[s.end]) for s in scene.segments]
     foot = np.array([0.0, -20 * moment.raster.unit, 0.0])
@@ -208,7 +208,7 @@ def _edge(moment: Moment, ends: Array) -> None:
 
 
 def _spring(moment: Moment, ends: Array) -> None:
-    """Draw a coil of as many turns at any length, between two straight ends."""
+    """Draw a coil with a fixed number of turns, between two straight ends."""
     raster = moment.raster
     start, end = ends[:, :2]
     length = math.dist(start, end) or 1.0
@@ -216,7 +216,7 @@ def _spring(moment: Moment, ends: Array) -> None:
     across = np.array([-along[1], along[0]])
     radius, lead = 6 * raster.unit, 0.15 * length
     phase = np.linspace(0, 2 * np.pi * _TURNS, 16 * _TURNS + 1)
-    # seen a little from the side: the turns lean over
+    # slightly from the side: the turns are slanted
     forward = np.linspace(lead, length - lead, len(phase)) + 0.4 * radius * (1 - np.cos(phase))
     coil = start + np.outer(forward, along) + np.outer(radius * np.sin(phase), across)
     raster.line(np.vstack([start, coil, end]), ROLES["spring"], 2)
@@ -231,7 +231,7 @@ _LINES = {"rod": _rod, "spring": _spring, "guide": _guide, "edge": _edge}
 
 
 def _ground(raster: Raster, place: Array) -> None:
-    """Draw a bearing that stands on hatched ground."""
+    """Draw a bearing on hatched ground."""
     x, y = place[:2]
     color, height, half = ROLES["ground"], 15 * raster.unit, 17 * raster.unit
     foot = y - height
@@ -244,7 +244,7 @@ def _ground(raster: Raster, place: Array) -> None:
 
 
 def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[DrawCommand]:
-    """Yield a disc with a mark from its centre to its rim, which shows the angle."""
+    """Yield a disc with a line from its centre to its rim, which shows the angle."""
     around, at = _rim(moment, disc, np.arange(60) * np.pi / 30), moment.places[disc.center]
     angle = None if disc.angle is None else np.array([moment.value(disc.angle)])
     mark = None if angle is None else _rim(moment, disc, angle)[0]
@@ -273,12 +273,12 @@ def _rim(moment: Moment, disc: DrawnDisc, angles: Array) -> Array:
 
 
 def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
-    """Yield the path of a point in the recent past, fading."""
+    """Yield the recent path of a point, fading."""
     scene, now, length = moment.scene, moment.now, moment.trail
     first = int(np.searchsorted(scene.time, now - length))
     last = int(np.searchsorted(scene.time, now, side="right"))
     stride = max(1, math.ceil((last - first) / _POINTS))
-    # samples are counted from the first of all, so that the same ones are shown as time goes on
+    # samples are numbered from the first, so that the same ones are shown as time advances
     samples = np.arange(math.ceil(first / stride) * stride, last, stride)
     times = np.append(scene.time[samples], now)
     past = [np.broadcast_to(x, len(scene.time))[samples] for x in scene.points[name]]
@@ -297,7 +297,7 @@ def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
 
 
 def _flashes(moment: Moment, flashes: DrawnFlashes) -> Iterator[DrawCommand]:
-    """Yield a ring around the place of each impact of the recent past, growing and fading."""
+    """Yield a ring at each recent impact, growing and fading."""
     ages = (moment.now - flashes.times) / flashes.life
     for i in np.flatnonzero((ages >= 0) & (ages < 1)):
         place = moment.camera.project(np.array([x[i] for x in flashes.at]))
@@ -313,7 +313,7 @@ def _flashes(moment: Moment, flashes: DrawnFlashes) -> Iterator[DrawCommand]:
 
 
 def _joint(moment: Moment, place: Array, joint: Joint) -> None:
-    """Draw where bodies meet (open), or one ends (filled)."""
+    """Draw a joint of bodies (open), or an end (filled)."""
     meet = joint.bodies > 1
     radius = (4.5 if meet else 6) * moment.slim
     color = ROLES["point"]

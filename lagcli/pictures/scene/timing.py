@@ -1,4 +1,4 @@
-"""The times of an animation: which part of the motion, how fast, in how many frames."""
+"""Timing of an animation: part of the motion, speed, frames."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
 
-#: Real time, by default, for motions of this many seconds; others are slowed down or sped up.
+#: Durations of motions that are shown in real time by default, s; others are slowed down or sped
+#: up.
 _SHORT, _LONG = 1.0, 60.0
-#: How long a slowed-down motion is shown at least, s.
+#: Minimum duration of a slowed-down motion, s.
 _SLOWED = 4.0
-#: A trail is this part of the motion, and no more than was shown in so many seconds.
+#: Length of a trail, relative to the motion, and its maximum in seconds of the animation.
 TRAIL_PART, _TRAIL_SECONDS = 0.3, 3.0
-#: Frames beyond which a film is surely a mistake: an hour and a half at 25 frames per second.
+#: Largest number of frames of a film: an hour and a half at 25 frames per second.
 _MOST_FRAMES = 135_000
 
 
 class Timing(NamedTuple):
-    """When the frames of an animation are.
+    """The timing of an animation.
 
     Parameters
     ----------
     start, end : float
-        Of the motion, s.
+        Start and end time of the motion, s.
     speed : float
         Seconds of the motion per second.
     """
@@ -37,12 +38,12 @@ class Timing(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """How long the animation lasts."""
+        """Duration of the animation, s."""
         return (self.end - self.start) / self.speed
 
     @property
     def pace(self) -> str:
-        """The speed in words; nothing where it is real time."""
+        """The speed in words; empty for real time."""
         if self.speed == 1:
             return ""
         factor = self.speed if self.speed > 1 else 1 / self.speed
@@ -51,16 +52,16 @@ class Timing(NamedTuple):
 
     @property
     def trail(self) -> float:
-        """How far back the trail of a point goes, s: what can be followed while it moves."""
+        """Duration of the trail of a point, s."""
         return min(TRAIL_PART * (self.end - self.start), _TRAIL_SECONDS * self.speed)
 
     def frames(self, fps: float) -> Array:
-        """Return the times of the frames, s: evenly spaced, both ends among them.
+        """Return the times of the frames, s: evenly spaced, including both ends.
 
         Raises
         ------
         UsageError
-            There would be more than anybody would look at.
+            There would be too many frames.
         """
         steps = self.seconds * fps
         if steps > _MOST_FRAMES:
@@ -85,14 +86,14 @@ def timing(
     speed: float | None = None,
     duration: float | None = None,
 ) -> Timing:
-    """Return when an animation is, from what is requested.
+    """Return the timing for given options.
 
     Parameters
     ----------
     first, last : float
         Times of the first and the last sample, s.
     start, end : float, optional
-        The part to be shown, s.
+        The part to show, s.
     speed : float, optional
         Seconds of the motion per second.
     duration : float, optional
@@ -102,7 +103,7 @@ def timing(
     Raises
     ------
     UsageError
-        A value makes no sense, or nothing of the motion is left.
+        A value is invalid, or the part is empty.
     """
     for name, value in (("--from", start), ("--to", end)):
         if value is not None and not math.isfinite(value):
@@ -134,7 +135,7 @@ def usual_speed(span: float) -> float:
 
 
 def round_number(value: float, *, up: bool = False) -> float:
-    """Return 1, 2 or 5 times a power of ten: the largest that is no greater, or the next one."""
+    """Return 1, 2 or 5 times a power of ten: the largest one not greater, or the next one."""
     power = math.floor(math.log10(value))
     steps = [float(f"{n}e{p}") for p in (power, power + 1) for n in (1, 2, 5)]
     if up:

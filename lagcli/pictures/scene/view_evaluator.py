@@ -1,4 +1,4 @@
-"""The view of a model, compiled: samples → Scene."""
+"""Evaluation of the view of a model: samples → Scene."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.trajectory.samples import Terms
 
-#: Numbers that a tape holds at once: 32 MB.
+#: Largest number of values of a tape at once: 32 MB.
 _HELD = 1 << 22
 
 
 def scene_of(run: RunFile, samples: Indices | None = None) -> Scene | None:
-    """Return the scene of a run; None where its model has no view.
+    """Return the scene of a run; None if its model has no view.
 
     Parameters
     ----------
     run : Run
     samples : (m,) array of int, optional
-        Which samples are drawn, increasing; all by default.
+        Indices of the samples, increasing; all by default.
 
     Raises
     ------
     UsageError
-        There is no model, or the force of a constraint cannot stand where the view wants it.
+        There is no model, or the force of a constraint cannot act at the points of the view.
     ModelError, FileError
-        As `Run.model`.
+        As `RunFile.model`.
     """
     if run.model.view is None:
         return None
@@ -65,12 +65,12 @@ class ViewEvaluator:
     Parameters
     ----------
     model : Model
-        With a view.
+        Model with a view.
 
     Attributes
     ----------
     needs : tuple of str
-        The fields of `Samples` that `scene` is to be given.
+        The fields of `Samples` that `scene` needs.
     """
 
     def __init__(self, model: Model):
@@ -101,12 +101,12 @@ class ViewEvaluator:
         self.needs: tuple[str, ...] = ("time", "q", *self._also())
 
     def _put(self, expressions: Sequence[Basic]) -> list[int]:
-        """Add expressions to what is evaluated; return their places."""
+        """Add expressions to evaluate; return their indices."""
         self._slots.extend(expressions)
         return list(range(len(self._slots) - len(expressions), len(self._slots)))
 
     def _inputs(self) -> list[Basic]:
-        """Return the symbols that vary along the run, those that occur."""
+        """Return the symbols that vary along the run and occur."""
         q = self._model.coordinate_names
         every = [TIME, *map(coordinate, q), *map(velocity, q), *map(acceleration, q)]
         every += map(multiplier, self._model.constraint_names)
@@ -117,7 +117,7 @@ class ViewEvaluator:
         return [s for s in every if s in free] + forces
 
     def _also(self) -> list[str]:
-        """Return the fields that are needed beside time and q."""
+        """Return the required fields besides time and q."""
         names = [s.name for s in self._moving]
         quantities = set(map(_quantity, names))
         found = {
@@ -139,16 +139,16 @@ class ViewEvaluator:
         Parameters
         ----------
         columns : mapping of str to arrays
-            The fields of `Samples` that ``needs`` names.
+            The fields of `Samples` in ``needs``.
         terms : Terms
             Terms of ``constraint_force_by``.
         parameters : mapping of str to float, optional
-            In SI; by default those of the model. Structural ones must be the model's.
+            Parameter values in SI; by default those of the model, which structural ones must equal.
 
         Raises
         ------
         UsageError
-            The force of a constraint cannot stand where the view wants it.
+            The force of a constraint cannot act at the points of the view.
         """
         view, model = self._view, self._model
         values = self._values(columns, terms, parameters or model.parameter_values)
@@ -197,7 +197,7 @@ class ViewEvaluator:
         )
 
     def _unit(self, arrow: Arrow) -> str:
-        """Return the unit of a vector: of points in metres, where the model has units at all."""
+        """Return the unit of a vector: for points in metres, if the model has units."""
         if arrow.unit is not None:
             return arrow.unit
         if arrow.quantity == "vector":
@@ -209,7 +209,7 @@ class ViewEvaluator:
     def _values(
         self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]
     ) -> list[Any]:
-        """Return the value of each expression, (nt,) or (1,) where it is constant."""
+        """Return the value of each expression, (nt,) or (1,) if constant."""
         count = len(columns["time"])
         given = [float(parameters[name]) for name in self._model.parameters]
         found = np.empty((len(self._slots), count))
@@ -240,6 +240,6 @@ class ViewEvaluator:
 
 
 def _quantity(name: str) -> str:
-    """Return the quantity of a symbol of λ or of a constraint force; nothing of other symbols."""
+    """Return the quantity of a symbol of λ or of a constraint force; None for other symbols."""
     named = read_dotted_name(name)
     return "" if named is None else named.quantity
