@@ -1,4 +1,4 @@
-/* Programs are bound to register files. */
+/* Binding of programs to register files. */
 #ifndef LAGCLI_BIND_H
 #define LAGCLI_BIND_H
 

@@ -10,7 +10,7 @@
 #include "sizes.h"
 #include "step.h"
 
-#define RESOLUTION (16.0 * DBL_EPSILON) /* of |t|: times that are nearer than this are one */
+#define RESOLUTION (16.0 * DBL_EPSILON) /* of |t|: closer times coincide */
 
 /* The piece of a function from a time on: its origin and its coefficients. */
 static void take_piece(const lag_function *f, double t, double *piece)
@@ -43,7 +43,7 @@ void lag_renew_tapes(lag_run *run)
         lag_series_invariant(&run->series);
 }
 
-/* Give all tapes the pieces of the functions from here on. */
+/* Set the pieces of the functions from the current time on in all tapes. */
 static void take_pieces(lag_run *run)
 {
     const lag_breaks *b = &run->breaks;
@@ -56,7 +56,7 @@ void lag_breaks_start(lag_run *run)
 {
     lag_breaks *b = &run->breaks;
     while (b->next > 0 && b->times[b->next - 1] > run->step.t)
-        --b->next; /* an event may lie before the end of its step */
+        --b->next; /* an event may be located before the end of its step */
     while (b->next < b->count && b->times[b->next] <= run->step.t)
         ++b->next;
     run->step.t_stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
@@ -69,7 +69,7 @@ int lag_at_break(const lag_run *run)
     return run->breaks.next < run->breaks.count && run->breaks.times[run->breaks.next] <= run->step.t;
 }
 
-/* y' here, to f. */
+/* y' at the current state, to f. */
 static int slope(lag_run *run)
 {
     return lag_derivative(run, run->step.t, run->step.y, run->step.f) ? LAG_UNDEFINED : LAG_RUNNING;

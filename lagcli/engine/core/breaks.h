@@ -4,17 +4,17 @@
 
 #include "run.h"
 
-/* Begin, or go on, at run->step.t: find the next break, where steps must end. */
+/* Begin, or continue, at run->step.t: find the next break, at which steps must end. */
 void lag_breaks_start(lag_run *run);
 
-/* Give all tapes the parameters of the run. */
+/* Set the run's parameters in all tapes. */
 void lag_renew_tapes(lag_run *run);
 
-/* Whether the last step ended at a break that is not passed yet. */
+/* Whether the last step ended at a break that has not been passed. */
 int lag_at_break(const lag_run *run);
 
-/* Go on beyond it, with the right side as it is there. The size of the next step is chosen again where
- * y' jumps. Returns LAG_RUNNING or LAG_UNDEFINED. */
+/* Continue after it, with the right side as it is there. The size of the next step is chosen again if y' jumps.
+ * Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_pass_break(lag_run *run);
 
 #endif

@@ -9,15 +9,15 @@
 #include "sample.h"
 #include "step.h"
 
-#define PARTS 8             /* of a step, at whose ends the signs are compared */
-#define EXACT 1e-14         /* of the time, or of the step: where a root is located */
+#define PARTS 8             /* of a step: signs are compared at their ends */
+#define EXACT 1e-14         /* of the time, or of the step: accuracy of a root */
 
 static int sign_of(double x)
 {
     return (x > 0.0) - (x < 0.0);
 }
 
-/* An event's function at a state. */
+/* The event function at a state. */
 static double value(lag_run *run, int which, double t, const double *y)
 {
     lag_evaluate(&run->events.tape, &run->system, t, y, LAG_ALL);
@@ -48,7 +48,7 @@ static double value_inside(void *context, double t)
     return -f->after * value(f->run, f->which, t, f->run->samples.y);
 }
 
-/* The first time at which an event's function has its new sign. */
+/* The first time at which an event function has its new sign. */
 static double locate(lag_run *run, int which, double low, double high)
 {
     along_step f = {run, which, run->events.after[which]};

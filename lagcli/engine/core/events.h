@@ -4,7 +4,7 @@
 
 #include "run.h"
 
-/* Begin at (t, y): what has just happened does not happen again. */
+/* Begin at (t, y): an event that has just occurred does not occur again. */
 void lag_events_start(lag_run *run);
 
 /* Look for the first event of the last step after `since`, and sample up to it. Returns LAG_EVENT,

@@ -17,8 +17,8 @@ typedef struct {
     const double *parameters;          /* by run, np */
     const double *states;              /* by run, q and v at the start, consistent */
     long slots;                        /* runs whose samples are held at once, more than LAG_LANES */
-    int portable;                      /* do without the processor's own instructions */
-    /* the caller's, which the core writes to */
+    int portable;                      /* use no processor-specific instructions */
+    /* owned by the caller, written by the core */
     int32_t *status;                   /* by run: a lag_lane_status */
     int64_t *counts;                   /* by run: steps, rejected, evaluations */
     double *samples;                   /* by slot: rows of t, q, v, a, lambda, W */
@@ -35,18 +35,18 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
                             const lag_program *constraint, const lag_batch_settings *settings);
 void lag_batch_destroy(lag_batch *batch);
 
-/* Try at most so many steps in each lane. Returns LAG_RUNNING; LAG_BLOCK_FULL where finished runs must
- * be taken first; LAG_DONE where no run is waiting or under way. */
+/* Attempt at most a number of steps in each lane. Returns LAG_RUNNING; LAG_BLOCK_FULL if finished runs must be taken
+ * first; LAG_DONE if no run is waiting or active. */
 int lag_batch_advance(lag_batch *batch, long attempts);
 
 /* The number of runs that were completed since the last call; which they are, and the slots of their
  * samples, which are free from now on. Both arrays have room for all slots. */
 long lag_batch_take(lag_batch *batch, int64_t *runs, int64_t *slots);
 
-/* The run in each lane; -1 where there is none. */
+/* The run in each lane; -1 for an empty lane. */
 const int64_t *lag_batch_runs(const lag_batch *batch);
 
-/* Let the run in a lane leave it; its status is then LAG_LANE_LEFT. */
+/* Remove the run in a lane; its status is then LAG_LANE_LEFT. */
 void lag_batch_leave(lag_batch *batch, int lane);
 
 typedef struct lag_table lag_table;

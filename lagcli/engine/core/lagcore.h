@@ -16,9 +16,9 @@
 
 #include "tables.h" /* lag_status */
 
-/* Where memory comes from. `release` is given what `allocate` returned. */
+/* Memory allocation. `release` is called with results of `allocate`. */
 typedef struct {
-    void *(*allocate)(void *context, size_t bytes); /* NULL where there is none */
+    void *(*allocate)(void *context, size_t bytes); /* NULL if there is no memory */
     void (*release)(void *context, void *memory);
     void *context;
 } lag_memory;
@@ -29,13 +29,13 @@ typedef struct {
     long length;
 } lag_stream;
 
-/* A function in operations on a file of registers: engine/program/program.py. */
+/* A function as operations on a register file: engine/program/program.py. */
 typedef struct {
     lag_stream prelude, main;
     lag_stream deferred[3];               /* for outputs that are evaluated on request */
-    lag_stream output_subsets[2];               /* for subsets of the outputs; empty where there are none */
-    int inputs;                        /* the first registers; the last of them hold the parameters */
-    const double *registers;           /* their values before the prelude */
+    lag_stream output_subsets[2];               /* for subsets of the outputs; empty if there are none */
+    int inputs;                        /* the first registers; the last of them contain the parameters */
+    const double *registers;           /* initial values, before the prelude */
     long register_count;
     const int32_t *outputs;            /* registers */
     long output_count;
@@ -45,34 +45,34 @@ typedef struct {
 typedef struct {
     int nq, nc, nh;
     int np;                            /* parameters */
-    const int32_t *holonomic;          /* nh: which constraints */
+    const int32_t *holonomic;          /* nh: indices of the constraints */
     int nm, nb;                        /* entries of M and of B */
     const int32_t *mass_row, *mass_column;         /* nm */
     const int32_t *jacobian_row, *jacobian_column; /* nb */
-    const int32_t *unit;               /* nq: the first coordinate that has the same unit with certainty */
+    const int32_t *unit;               /* nq: the first coordinate known to have the same unit */
     lag_program constraint;            /* of (t, q, v, p): phi, entries of B, b_0, scales of phi and psi, psi */
 } lag_equations;
 
-/* What to do about singular configurations. */
+/* Handling of singular configurations. */
 enum lag_watching { LAG_IGNORE, LAG_PASS, LAG_STOP };
 
 typedef struct {
     double t_start, t_end, h_max;      /* s */
-    const double *y;                   /* n: at t_start, consistent */
+    const double *y;                   /* n: initial state at t_start, consistent */
     const double *parameters;          /* np */
     double rtol;
-    const double *atol;                /* n: absolute tolerances; 0 where they follow the entry's size */
+    const double *atol;                /* n: absolute tolerances; 0 if they follow the entry's size */
     const int32_t *kind;               /* nq: coordinates of one kind have the same number, from 0 */
-    int rank;                          /* of B at the start */
-    const double *sizes;               /* nq: changes of the coordinates that count as equal */
-    const double *lengths;             /* nc: of the rows of B times sizes, at the start */
+    int rank;                          /* rank of B at the initial state */
+    const double *sizes;               /* nq: comparable changes of the coordinates */
+    const double *lengths;             /* nc: of the rows of B times sizes, at the initial state */
     const double *plain_lengths;       /* nc: of the rows of B */
     int projecting;                    /* project each state onto the constraints */
     int baumgarte;                     /* stabilize by alpha and beta; negative: by the step, as alpha */
     double alpha, beta;                /* 1/s */
     int watching;                      /* a lag_watching */
-    int detecting;                     /* look for stiffness */
-    int refinable;                     /* solutions may be refined before an elimination is given up */
+    int detecting;                     /* detect stiffness */
+    int refinable;                     /* solutions may be refined before another elimination is requested */
     const double *times;               /* sample times, increasing, s */
     long times_count;
     double *block;                     /* block_rows rows of t, q, v, a, lambda, W */
@@ -85,13 +85,13 @@ typedef struct {
 typedef struct {
     int n;                  /* nq + nc, of one block */
     const int32_t *order;   /* n: the unknown at each place */
-    const int32_t *paired;  /* n: whether the place begins a pivot of order two */
-    const int32_t *start;   /* n + 1: where each column of L begins */
+    const int32_t *paired;  /* n: whether a pivot of order two begins at the place */
+    const int32_t *start;   /* n + 1: start of each column of L */
     const int32_t *row;     /* the places of L's entries, by column, ascending */
     /* what stands to the left of each place in L, by rows */
     const int32_t *left_start; /* n + 1 */
     const int32_t *left_column, *left_entry;
-    /* where the entries of M and B go: the diagonal (n), the pairs (n), L; -1: nowhere */
+    /* destinations of the entries of M and B: the diagonal (n), the pairs (n), L; -1: nowhere */
     const int32_t *mass_targets, *jacobian_targets;
 } lag_elimination;
 
@@ -122,7 +122,7 @@ typedef struct {
     lag_block power_position, power_velocity;
     int n;                             /* order of the matrix */
     const int32_t *start, *columns;    /* its entries row by row */
-    const int32_t *parts;              /* where the parts' entries go */
+    const int32_t *parts;              /* destinations of the parts' entries */
     long parts_count;
 } lag_jacobians;
 
@@ -130,22 +130,22 @@ typedef struct {
  * of the pivots, columns too, with the fill. */
 typedef struct {
     int n;
-    const int32_t *row, *column;       /* n: the pivots' places in the matrix */
-    const int32_t *start;              /* n + 1: the factors' rows */
+    const int32_t *row, *column;       /* n: positions of the pivots in the matrix */
+    const int32_t *start;              /* n + 1: start of the factors' rows */
     const int32_t *columns;            /* of the factors' entries, increasing in each row */
-    const int32_t *diagonal;           /* n: each row's diagonal entry */
-    const int32_t *places;             /* where each entry of the matrix goes in the factors */
+    const int32_t *diagonal;           /* n: diagonal entry of each row */
+    const int32_t *places;             /* position of each matrix entry in the factors */
 } lag_pivots;
 
 /* A known function of time in pieces: engine/inputs/functions.py. Its piece at t is among the parameters of
  * programs: the time from which it counts, then degree + 1 coefficients, ascending. The arrays are not
  * copied: they must outlive the run. */
 typedef struct {
-    int first;                         /* where its piece is among the parameters */
+    int first;                         /* index of its piece among the parameters */
     int degree;
     long count;                        /* of pieces */
-    const double *knots;               /* count: where each begins; the first holds before that too */
-    const double *origins;             /* count: from where each counts */
+    const double *knots;               /* count: start of each piece; the first is also used before it */
+    const double *origins;             /* count: origin of each piece */
     const double *coefficients;        /* count rows of degree + 1 */
     double period;                     /* 0: none */
 } lag_function;
@@ -157,7 +157,7 @@ typedef struct {
     const int32_t *constraint, *base;  /* rows, and those of lag_equations: their numbers among all */
     const int32_t *law;                /* rows: of core/contact/contact.h: unilateral, limited, free */
     const int32_t *limit, *normal;     /* rows: which limit, which row limits it; -1 */
-    const int32_t *place;              /* rows: which phi; -1 */
+    const int32_t *place;              /* rows: index of phi; -1 */
     const double *sign;                /* rows: -1 where phi <= 0 */
     const int32_t *active;             /* rows */
     const int32_t *friction, *restitution; /* rows: which output of `impact`; -1 */
@@ -182,7 +182,7 @@ typedef struct {
     const int32_t *whole, *of_time;    /* kinks: whether whole parts (1: floor, -1: ceil); depend on t alone */
     lag_program kink_functions;        /* of (t, q, v, p): what the branches follow, and its sizes */
     int law_of_impact;                 /* of core/contact/contact.h */
-    double closed;                     /* of the size of phi: a gap that counts as none */
+    double closed;                     /* of the size of phi: tolerance of a closed gap */
     double *log;                       /* log_rows entries: core/switching/log.c */
     long log_rows;
 } lag_switching_rules;
@@ -192,17 +192,17 @@ typedef struct {
     const double *y;                   /* 2 nq + 1 */
     const int *mode, *active;          /* rows */
     const double *gap, *speed, *force; /* rows: phi, psi, z, each by the row's sign */
-    double gained;                     /* energy by the last impact, rejected ... */
-    int rubbed, alike;                 /* ... whether it had friction, contacts of one restitution */
-    const int *takes_part;             /* rows: in the last impact */
-    double margin;                     /* how unique the forces are while something slips: 0 of a jam */
-    int found;                         /* what the last contact problem has: core/contact/contact.h */
-    int begun;                         /* whether the modes at the start are known ... */
-    const int *first_mode;             /* ... which are these */
-    const double *before;              /* n: the state as the instant begins ... */
-    const double *a, *multipliers;     /* ... nq, nc (all constraints): which are 0 at the start */
-    long crossed, slid;                /* how often a branch has changed, a motion begun to slide */
-    const int *kinks;                  /* kinks: 1 where the function of a branch vanishes at the instant */
+    double gained;                     /* energy gained by the last impact, if rejected ... */
+    int rubbed, alike;                 /* ... whether it had friction, and equal coefficients of restitution */
+    const int *takes_part;             /* rows: participating in the last impact */
+    double margin;                     /* uniqueness of the forces while something slips: 0 if it jams */
+    int found;                         /* result of the last contact problem: core/contact/contact.h */
+    int begun;                         /* whether the initial modes are known ... */
+    const int *first_mode;             /* ... these modes */
+    const double *before;              /* n: the state at the beginning of the instant ... */
+    const double *a, *multipliers;     /* ... nq, nc (all constraints): 0 initially */
+    long crossed, slid;                /* number of changes of branches, and of starts of sliding */
+    const int *kinks;                  /* kinks: 1 if the function of a branch vanishes at the instant */
     const double *branches;            /* kinks */
 } lag_instant_report;
 
@@ -216,12 +216,12 @@ typedef struct {
 } lag_contact_report;
 
 typedef struct {
-    int which, direction;              /* which function; 1 where it rises, -1 where it falls */
+    int which, direction;              /* index of the function; 1 if it rises, -1 if it falls */
     double time;
     const double *y;                   /* n */
 } lag_event;
 
-/* Where a run is. Its arrays are valid until it goes on. */
+/* The state of a run. Its arrays are valid until the run continues. */
 typedef struct {
     double t_old, t;                   /* start and end of the last step */
     const double *y;                   /* n: at t */
@@ -229,18 +229,18 @@ typedef struct {
     const double *lengths;             /* nc: the largest so far of the rows of B times sizes */
     long steps, rejected, evaluations;
     long times_next;                   /* the next sample time */
-    double t_bad;                      /* where a status refers to another state ... */
-    const double *y_bad;               /* ... and this one */
+    double t_bad;                      /* if a status refers to another state: its time ... */
+    const double *y_bad;               /* ... and the state */
 } lag_report;
 
 typedef struct lag_run lag_run;
 typedef struct lag_method lag_method;
 
-/* Method i of those there are, DOP853 first, or NULL; and its name. */
+/* Method i of the available ones, DOP853 first, or NULL; and its name. */
 const lag_method *lag_method_at(int i);
 const char *lag_method_name(const lag_method *method);
 
-/* Make a run ready, with DOP853. NULL where there is no memory. */
+/* Create a run, with DOP853. NULL if there is no memory. */
 lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
                     const lag_settings *settings);
 void lag_destroy(lag_run *run);
@@ -255,16 +255,16 @@ int lag_use_dense(lag_run *run, const lag_program *dynamics);
 int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_elimination *plan);
 int lag_use_unrolled(lag_run *run, const lag_program *dynamics);
 
-/* Take the next steps by the dense solution, whatever is used otherwise. */
+/* Use the dense solution for the next steps, regardless of other settings. */
 int lag_allow_dense(lag_run *run, long steps);
 
-/* Allow Taylor's method, with an unrolled elimination; repeat it after lag_use_unrolled. */
+/* Allow Taylor's method, with an unrolled elimination; call it again after lag_use_unrolled. */
 int lag_use_series(lag_run *run, const lag_series_program *program);
 
 /* Allow implicit methods. */
 int lag_use_jacobians(lag_run *run, const lag_jacobians *jacobians);
 
-/* The entries of the implicit method's matrix, where a step returned LAG_ORDER; and their pivots. */
+/* The entries of the implicit method's matrix, after a step returned LAG_ORDER; and their pivots. */
 const double *lag_matrix(const lag_run *run);
 int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
 
@@ -277,14 +277,14 @@ int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
  */
 int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete);
 
-/* Look for sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
+/* Detect sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
 int lag_use_events(lag_run *run, const lag_program *functions);
 
-/* End steps at these times, which increase: the right side is not smooth there. Samples at them are those of
- * what follows. */
+/* End steps at these increasing times, at which the right side is not smooth. Samples there are taken after the
+ * break. */
 int lag_use_breaks(lag_run *run, const double *times, long count);
 
-/* Keep the pieces of known functions of time up to date; their knots must be among the breaks. */
+/* Update the pieces of known functions of time; their knots must be among the breaks. */
 int lag_use_functions(lag_run *run, const lag_function *functions, int count);
 /*
  * Let rows switch, and look for conditions. Where lag_start or lag_advance returns LAG_HAPPENED, the
@@ -296,7 +296,7 @@ lag_instant_report lag_instant_of(lag_run *run);
 lag_contact_report lag_contacts_of(lag_run *run);
 int lag_condition_happened(lag_run *run, int which);
 int lag_condition_holds(const lag_run *run, int which);
-double lag_gap_of_none(const lag_run *run, int row); /* the gap that counts as none */
+double lag_gap_of_none(const lag_run *run, int row); /* tolerance of a closed gap */
 void lag_place(lag_run *run, const double *y);
 void lag_activate(lag_run *run, int row, int active);
 void lag_set_parameters(lag_run *run, const double *parameters);
@@ -304,13 +304,13 @@ void lag_set_parameters(lag_run *run, const double *parameters);
 /* Apply a generalized impulse (nq). Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_push(lag_run *run, const double *impulse);
 
-/* The entries of the log, which is empty from now on. */
+/* Return the entries of the log, and empty it. */
 long lag_take_log(lag_run *run);
 
 /* Continue with another method from here. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, const lag_method *method);
 
-/* Prepare the first step; sample what lies at the start. Returns a lag_status. */
+/* Prepare the first step; take the sample at the initial time. Returns a lag_status. */
 int lag_start(lag_run *run);
 
 /* Take at most `slice` steps. Returns a lag_status. */
@@ -319,10 +319,10 @@ int lag_advance(lag_run *run, long slice);
 /* Sample the last accepted step, or the start, up to a time. Returns a lag_status. */
 int lag_sample_until(lag_run *run, double end);
 
-/* Write the sample row of the present state, which is not kept. Returns a lag_status. */
+/* Write the sample row of the current state, which is not stored. Returns a lag_status. */
 int lag_sample_here(lag_run *run, double *row);
 
-/* The rows of the block that are filled, which is empty from now on. */
+/* Return the number of filled rows of the block, and empty it. */
 long lag_take(lag_run *run);
 
 /* The last step's dense output, n values. */
@@ -334,7 +334,7 @@ void lag_limit(lag_run *run, double h_max);
 /* Continue from another state; lag_start must follow. */
 void lag_move(lag_run *run, double t, const double *y, long times_next);
 
-/* Find again what accelerations are made of, after a change of how they are found: sizes.h. Returns
+/* Update the sizes of the terms of accelerations, after the linear solution has changed: sizes.h. Returns
  * LAG_RUNNING or LAG_UNDEFINED. */
 int lag_sizes_again(lag_run *run);
 

@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-#define LINE 64 /* bytes of a line of the cache */
+#define LINE 64 /* bytes of a cache line */
 
-/* What precedes each allocation. */
+/* Header of each allocation. */
 typedef struct chunk {
     struct chunk *next;
 } chunk;

@@ -6,8 +6,8 @@
 
 typedef struct {
     lag_memory from;
-    void *last;                        /* the newest allocation, which leads to the others */
-    int failed;                        /* whether there was none left at some time */
+    void *last;                        /* the last allocation, which is linked to the others */
+    int failed;                        /* whether an allocation has failed */
 } lag_pool;
 
 /* Zeros from the beginning of a cache line on, also for no bytes: C forbids NULL even for copies of

@@ -12,7 +12,7 @@ int lag_size(const lag_system *s)
     return 2 * s->nq + 1;
 }
 
-/* Whether n numbers have the same bits. */
+/* Whether n numbers are bitwise equal. */
 static int same(int n, const double *x, const double *y)
 {
     for (int i = 0; i < n; ++i) {
@@ -67,8 +67,8 @@ int lag_scaled_rows(lag_run *run, int blocks, const lag_tape *tape, int first)
     return !isfinite(sum);
 }
 
-/* What of a residual exceeds its rounding errors, which damping would otherwise turn into noise: with the
- * short steps of a start from rest, beta is large. */
+/* The part of a residual that exceeds its rounding errors, which stabilization would amplify: with the short steps of
+ * a start from rest, beta is large. */
 static double beyond_rounding(double residual, double scale)
 {
     const double floor = DAMPED * scale;
@@ -114,7 +114,7 @@ static void add_derivatives_side(lag_run *run)
     }
 }
 
-/* Note where the equations have no finite value. Returns 1. */
+/* Record the state at which the equations are not finite. Returns 1. */
 static int undefined(lag_run *run, double t, const double *y)
 {
     run->failure.t = t;
@@ -168,15 +168,15 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, nc = s->nc, n = nq + nc;
-    double *x = run->solver.a; /* a, then lambda */
+    double *x = run->solver.a; /* a, followed by lambda */
     int bad = 0;
     ++run->step.evaluations;
     if (s->blocks > 1)
-        memset(x, 0, (size_t)n * sizeof(double)); /* first, the motion's are found */
+        memset(x, 0, (size_t)n * sizeof(double)); /* the motion's are computed first */
     if (run->baumgarte.active)
         lag_evaluate(&s->constraint, s, t, y, LAG_ALL);
     lag_evaluate(d, s, t, y, LAG_ALL);
-    /* the unrolled tape finds a, lambda and their power itself, to its own right side */
+    /* the unrolled tape computes a, lambda and their power, for its own right side */
     const int own = lag_solving_by(run) == LAG_BY_TAPE && !run->baumgarte.active;
     bad = own ? !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + lag_first_solution(s), x))
               : lag_factor(run, t, y);
@@ -223,7 +223,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
         memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
         return 0;
     }
-    /* straight from the unrolled tape; without lambda there is no a */
+    /* directly from the unrolled tape; without lambda there is no a */
     ++run->step.evaluations;
     lag_evaluate(d, s, t, y, LAG_ALL);
     f[2 * nq] = OUT(d, lag_first_total_power(s));
@@ -261,7 +261,7 @@ double lag_contradiction(lag_run *run, double t, const double *y)
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, nc = s->nc, extra = nc - run->rows.rank;
-    /* the unknowns beside a and lambda: how much of each dependency there is in gamma */
+    /* the unknowns besides a and lambda: the component of gamma along each dependency */
     const double *taken = run->solver.solution + nq + nc;
     double most = 0.0, terms = 0.0, power;
     if (!extra || lag_accelerate_system(run, t, y, 0, &power))

@@ -4,17 +4,17 @@
 
 #include "solution.h"
 
-#define ACCURATE 0.1        /* of rtol: what the residual of the equations may be, row by row */
-#define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is requested */
+#define ACCURATE 0.1        /* of rtol: acceptable residual of the equations, row by row */
+#define LEAST_ACCURATE 1e-9 /* the largest and the smallest acceptable residual */
 #define MOST_ACCURATE 1e-12
 #define DAMPED 1e-15        /* of a constraint's terms: residuals up to this are rounding errors */
-#define NEXT_TO_ALL 1e-4    /* of the largest row: what a row of small terms is compared with */
+#define NEXT_TO_ALL 1e-4    /* of the largest row: minimum scale of a row with small terms */
 
 /* Size of the state y = (q, v, W). */
 int lag_size(const lag_system *system);
 
-/* What is wanted of a tape: all; of the dynamics, what solutions for other right sides go on from; of
- * the constraints, phi with its scale, or B, psi and its scale. */
+/* Parts of a tape: all; for the dynamics, intermediate results for other right sides; for the constraints, phi with
+ * its scale, or B, psi and its scale. */
 enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 };
 
 /* Evaluate a tape, or a part, at a state, unless it holds that; these outputs can be read
@@ -34,7 +34,7 @@ void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, 
  * undefined. */
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power);
 
-/* The same without the forces of rows that switch. */
+/* The same without the forces of switched rows. */
 int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, double *power);
 
 /* y' at a state. Returns 0, or 1 where it is undefined. */

@@ -38,7 +38,7 @@ static void raise_scales(lag_run *run, double t, const double *y)
     for (int i = 0; i < s->nh; ++i) {
         const int k = s->holonomic[i];
         const double least = fmax(own[k], LEAST_PART * sqrt(size) * sqrt(square[k]));
-        if (least > run->projection.scale_position[i]) /* not where it is undefined */
+        if (least > run->projection.scale_position[i]) /* unless it is undefined */
             run->projection.scale_position[i] = least;
     }
 }
@@ -73,7 +73,7 @@ int lag_project_system(lag_run *run, double t, double *y)
         }
         met = worst <= RESIDUAL;
         if (best <= NOT_REACHED && worst >= 0.5 * best && !met) {
-            /* rounding error is reached: the better of the last two */
+            /* rounding errors are reached: keep the better of the last two */
             if (worst > best)
                 memcpy(y, run->step.trial, (size_t)nq * sizeof(double));
             met = 1;
@@ -92,8 +92,8 @@ int lag_project_system(lag_run *run, double t, double *y)
     }
     if (!met)
         return LAG_OFF;
-    /* linear in the velocities: the second time removes rounding, and what B has turned by since it
-     * was factored */
+    /* linear in the velocities: the second pass removes rounding, and the effect of the change of B since it was
+     * factored */
     for (int iteration = 0; iteration < 2; ++iteration) {
         lag_evaluate(c, s, t, y, LAG_VELOCITIES);
         if (!isfinite(vectors->pick(nc, c->registers, c->outputs + first_velocity, residual)))

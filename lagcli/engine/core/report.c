@@ -1,4 +1,4 @@
-/* What a program that drives a run asks of it, and sets, between its steps. */
+/* Access to a run between its steps. */
 #include <string.h>
 
 #include "methods/implicit.h"

@@ -14,13 +14,13 @@ double lag_bracketed_root(lag_scalar_function f, void *context, double low, doub
         double x = width > 0.5 * older ? low + 0.5 * width : high - b * width / (b - a);
         older = last;
         last = width;
-        /* a step beyond the root, so that the interval closes from both sides */
+        /* a step beyond the root, so that the interval shrinks from both sides */
         x = fmin(fmax(x, low + 0.5 * exact), high - 0.5 * exact);
         const double g = f(context, x);
         if (g < 0.0) {
             high = x;
             b = g;
-            a *= side < 0 ? 0.5 : 1.0; /* an end that stays twice */
+            a *= side < 0 ? 0.5 : 1.0; /* an end that remains twice */
             side = -1;
         } else {
             low = x;

@@ -18,13 +18,13 @@
 #include "switching/watched.h"
 #include "watch.h"
 
-#define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
-#define SOUND 1e-4          /* the largest residual of an elimination that refinement may make up for */
-#define CALM 20             /* accurate steps in a row until solutions are no longer refined */
-#define CONTRADICTION 5e-7  /* of the terms of B a = gamma: what is looked at more closely */
+#define SHORTER 0.3         /* of a step that passed a singular configuration */
+#define SOUND 1e-4          /* largest residual of an elimination that refinement can correct */
+#define CALM 20             /* consecutive accurate steps after which solutions are no longer refined */
+#define CONTRADICTION 5e-7  /* of the terms of B a = gamma: residual that is examined more closely */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
-/* Set the damping of the next step, and the derivative with it. */
+/* Set the damping of the next step, and update the derivative. */
 static int damp(lag_run *run)
 {
     if (!run->baumgarte.alpha_from_step)
@@ -39,7 +39,7 @@ int lag_switch(lag_run *run, const lag_method *method)
 {
     run->switching.chosen = method;
     if (run->switching.acting)
-        method = &lag_dop853; /* which alone knows of forces of rows that switch */
+        method = &lag_dop853; /* only DOP853 supports forces of switched rows */
     run->method = run->stepped = method;
     run->step.error_old = LEAST_ERROR;
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
@@ -57,7 +57,7 @@ int lag_start(lag_run *run)
     if (run->switching.used) {
         const int going_on = run->switching.begun;
         int status = lag_begin_modes(run);
-        if (status == LAG_RUNNING && going_on) { /* the state may be another */
+        if (status == LAG_RUNNING && going_on) { /* the state may have changed */
             memset(run->switching.kinks.state, 0, (size_t)run->switching.kinks.count * sizeof(int));
             status = lag_choose_branches(run);
         }
@@ -70,7 +70,7 @@ int lag_start(lag_run *run)
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
     run->step.finishing = 0;
     run->watch.cancellation.last = 0.0;
-    run->solver.inaccuracy = INFINITY; /* not known yet */
+    run->solver.inaccuracy = INFINITY; /* unknown */
     lag_breaks_start(run);
     lag_events_start(run);
     lag_sizes_start(run);
@@ -118,7 +118,7 @@ static int finish(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* Undo the last step; the next one is a part of it. */
+/* Undo the last step; it is repeated in parts. */
 static void take_back(lag_run *run, double part)
 {
     run->step.t = run->step.t_old;

@@ -15,9 +15,9 @@
 /* step.c, and the methods: the state and the last step. */
 typedef struct {
     double t_start, t, t_end;
-    double t_stop;                     /* where steps must end: the next break, or t_end */
+    double t_stop;                     /* next break, or t_end */
     double h, h_max;                   /* of the next step */
-    double error_old;                  /* what the control keeps of the last step */
+    double error_old;                  /* error of the last step, for step size control */
     double *y, *f;                     /* n: the state and its derivative */
     double t_old, h_old;               /* the last step */
     double *y_old;                     /* n */
@@ -35,7 +35,7 @@ typedef struct {
 typedef struct {
     double rtol;
     double *atol;                      /* n: of the next step */
-    const double *given;               /* n: those that are given; 0 where they follow the size */
+    const double *given;               /* n: given tolerances; 0 if they follow the size */
     double *size, *acceleration_terms, *future_acceleration;      /* n, nq, nq: S, A and R of sizes.h */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
@@ -44,8 +44,8 @@ typedef struct {
 
 /* dop853.c: whether stability, not accuracy, limits the steps. */
 typedef struct {
-    int detecting;                     /* whether to look for it */
-    int stiff, not_stiff;              /* steps that were so in a row */
+    int detecting;                     /* whether to detect stiffness */
+    int stiff, not_stiff;              /* consecutive steps that were so */
 } lag_stiffness;
 
 /* motion.c: Baumgarte's stabilization. */
@@ -66,16 +66,16 @@ enum lag_solution { LAG_BY_LU, LAG_BY_TAPE, LAG_BY_LDL };
 
 typedef struct {
     enum lag_solution by;
-    long dense_steps;                  /* steps to take by LU all the same */
-    int refinable;                     /* whether solutions may be refined before an order is given up */
-    int refining;                      /* whether y' asks for a refined solution ... */
-    int accurate_steps;                /* ... and the steps in a row that would not have needed it */
+    long dense_steps;                  /* number of steps to take by dense LU */
+    int refinable;                     /* whether solutions may be refined before an order is replaced */
+    int refining;                      /* whether y' needs a refined solution ... */
+    int accurate_steps;                /* ... and the consecutive steps that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end */
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
     double *right, *solution;          /* N each */
     double *block;                     /* nq + nc of one block: scratch */
     int cancellation_count;            /* outputs of the tape on cancellation in its pivots */
-    int other_right;                   /* where another right side goes in the tape's inputs */
+    int other_right;                   /* index of another right side in the tape's inputs */
 } lag_solver;
 
 /* motion.c: the elimination in a loop. */
@@ -89,12 +89,12 @@ typedef struct {
 typedef struct {
     double *matrix, *lu;               /* N*N each; NULL until they are needed */
     int *pivots;                       /* N */
-    double *weight;                    /* nc: brings the rows of B times sizes near one */
+    double *weight;                    /* nc: scales the rows of B times sizes to order one */
 } lag_dense_matrix;
 
 /* watch.c and motion.c: the rows of B. */
 typedef struct {
-    int rank;                          /* of B at the start */
+    int rank;                          /* of B at the initial state */
     double *sizes;                     /* nq: changes of the coordinates that count as equal, by their
                                         * inertia at the start; the unknowns are a over sizes */
     double *lengths;                   /* nc: largest length of each row of B times sizes so far */
@@ -113,7 +113,7 @@ typedef struct {
 typedef struct {
     double least, most;                /* at the stages of the last step */
     double largest;                    /* so far */
-    double last;                       /* at the last stage; 0 where that was not on the way here */
+    double last;                       /* at the last stage; 0 if it has not been evaluated */
 } lag_cancellation;
 
 /* watch.c: the watch for singular configurations. */
@@ -145,13 +145,13 @@ typedef struct {
 
 /* events.c: where a function of (t, q, v) changes its sign along the motion. */
 typedef struct {
-    int count;                         /* 0: there are none to look for */
+    int count;                         /* 0: there are none */
     lag_tape tape;                     /* their functions */
-    int32_t *sign, *after;             /* count: at `since` and later; 0 where not known yet */
+    int32_t *sign, *after;             /* count: at `since` and later; 0 if unknown */
     double since;                      /* up to where the last step was searched */
     double time;                       /* of the last event */
-    int which, direction;              /* which it was; 1 where its function rises, else -1 */
-    int located;                       /* whether it lies ahead of the samples */
+    int which, direction;              /* index of the function; 1 if it rises, else -1 */
+    int located;                       /* whether it is later than the samples */
     double *y;                         /* n: the state there, on the constraints */
 } lag_events;
 
@@ -162,8 +162,8 @@ typedef struct {
 } lag_failure;
 
 struct lag_run {
-    lag_pool pool;                     /* of what lives as long as the run ... */
-    lag_pool dynamics_pool;            /* ... and as long as its way to find a and lambda */
+    lag_pool pool;                     /* data that live as long as the run ... */
+    lag_pool dynamics_pool;            /* ... and as long as its way of computing a and lambda */
     int np;
     double *parameters;                /* breaks.c changes the pieces of functions */
     lag_system system;
@@ -182,8 +182,8 @@ struct lag_run {
     lag_events events;
     lag_breaks breaks;
     lag_switching switching;
-    lag_series series;                 /* what Taylor's method needs */
-    struct lag_implicit *implicit;     /* what implicit methods need; NULL until they are allowed */
+    lag_series series;                 /* data of Taylor's method */
+    struct lag_implicit *implicit;     /* data of implicit methods; NULL until they are allowed */
     lag_failure failure;
 };
 

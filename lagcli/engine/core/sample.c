@@ -8,7 +8,7 @@
 #include "step.h"
 #include "switching/settle.h"
 
-#define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
+#define FINE 1e-5           /* of rtol: acceptable residual of the equations at samples */
 
 /* Write the consistent state next to y, with its a and lambda. */
 static int write_row(lag_run *run, double t, double *y, double *row)
@@ -39,7 +39,7 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     return LAG_RUNNING;
 }
 
-/* Keep the sample at a time. */
+/* Store the sample at a time. */
 static int sample(lag_run *run, double t, double *y)
 {
     const long width = lag_sample_size(&run->system) + run->samples.extra;

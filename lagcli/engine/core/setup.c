@@ -1,4 +1,4 @@
-/* A run is made ready: its arrays are copied and its memory is allocated, here alone. */
+/* Creation of a run: arrays are copied and memory is allocated only here. */
 #include <math.h>
 #include <string.h>
 
@@ -138,11 +138,11 @@ void lag_destroy(lag_run *run)
     if (run->implicit)
         lag_release(&run->implicit->pivots_pool);
     lag_release(&run->dynamics_pool);
-    lag_pool pool = run->pool; /* the run lies in it */
+    lag_pool pool = run->pool; /* the run is allocated in it */
     lag_release(&pool);
 }
 
-/* Replace the dynamics, and what was made of the former ones. */
+/* Replace the dynamics, and everything derived from them. */
 static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_solution by)
 {
     lag_release(&run->dynamics_pool);

@@ -81,7 +81,7 @@ void lag_sizes_start(lag_run *run)
     double *found[] = {run->step.trial, run->step.f_new};
     int undefined = 0;
     for (int side = 0; side < 2; ++side) {
-        run->system.dynamics.registers[0] = NAN; /* what it holds is rounded otherwise */
+        run->system.dynamics.registers[0] = NAN; /* its current values are rounded differently */
         fesetround(mode[side]);
         undefined |= lag_derivative(run, run->step.t, run->step.y, found[side]);
         fesetround(nearest);
@@ -167,7 +167,7 @@ void lag_first_step(lag_run *run, double order)
             change[i] -= f[i];
         run->step.h = lag_chosen_step(&rule, change, h, run->tolerances.rtol, order);
     }
-    /* M at the start, where velocities may be zero: what they will be after the step counts */
+    /* M at the initial state, where velocities may be zero: use those after the step */
     lag_evaluate(&run->system.dynamics, &run->system, run->step.t, y, LAG_ALL);
     run->tolerances.size[n] = fmax(run->tolerances.size[n], kinetic_energy(run, y + nq, run->step.h));
     lag_sizes_update(run);

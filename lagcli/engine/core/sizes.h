@@ -31,15 +31,15 @@
 #include "run.h"
 
 #define FOLLOWING 0.1
-#define OF_DERIVATIVES 100.0 /* the same of derivatives of the motion, which so seldom limit the steps */
+#define OF_DERIVATIVES 100.0 /* the same for derivatives of the motion, which then seldom limit the steps */
 #define ROUNDING (100.0 * DBL_EPSILON)
 #define SUMMING (100.0 * DBL_EPSILON)
 #define TIMING (10.0 * DBL_EPSILON)
-#define HIDDEN 1e-8         /* of the forces' size: an A below is that of rounding, or chance */
-#define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
-#define LOOKS 64            /* times in a run at which accelerations to come are looked at */
+#define HIDDEN 1e-8         /* of the forces' size: a smaller A is a rounding error */
+#define NO_SIZE 1e-100      /* tolerance of an entry without any size so far */
+#define LOOKS 64            /* number of later times at which accelerations are evaluated */
 
-/* Find what the accelerations at (t, y, f), where the run starts, are made of, and will be: A, R. */
+/* Compute A and R for the initial state (t, y, f). */
 void lag_sizes_start(lag_run *run);
 
 /* Find A again where the linear system is solved in another way from here on. Returns LAG_RUNNING, or
@@ -49,7 +49,7 @@ int lag_sizes_again(lag_run *run);
 /* Before the step from (t, y, f) of size h: sizes, and the absolute tolerances of the step. */
 void lag_sizes_update(lag_run *run);
 
-/* Take the kinetic energy into account, of the velocities in y and M as the dynamics tape holds it. */
+/* Update the kinetic energy, from the velocities in y and M of the dynamics tape. */
 void lag_sizes_energy(lag_run *run, const double *y);
 
 /* Choose the size of a first step from (t, y, f); see lag_sizes_start. */

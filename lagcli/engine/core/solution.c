@@ -175,7 +175,7 @@ void lag_turn(double *x, int n)
         x[i] = -x[i];
 }
 
-/* Where the tape's solution for another right side begins; the one for the constraints alone follows. */
+/* Start of the tape's solution for another right side; the one for the constraints follows. */
 static int first_other(const lag_run *run)
 {
     return lag_first_cancellation(&run->system) + run->solver.cancellation_count;

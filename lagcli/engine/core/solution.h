@@ -4,17 +4,17 @@
 
 #include "run.h"
 
-/* Which factors of the matrix are at hand for the state that the dynamics tape holds. */
+/* The factors of the matrix available for the state of the dynamics tape. */
 enum lag_factored { LAG_NOT_FACTORED, LAG_FACTORED, LAG_FACTORED_DENSE };
 
-/* How a and lambda are found now: as run->solver.by says, or densely (0). */
+/* How a and lambda are computed now: as run->solver.by says, or densely (0). */
 enum lag_solution lag_solving_by(const lag_run *run);
 
 /* Make [[M, B'], [B, 0]] at a state ready to solve with. Returns 0, or 1 if it is singular; of the
  * unrolled factors it does not say so: the solutions are not finite then. */
 int lag_factor(lag_run *run, double t, const double *y);
 
-/* The least of the pivots of the dense factors. */
+/* The smallest pivot of the dense factors. */
 double lag_least_dense_pivot(const lag_run *run);
 
 /* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
@@ -45,7 +45,7 @@ void lag_refine(lag_run *run, const double *right, double *x);
 /* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */
 void lag_residual(const lag_run *run, const double *right, const double *x, double *r, double *size);
 
-/* The multipliers from the unknowns beside a, which are their negatives, or back. */
+/* Convert the unknowns besides a to multipliers, which are their negatives, or back. */
 void lag_turn(double *x, int n);
 
 #endif

@@ -21,7 +21,7 @@ void lag_accept(lag_run *run, double h, double factor)
     run->step.h_old = h;
     memcpy(run->step.y_old, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
     run->step.t = h == run->step.t_stop - run->step.t ? run->step.t_stop : run->step.t + h;
-    /* a step that was cut short says nothing against the size it had before */
+    /* a step that was cut short does not reduce the next one */
     run->step.h = fmin(factor < 1.0 ? h * factor : fmax(h * factor, run->step.h), run->step.h_max);
     run->step.dense_ready = 0;
     ++run->step.steps;

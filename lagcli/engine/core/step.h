@@ -4,19 +4,19 @@
 
 #include "run.h"
 
-/* The size of the next step, cut at t_stop; 0 where it is below the floor. */
+/* The size of the next step, limited by t_stop; 0 if it is below the minimum. */
 double lag_step_size(const lag_run *run);
 
 /* Accept a step of size h to y_new; the next is larger by a factor. */
 void lag_accept(lag_run *run, double h, double factor);
 
-/* Forget the last step: the next one does not continue it. */
+/* Discard the last step: the next one does not continue it. */
 void lag_restart(lag_run *run);
 
 /* The last step's dense output, n values. */
 void lag_dense(lag_run *run, double t, double *y);
 
-/* The same, rounded otherwise: quick where it is requested many times in one step. */
+/* The same with different rounding, for frequent evaluation in one step. */
 void lag_dense_often(lag_run *run, double t, double *y);
 
 #endif

@@ -1,4 +1,4 @@
-/* What is integrated: tapes, sizes and sparsity; engine/system.py says what each tape holds. */
+/* The integrated system: tapes, sizes and sparsity; engine/system.py describes the tapes. */
 #ifndef LAGCLI_SYSTEM_H
 #define LAGCLI_SYSTEM_H
 
@@ -12,11 +12,11 @@ typedef struct {
     const int32_t *mass_row, *mass_column;         /* nm each */
     const int32_t *jacobian_row, *jacobian_column; /* nb each */
     const int32_t *mass_diagonal;      /* nq: M's entries on its diagonal; -1: zero */
-    const int32_t *unit;               /* nq: the first coordinate that has the same unit with certainty */
-    lag_tape dynamics, constraint;     /* their outputs lie as layout.h says */
+    const int32_t *unit;               /* nq: the first coordinate known to have the same unit */
+    lag_tape dynamics, constraint;     /* outputs in the order of layout.h */
     int blocks;                        /* the motion, and its derivatives in each direction */
-    int complete;                      /* whether the unrolled dynamics have the solution of all blocks */
-    lag_tape tangent;                  /* f and gamma of the derivatives; where there are any */
+    int complete;                      /* whether the unrolled dynamics contain the solution of all blocks */
+    lag_tape tangent;                  /* f and gamma of the derivatives, if any */
 } lag_system;
 
 #include "layout.h"

@@ -10,11 +10,11 @@
 #include "step.h"
 #include "tape/vectors.h"
 
-#define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
-#define OVER 0.05           /* of its largest value: the least pivot that is looked at again */
-#define ASIDE 0.1           /* of all rows, in what inverse iteration begins with */
-#define ITERATIONS 8        /* of it at most ... */
-#define SETTLED 0.9         /* ... and the part of the last value that the next one keeps at the end */
+#define LARGE 20000.0       /* number of operations above which the rows of B are not orthogonalized */
+#define OVER 0.05           /* of its largest value: the smallest pivot that is examined more closely */
+#define ASIDE 0.1           /* weight of all rows in the initial vector of inverse iteration */
+#define ITERATIONS 8        /* largest number of iterations ... */
+#define SETTLED 0.9         /* ... and ratio of successive values at convergence */
 #define GOLDEN 0.6180339887498949
 
 /*
@@ -56,12 +56,12 @@ static double least_part_of_factors(lag_run *run)
     return sqrt(least);
 }
 
-/* The same, or what the shortest row of B keeps of its largest length, if that is less. */
+/* The same, or the relative length of the shortest row of B, if that is smaller. */
 static double least_part(lag_run *run)
 {
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    if (run->solver.by == LAG_BY_TAPE) { /* the tape finds both */
+    if (run->solver.by == LAG_BY_TAPE) { /* the tape computes both */
         const int pivots = run->solver.cancellation_count - s->nc;
         const int32_t *places = d->outputs + lag_first_cancellation(s);
         const lag_vector_kernel *vectors = lag_vectors();
@@ -87,7 +87,7 @@ static double least_part_of_dense(lag_run *run)
     return sqrt(fmin(lag_least_dense_pivot(run), shortest));
 }
 
-/* Bring x to unit length; returns the length that it had. */
+/* Normalize x; returns its previous length. */
 static double normalize(double *x, int n)
 {
     double sum = 0.0;
@@ -119,7 +119,7 @@ static double least_singular(lag_run *run)
         for (int i = 0; i < nc; ++i)
             x[i] *= run->rows.lengths[i];
         value = 1.0 / sqrt(normalize(x, nc));
-        if (!(value > 0.0) || !isfinite(value)) { /* the factors have no digits left */
+        if (!(value > 0.0) || !isfinite(value)) { /* the factors are not accurate enough */
             memset(x, 0, (size_t)nc * sizeof(double));
             return 0.0;
         }
@@ -136,7 +136,7 @@ static int by_factors(const lag_run *run)
     return whole || lag_solving_by(run) != LAG_BY_LU;
 }
 
-/* Whether there are so many rows of B, of the motion, that they are not orthogonalized. */
+/* Whether B, of the motion, has too many rows to orthogonalize them. */
 static int large(const lag_run *run)
 {
     const int nq = run->system.nq / run->system.blocks, nc = run->system.nc / run->system.blocks;
@@ -168,7 +168,7 @@ void lag_watch_step(lag_run *run)
 
 void lag_watch_stage(lag_run *run)
 {
-    double part = 0.0; /* every step is looked at */
+    double part = 0.0; /* every step is examined */
     if (lag_solving_by(run) != LAG_BY_LU)
         part = least_part(run);
     else if (by_factors(run) && large(run))
@@ -189,7 +189,7 @@ int lag_stage(lag_run *run, double t, const double *y, double *f)
     return 0;
 }
 
-/* Keep the largest length that each row of B times sizes, or of B, has had. */
+/* Record the largest length of each row of B times sizes, or of B. */
 static void measure(lag_run *run, const double *sizes, double *lengths)
 {
     const lag_system *s = &run->system;
@@ -207,7 +207,7 @@ void lag_measure(lag_run *run)
     measure(run, run->rows.sizes, run->rows.lengths);
 }
 
-/* Whether the stages of the last step may have come near to a singular configuration. */
+/* Whether the stages of the last step indicate a singular configuration. */
 static int alarmed(const lag_run *run)
 {
     const lag_cancellation *c = &run->watch.cancellation;
@@ -221,7 +221,7 @@ static double least_pivot_inside(lag_run *run, double x)
     const double h = run->step.h_old, z = 1.0 - x;
     const double *q0 = run->step.y_old, *v0 = q0 + nq, *q1 = run->step.y_new, *v1 = q1 + nq;
     double *y = run->samples.y;
-    if (run->stepped->uses_series) { /* its steps are too long for a cubic, and have all at hand */
+    if (run->stepped->uses_series) { /* its steps are too long for a cubic, and provide all states */
         lag_dense(run, run->step.t_old + x * h, y);
         return lag_least_pivot(run, run->step.t_old + x * h, y);
     }
@@ -236,7 +236,7 @@ int lag_stepped_over(lag_run *run)
 {
     if (!alarmed(run))
         return 0;
-    /* the places next to the ends show whether it falls or rises there */
+    /* the neighbours of the ends show whether it falls or rises there */
     static const double place[] = {0.0, 0.001, 0.25, 0.5, 0.75, 0.999, 1.0};
     double value[7];
     for (int i = 0; i < 7; ++i)
@@ -244,7 +244,7 @@ int lag_stepped_over(lag_run *run)
     for (int i = 1; i < 6; ++i) {
         if (value[i] > value[i - 1] || value[i] > value[i + 1])
             continue;
-        /* golden section, until the bracket is short against what a cubic can say */
+        /* golden section, until the bracket is short relative to the accuracy of a cubic */
         double low = place[i - 1], high = place[i + 1], least = value[i];
         double a = high - GOLDEN * (high - low), b = low + GOLDEN * (high - low);
         double fa = least_pivot_inside(run, a), fb = least_pivot_inside(run, b);

@@ -1,17 +1,17 @@
-/* The watch for singular configurations: where B loses rank in passing. */
+/* Monitoring of singular configurations, in which B loses rank momentarily. */
 #ifndef LAGCLI_WATCH_H
 #define LAGCLI_WATCH_H
 
 #include "run.h"
 
-#define NEAR 0.3            /* of its largest value: the least pivot next to a singular place */
-#define STEADY 0.7          /* of the most that pivots kept during a step: less needs a closer look */
+#define NEAR 0.3            /* of its largest value: smallest pivot near a singular configuration */
+#define STEADY 0.7          /* ratio of cancellation during a step below which it is examined more closely */
 
 /* The least pivot of the row-scaled B, at most about 1, or its least singular value where B is large;
  * near 0 in a singular configuration. */
 double lag_least_pivot(lag_run *run, double t, const double *y);
 
-/* Begin to watch a step. */
+/* Begin to monitor a step. */
 void lag_watch_step(lag_run *run);
 
 /* Keep what shows at a stage of a step that B may be losing rank; the stage was accelerated last. */
@@ -21,7 +21,7 @@ void lag_watch_stage(lag_run *run);
  * it is undefined. */
 int lag_stage(lag_run *run, double t, const double *y, double *f);
 
-/* Keep the largest length that each row of B has had; the constraint tape holds the state. */
+/* Record the largest length of each row of B; the constraint tape contains the state. */
 void lag_measure(lag_run *run);
 
 /* Whether the least pivot passes a small minimum inside the last step. */

@@ -105,7 +105,7 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
     s->single = single;
     s->system = &single->system;
     for (int i = 0; i < s->system->nq; ++i)
-        single->rows.sizes[i] = 1.0; /* each lane has parameters, and so inertia, of its own */
+        single->rows.sizes[i] = 1.0; /* each lane has its own parameters, and so its own inertia */
     s->t_start = single->step.t;
     s->t_end = single->step.t_end;
     s->h_max = single->step.h_max;
@@ -138,7 +138,7 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
 
 void lag_batch_destroy(lag_batch *s)
 {
-    lag_pool pool = s->pool; /* the batch lies in it */
+    lag_pool pool = s->pool; /* the batch is allocated in it */
     lag_release(&pool);
 }
 
@@ -200,7 +200,7 @@ lag_table *lag_table_create(const lag_memory *memory, const lag_program *program
 
 void lag_table_destroy(lag_table *table)
 {
-    lag_pool pool = table->pool; /* the table lies in it */
+    lag_pool pool = table->pool; /* the table is allocated in it */
     lag_release(&pool);
 }
 

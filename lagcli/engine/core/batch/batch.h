@@ -10,16 +10,16 @@
 #include "lagbatch.h"
 #include "run.h"
 
-/* A program of engine/program/program.py on eight register files. Places count LAG_LANES for a register. */
+/* A program of engine/program/program.py on eight register files. Each register takes LAG_LANES places. */
 typedef struct {
     const int32_t *prelude, *stream, *deferred[3], *output_subsets[2], *outputs; /* as in tape.h */
     double *registers;                 /* of lanes */
 } lag_batch_tape;
 
-/* Eight states at once. The dynamics tape holds the elimination, unrolled. */
+/* Eight states at once. The dynamics tape contains the unrolled elimination. */
 typedef struct {
-    const lag_system *system;          /* its tapes are not used */
-    const lag_run *single;             /* has where outputs and inputs of the elimination are */
+    const lag_system *system;          /* without its tapes */
+    const lag_run *single;             /* provides the indices of outputs and inputs of the elimination */
     lag_batch_tape dynamics, constraint;
     double *scale_position, *scale_velocity; /* of lanes: nh, nc; the largest so far */
     double *right, *x, *work;          /* of lanes: nq + nc; the same; 2 (nq + nc) */
@@ -36,16 +36,16 @@ struct lag_batch {
     const double *times;               /* sample times */
     long times_count;
 
-    long runs, next;                   /* how many there are; the next to begin */
+    long runs, next;                   /* number of runs; the next one to start */
     int parameters_count;
     const double *parameters, *states; /* by run: parameters; q and v at t_start */
     int32_t *status;                   /* by run: a lag_lane_status */
     int64_t *counts;                   /* by run: steps, rejected, evaluations */
 
     double *samples;                   /* by slot: times_count rows as in run.h */
-    int64_t *free_slots;               /* those that no run has */
+    int64_t *free_slots;               /* slots without a run */
     int64_t free_count;
-    int64_t *finished, *finished_slots; /* the runs done since they were last taken */
+    int64_t *finished, *finished_slots; /* runs completed since the last call, and their slots */
     int64_t finished_count;
 
     lag_octet moving;                  /* a run in each lane */
@@ -53,8 +53,8 @@ struct lag_batch {
 
     int64_t run[LAG_LANES];            /* the run in each lane; -1: none */
     int64_t slot[LAG_LANES];
-    int64_t times_next[LAG_LANES];     /* the next sample to be taken */
-    int64_t samples_done[LAG_LANES];   /* samples brought onto the constraints, with a and lambda */
+    int64_t times_next[LAG_LANES];     /* index of the next sample */
+    int64_t samples_done[LAG_LANES];   /* samples that are projected, with a and lambda */
     double t[LAG_LANES], h[LAG_LANES], error_old[LAG_LANES];
     int after_rejection[LAG_LANES], stiff[LAG_LANES], not_stiff[LAG_LANES];
     double pivot[LAG_LANES], largest_pivot[LAG_LANES]; /* as in run.h ... */
@@ -71,7 +71,7 @@ struct lag_batch {
     double *atol, *size, *acceleration_terms, *future_acceleration;
     double *largest;                   /* of lanes: 2 kinds */
 
-    /* what looks closer at one lane, by the functions of a single run */
+    /* functions of a single run, for a closer examination of one lane */
     lag_run *single;
 };
 

@@ -1,8 +1,8 @@
-/* Runs go into lanes, through their steps, and out; see run.c and dop853.c for one. */
+/* Runs in lanes: start, steps, and end; see run.c and dop853.c for a single run. */
 
-#define WORTH 300           /* steps that must be left for another method, as in engine/integrate/methods.py */
+#define WORTH 300           /* remaining steps that justify another method, as in engine/integrate/methods.py */
 
-/* Let the runs in some lanes leave; return the other ones. */
+/* Remove the runs in some lanes; return the other lanes. */
 static int batch_leave_all(lag_batch *s, int lanes, int leaving)
 {
     EACH_LANE (l)
@@ -148,7 +148,7 @@ static void batch_begin(lag_batch *s, int lanes)
     batch_first_steps(s, lanes);
 }
 
-/* The size of a lane's next step, cut at t_end; 0 where it is below the floor. */
+/* The size of a lane's next step, limited by t_end; 0 if it is below the minimum. */
 static double batch_step_size(const lag_batch *s, int l)
 {
     const double t = s->t[l], h = s->h[l];
@@ -157,7 +157,7 @@ static double batch_step_size(const lag_batch *s, int l)
     return t + 1.01 * h >= s->t_end ? s->t_end - t : h;
 }
 
-/* Settle which steps are accepted, and the sizes of the next ones; return the lanes that go on. */
+/* Determine the accepted steps and the sizes of the next ones; return the lanes that continue. */
 static int batch_judge(lag_batch *s, int lanes, const double *h, const double *error)
 {
     const double order = lag_dop853.order;
@@ -208,7 +208,7 @@ static int batch_stiff(lag_batch *s, int lanes, const double *h)
     return found;
 }
 
-/* The lanes in which the projection moved the state enough for another y'. */
+/* The lanes in which the projection changed the state so much that y' must be evaluated again. */
 static int batch_moved(const lag_batch *s)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
@@ -240,7 +240,7 @@ static int batch_jumped(const lag_batch *s)
     return found;
 }
 
-/* Go to the ends of accepted steps; return the lanes that arrive. */
+/* Advance to the ends of accepted steps; return the lanes that arrive. */
 static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
 {
     const lag_system *system = s->system;
@@ -265,7 +265,7 @@ static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
     return lanes;
 }
 
-/* Begin the next steps at the ends of the last. */
+/* Prepare the next steps at the ends of the last. */
 static void batch_go_on(lag_batch *s, int lanes, const double *end)
 {
     const lag_system *system = s->system;
@@ -289,7 +289,7 @@ static void batch_go_on(lag_batch *s, int lanes, const double *end)
         }
 }
 
-/* Try one step in each lane. */
+/* Attempt one step in each lane. */
 static void batch_attempt(lag_batch *s, int lanes)
 {
     double h[LAG_LANES] = {0.0}, error[LAG_LANES], end[LAG_LANES];
@@ -322,7 +322,7 @@ static int batch_advance(lag_batch *s, long attempts)
         const int filled = batch_fill(s);
         if (filled) {
             batch_begin(s, filled);
-            continue; /* a run may have left at once */
+            continue; /* the run may already have left */
         }
         const int lanes = batch_occupied(s);
         if (lanes != ALL_LANES && s->next < s->runs)

@@ -13,5 +13,5 @@
 #pragma clang attribute pop
 #endif
 #else
-typedef int lag_batch_no_avx2; /* C forbids files of nothing */
+typedef int lag_batch_no_avx2; /* ISO C forbids empty files */
 #endif

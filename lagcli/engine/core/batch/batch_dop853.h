@@ -27,7 +27,7 @@ static void batch_stage(lag_batch *s, int stage, int end, const double *h)
     const int n = lag_size(s->system), n8 = n * LAG_LANES;
     const lag_batch_tape *d = &s->moving.dynamics;
     const double c = end ? 1.0 : dop_c[stage];
-    /* q and v are sent where the tape reads them */
+    /* q and v are written to the tape's inputs */
     EACH_PART (k)
         AT(d->registers + k) = READ(s->t + k) + c * READ(h + k);
     batch_add_stages(s->y, s->stages, end ? dop_b : dop_a[stage], stage, h, n, n - 1,
@@ -36,7 +36,7 @@ static void batch_stage(lag_batch *s, int stage, int end, const double *h)
     batch_derivative(&s->moving, s->stages + stage * n8);
 }
 
-/* All stages of a step; y_new is its end, where the dynamics tape then stands. */
+/* All stages of a step; y_new is its end, at which the dynamics tape is then evaluated. */
 static void batch_stages(lag_batch *s, const double *h)
 {
     const int n = lag_size(s->system);
@@ -82,13 +82,13 @@ static void batch_errors(const lag_batch *s, const double *h, double *error)
         }
         const vec below = e5 + 0.01 * e3;
         const vec found = READ(h + k) * e5 / root(below);
-        /* numbers that overflow are no small error */
+        /* overflow is not a small error */
         const vec defined = choose(below > 0.0, found, all(0.0));
         AT(error + k) = choose(below <= DBL_MAX, defined, all(INFINITY));
     }
 }
 
-/* h times the dominant eigenvalue, about, of the last step (of lanes); see dop853.c. */
+/* Approximate h times the dominant eigenvalue of the last step (of lanes); see dop853.c. */
 static void batch_stiffness(const lag_batch *s, const double *h, double *product)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
@@ -136,7 +136,7 @@ static void batch_dense(lag_batch *s, const double *h)
     }
 }
 
-/* The dense output at the part x (of lanes) of the step. */
+/* The dense output at the fraction x (of lanes) of the step. */
 static void batch_dense_at(const lag_batch *s, const double *x, double *y)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;

@@ -1,4 +1,4 @@
-/* All of the lanes for one instruction set: its file defines VEC_BYTES and NAME, and includes this. */
+/* All functions of lanes for one instruction set: the including file defines VEC_BYTES and NAME. */
 #include "methods/control.h"
 #include "methods/dop853.h"
 #include "methods/dop853_tableau.h"
@@ -9,7 +9,7 @@
 #include "sizes.h"
 #include "watch.h"
 
-/* each needs those before it */
+/* each depends on those before it */
 #include "batch/batch_sincos.h"
 
 #include "batch/batch_tape.h"

@@ -136,7 +136,7 @@ static int batch_project(const lag_octet *o, const double *t, double *y, int lan
                 failed |= 1 << l;
                 met = 1;
             } else if (best[l] <= NOT_REACHED && worst[l] >= 0.5 * best[l] && !met) {
-                /* rounding error is reached: the better of the last two */
+                /* rounding errors are reached: keep the better of the last two */
                 met = 1;
                 if (worst[l] > best[l])
                     for (int i = l; i < nq * LAG_LANES; i += LAG_LANES)

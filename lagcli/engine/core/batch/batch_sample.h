@@ -1,9 +1,9 @@
 /* Samples: taken from the dense output of the steps in the lanes, then brought onto the constraints
  * eight at a time for each run; see run.c for one. */
 
-#define TOGETHER 64         /* samples of a run that are waited for */
+#define TOGETHER 64         /* number of samples of a run that are collected */
 
-/* Where a sample of a lane's run is written. */
+/* The address of a sample of a lane's run. */
 static double *batch_row(const lag_batch *s, int l, int64_t sample)
 {
     const int64_t width = lag_sample_size(s->system);
@@ -27,7 +27,7 @@ static int batch_due(const lag_batch *s, int l, double end)
     return s->times_next[l] < s->times_count && s->times[s->times_next[l]] <= end;
 }
 
-/* Take the samples that lie in the steps of size h of some lanes. */
+/* Take the samples in the steps of size h of some lanes. */
 static void batch_sample_steps(lag_batch *s, int lanes, const double *h, const double *end)
 {
     double x[LAG_LANES] = {0.0};
@@ -54,7 +54,7 @@ static void batch_sample_steps(lag_batch *s, int lanes, const double *h, const d
     }
 }
 
-/* Give the parameters and scales of a lane to all lanes of the samples. */
+/* Copy the parameters and scales of a lane to all lanes of the samples. */
 static void batch_spread(lag_batch *s, int l)
 {
     const lag_octet *from = &s->moving, *to = &s->sampled;

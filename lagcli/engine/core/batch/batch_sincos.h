@@ -8,14 +8,14 @@
  * that this notice is preserved."
  */
 
-#define SINCOS_LARGEST 1e5 /* multiples of pi/2 up to here times its parts are exact */
+#define SINCOS_LARGEST 1e5 /* up to here, multiples of pi/2 times its parts are exact */
 
 INLINE void vec_sincos(vec x, vec *sine, vec *cosine)
 {
-    const double round = 6755399441055744.0; /* 1.5 * 2^52: what is added to it is rounded */
+    const double round = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer */
     const vec shifted = x * 0.6366197723675814 + round;
     const vec n = shifted - round;
-    /* pi/2: three parts of 33 bits and a rest */
+    /* pi/2: three parts of 33 bits and a remainder */
     const vec a = x - n * 1.57079632673412561417e+00; /* exact */
     const vec second = n * 6.07710050630396597660e-11;
     const vec b = a - second;

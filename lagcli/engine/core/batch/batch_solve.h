@@ -1,9 +1,9 @@
-/* What the dynamics tapes of eight lanes hold: matrices, factors, solutions; see motion.c for one. */
+/* Contents of the dynamics tapes of eight lanes: matrices, factors, solutions; see motion.c for one. */
 
 /* An output of a tape, eight numbers. */
 #define OUTPUT(tape, i) ((tape)->registers + (tape)->outputs[i])
 
-/* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it, or a part (lag_part). */
+/* Set t, q and v (of lanes) as a tape's inputs and run it, or a part (lag_part). */
 static void batch_evaluate(const lag_batch_tape *tape, const lag_system *s, const double *t,
                            const double *y, int part)
 {
@@ -12,7 +12,7 @@ static void batch_evaluate(const lag_batch_tape *tape, const lag_system *s, cons
     batch_run(part ? tape->output_subsets[part - 1] : tape->stream, tape->registers);
 }
 
-/* y' (of lanes) at the state that the dynamics tape holds. */
+/* y' (of lanes) at the state of the dynamics tape. */
 static void batch_derivative(const lag_octet *o, double *f)
 {
     const lag_system *s = o->system;
@@ -37,7 +37,7 @@ static void batch_other(const lag_octet *o, int deferred, int input, int inputs,
         memcpy(x + i * LAG_LANES, OUTPUT(d, output + i), LAG_LANES * sizeof(double));
 }
 
-/* Solve [[M, B'], [B, 0]] x = x as the dynamics tape holds it. */
+/* Solve [[M, B'], [B, 0]] x = x with the matrix of the dynamics tape. */
 static void batch_solve(const lag_octet *o, double *x)
 {
     const int n = o->system->nq + o->system->nc;
@@ -47,7 +47,7 @@ static void batch_solve(const lag_octet *o, double *x)
         x[i] = -x[i];
 }
 
-/* The least change x (nq), in terms of M, with B x = rhs (nc), instead of rhs: lag_correction. */
+/* The smallest change x (nq), in the metric of M, with B x = rhs (nc): see lag_correction. */
 static void batch_correct(const lag_octet *o, double *x)
 {
     const int nq = o->system->nq, nc = o->system->nc, n = nq + nc;
@@ -93,7 +93,7 @@ static void batch_residual(const lag_octet *o, const double *x, double *r, doubl
     }
 }
 
-/* x = (a, -lambda) as the dynamics tape gives it. */
+/* x = (a, -lambda) from the dynamics tape. */
 static void batch_solution(const lag_octet *o, double *x)
 {
     const lag_system *s = o->system;
@@ -117,7 +117,7 @@ static void batch_refined(const lag_octet *o, double *x)
             AT(x + i) += READ(o->right + i);
 }
 
-/* The lanes in which the elimination is less accurate than it need be: lag_inaccuracy of motion.c. */
+/* The lanes in which the elimination is not accurate enough: lag_inaccuracy of motion.c. */
 static int batch_inaccurate(const lag_octet *o, double rtol)
 {
     const int n = o->system->nq + o->system->nc;

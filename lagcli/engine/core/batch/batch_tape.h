@@ -13,7 +13,7 @@
                 AT(to + k) = (value);                                                             \
         }                                                                                         \
         break;
-/* The same, left to the C library lane by lane. */
+/* The same with a function of the C library, lane by lane. */
 #define RUN_SINGLY(op, width, value)                                                              \
     case op:                                                                                      \
         for (const int32_t *end = p + (width) * n; p != end; p += (width))                        \

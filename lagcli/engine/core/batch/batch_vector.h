@@ -1,4 +1,4 @@
-/* Vectors of the width that the processor has: VEC_BYTES; a part of the LAG_LANES numbers. */
+/* Vectors of the processor's width, VEC_BYTES, which divides LAG_LANES numbers. */
 #include <float.h>
 #include <math.h>
 #include <stdint.h>
@@ -9,7 +9,7 @@
 #define VEC (VEC_BYTES / 8)
 typedef double vec __attribute__((vector_size(VEC_BYTES)));
 typedef int64_t mask __attribute__((vector_size(VEC_BYTES)));
-/* the same in memory, wherever doubles may lie */
+/* the same in memory, unaligned */
 typedef double vec_at __attribute__((vector_size(VEC_BYTES), aligned(8), may_alias));
 typedef int64_t mask_at __attribute__((vector_size(VEC_BYTES), aligned(8), may_alias));
 
@@ -60,7 +60,7 @@ INLINE int any(mask m)
     return found != 0;
 }
 
-/* A set of lanes (a bit for each) as a mask of the lanes from k on. */
+/* A set of lanes (one bit each) as a mask of the lanes from k on. */
 INLINE mask lanes_of(int set, int k)
 {
     mask m = {0};
@@ -69,7 +69,7 @@ INLINE mask lanes_of(int set, int k)
     return m;
 }
 
-/* The lanes from k on in which a mask holds, as a set. */
+/* The lanes from k on in which a mask is true, as a set. */
 INLINE int set_of(mask m, int k)
 {
     int set = 0;

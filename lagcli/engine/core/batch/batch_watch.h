@@ -1,7 +1,7 @@
 /* The watch for singular configurations in eight lanes: what shows at the stages of a step is kept
  * lane by lane; what raises an alarm is looked at by the functions of watch.c, one lane at a time. */
 
-/* The square of what the pivots keep, and the rows of B of their lengths: watch.c has it for one. */
+/* Cancellation of the pivots, squared, and the lengths of the rows of B: see watch.c for one lane. */
 static void batch_watch_stage(lag_batch *s)
 {
     const lag_system *system = s->system;
@@ -17,7 +17,7 @@ static void batch_watch_stage(lag_batch *s)
                 const vec length = READ(s->lengths + (i - rows) * LAG_LANES + k);
                 part /= length * length;
             }
-            least = choose(part >= least, least, part); /* also where it is undefined */
+            least = choose(part >= least, least, part); /* also if it is undefined */
         }
         AT(s->cancellation_least + k) = smaller(least, READ(s->cancellation_least + k));
         AT(s->cancellation_most + k) = larger(least, READ(s->cancellation_most + k));
@@ -25,14 +25,14 @@ static void batch_watch_stage(lag_batch *s)
     }
 }
 
-/* Whether the stages of a lane's last step may have come near to a singular configuration. */
+/* Whether the stages of a lane's last step indicate a singular configuration. */
 static int batch_alarmed(const lag_batch *s, int l)
 {
     return !(s->cancellation_least[l] > NEAR * NEAR * s->cancellation_largest[l]
              && s->cancellation_least[l] >= STEADY * STEADY * s->cancellation_most[l]);
 }
 
-/* Give the parameters of a lane to the tapes of a single run. */
+/* Set the parameters of a lane in the tapes of a single run. */
 static void single_parameters(const lag_batch_tape *from, const lag_tape *to, int first, int count,
                               int l)
 {
@@ -65,7 +65,7 @@ static lag_run *batch_single(const lag_batch *s, int l, const double *y)
     return run;
 }
 
-/* Measure the least pivot at the state of a lane from which its run begins. */
+/* Measure the smallest pivot at the initial state of a lane's run. */
 static void batch_watch_start(lag_batch *s, int l)
 {
     s->pivot[l] = s->largest_pivot[l] = s->cancellation_largest[l] = 0.0;

@@ -5,18 +5,18 @@
 
 #include "contact/modes.h"
 
-#define SAME 1e-7    /* of the problem's size: motions that do not differ */
-#define MOST 1024    /* modes that are tried one by one */
+#define SAME 1e-7    /* of the problem's size: motions that coincide */
+#define MOST 1024    /* number of mode combinations that are tried one by one */
 #define ATTEMPTS 4   /* steps of the mode Newton method per row ... */
-#define FEWEST 8     /* ... and in any case */
+#define FEWEST 8     /* ... and at least */
 
 typedef struct search {
     lag_contact_work work;
     lag_contact_motion *first, *second;
     int count;     /* of solutions: 0, 1 or 2 */
     int sticking;  /* rows of the solution that stick and whose static limit exceeds the kinetic one */
-    int preferred; /* whether there are such rows */
-    int enough;    /* solutions after which no other is searched for */
+    int preferred; /* whether such rows exist */
+    int enough;    /* number of solutions after which the search ends */
     long tried;
 } search;
 
@@ -66,7 +66,7 @@ static int same(const lag_contact_work *w, const lag_contact_motion *other)
     return difference <= SAME * size + w->floor;
 }
 
-/* Enter the solution at hand. */
+/* Record the current solution. */
 static void enter(search *s)
 {
     const lag_contact_work *w = &s->work;
@@ -84,7 +84,7 @@ static void enter(search *s)
     }
 }
 
-/* Follow what violated rows ask for, from the modes at hand. */
+/* Change the modes of violated rows, from the current modes. */
 static int newton(search *s)
 {
     lag_contact_work *w = &s->work;
@@ -100,7 +100,7 @@ static int newton(search *s)
     return 0;
 }
 
-/* Start in one mode for unilateral rows and one for limited rows; slips go where the offset points. */
+/* Start in one mode for unilateral rows and one for limited rows; slips have the sign of the offset. */
 static void start(lag_contact_work *w, int unilateral, int limited)
 {
     for (int i = 0; i < w->n; ++i) {
@@ -111,8 +111,8 @@ static void start(lag_contact_work *w, int unilateral, int limited)
     }
 }
 
-/* Go through all modes of the rows from this place of the order on; without `solving` only count them,
- * up to one beyond MOST. */
+/* Try all modes of the rows from this place of the order on; without `solving` only count them, up to one more than
+ * MOST. */
 static void enumerate(search *s, int place, int solving)
 {
     lag_contact_work *w = &s->work;

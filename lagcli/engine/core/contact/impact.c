@@ -3,9 +3,9 @@
 
 #include "contact/contact.h"
 
-#define APPROACH 1e-12 /* of the first approach: a slower one of a sequence is over */
+#define APPROACH 1e-12 /* of the first approach: slower ones end a sequence */
 #define ROUNDING 1e-14 /* of the terms of a velocity */
-#define SEQUENCE 200   /* impacts of a sequence by contact, after which all that are left happen at once */
+#define SEQUENCE 200   /* impacts of a sequence per contact, after which the remaining ones occur together */
 
 typedef struct phases {
     const lag_impact *impact;
@@ -55,7 +55,7 @@ static phases prepare(const lag_impact *impact, void *memory)
     return p;
 }
 
-/* One phase: the contact problem with an offset and limits' constant parts, after these impulses. */
+/* One phase: the contact problem with an offset and constant parts of limits, after given impulses. */
 static int phase(phases *p, const lag_impact *of, const double *limit, const double *impulse)
 {
     const int n = of->n;
@@ -144,7 +144,7 @@ static int gather(phases *p, int unilateral)
     return count;
 }
 
-/* Add Poisson's impact of `count` gathered rows at the velocities reached. */
+/* Add an impact of `count` gathered rows by Poisson's law, at the current velocities. */
 static int add(phases *p, int count, lag_impact_result *result)
 {
     const lag_impact *whole = p->impact;
@@ -180,7 +180,7 @@ static int add(phases *p, int count, lag_impact_result *result)
     return found;
 }
 
-/* The unilateral row whose approach takes most energy to stop, beyond `least`, its root; -1 if none does. */
+/* The unilateral row whose approach has the largest energy, above `least` squared; -1 if none does. */
 static int fastest(const phases *p, const double *velocity, double *least)
 {
     const lag_impact *whole = p->impact;
@@ -215,7 +215,7 @@ static int sequential(phases *p, lag_impact_result *result)
         int count = n;
         if (round < SEQUENCE * p->contacts)
             count = gather(p, next);
-        else /* what is left of a sequence without end */
+        else /* the remainder of an infinite sequence */
             for (int i = 0; i < n; ++i)
                 p->row[i] = i;
         found = worse(found, add(p, count, result));

@@ -3,9 +3,9 @@
 
 #include <math.h>
 
-#define INDEPENDENT 1e-13 /* of a column's length squared: what is left of it when it is independent */
+#define INDEPENDENT 1e-13 /* of a column's squared length: the remainder of an independent column */
 #define ASCENT 1e-12      /* a gradient that counts as positive */
-#define LEAST_RESIDUAL 1e-6 /* a smaller one: the inequalities contradict each other */
+#define LEAST_RESIDUAL 1e-6 /* a smaller one: the inequalities are infeasible */
 #define ROUNDS 10         /* per inequality */
 
 /*
@@ -77,8 +77,8 @@ static double ascent(const columns *e, int j, const double *r)
     return sum;
 }
 
-/* Go from u towards the least squares of the chosen columns as far as all stay positive, and give up
- * those that become 0. Returns 0 if the last column depends on the others. */
+/* Move from u towards the least-squares solution of the chosen columns while all stay positive, and drop those that
+ * become 0. Returns 0 if the last column depends on the others. */
 static int descend(const columns *e, int *chosen, int *count, double *factor, double *u, double *to)
 {
     while (*count > 0) {

@@ -7,21 +7,21 @@
 
 #define PIVOT 1e-11     /* of a column's largest entry: entries that count as 0 */
 #define PIVOTS 100      /* per variable */
-#define TIE 1e-12       /* of the larger one: ratios that are equal */
+#define TIE 1e-12       /* of the larger one: ratios that count as equal */
 
 /*
  * w = M z + q, w >= 0, z >= 0, w z = 0, with the pairs (scaled as in modes.h)
  *   unilateral rows: w = y, z = x
  *   limited rows: w = y + m, z = p = limit + x; and w = limit - x = p - 2 x, z = m, the part of -y
  *   free rows that limit others: w and z are the positive and negative parts of x.
- * All x follow from z: x = F z + g. Static limits are not regarded: the modes are to be improved.
+ * All x follow from z: x = F z + g. Static limits are ignored: the modes are improved afterwards.
  */
 typedef struct lcp {
     lag_contact_work *work;
     int size;        /* of z */
     double *tableau; /* size * (2 size + 2): w, z, z0, right side */
     double *force;   /* n * (size + 1): F, g */
-    int *row;        /* size: of the problem, of each pair */
+    int *row;        /* size: the row of the problem of each pair */
     int *basis;      /* size: columns */
 } lcp;
 
@@ -150,7 +150,7 @@ static int before(const lcp *l, int a, int b, double over_a, double over_b)
     return 0;
 }
 
-/* The row that leaves as the column enters; z0 as soon as it can. -1 on a ray. */
+/* The row that leaves when the column enters; z0 as soon as possible. -1 on a ray. */
 static int leaving(const lcp *l, int column)
 {
     const int width = 2 * l->size + 2;
@@ -177,7 +177,7 @@ static int solve(lcp *l)
     int at = -1;
     for (int i = 0; i < size; ++i) {
         double *right = l->tableau + i * width + width - 1;
-        *right /= largest > 0.0 ? largest : 1.0; /* the ratios' ties are of size 1 */
+        *right /= largest > 0.0 ? largest : 1.0; /* ratios are then compared relative to 1 */
         if (*right < 0.0 && (at < 0 || before(l, i, at, 1.0, 1.0)))
             at = i;
     }
@@ -190,7 +190,7 @@ static int solve(lcp *l)
         column = left < size ? left + size : left - size;
         at = leaving(l, column);
     }
-    return at < 0 && column == 2 * size; /* nothing was negative */
+    return at < 0 && column == 2 * size; /* no entry was negative */
 }
 
 /* The modes of the basis. */

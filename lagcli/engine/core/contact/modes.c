@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-#define RANK 1e-11      /* of the largest pivot: equations that depend on the others */
-#define TOLERANCE 1e-10 /* of the problem's size: inequalities, and equations that must agree */
-#define RELAXED 1e-13   /* of it: inequalities that redundant forces are chosen by */
-#define INERT 1e-13     /* of A's largest entry: rows that no force moves */
+#define RANK 1e-11      /* of the largest pivot: linearly dependent equations */
+#define TOLERANCE 1e-10 /* of the problem's size: inequalities, and equations that must be consistent */
+#define RELAXED 1e-13   /* of it: inequalities used to select redundant forces */
+#define INERT 1e-13     /* of A's largest entry: rows that no force affects */
 
 /* of lag_least_distance with n columns and 3 n rows; Lemke's tableau and the forces in terms of its
  * variables, 2 n at most */
@@ -98,7 +98,7 @@ int lag_contact_sign(const lag_contact_work *w, int j)
     return w->sign[j];
 }
 
-/* The equations of the modes for x/d: y = 0, x = 0 or the force that slip has. */
+/* The equations of the modes for x/d: y = 0, x = 0 or the force of slip. */
 static void equations(lag_contact_work *w)
 {
     const lag_contacts *p = w->problem;
@@ -180,7 +180,7 @@ int lag_contact_reduce(double *m, double *right, int n, int width, int *columns)
     return n;
 }
 
-/* x of least norm, and an orthonormal basis of what may be added. */
+/* x of least norm, and an orthonormal basis of the null space. */
 static void least_norm(lag_contact_work *w, int rank, const int *columns)
 {
     const int n = w->n, count = n - rank;
@@ -192,7 +192,7 @@ static void least_norm(lag_contact_work *w, int rank, const int *columns)
         for (int k = 0; k < rank; ++k)
             z[columns[k]] = -w->scale[columns[k]] * w->equation[k * n + rank + f];
         z[columns[rank + f]] = w->scale[columns[rank + f]];
-        for (int pass = 0; pass < 2; ++pass) /* twice is enough */
+        for (int pass = 0; pass < 2; ++pass) /* two passes are sufficient */
             for (int e = 0; e < f; ++e) {
                 double along = 0.0;
                 for (int i = 0; i < n; ++i)
@@ -287,7 +287,7 @@ static int obeyed(const lag_contact_work *w, int count, double tolerance)
     return 1;
 }
 
-/* Of the forces that obey the inequalities, go to those of least norm; return whether there are any. */
+/* Select the forces of least norm that satisfy the inequalities; return whether there are any. */
 static int least_within(lag_contact_work *w, int freedom, int count, double magnitude)
 {
     const int n = w->n;
@@ -315,7 +315,7 @@ static int least_within(lag_contact_work *w, int freedom, int count, double magn
     return 1;
 }
 
-/* What violated rows ask for: the neighbouring mode, the other sign. */
+/* Changes for violated rows: the neighbouring mode, the other sign. */
 static void suggest(lag_contact_work *w, double tolerance)
 {
     const lag_contacts *p = w->problem;
@@ -363,7 +363,7 @@ void lag_contact_rouse(const lag_contact_work *w, int *mode)
     }
 }
 
-/* What the modes say is zero is exactly that. */
+/* Set values that are zero by their mode to exactly zero. */
 static void clean(lag_contact_work *w)
 {
     for (int i = 0; i < w->n; ++i) {

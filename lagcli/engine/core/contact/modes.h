@@ -13,27 +13,27 @@ typedef struct lag_contact_work {
     int n;
     double floor;     /* errors that d b may have */
     double *scale;    /* n: d */
-    double *force;    /* n: x of the last modes that were solved */
+    double *force;    /* n: x of the last solved modes */
     double *motion;   /* n: y */
     double *equation; /* n * n: of the modes, scaled */
     double *right;    /* n */
-    double *null;     /* n * n: row by row the vectors that the equations map to 0, orthonormal */
+    double *null;     /* n * n: orthonormal basis of the equations' null space, by rows */
     double *normal;   /* 3 n * n: inequalities normal . x >= bound */
     double *reduced;  /* 3 n * n: the normals along the vectors of `null` */
     double *bound;    /* 3 n */
-    double *room;     /* of lag_least_distance and Lemke's method */
+    double *room;     /* scratch of lag_least_distance and Lemke's method */
     int *place;       /* 4 n, likewise */
     int *owner;       /* 3 n: the rows of the inequalities */
-    int freedom;      /* how many vectors `null` has for the last modes that were solved */
+    int freedom;      /* dimension of the null space for the last solved modes */
     int *sign;        /* n: of x, as assumed where a limit depends on its absolute value */
-    int *turned;      /* n: the sign that the last solution asks for */
-    int *referred;    /* n: whether one does */
-    int *mode;        /* n: the modes that are tried */
-    int *next;        /* n: those that the last solution asks for */
+    int *turned;      /* n: the sign according to the last solution */
+    int *referred;    /* n: whether a limit depends on it */
+    int *mode;        /* n: the modes to solve */
+    int *next;        /* n: the modes according to the last solution */
     int *order;       /* n: unilateral rows, free rows, others */
 } lag_contact_work;
 
-/* Lay out the memory, and scale. */
+/* Allocate the parts of the memory, and scale. */
 void lag_contact_prepare(lag_contact_work *work, const lag_contacts *problem, void *memory);
 
 /* Whether all unilateral rows that give row k its limit are open in these modes. */
@@ -43,7 +43,7 @@ int lag_contact_idle(const lag_contact_work *work, const int *mode, int k);
  * already slip their way, and friction of contacts that close again holds. */
 void lag_contact_rouse(const lag_contact_work *work, int *mode);
 
-/* Sign of x_j in the present modes. */
+/* Sign of x_j in the current modes. */
 int lag_contact_sign(const lag_contact_work *work, int j);
 
 /*

@@ -1,12 +1,12 @@
-/* How redundant contacts share their forces. */
+/* Distribution of forces among redundant contacts. */
 #include <math.h>
 #include <string.h>
 
 #include "contact/modes.h"
 
-#define SHARED 1e-9    /* of a law's coefficients: what other shares change in it, and prices */
+#define SHARED 1e-9    /* of a law's coefficients: changes by other distributions, and prices, that count */
 #define PIVOT 1e-9     /* of the largest entry: pivots that are rounding errors */
-#define OPTIMAL 4e-15  /* of the forces: a reduced cost that counts as none */
+#define OPTIMAL 4e-15  /* of the forces: a reduced cost that counts as zero */
 #define PIVOTS 50      /* per column */
 
 /*
@@ -46,7 +46,7 @@ static void pivot(simplex *x, int at, int column)
     x->basis[at] = column;
 }
 
-/* Begin at p = 0, r = 1: any pivot will do in an equation whose right side is 0. */
+/* Begin at p = 0, r = 1: in an equation with right side 0, any pivot is possible. */
 static void begin(simplex *x)
 {
     const int last = x->equations - 1;
@@ -169,7 +169,7 @@ int lag_share_contacts(
         slack[row] = s;
         tight[row] |= price[i] > SHARED;
         if (problem->law[row] == LAG_UNILATERAL && fabs(force[row]) <= tolerance * w->scale[row])
-            force[row] = fmax(force[row], 0.0); /* what is less is rounding */
+            force[row] = fmax(force[row], 0.0); /* smaller values are rounding errors */
     }
     return 1;
 }

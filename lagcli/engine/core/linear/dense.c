@@ -31,7 +31,7 @@ int lag_lu(double *m, int *pivots, int n)
             double *below = m + i * n;
             const double factor = below[k] * inverse;
             below[k] = factor;
-            if (factor != 0.0) /* B's zeros stay zeros */
+            if (factor != 0.0) /* B's zeros remain zeros */
                 for (int j = k + 1; j < n; ++j)
                     below[j] -= factor * row[j];
         }

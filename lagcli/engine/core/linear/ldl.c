@@ -11,7 +11,7 @@ void lag_ldl_factor(const lag_elimination *f, double *diagonal, double *beside, 
     while (k < n) {
         const int width = f->paired[k] ? 2 : 1;
         for (int p = 0; p < width; ++p) {
-            /* the column so far, less what the columns to the left take off it */
+            /* the current column, reduced by the columns to the left */
             const int at = k + p;
             double *w = work + p * n;
             w[at] = diagonal[at];

@@ -72,7 +72,7 @@ int lag_sparse_factor_complex(const lag_pivots *order, int count, const double *
         }
         for (int k = first; k < pivot; ++k) {
             const int j = columns[k], d = diagonal[j];
-            /* the diagonal holds the pivots' inverses */
+            /* the diagonal contains the pivots' inverses */
             const double a = wr[j] * fr[d] - wi[j] * fi[d], b = wr[j] * fi[d] + wi[j] * fr[d];
             wr[j] = a;
             wi[j] = b;

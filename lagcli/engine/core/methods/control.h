@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdint.h>
 
-/* What the error of a step is raised to, before the PI control uses it. */
+/* Exponent of the error of a step in PI control. */
 #define LEAST_ERROR 1e-4
 
 /* The factor for the next step by PI control with beta = 0.04 (Hairer & Wanner, IV.2), after an accepted
@@ -18,7 +18,7 @@ static inline double lag_pi_factor(double error, double before, double order, in
     return fmin(fmax(factor, 0.2), rejected ? 1.0 : 10.0);
 }
 
-/* The factor by which a rejected step is repeated. */
+/* The factor of a rejected step. */
 static inline double lag_rejected_factor(double error, double order)
 {
     return fmax(0.9 * pow(error, -1.0 / order), 0.2);
@@ -86,7 +86,7 @@ static inline double lag_chosen_step(const lag_first_step_rule *s, const double 
 {
     const double second = lag_rate(s, change) / h;
     if (!isfinite(second))
-        return h; /* the step itself will find a size that is defined */
+        return h; /* the step itself will find an acceptable size */
     const double d = fmax(s->rate, sqrt(second));
     const double first = d > 0.0 ? pow(0.01 * rtol, 1.0 / order) / d : HORIZON * s->length;
     return fmin(fmin(100.0 * h, first), fmin(s->h_max, s->length));

@@ -12,7 +12,7 @@
 #include "watch.h"
 
 
-/* From one stage to the next: whole lines of the cache. */
+/* Distance of stages: a multiple of the cache line. */
 static int apart(const lag_run *run)
 {
     return (lag_size(&run->system) + 7) / 8 * 8;
@@ -30,7 +30,7 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
         df[m] = last[m] - k[m];
         dy[m] = run->step.y_new[m] - before[m];
     }
-    /* over the tolerances: coordinates and velocities of different units count alike */
+    /* over the tolerances: coordinates and velocities of different units are comparable */
     const lag_vector_kernel *v = lag_vectors();
     const double *y = run->step.y, *z = run->step.y_new;
     const double *atol = run->tolerances.atol, rtol = run->tolerances.rtol;
@@ -97,7 +97,7 @@ static int step(lag_run *run)
         if (!bad) {
             const double e5 = error_by(run, dop_e5), e3 = error_by(run, dop_e3);
             const double below = e5 + 0.01 * e3;
-            /* numbers that overflow are no small error */
+            /* overflow is not a small error */
             const double error = !isfinite(below) ? INFINITY
                                  : below > 0.0    ? h * e5 / sqrt(below)
                                                   : 0.0;
@@ -119,7 +119,7 @@ static int step(lag_run *run)
     }
 }
 
-/* What dense_ready says. */
+/* Values of dense_ready. */
 enum { NO_STAGES, ALL_STAGES, COEFFICIENTS };
 
 /* The stages of the dense output. */
@@ -160,7 +160,7 @@ static void dense(lag_run *run, double t, double *y)
     add_stages(run, run->step.y_old, run->step.stages, stage, DOP_ALL_STAGES, h, y);
 }
 
-/* By d_0 to d_6 themselves. */
+/* By d_0 to d_6. */
 static void dense_often(lag_run *run, double t, double *y)
 {
     const int n = lag_size(&run->system), s = apart(run);

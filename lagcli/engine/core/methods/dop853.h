@@ -2,8 +2,8 @@
 #ifndef LAGCLI_DOP853_H
 #define LAGCLI_DOP853_H
 
-#define STABLE 6.1          /* h times the dominant eigenvalue: the edge of the stable region */
+#define STABLE 6.1          /* h times the dominant eigenvalue at the boundary of the stability region */
 #define NOT_STIFF 6         /* steps inside it after which the count restarts */
-#define STIFF 15            /* steps that stability limits, until the model counts as stiff */
+#define STIFF 15            /* steps limited by stability after which the model counts as stiff */
 
 #endif

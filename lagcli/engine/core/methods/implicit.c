@@ -5,9 +5,9 @@
 
 #include "motion.h"
 
-#define BACKWARD_ERROR 1e-8 /* of a solution: beyond it, the order of pivots has become unfit */
-#define ORDERS 4            /* of pivots, that one step may ask for */
-#define ROUNDING 1e-15      /* of a solution: beyond it, it is refined */
+#define BACKWARD_ERROR 1e-8 /* of a solution: beyond it, a new order of pivots is needed */
+#define ORDERS 4            /* number of orders of pivots that one step may request */
+#define ROUNDING 1e-15      /* of a solution: beyond it, the solution is refined */
 
 /* Add a block times a vector to a vector. */
 static void add_product(const lag_part_of_jacobian *block, const double *values, int nq, const double *x,
@@ -43,7 +43,7 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
     lag_stream_run(w->stream, r);
     const int outputs = m->power_velocity.first + m->power_velocity.count + nq + nc + 1;
     for (int i = 0; i < outputs; ++i) {
-        /* where a derivative does not exist (sqrt at 0), the error control sees what it costs */
+        /* if a derivative does not exist (sqrt at 0), error control limits the effect */
         const double x = OUT(w, i);
         m->derivatives[i] = isfinite(x) ? x : 0.0;
     }
@@ -142,7 +142,7 @@ int lag_shift(lag_run *run, double s)
     if (m->order.n == 0
         || lag_sparse_factor(&m->order, m->count, m->matrix, m->factors, m->work))
         return 1;
-    /* a right side of the size of each row shows whether the pivots suit the numbers */
+    /* the solution for a right side of ones, scaled by rows, checks the order of pivots */
     for (int i = 0; i < m->n; ++i) {
         double size = 0.0;
         for (int k = m->start[i]; k < m->start[i + 1]; ++k)

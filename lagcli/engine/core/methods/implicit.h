@@ -35,8 +35,8 @@ typedef struct lag_implicit {
     double *derivatives;               /* outputs of the variation tape */
     double *velocity;                  /* nq: v */
 
-    /* the matrix: entries row by row, and where the parts' entries go, in the order M, G_v, G_q,
-     * B', B, Gamma_v, Gamma_q, N, N' */
+    /* the matrix: entries by rows, and destinations of the parts' entries, in the order M, G_v, G_q, B', B, Gamma_v,
+     * Gamma_q, N, N' */
     int n, count;                      /* order nq + nc + nc - rank, entries */
     const int32_t *start, *columns;
     const int32_t *parts;
@@ -44,19 +44,19 @@ typedef struct lag_implicit {
     double *matrix_re, *matrix_im;     /* count: for a complex shift */
 
     lag_pool pivots_pool;
-    lag_pivots order;                  /* n is 0 where there is none yet */
+    lag_pivots order;                  /* n is 0 if there is none yet */
     double *factors, *complex_re, *complex_im;
     double *right, *right_im, *residual;   /* n each */
     double *work;                      /* 2 n */
     double *quotient, *zero;           /* nq each: r_q/s, and zeros */
-    double shift, shift_re, shift_im;  /* of the factors; 0 where there are none */
-    int refine;                        /* whether the factors need a refined solution */
+    double shift, shift_re, shift_im;  /* of the factors; 0 if there are none */
+    int refine;                        /* whether the solutions of the factors need refinement */
     long ordered;                      /* the step for which orders were chosen */
-    int orders;                        /* how many */
+    int orders;                        /* their number */
 
     double h_accepted;                 /* the last step; 0 before the first */
-    double theta, contraction;         /* Radau: Newton's rate, and what follows for its last change */
-    double h_converging;               /* the largest step at which Newton is likely to converge */
+    double theta, contraction;         /* Radau: Newton's rate of convergence, and the factor of its last change */
+    double h_converging;               /* the largest step at which Newton's method is likely to converge */
 } lag_implicit;
 
 /* Linearize at (t, y); y' goes to f. Returns 0, or 1 where it is undefined. */
@@ -70,8 +70,8 @@ int lag_shift_complex(lag_run *run, double re, double im);
 void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u);
 void lag_shifted_solve_complex(lag_run *run, double *re, double *im);
 
-/* What to return where a matrix could not be factored: LAG_ORDER if a new order of pivots may help,
- * LAG_RUNNING if only a smaller step can. */
+/* The status if a matrix cannot be factored: LAG_ORDER if a new order of pivots may help, LAG_RUNNING if only a
+ * smaller step can. */
 int lag_reorder(lag_run *run);
 
 #endif

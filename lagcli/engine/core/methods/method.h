@@ -1,4 +1,4 @@
-/* What an integration method is. Each has one constant table, in its own file. */
+/* Interface of integration methods. Each has one constant table, in its own file. */
 #ifndef LAGCLI_METHOD_H
 #define LAGCLI_METHOD_H
 
@@ -6,8 +6,8 @@
 
 struct lag_method {
     const char *name;
-    double order;          /* of its error control, by which a first step is chosen */
-    int uses_slope;        /* steps begin with run->step.f, the slope at y, and leave that of their end in f_new */
+    double order;          /* of its error control, used to choose the first step */
+    int uses_slope;        /* steps begin with run->step.f, the slope at y, and store that of their end in f_new */
     int uses_series;       /* steps are power series: too long for a cubic, and without refined solutions */
 
     /* Take one accepted step from (t, y) to (t + h, y_new). Returns LAG_RUNNING, LAG_UNDEFINED,
@@ -17,14 +17,14 @@ struct lag_method {
     /* The last step's dense output, n values. */
     void (*dense)(lag_run *run, double t, double *y);
 
-    /* The same, rounded otherwise: quick where it is requested many times in one step. NULL: as above. */
+    /* The same with different rounding, for frequent evaluation in one step. NULL: as above. */
     void (*dense_often)(lag_run *run, double t, double *y);
 
-    /* Forget the last step: the next one does not continue it. NULL where nothing is kept. */
+    /* Discard the last step: the next one does not continue it. NULL if nothing is stored. */
     void (*restart)(lag_run *run);
 };
 
-/* All methods; the first is the one that runs begin with. */
+/* All methods; runs begin with the first. */
 #define LAG_METHODS(X) X(lag_dop853) X(lag_rodas5p) X(lag_radau5) X(lag_taylor)
 
 #define DECLARE(method) extern const lag_method method;

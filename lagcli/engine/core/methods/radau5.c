@@ -12,14 +12,14 @@
 #include "watch.h"
 
 #define NEWTON 7            /* iterations */
-#define FAST 1e-3           /* a rate of convergence at which the Jacobian is kept */
-#define RELAXED 1.1         /* growth per step, back to a size at which Newton did not converge */
+#define FAST 1e-3           /* rate of convergence up to which the Jacobian is kept */
+#define RELAXED 1.1         /* growth per step, towards a size at which Newton's method did not converge */
 #define SAFETY 0.9
-#define LEAST 0.2           /* the step's smallest and largest growth */
+#define LEAST 0.2           /* smallest factor of the step size */
 #define LARGEST 8.0
-#define KEPT 1.2            /* a growth up to which step and factors stay as they are */
+#define KEPT 1.2            /* growth up to which step and factors are kept */
 
-/* The error estimate is of order 3: a tolerance that gives an error like the one requested. */
+/* The error estimate is of order 3: tolerance for the requested error. */
 static double looseness(const lag_run *run)
 {
     return 0.1 * pow(run->tolerances.rtol, -1.0 / 3.0);
@@ -37,7 +37,7 @@ static double continued(const double *d, int n, int m, double x)
     return x * (d[m] + (x + 1.0 - radau_c[1]) * (d[n + m] + (x + 1.0 - radau_c[0]) * d[2 * n + m]));
 }
 
-/* Newton's start: what the last step's polynomial says, or nothing. */
+/* Newton's initial guess: the last step's polynomial, or zero. */
 static void predict(lag_run *run, double h, double *z, double *w)
 {
     const int n = lag_size(&run->system);
@@ -79,7 +79,7 @@ static int defects(lag_run *run, double h, const double *z, const double *w, dou
     return 0;
 }
 
-/* How a Newton iteration ended. */
+/* Results of a Newton iteration. */
 enum newton { CONVERGED, DIVERGED, NOT_DEFINED };
 
 /* Solve for z. `factor` is by what to change a step that did not converge. */
@@ -115,7 +115,7 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
             if (run->implicit->theta >= 0.99)
                 return DIVERGED;
             run->implicit->contraction = run->implicit->theta / (1.0 - run->implicit->theta);
-            /* what will be left after the last iteration */
+            /* predicted error after the last iteration */
             const double left =
                 run->implicit->contraction * change * pow(run->implicit->theta, NEWTON - 2 - k) / enough;
             if (left >= 1.0 && k < NEWTON - 1) {
@@ -249,7 +249,7 @@ static int step(lag_run *run)
             undefined = outcome == NOT_DEFINED;
             run->implicit->h_converging = h * factor;
         }
-        run->implicit->theta = 1.0; /* a new Jacobian may help as much as the smaller step */
+        run->implicit->theta = 1.0; /* a new Jacobian may help as much as a smaller step */
         run->step.h = h * factor;
         rejected = 1;
         ++run->step.rejected;
@@ -260,7 +260,7 @@ static int step(lag_run *run)
 static void dense(lag_run *run, double t, double *y)
 {
     const int n = lag_size(&run->system);
-    /* from the end, where what is continued is y_new */
+    /* relative to the end, where y_new is known */
     const double x = (t - run->step.t_old) / run->step.h_old - 1.0;
     for (int m = 0; m < n; ++m)
         y[m] = run->step.y_new[m] + continued(run->step.dense, n, m, x);

@@ -21,7 +21,7 @@ static const double rodas_d[RODAS_STAGES] = {
     0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734,
     2.325825639765069, 0.0, 0.0, 0.0};
 
-/* the last two stages add up what came before: the method is stiffly accurate */
+/* the last two stages are sums of the previous ones: the method is stiffly accurate */
 static const double rodas_a[RODAS_STAGES][RODAS_STAGES - 1] = {
     {0},
     {3.0},

@@ -10,7 +10,7 @@
 #include "tape/vectors.h"
 #include "watch.h"
 
-#define SAFETY 0.9          /* of the step at which the last terms are at the tolerance */
+#define SAFETY 0.9          /* of the step at which the last terms equal the tolerance */
 #define LARGEST 10.0        /* times the last step */
 #define DEFECT 1000.0       /* times the tolerance: what the end of a step may be off by, were y' as
                              * wrong as there all along */
@@ -70,7 +70,7 @@ static int explicit_step(lag_run *run)
     return lag_dop853.step(run);
 }
 
-/* Note B at the state that the dynamics tape holds, as that at which a step begins (0) or ends (1). */
+/* Record B at the state of the dynamics tape, for the beginning (0) or the end (1) of a step. */
 static void note_jacobian(lag_run *run, int at)
 {
     const lag_system *s = &run->system;
@@ -78,7 +78,7 @@ static void note_jacobian(lag_run *run, int at)
         run->watch.jacobian[at * s->nb + i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
 }
 
-/* The largest change of a row of B between the places noted, over the row's length. */
+/* The largest change of a row of B between the recorded states, relative to the row's length. */
 static double turned(lag_run *run)
 {
     const lag_system *s = &run->system;
@@ -135,7 +135,7 @@ static int try_step(lag_run *run, double h, double cancellation_before, double *
     return LAG_RUNNING;
 }
 
-/* Where there is no series (a static elimination that fails there) DOP853 takes the step. */
+/* If there is no series (a static elimination that fails there), DOP853 takes the step. */
 static int step(lag_run *run)
 {
     const lag_system *s = &run->system;
@@ -154,7 +154,7 @@ static int step(lag_run *run)
     for (;;) {
         double factor;
         const double h = lag_step_size(run);
-        if (h == 0.0) /* whether the equations end there, a small step shows */
+        if (h == 0.0) /* a small step shows whether the equations are undefined */
             return undefined ? LAG_UNDEFINED : explicit_step(run);
         const int status = try_step(run, h, cancellation_before, &factor);
         if (status == LAG_RUNNING) {

@@ -4,10 +4,10 @@
 
 #include "series/inline.h"
 
-/* The operands that each operation has. */
+/* The operands of each operation. */
 static const int operands_of[] = LAG_SERIES_OPERANDS;
 
-#define TOGETHER 8               /* convolutions that are made together, at most */
+#define TOGETHER 8               /* largest number of convolutions computed together */
 
 #if defined(__GNUC__)
 #define PACK 4
@@ -55,7 +55,7 @@ ALWAYS_INLINE void convolutions(const convolution *of, int count, ptrdiff_t laye
     }
 }
 
-/* One of them. */
+/* A single one. */
 ALWAYS_INLINE void convolve_series(double *out, const double *x, const double *y, ptrdiff_t layer, int first,
                                    int last, int n)
 {
@@ -88,7 +88,7 @@ typedef struct {
 
 #define PACK_OF(x, i) (*(const pack *)((x).at + ((i) & (x).each)))
 
-/* n elements: in the buffer, if they do not lie side by side. */
+/* n elements: copied to the buffer if they are not contiguous. */
 ALWAYS_INLINE elements operand(const double *x, const int32_t *p, int n, double *buffer)
 {
     const ptrdiff_t step = p[1];
@@ -130,7 +130,7 @@ static const int32_t *after(const int32_t *p, int n)
     return p + (p[1] == LAG_INDEXED ? 2 + n : 2);
 }
 
-/* Elements PACK at a time, the last ones with some of those before. */
+/* Elements PACK at a time; the last ones overlap. */
 #define ELEMENTS(value)                                                                           \
     for (int i = 0; i < n - PACK; i += PACK)                                                      \
         *(pack *)(out + i) = (value);                                                             \

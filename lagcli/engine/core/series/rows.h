@@ -12,7 +12,7 @@
 #endif
 #endif
 
-/* Four numbers side by side. */
+/* Four contiguous numbers. */
 #if defined(VECTORS)
 typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
 typedef int64_t mask_of_four __attribute__((vector_size(32), aligned(8), may_alias));
@@ -87,7 +87,7 @@ ALWAYS_INLINE double inverse(const double *x, const double *y, int k, int fours,
     return now;
 }
 
-/* Coefficient k of a convolution without x[0] y[k]: y[k] is not there yet, or x[0] is zero. */
+/* Coefficient k of a convolution without x[0] y[k]: y[k] is not known yet, or x[0] is zero. */
 ALWAYS_INLINE double past(const double *x, const double *y, int k, int fours, double *known)
 {
     const double before = k == 1 ? 0.0 : x[1] * y[k - 1];

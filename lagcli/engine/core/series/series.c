@@ -9,7 +9,7 @@
 #include "series/layers.h"
 #include "tape/vectors.h"
 
-/* In loops over operations of a few instructions, going on to the next one is much of the work. */
+/* In loops over operations of a few instructions, dispatch is much of the work. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define TWO_AT_A_TIME _Pragma("GCC unroll 2")
 #else
@@ -63,7 +63,7 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
  * convolutions are unrolled: they take most of the time. */
 FOR_WIDER static void next_order(const lag_series *s, int k)
 {
-    const int fours = k == s->order - 1 ? 0 : (k + 1) / 4; /* no order comes after the last */
+    const int fours = k == s->order - 1 ? 0 : (k + 1) / 4; /* no order follows the last */
     if (k == 1) {
         run_order(s, 1, 0);
         return;

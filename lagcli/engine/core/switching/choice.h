@@ -1,4 +1,4 @@
-/* The modes that follow at an instant. */
+/* Choice of the next modes at an instant. */
 #ifndef LAGCLI_CHOICE_H
 #define LAGCLI_CHOICE_H
 

@@ -76,7 +76,7 @@ int lag_do_collision(lag_run *run)
         return LAG_GAINS;
     double supplied = report.supplied;
     for (int i = 0; i < sw->rows; ++i) {
-        sw->ended[i] = NOTHING_ENDED; /* the impact begins something new */
+        sw->ended[i] = NOTHING_ENDED; /* the impact may trigger other changes */
         if (sw->law[i] != LAG_UNILATERAL || report.impulse[i] == 0.0)
             continue;
         double loss = report.loss[i], *times = sw->recent + 3 * i;

@@ -4,7 +4,7 @@
 
 #include "run.h"
 
-/* Whether something approaches, or is engaged while it moves. */
+/* Whether a contact approaches, or a moving constraint is engaged. */
 int lag_collides(const lag_run *run);
 
 /* Do the impact that is due, and log it. Rows that would bounce no higher than a gap that counts as none end at

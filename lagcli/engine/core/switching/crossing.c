@@ -7,9 +7,9 @@
 #include "roots.h"
 
 #define DEGREE (NODES - 1)
-#define RESOLVED 1e-9       /* of the largest value: the last coefficients of a function that is resolved */
-#define NARROW 1e-10        /* of the interval: brackets of more than one root are not halved further */
-#define ESTIMATE 1e-15      /* of the interval: where the root of a polynomial is known */
+#define RESOLVED 1e-9       /* of the largest value: the last coefficients of a resolved function */
+#define NARROW 1e-10        /* of the interval: brackets with several roots are not halved further */
+#define ESTIMATE 1e-15      /* of the interval: accuracy of a polynomial's root */
 
 /* cos(k pi / 8) */
 static double cosine(int k)
@@ -63,7 +63,7 @@ int lag_resolved(const double *values)
     return last <= RESOLVED * largest;
 }
 
-/* Changes of sign among coefficients; zeros count as what is before them. */
+/* Number of sign changes among coefficients; zeros have the preceding sign. */
 static int changes(const double *b)
 {
     int count = 0, before = 1;

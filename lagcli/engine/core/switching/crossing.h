@@ -1,4 +1,4 @@
-/* Where a function first becomes negative: by its polynomial through values at nodes. */
+/* Location of the first point at which a function becomes negative, by a polynomial through values at nodes. */
 #ifndef LAGCLI_CROSSING_H
 #define LAGCLI_CROSSING_H
 
@@ -7,7 +7,7 @@
 /* Node k of an interval from 0 to 1. */
 double lag_node(int k);
 
-/* The matrix that makes Bernstein coefficients of values at nodes. */
+/* The matrix that converts values at nodes to Bernstein coefficients. */
 void lag_bernstein_matrix(double *matrix);
 
 /* Whether values at the nodes determine the function: the last Chebyshev coefficients are small. */

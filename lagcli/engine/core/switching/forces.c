@@ -1,4 +1,4 @@
-/* The forces of rows that act, in the flow. */
+/* Forces of active rows during the flow. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -7,17 +7,17 @@
 #include "motion.h"
 #include "switching/rows.h"
 
-#define ITERATIONS 20       /* of Newton's method; one suffices where laws are affine in multipliers */
-#define EXACT 1e-14         /* of the forces: the change at which it ends */
+#define ITERATIONS 20       /* of Newton's method; one is enough if laws are affine in multipliers */
+#define EXACT 1e-14         /* of the forces: convergence */
 
 /* Forces that act at a state. The lists are of rows, then of forces that depend on multipliers. */
 typedef struct {
-    int n;                  /* that act */
-    const int *acts;        /* their numbers */
-    const double *free;     /* a and lambda without them */
+    int n;                  /* number of active forces */
+    const int *acts;        /* their indices */
+    const double *free;     /* a and lambda without the forces */
     const double *offset;   /* n: B a_0 - gamma, of rows that hold */
     double *z, *residual;   /* n */
-    double *a, *multipliers;    /* with them; lambda of all constraints */
+    double *a, *multipliers;    /* with the forces; lambda of all constraints */
     double *all;            /* rows + nf: z by its number */
 } acting_forces;
 
@@ -26,7 +26,7 @@ static const double *response_of(const lag_run *run, int k)
     return run->switching.response + k * (run->system.nq + run->system.nc);
 }
 
-/* How constraint `which` of all answers to force k, d lambda / d z. */
+/* The response of constraint `which` to force k, d lambda / d z. */
 static double answer(const lag_run *run, int which, int k)
 {
     const lag_switching *sw = &run->switching;
@@ -203,7 +203,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
                        .a = a, .multipliers = sw->multipliers, .all = sw->force};
     for (int i = 0; i < n; ++i) {
         const int k = acts[i];
-        z[i] = sw->force[k]; /* those of the state before */
+        z[i] = sw->force[k]; /* those of the previous state */
         offset[i] = 0.0;
         if (k >= sw->rows || lag_row_slips(sw, k))
             continue;
@@ -224,7 +224,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
         else if (holds)
             factor = lag_lu(sw->lu, sw->pivots, holds) ? 0.0 : determinant(sw->lu, sw->pivots, holds);
         sw->redundant = factor == 0.0;
-        if (sw->redundant) /* of least norm, whatever they were before */
+        if (sw->redundant) /* of least norm, independent of previous values */
             memset(z, 0, (size_t)n * sizeof(double));
         if (solve_laws(run, t, y, &f, factor, memory))
             return 1;
@@ -240,7 +240,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
     for (int i = 0; i < n; ++i)
         *power += z[i] * (acts[i] < sw->rows ? lag_along(run, acts[i], y + nq)
                                              : y[nq + sw->force_coordinate[acts[i] - sw->rows]]);
-    /* the power of the system's own constraints that the forces add to */
+    /* the power of the system's constraints due to the forces */
     for (int i = 0; i < s->nb; ++i)
         *power += (a[nq + s->jacobian_row[i]] - free[nq + s->jacobian_row[i]])
                   * OUT(&s->dynamics, lag_first_jacobian(s) + i) * y[nq + s->jacobian_column[i]];

@@ -9,9 +9,9 @@
 #include "switching/rows.h"
 
 #define HOLD_STEPS 10       /* Newton steps of a projection */
-#define HOLD_RESIDUAL 4e-15 /* of the largest of B's entries times q: where it ends */
+#define HOLD_RESIDUAL 4e-15 /* of the largest of B's entries times q: convergence */
 
-/* The rows that hold, those with a phi alone where `positions`. Returns how many. */
+/* The active rows, only those with a phi if `positions`. Returns their number. */
 static int list(const lag_switching *sw, int positions, int *rows)
 {
     int n = 0;
@@ -56,12 +56,12 @@ static double worst_gap(const lag_run *run, int n, const int *rows, const double
     return worst;
 }
 
-/* Bring the positions to the rows that hold. */
+/* Project the positions onto the active rows. */
 static int hold_positions(lag_run *run, double t, double *y)
 {
     lag_switching *sw = &run->switching;
     int *rows = sw->acts, status = LAG_RUNNING;
-    double *gap = sw->values, before = INFINITY; /* more than rows */
+    double *gap = sw->values, before = INFINITY; /* longer than the number of rows */
     const int count = list(sw, 1, rows);
     for (int step = 0; count && step < HOLD_STEPS; ++step) {
         if (lag_find_rows(run, t, y))

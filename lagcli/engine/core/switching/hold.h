@@ -1,4 +1,4 @@
-/* Projection onto the rows that hold. */
+/* Projection onto the active rows. */
 #ifndef LAGCLI_HOLD_H
 #define LAGCLI_HOLD_H
 

@@ -19,13 +19,14 @@
 #include "switching/settle.h"
 #include "switching/watched.h"
 
-#define ROUNDS 100          /* at one instant without an end: there is none */
-#define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant that is no later than the last one */
-#define BETWEEN 2.0         /* of the time between instants: a step after one; far beyond the next it is less exact */
-#define FORGOTTEN 0.1       /* of that time: what counts after a shorter one */
-#define BEYOND 10           /* gaps that count as none: what an action may not move a contact beyond */
+#define ROUNDS 100          /* rounds at one instant after which it counts as endless */
+#define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant not later than the last one */
+#define BETWEEN 2.0         /* of the time between instants: limit of a step after one; longer steps locate the next
+                               one less accurately */
+#define FORGOTTEN 0.1       /* of that time: shorter intervals are ignored */
+#define BEYOND 10           /* closed gaps: how far an action may move a contact beyond its surface */
 #define TURNS 100.0         /* tolerances, and ... */
-#define TURNS_PART 1e-6     /* ... of the velocities: a change by a projection that is a jump */
+#define TURNS_PART 1e-6     /* ... of the velocities: a change by a projection that counts as a jump */
 
 /* What the program that drives the run knows of an instant. */
 enum { NOTHING_TOLD, HAPPENED_TOLD, RESOLVED_TOLD };
@@ -48,7 +49,7 @@ static int loose(const lag_switching *sw, int row)
     return sw->redundant && isfinite(sw->slack[row]) && !sw->tight[row];
 }
 
-/* Note what ends a mode: the watched functions that cross zero. Returns LAG_RUNNING, or LAG_JAMMED. */
+/* Record the watched functions that cross zero and end a mode. Returns LAG_RUNNING, or LAG_JAMMED. */
 static int note_ends(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -135,7 +136,7 @@ static int violated(const lag_run *run)
     return 0;
 }
 
-/* Log the changes of modes since the instant began. */
+/* Log the changes of modes since the beginning of the instant. */
 static void log_changes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -187,7 +188,7 @@ static int update_conditions(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* Restart in the modes found. The step goes on with its size unless the accelerations jump. */
+/* Restart in the new modes. The step keeps its size unless the accelerations jump. */
 static int restart(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -231,12 +232,12 @@ int lag_do_instant(lag_run *run)
     const double t = run->step.t;
     double *y = run->step.y;
     int status = LAG_RUNNING;
-    if (sw->report) { /* the user's actions come first */
+    if (sw->report) { /* actions of the user are performed first */
         sw->report = 0;
         sw->told = HAPPENED_TOLD;
         return LAG_HAPPENED;
     }
-    while (!sw->settled || sw->moved) { /* actions that change nothing do not ask for modes again */
+    while (!sw->settled || sw->moved) { /* actions without effect need no new modes */
         sw->settled = 0;
         if (!lag_log_has_room(run))
             return LAG_BLOCK_FULL;
@@ -256,7 +257,7 @@ int lag_do_instant(lag_run *run)
         status = lag_choose_branches(run);
         if (status == LAG_RUNNING)
             status = lag_choose_modes(run);
-        if (status == LAG_RUNNING && sw->kinks.undecided && sw->rows) { /* the forces may be others now */
+        if (status == LAG_RUNNING && sw->kinks.undecided && sw->rows) { /* the forces may have changed */
             status = lag_choose_branches(run);
             if (status == LAG_RUNNING)
                 status = lag_choose_modes(run);

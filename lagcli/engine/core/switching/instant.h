@@ -1,10 +1,10 @@
-/* Instants: what happens where a mode ends. */
+/* Instants: handling of the ends of modes. */
 #ifndef LAGCLI_INSTANT_H
 #define LAGCLI_INSTANT_H
 
 #include "run.h"
 
-/* Find the modes at the start of a run. Returns a lag_status. */
+/* Determine the modes at the start of a run. Returns a lag_status. */
 int lag_begin_modes(lag_run *run);
 
 /* After an accepted step: end it at the first instant in it, if there is one, with the samples before.

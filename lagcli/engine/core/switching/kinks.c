@@ -6,11 +6,11 @@
 #include "breaks.h"
 #include "motion.h"
 
-#define AHEAD 1e-7          /* of a step, or of the run: how far ahead a side shows by its accelerations */
-#define AROUND 1e-4         /* of a step: what the rate of a surface's function is a difference over */
-#define ON_SURFACE 1e-9     /* of the terms of a function: what counts as zero where its surface was reached */
-#define CONTINUOUS 1e-10    /* of the terms of accelerations: what is rounding */
-#define MOST_AT_ONCE 10     /* surfaces at one instant */
+#define AHEAD 1e-7          /* of a step, or of the run: look-ahead at which accelerations determine a side */
+#define AROUND 1e-4         /* of a step: interval of difference quotients of a surface's function */
+#define ON_SURFACE 1e-9     /* of the terms of a function: zero at its surface */
+#define CONTINUOUS 1e-10    /* of the terms of accelerations: rounding error */
+#define MOST_AT_ONCE 10     /* largest number of surfaces at one instant */
 
 enum { UPPER, LOWER };
 
@@ -58,7 +58,7 @@ static double branch_beside(const lag_kinks *k, int kink, int side)
     return k->bound[kink] + (side == UPPER ? 0.0 : -1.0) + (k->whole[kink] < 0);
 }
 
-/* The branches of functions that do not vanish here. */
+/* Set the branches of functions that do not vanish here. */
 static void take_clear_branches(lag_run *run)
 {
     lag_kinks *k = &run->switching.kinks;
@@ -88,7 +88,7 @@ static void take_clear_branches(lag_run *run)
     }
 }
 
-/* How far a function is from the surface at which its branch is open; 0 near it. */
+/* The distance of a function from the surface at which its branch is undecided; 0 near it. */
 static double off_surface(const lag_kinks *k, int kink)
 {
     const double g = OUT(&k->tape, kink) - k->bound[kink];
@@ -145,7 +145,7 @@ static int leaves(const lag_kinks *k, int n, const int *list, int sides, int but
     return 1;
 }
 
-/* Take sides of the surfaces listed. */
+/* Choose the sides of the listed surfaces. */
 static void take_sides(lag_run *run, int n, const int *list, int sides)
 {
     const lag_kinks *k = &run->switching.kinks;
@@ -242,7 +242,7 @@ int lag_hold_surface(lag_run *run, double t, double *y)
     return LAG_RUNNING;
 }
 
-/* Look for the one surface among those listed on which the motion slides. */
+/* Find the surface among the listed ones on which the motion slides. */
 static int choose_surface(lag_run *run, int n, const int *list, int preferred)
 {
     lag_kinks *k = &run->switching.kinks;

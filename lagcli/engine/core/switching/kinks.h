@@ -5,7 +5,7 @@
 
 #include "run.h"
 
-/* What an instant does to a kink: nothing; its function vanishes there; its side is known already. */
+/* Effect of an instant on a kink: none; its function vanishes; its side is known already. */
 enum { LAG_OFF_SURFACE, LAG_ON_SURFACE, LAG_SIDE_KNOWN };
 
 /* A kink's function less the bound of its branch in a direction, at the state that its tape holds: the branch
@@ -15,20 +15,20 @@ double lag_kink_distance(const lag_run *run, int kink, double direction);
 /* The size of a kink's terms there. */
 double lag_kink_size(const lag_run *run, int kink);
 
-/* Write the branches among the parameters after these were given. */
+/* Write the branches to the parameters after these have been set. */
 void lag_keep_branches(lag_run *run);
 
 /* The branches at the state of the run, and the surface on which the motion slides: by Filippov's rule where
  * the forces on both sides push onto it. Returns LAG_RUNNING, LAG_UNDEFINED, LAG_SURFACES or LAG_FORKED. */
 int lag_choose_branches(lag_run *run);
 
-/* End the slide on a surface: the motion goes to one side of it. */
+/* End the slide on a surface: the motion continues on one side of it. */
 void lag_leave_surface(lag_run *run, double side);
 
 /* a, lambda and power of a motion that slides on a surface: the combination of both sides that stays on it. */
 int lag_slide(lag_run *run, double t, const double *y, int refined, double *power);
 
-/* Bring the velocities back to the surface on which the motion slides. Returns LAG_RUNNING or LAG_UNDEFINED. */
+/* Project the velocities onto the surface on which the motion slides. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_hold_surface(lag_run *run, double t, double *y);
 
 #endif

@@ -5,7 +5,7 @@
 
 #include "motion.h"
 
-#define RANK 1e-10          /* of the largest pivot: below it, rows depend on each other */
+#define RANK 1e-10          /* of the largest pivot: rows below it are linearly dependent */
 
 int lag_row_acts(const lag_switching *sw, int row)
 {

@@ -1,19 +1,19 @@
-/* Rows at a state, and the forces by which they act. */
+/* Rows at a state, and their forces. */
 #ifndef LAGCLI_ROWS_H
 #define LAGCLI_ROWS_H
 
 #include "run.h"
 
-/* Whether a row acts: it holds or slips. */
+/* Whether a row is active: it holds or slips. */
 int lag_row_acts(const lag_switching *sw, int row);
 
 /* The direction in which a row slips: 1, -1, or 0. */
 int lag_row_slips(const lag_switching *sw, int row);
 
-/* phi, psi, gamma and B of all rows. Returns 0, or 1 where they are not finite. */
+/* phi, psi, gamma and B of all rows. Returns 0, or 1 if they are not finite. */
 int lag_find_rows(lag_run *run, double t, const double *y);
 
-/* Take the scales of phi at a state that the motion reaches into account. */
+/* Update the scales of phi at a state of the motion. */
 void lag_measure_gaps(lag_run *run, double t, const double *y);
 
 /* B x of a row, x (nq). */

@@ -12,17 +12,17 @@
 #include "switching/rows.h"
 #include "switching/watched.h"
 
-#define SOON 1e-3           /* of a step: when a function that grows is positive in spite of rounding */
-#define CLEAR 0.1           /* of a cubic's spread: where it stays above that, its function is positive */
-#define TOGETHER 1e-12      /* of the time, or of the step: roots of one instant */
-#define EXACT 1e-14         /* of the step, beyond the rounding of the time: where a root is located */
-#define NEAREST 4.0         /* of the error of a root: what is tried around the one of a polynomial, ... */
-#define WIDER 64.0          /* ... then so much more, ... */
+#define SOON 1e-3           /* of a step: time after which a growing function is positive beyond rounding */
+#define CLEAR 0.1           /* of a cubic's range: a function above that is positive */
+#define TOGETHER 1e-12      /* of the time, or of the step: roots at one instant */
+#define EXACT 1e-14         /* of the step, in addition to the rounding of the time: accuracy of a root */
+#define NEAREST 4.0         /* of the error of a root: first bracket around the root of the polynomial, ... */
+#define WIDER 64.0          /* ... growth of the bracket, ... */
 #define FARTHEST 0.01       /* ... up to this part of the bracket */
-#define HALVINGS 7          /* of a step, where values at the nodes do not determine a function */
-#define TRIES 20            /* brackets without a root, by rounding, until a function counts as positive */
+#define HALVINGS 7          /* of a step, if values at the nodes do not determine a function */
+#define TRIES 20            /* brackets without a root, due to rounding, after which a function counts as positive */
 
-/* To what a root is located before t, in the last step. */
+/* Accuracy of a root before t, in the last step. */
 static double exact_in(const lag_run *run, double t)
 {
     return EXACT * run->step.h_old + DBL_EPSILON * fabs(t);
@@ -56,7 +56,7 @@ static double locate(along_step *f, double low, double high, double b)
     return lag_bracketed_root(value_inside, f, low, high, a == 0.0 ? -b : a, b, exact_in(run, high));
 }
 
-/* The same, where the root is expected at `guess`: brackets around it are tried first. */
+/* The same with an expected root `guess`: brackets around it are tried first. */
 static double locate_near(along_step *f, double low, double high, double b, double guess)
 {
     const double least = exact_in(f->run, high), whole = high - low;
@@ -105,7 +105,7 @@ static double by_polynomial(along_step *f, double low, double high, const double
             const double guess = low + lag_estimate_root(bernstein, begin, end) * (high - low);
             return locate_near(f, low + begin * (high - low), after, b, guess);
         }
-        from = end; /* it only touches zero, as far as that can be told */
+        from = end; /* within rounding, it only touches zero */
     }
     return INFINITY;
 }

@@ -6,9 +6,9 @@
 #include "motion.h"
 #include "switching/rows.h"
 
-#define NO_SPEED 1e-11      /* of the largest terms of psi so far: what counts as no velocity ... */
-#define NO_SPEED_OF_GAP 1e-3 /* ... and of the gap that counts as none, a second */
-#define GAINED 1e-9         /* of the terms of the energy: what an impact may gain by rounding */
+#define NO_SPEED 1e-11      /* of the largest terms of psi so far: zero velocity ... */
+#define NO_SPEED_OF_GAP 1e-3 /* ... and of the tolerance of a closed gap, per second */
+#define GAINED 1e-9         /* of the terms of the energy: gain of an impact due to rounding */
 #define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
 #define FORCE_EXACT 1e-13
@@ -23,7 +23,7 @@ double lag_no_speed(const lag_switching *sw, int row)
     return NO_SPEED * sw->speed[row] + NO_SPEED_OF_GAP * lag_no_gap(sw, row);
 }
 
-/* Arrays for a problem of rows + nf at most, in sw->contacts. */
+/* Arrays for a problem of at most rows + nf, in sw->contacts. */
 typedef struct {
     double *matrix, *offset, *rounding, *limit[2], *slope[2], *force[2], *motion[2], *extra;
     int *law, *mode[2], *rows;
@@ -51,7 +51,7 @@ static problem_arrays arrays_of(lag_switching *sw)
     return p;
 }
 
-/* Limits as functions of the multipliers' magnitudes: constants, and slopes by the rows listed. */
+/* Limits as functions of the multipliers' magnitudes: constants, and slopes with respect to the listed rows. */
 static void limits_of(lag_run *run, double t, const double *y, const double *a, int n, problem_arrays *p)
 {
     lag_switching *sw = &run->switching;
@@ -79,7 +79,7 @@ static void limits_of(lag_run *run, double t, const double *y, const double *a, 
                             * OUT(tape, 2 * sw->nl + part * sw->pattern_count + k);
 }
 
-/* A of the rows listed; their responses are at hand afterwards. */
+/* A of the listed rows; their responses are then available. */
 static void matrix_of(lag_run *run, int n, const int *rows, double *matrix)
 {
     for (int j = 0; j < n; ++j) {
@@ -92,7 +92,7 @@ static void matrix_of(lag_run *run, int n, const int *rows, double *matrix)
             matrix[i * n + j] = matrix[j * n + i] = 0.5 * (matrix[i * n + j] + matrix[j * n + i]);
 }
 
-/* Rows that take part in an acceleration problem. */
+/* Participating rows of an acceleration problem. */
 static int list(const lag_switching *sw, const int *state, int *rows, int *law)
 {
     int n = 0;
@@ -161,7 +161,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
                 p.rounding[i] += fabs(sw->jacobian[row * nq + j] * run->solver.a[j]);
             p.rounding[i] *= ROUNDING_ERROR;
         }
-        int *before = p.rows + n; /* room for the present modes */
+        int *before = p.rows + n; /* space for the current modes */
         memcpy(before, p.mode[0], (size_t)n * sizeof(int));
         if (n)
             found = lag_solve_contacts(&problem, guess ? before : NULL, sw->memory, &first, &second);
@@ -228,7 +228,7 @@ void lag_share_forces(lag_run *run, double t, const double *y)
     }
     matrix_of(run, n, p.rows, p.matrix);
     limits_of(run, t, y, run->solver.a, n, &p);
-    for (int i = 0; i < n; ++i) { /* a share has no other motion than these forces */
+    for (int i = 0; i < n; ++i) { /* another distribution of the forces has the same motion */
         p.offset[i] = 0.0;
         for (int j = 0; j < n && mode[i] == LAG_HOLDS; ++j)
             p.offset[i] -= p.matrix[i * n + j] * force[j];

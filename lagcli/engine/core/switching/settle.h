@@ -1,12 +1,12 @@
-/* Contact problems of a run: which rows hold, and impacts. */
+/* Contact problems of a run: active rows, and impacts. */
 #ifndef LAGCLI_SETTLE_H
 #define LAGCLI_SETTLE_H
 
 #include "run.h"
 
-/* What is known of a row at an instant before the problem is solved. */
+/* State of a row at an instant before the problem is solved. */
 enum lag_row_state {
-    LAG_APART,              /* it takes no part */
+    LAG_APART,              /* it does not participate */
     LAG_AT_REST,            /* it may hold */
     LAG_GOES_FORWARD,       /* it begins to slip */
     LAG_GOES_BACKWARD,
@@ -22,21 +22,22 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
  * and `tight`. */
 void lag_share_forces(lag_run *run, double t, const double *y);
 
-/* What an impact has done; rows each. */
+/* Result of an impact; rows each. */
 typedef struct {
     int *takes_part;
     double *impulse, *loss;
     double *all;            /* of all constraints */
-    double supplied, work;  /* by moving constraints; all that changes the energy */
-    double gained;          /* more energy than there was, beyond rounding; else 0 */
-    int rubbed, alike;      /* whether there was friction; whether all contacts have one restitution */
+    double supplied, work;  /* by moving constraints; total change of the energy */
+    double gained;          /* gain of energy beyond rounding; else 0 */
+    int rubbed, alike;      /* whether there was friction; whether all contacts have the same coefficient of
+                               restitution */
 } lag_impact_report;
 
 /* The impact at (t, y) of rows that take part; those that are `plastic` end
  * at rest. Changes the velocities in y. */
 int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impact_report *report);
 
-/* The gap and the velocity of a row that count as none. */
+/* Tolerances of zero for the gap and the velocity of a row. */
 double lag_no_gap(const lag_switching *sw, int row);
 double lag_no_speed(const lag_switching *sw, int row);
 

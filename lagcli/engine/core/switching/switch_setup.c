@@ -1,4 +1,4 @@
-/* What a run switches is made ready. */
+/* Setup of the switching part of a run. */
 #include <math.h>
 #include <string.h>
 

@@ -22,31 +22,31 @@
 
 #define NODES 9             /* of an interval, at which watched functions are evaluated */
 
-/* What is watched of a row, or a condition. */
+/* Functions that are watched, of a row or a condition. */
 enum lag_watched {
     LAG_WATCH_GAP,          /* phi of an open contact */
     LAG_WATCH_FORCE,        /* z of a closed one */
     LAG_WATCH_STICK,        /* static limit less |z| of a limited row that holds */
     LAG_WATCH_SLIP,         /* psi in the direction in which a row slips */
-    LAG_WATCH_SIGN,         /* |z| of a bilateral row that limits friction: there the force has a kink */
-    LAG_WATCH_MARGIN,       /* how unique the forces are while something slips: Painleve */
-    LAG_WATCH_KINK,         /* the function of a branch, from the bound of that */
-    LAG_WATCH_SURFACE,      /* the part of a side in the motion that slides on a surface */
+    LAG_WATCH_SIGN,         /* |z| of a bilateral row that limits friction: the force has a kink at zero */
+    LAG_WATCH_MARGIN,       /* uniqueness of the forces while something slips: Painleve */
+    LAG_WATCH_KINK,         /* the function of a branch, relative to its bound */
+    LAG_WATCH_SURFACE,      /* the weight of a side in the motion that slides on a surface */
     LAG_WATCH_CONDITION,    /* a function of (t, q, v) */
     LAG_WATCH_TIME,         /* a function of t alone */
     LAG_WATCH_FORCE_CONDITION, /* a function of a and lambda, too */
 };
 
-/* What a row has ended at this instant, which does not begin again at it. */
+/* Modes of a row that have ended at this instant and must not begin again at it. */
 enum lag_ended { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
 
 /* A function that is positive as long as the mode lasts. */
 typedef struct {
     enum lag_watched what;
-    int which;                         /* row or condition */
-    double sign;                       /* of a function that may begin either way */
-    double shift;                      /* by which it is below zero as the mode begins, by rounding */
-    double noise;                      /* what is no crossing soon after that: it grows from zero */
+    int which;                         /* index of the row or condition */
+    double sign;                       /* of a function whose initial sign may be either */
+    double shift;                      /* value below zero at the beginning of the mode, due to rounding */
+    double noise;                      /* rounding error soon after that, while it grows from zero */
     double value, rate;                /* at the beginning of the step */
     int hit;                           /* whether it may cross zero in the step; whether it does at the instant */
 } lag_watched_function;
@@ -54,26 +54,26 @@ typedef struct {
 /* A condition of events. */
 typedef struct {
     int holds;
-    int either;                        /* whether it happens either way */
-    int time;                          /* whether it depends on t alone */
-    int happened;                      /* at this instant: 1, and 2 as soon as that is known outside */
+    int either;                        /* whether it triggers in both directions */
+    int time;                          /* whether it depends only on t */
+    int happened;                      /* at this instant: 1, and 2 once it has been reported */
     double largest;                    /* value so far */
 } lag_condition;
 
 /* Branches of the equations: kinks.h. */
 typedef struct {
-    int count, first;                  /* how many; where they begin among the parameters */
+    int count, first;                  /* their number; index of the first among the parameters */
     const int32_t *whole;              /* count: 0: signs; 1: whole parts, of `floor`; -1: of `ceil` */
-    const int32_t *time;               /* count: whether its function depends on t alone */
+    const int32_t *time;               /* count: whether its function depends only on t */
     lag_tape tape;                     /* of (t, q, v, p): the functions, their sizes */
     double *branch, *bound;            /* count: values; the whole numbers that functions are at */
     double *size, *growth, *rounding;  /* count: largest sizes so far; scratch */
-    int *state;                        /* count: what the instant does to it */
+    int *state;                        /* count: effect of the instant */
     int slides;                        /* the kink on whose surface the motion slides; -1 */
-    double weight, rates;              /* the part of the upper side in it; the rate less that below */
+    double weight, rates;              /* weight of the upper side; difference of the rates of the two sides */
     double *both, *y;                  /* scratch; both: upper less lower a, ..., and their combination */
     int undecided;                     /* functions that vanish at the instant */
-    long crossed, slid;                /* how often a branch has changed, a motion begun to slide */
+    long crossed, slid;                /* number of changes of branches, and of starts of sliding */
 } lag_kinks;
 
 typedef struct {
@@ -98,18 +98,18 @@ typedef struct {
     int conditions, force_conditions;
     lag_tape condition_tape, force_condition_tape;
     lag_condition *condition;          /* conditions, then force_conditions */
-    const int32_t *reported;           /* 5 rows: whether a change of a row is to be reported */
+    const int32_t *reported;           /* 5 rows: whether to report a change of a row */
     lag_kinks kinks;
     int used;                          /* whether anything switches or is watched */
     int law_of_impact;
-    double closed;                     /* of the size of phi: a gap that counts as none */
+    double closed;                     /* of the size of phi: tolerance of a closed gap */
 
     /* modes */
     int *mode, *active;                /* rows */
-    int acting;                        /* whether something is not open */
-    const struct lag_method *chosen;   /* the method when nothing acts */
+    int acting;                        /* whether any row is not open */
+    const struct lag_method *chosen;   /* the method if no row is active */
 
-    /* at the state evaluated last */
+    /* at the last evaluated state */
     double *phi, *psi, *drift, *gamma; /* rows */
     double *size, *speed;              /* rows: the largest scales so far of phi, of psi */
     double *jacobian;                  /* rows * nq */
@@ -117,8 +117,8 @@ typedef struct {
     double *force;                     /* rows + nf: z */
     double *matrix;                    /* (rows + nf)^2 */
     double *multipliers;               /* nc */
-    int redundant;                     /* whether rows that hold depend on each other */
-    double *slack;                     /* rows: of lag_share_contacts; infinity where nothing is redundant */
+    int redundant;                     /* whether active rows are linearly dependent */
+    double *slack;                     /* rows: of lag_share_contacts; infinity without redundancy */
     int *tight;                        /* rows, likewise */
     double margin;
     double strength;                   /* the largest force of a row so far */
@@ -136,22 +136,24 @@ typedef struct {
     double to_bernstein[NODES * NODES];
 
     /* the instant */
-    int begun, due, located;           /* modes are known; an instant is to be done; samples come first */
-    int report;                        /* whether the program that drives the run has something to do */
-    int moved;                         /* whether it has changed the state */
-    int told;                          /* whether it knows of the instant, and of its end: instant.c */
-    int settled;                       /* whether the modes after this instant are found */
+    int begun, due, located;           /* initial modes are known; an instant is to be handled; samples are taken
+                                          first */
+    int report;                        /* whether to return to the caller */
+    int moved;                         /* whether the caller has changed the state */
+    int told;                          /* whether the caller knows of the instant, and of its end: instant.c */
+    int settled;                       /* whether the modes after this instant are determined */
     int rounds;
-    int found;                         /* of the last contact problem: what lag_solve_contacts returned */
-    double instant, last, since;       /* when; the one before; up to where the last step was searched */
-    double calm;                       /* the time between instants, the longest one that is not long ago */
+    int found;                         /* result of lag_solve_contacts for the last contact problem */
+    double instant, last, since;       /* time of the instant; of the previous one; end of the searched part of the
+                                          last step */
+    double calm;                       /* the longest recent time between instants */
     int problem;                       /* rows of the last problem of accelerations */
-    double gained;                     /* energy by the last impact ... */
-    int rubbed, alike;                 /* ... whether it had friction, contacts of one restitution */
+    double gained;                     /* energy gained by the last impact ... */
+    int rubbed, alike;                 /* ... whether it had friction, and equal coefficients of restitution */
     double *before, *start;            /* n: scratch */
     int *mode_before, *ended, *state, *trial_mode, *takes_part, *rests, *came_to_rest; /* rows */
     int *first_mode;                   /* rows: at the start */
-    double *begin;                     /* nq + nc: a and lambda as the instant begins */
+    double *begin;                     /* nq + nc: a and lambda at the beginning of the instant */
     double *trial_force, *acceleration;    /* rows, nq */
     double *impulse;                   /* 2 rows + nc: scratch of impacts */
     double *contacts;                  /* scratch of settle.c */

@@ -10,11 +10,12 @@
 
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
-#define SOON 1e-3           /* of a step: when a function that grows is positive in spite of rounding */
-#define REARMED 1e-10       /* of the largest value of a condition: what it must fall below zero to be true again */
-#define SHIFT 1e-7          /* of a step: what rates are differences over */
+#define SOON 1e-3           /* of a step: time after which a growing function is positive beyond rounding */
+#define REARMED 1e-10       /* of the largest value of a condition: how far it must fall below zero before it can
+                               become true again */
+#define SHIFT 1e-7          /* of a step: interval of difference quotients */
 
-/* The signed value of a condition's function at the state that its tape holds. */
+/* The signed value of a condition's function at the state of its tape. */
 static double condition_output(const lag_switching *sw, int which)
 {
     return which < sw->conditions ? OUT(&sw->condition_tape, which)
@@ -69,7 +70,7 @@ static int needs_forces(enum lag_watched what)
            || what == LAG_WATCH_MARGIN || what == LAG_WATCH_FORCE_CONDITION;
 }
 
-/* Whether a function belongs to a law that redundant rows obey together. */
+/* Whether a function belongs to a law that redundant rows satisfy together. */
 static int shared(const lag_switching *sw, const lag_watched_function *w)
 {
     const int of_row = w->what == LAG_WATCH_FORCE || w->what == LAG_WATCH_STICK || w->what == LAG_WATCH_SIGN;
@@ -95,7 +96,7 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
         return 1;
     if (conditions)
         lag_evaluate(&sw->condition_tape, &run->system, t, y, LAG_ALL);
-    if (kinks) /* after the forces, which may use the tape elsewhere */
+    if (kinks) /* after the forces, which may evaluate the tape at other states */
         lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
     if (force_conditions)
         evaluate_force_conditions(run, t, y);
@@ -130,15 +131,15 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
         default:
             value = condition_output(sw, w->which);
         }
-        if (shared(sw, w)) /* laws that the same forces obey: another share may obey them longer */
+        if (shared(sw, w)) /* laws for the same forces: another distribution may satisfy them longer */
             value = w->sign * sw->slack[w->which];
         values[k] = w->sign * value + w->shift;
     }
     return 0;
 }
 
-/* Keep the largest sizes of gaps and of functions of branches at a state that the motion reaches: not at
- * one beyond an instant, where a step was only tried. */
+/* Update the largest sizes of gaps and of functions of branches at a state of the motion, but not at a trial state
+ * beyond an instant. */
 static void measure(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
@@ -162,7 +163,7 @@ static int rates(lag_run *run, double t, const double *y, const double *f, const
     int gaps = 1;
     for (int k = 0; k < sw->watched_count; ++k)
         gaps &= sw->watched[k].what == LAG_WATCH_GAP;
-    if (gaps) { /* whose rates are at hand */
+    if (gaps) { /* their rates are known */
         for (int k = 0; k < sw->watched_count; ++k)
             out[k] = sw->psi[sw->watched[k].which];
         return 0;
@@ -183,7 +184,7 @@ static void add(lag_switching *sw, enum lag_watched what, int which, double sign
     sw->watched[sw->watched_count++] = (lag_watched_function){.what = what, .which = which, .sign = sign};
 }
 
-/* List what the modes ask for. */
+/* List the functions of the current modes. */
 static void list(lag_switching *sw)
 {
     int slipping = 0;
@@ -306,7 +307,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         const double rounding = rounding_of(sw, w);
-        if (found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it stays so */
+        if (found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(found[k], 0.0);
         w->noise = found[k] < rounding ? rounding : 0.0;
         w->value = fmax(found[k] + w->shift, 0.0);

@@ -1,4 +1,4 @@
-/* Watched functions: positive as long as a mode lasts. */
+/* Watched functions, which are positive as long as a mode lasts. */
 #ifndef LAGCLI_WATCHED_H
 #define LAGCLI_WATCHED_H
 
@@ -11,16 +11,16 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f);
 /* Values of the watched functions at a state. Returns 0, or 1 where they are undefined. */
 int lag_watched_values(lag_run *run, double t, const double *y, double *values);
 
-/* The same, and their rates by differences along y' = f. */
+/* The same, and their rates by difference quotients along y' = f. */
 int lag_watched_ends(lag_run *run, double t, const double *y, const double *f, double *values, double *slopes);
 
-/* Go on after a step at whose end they have values and rates, without an instant in it. */
+/* Continue after a step without an instant, with the values and rates at its end. */
 void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes);
 
-/* Whether nothing happens as a function becomes negative: a condition ends that happens as it begins. */
+/* Whether a function may become negative without an effect: that of a condition that triggers when it begins. */
 int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w);
 
-/* Whether a function depends on t alone, and its value then. */
+/* Whether a function depends only on t, and its value then. */
 int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
 double lag_value_at_time(lag_run *run, const lag_watched_function *w, double t);
 

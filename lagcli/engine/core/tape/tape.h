@@ -20,7 +20,7 @@ typedef struct {
 /* Run a stream on a register file. */
 void lag_stream_run(const int32_t *stream, double *registers);
 
-/* Give a tape n parameters; what it held is no longer valid. */
+/* Set n parameters of a tape; its outputs become invalid. */
 void lag_tape_set(const lag_tape *tape, int n, const double *parameters);
 
 /* Read output i of a tape. */

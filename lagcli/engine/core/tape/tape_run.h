@@ -6,7 +6,7 @@
 #include "tape/tape.h"
 
 #if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed within this file alone */
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed only within this file */
 #endif
 
 #if defined(__GLIBC__)
@@ -23,7 +23,7 @@
 typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
 typedef int64_t mask_of_four __attribute__((vector_size(32)));
 #define FOUR(x) (*(const four *)(x))
-#define TWO_FOURS 8         /* elements that loops over vectors take at a time */
+#define TWO_FOURS 8         /* number of elements per iteration of loops over vectors */
 #if defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)
 #define EVERY_SECOND(x) __builtin_shufflevector(FOUR(x), FOUR((x) + 4), 0, 2, 4, 6)
@@ -68,7 +68,7 @@ static void gather(const double *r, int32_t first, int32_t step, const int32_t *
     }
     const ptrdiff_t one = step;
     if (step == 2)
-        for (; i + 4 < n; i += 4, x += 8) /* not at the end, which may be that of the file */
+        for (; i + 4 < n; i += 4, x += 8) /* not at the end, which may be that of the register file */
             *(four *)(buffer + i) = EVERY_SECOND(x);
     for (; i + 4 <= n; i += 4, x += 4 * one)
         *(four *)(buffer + i) = (four){x[0], x[one], x[2 * one], x[3 * one]};

@@ -1,4 +1,4 @@
-/* What is done on many numbers, in the best way that the processor has; all ways give the same. */
+/* Operations on arrays, with the processor's best instructions; all variants give the same results. */
 #ifndef LAGCLI_VECTORS_H
 #define LAGCLI_VECTORS_H
 
@@ -15,8 +15,8 @@ typedef struct {
     /* y[i] = x[places[i]], n of them. Returns their sum: it is finite if they are. */
     double (*pick)(int n, const double *x, const int32_t *places, double *y);
 
-    /* Raise scales to those now; the largest magnitude of x over its scale, n of each. NaN where there
-     * is one. */
+    /* Update scales to current values; return the largest magnitude of x over its scale, n of each, or NaN if one is
+     * NaN. */
     double (*largest)(int n, const double *x, const double *now, double *scale);
 
     /* The least of x[places[i]] over the square of length[i], or of x[places[i]] without lengths;
@@ -30,7 +30,7 @@ typedef struct {
 
 extern const lag_vector_kernel lag_vectors_default, lag_vectors_avx2;
 
-/* The kernel for this processor. */
+/* The functions for this processor. */
 const lag_vector_kernel *lag_vectors(void);
 
 #endif

@@ -1,4 +1,4 @@
-/* What is done on vectors, for processors with AVX2, without fused operations. */
+/* Operations on arrays for processors with AVX2, without fused operations. */
 #if defined(__x86_64__)
 #if defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
@@ -11,5 +11,5 @@
 #pragma clang attribute pop
 #endif
 #else
-typedef int lag_vectors_no_avx2; /* C forbids files of nothing */
+typedef int lag_vectors_no_avx2; /* ISO C forbids empty files */
 #endif

@@ -1,3 +1,3 @@
-/* What is done on vectors, for any processor. */
+/* Operations on arrays for any processor. */
 #define NAME lag_vectors_default
 #include "tape/vectors_kernel.h"

@@ -1,4 +1,4 @@
-/* What is done on vectors, for one instruction set: its file defines NAME and includes this. */
+/* Operations on arrays for one instruction set: the including file defines NAME. */
 #define _GNU_SOURCE /* sincos */
 #include "tape/vectors.h"
 
@@ -8,7 +8,7 @@ static void combine(int n, const double *base, int terms, const double *const *x
                     const double *weight, double *y)
 {
     int i = 0;
-    for (; i + 16 <= n; i += 16) { /* sums stay in registers */
+    for (; i + 16 <= n; i += 16) { /* sums remain in registers */
         four p = {0.0}, q = p, r = p, s = p;
         for (int k = 0; k < terms; ++k) {
             const double *a = x[k] + i, w = weight[k];
