@@ -9,6 +9,7 @@ import pytest
 from patience import PATIENCE
 
 import lagcli
+from lagcli.pictures.report import report
 
 MODELS = Path(__file__).parents[2] / "models"
 ARGUMENTS = [
@@ -45,49 +46,76 @@ def browser():
         started.close()
 
 
+class Tab:
+    """A page of a browser that shows files; what they say on the console and ask of a network."""
+
+    def __init__(self, browser, stepped, **options):
+        self.context = browser.new_context(viewport=VIEWPORT, **options)
+        self.context.set_offline(True)
+        self.said = []
+        self.page = page = self.context.new_page()
+        page.set_default_timeout(1000 * PATIENCE)
+        page.on("console", lambda message: self.said.append(message.text))
+        page.on("pageerror", lambda error: self.said.append(str(error)))
+        page.on("request", lambda request: self._note(request.url))
+        if stepped:
+            page.add_init_script(STEPPED)
+
+    def _note(self, url):
+        if not url.startswith(("file:", "data:", "blob:", "about:")):
+            self.said.append(url)
+
+    def show(self, path, **media):
+        self.page.set_viewport_size(VIEWPORT)
+        self.page.emulate_media(**media)
+        self.page.goto(Path(path).resolve().as_uri())
+
+
 @pytest.fixture(scope="session")
-def window(browser):
-    """Tabs of one window, without a network."""
-    context = browser.new_context(viewport=VIEWPORT)
-    context.set_offline(True)
-    yield context
-    context.close()
+def tabs(browser):
+    """Return a tab that the tests share, since one costs more than a page in it."""
+    opened = {}
+
+    def of(stepped):
+        if stepped not in opened:
+            opened[stepped] = Tab(browser, stepped)
+        return opened[stepped]
+
+    yield of
+    for tab in opened.values():
+        tab.context.close()
 
 
 @pytest.fixture
-def visit(browser, window):
+def visit(browser, tabs):
     """Open a page from a file, without a network; any word on the console fails the test.
 
     `color_scheme` and `reduced_motion` are what the reader prefers, `stepped` gives the frames to
-    the test, which asks for them with `step`; other options are those of a context of its own.
+    the test, which asks for them with `step`; other options are those of a tab of its own, which a
+    second page of a test has too.
     """
-    opened, said = [], []
+    used, own = [], []
 
-    def open_page(path, *, color_scheme=None, reduced_motion=None, stepped=False, **options):
-        context = window
-        if options:
-            context = browser.new_context(viewport=VIEWPORT, **options)
-            context.set_offline(True)
-            opened.append(context)
-        page = context.new_page()
-        opened.append(page)
-        page.set_default_timeout(1000 * PATIENCE)
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.on("request", lambda request: said.append(request.url) if asks(request) else None)
-        if color_scheme or reduced_motion:
-            page.emulate_media(color_scheme=color_scheme, reduced_motion=reduced_motion)
-        if stepped:
-            page.add_init_script(STEPPED)
-        page.goto(Path(path).resolve().as_uri())
-        return page
-
-    def asks(request):
-        return not request.url.startswith(("file:", "data:", "blob:"))
+    def open_page(
+        path, *, color_scheme="light", reduced_motion="no-preference", stepped=False, **options
+    ):
+        tab = tabs(stepped)
+        if options or tab in used:
+            tab = Tab(browser, stepped, **options)
+            own.append(tab)
+        used.append(tab)
+        tab.show(path, media="null", color_scheme=color_scheme, reduced_motion=reduced_motion)
+        return tab.page
 
     yield open_page
-    for one in reversed(opened):
-        one.close()
+    for tab in used:
+        if tab in own:
+            tab.context.close()
+        else:
+            tab.page.goto("about:blank")
+    said = [word for tab in used for word in tab.said]
+    for tab in used:
+        tab.said.clear()
     assert not said
 
 
@@ -124,6 +152,20 @@ def result(tmp_path_factory):
         if not path.exists():
             trajectory = lagcli.simulate(lagcli.load(name), **settings)
             lagcli.write(trajectory, path)
+        return path
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def reports(result, tmp_path_factory):
+    """Return the report of a shipped model, made once."""
+    folder = tmp_path_factory.mktemp("reports")
+
+    def of(name):
+        path = folder / f"{name}.html"
+        if not path.exists():
+            report(result(name), path)
         return path
 
     return of

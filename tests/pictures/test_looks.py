@@ -16,7 +16,6 @@ import lagcli
 from lagcli.cli.app import run
 from lagcli.pictures.plots import figure_file
 from lagcli.pictures.plots.style import DARK_ROLES, PALETTE, ROLES
-from lagcli.pictures.report import report
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.label_places import distances, label_place, label_size
@@ -48,13 +47,12 @@ def test_scenes_have_contrast(roles: dict[str, str]) -> None:
             assert contrast(color, roles["paper"]) >= 2.9, role
 
 
-def test_pages_have_one_palette(result, tmp_path: Path) -> None:
+def test_pages_have_one_palette(reports) -> None:
     for folder in ASSETS:
         for file in folder.iterdir():
             if file.name.endswith((".css", ".js")):
                 assert not re.search(r"--scene-[a-z]+:", file.read_text()), file.name
-    report(result("slider_crank"), tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    text = reports("slider_crank").read_text(encoding="utf-8")
     assert json.dumps(list(PALETTE), separators=(",", ":")) in text
 
 
@@ -95,9 +93,8 @@ def test_labels_keep_off_each_other() -> None:
     "name",
     ["slider_crank", "andrews_squeezer", "heavy_top", "car_axis", "rolling_disk", "chain"],
 )
-def test_every_plot_of_a_report_has_a_unit(name: str, result, tmp_path: Path) -> None:
-    report(result(name), tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+def test_every_plot_of_a_report_has_a_unit(name: str, reports) -> None:
+    text = reports(name).read_text(encoding="utf-8")
     data = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
     assert data is not None
     units = lagcli.load(name).units
@@ -122,21 +119,17 @@ def test_play_draws_labels_in_the_same_places(result, visit, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "chain", "woodpecker"])
-def test_no_text_of_a_report_is_cut_off_or_overlaps(
-    name: str, width: int, result, visit, tmp_path: Path
-) -> None:
-    report(result(name), tmp_path / "page.html")
-    page = visit(tmp_path / "page.html")
+def test_no_text_of_a_report_is_cut_off_or_overlaps(name: str, width: int, reports, visit) -> None:
+    page = visit(reports(name))
     page.set_viewport_size({"width": width, "height": 800})
     page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
     assert page.evaluate(TEXTS) == []
     assert page.evaluate(AXES) == []
 
 
-def test_what_is_rounding_is_shown_as_nothing(result, visit, tmp_path: Path) -> None:
+def test_what_is_rounding_is_shown_as_nothing(reports, visit) -> None:
     """At first, the springs of the squeezing mechanism press on one of its pins alone."""
-    report(result("andrews_squeezer"), tmp_path / "page.html")
-    page = visit(tmp_path / "page.html", reduced_motion="reduce")
+    page = visit(reports("andrews_squeezer"), reduced_motion="reduce")
     page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
     shown = page.locator(".player-vectors li").all_text_contents()
     assert shown == ["pin_force_3 98.8 N", "pin_force_4 0 N", "pin_force_6 0 N"]

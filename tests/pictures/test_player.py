@@ -17,12 +17,13 @@ PICTURE = "player.stage.canvas.toDataURL()"
 
 @pytest.fixture(scope="session")
 def pages(result, tmp_path_factory):
-    """Return the page of a shipped model."""
+    """Return the page of a shipped model, made once."""
     folder = tmp_path_factory.mktemp("pages")
 
     def of(name, **options):
-        path = folder / f"{name}{len(list(folder.iterdir()))}.html"
-        animate(result(name), path, **options)
+        path = folder / f"{name}{''.join(f'-{k}{v}' for k, v in options.items())}.html"
+        if not path.exists():
+            animate(result(name), path, **options)
         return path
 
     return of

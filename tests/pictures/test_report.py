@@ -140,12 +140,11 @@ def test_curves_are_those_of_the_run(crank, run):
     assert np.array_equal(series_of(crank, "residual_position.guide")[1], scaled)
 
 
-def test_applied_forces_are_there_where_there_are_some(crank, result, tmp_path):
+def test_applied_forces_are_there_where_there_are_some(crank, reports):
     text = crank.read_text(encoding="utf-8")
     assert "<h3>Applied forces</h3>" in text
     assert 'aria-label="Q_φ = τ − c r (r φ̇ sin φ + l ψ̇ sin ψ) sin φ"' in text
-    report(result("pendulum_cartesian"), tmp_path / "report.html")
-    assert "Applied forces" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Applied forces" not in reports("pendulum_cartesian").read_text(encoding="utf-8")
 
 
 def test_conserved_quantities_are_there_with_their_proofs(result, tmp_path):
@@ -206,12 +205,13 @@ def test_the_policy_lets_nothing_in(crank):
     assert "Copyright (c) 2022 Leon Sorokin" in text
 
 
-def test_powers_that_are_rounding_are_left_out(crank, result, tmp_path):
+def test_powers_that_are_rounding_are_left_out(crank, reports):
     names = [s["name"] for p in data_of(crank)["plots"] for s in p["series"]]
     assert "power_constraint" not in names
     assert "power_applied" not in names
-    report(result("driven_slider_crank"), tmp_path / "driven.html")
-    names = [s["name"] for p in data_of(tmp_path / "driven.html")["plots"] for s in p["series"]]
+    names = [
+        s["name"] for p in data_of(reports("driven_slider_crank"))["plots"] for s in p["series"]
+    ]
     assert "power_constraint" in names
 
 
@@ -454,9 +454,8 @@ def test_yaml_is_highlighted_without_losing_a_sign():
     assert '<span class="yaml-number">1.5e-3</span>' in shown
 
 
-def test_families_are_in_index_form(result, tmp_path):
-    report(result("pendulum_chain"), tmp_path / "report.html")
-    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+def test_families_are_in_index_form(reports):
+    html = reports("pendulum_chain").read_text(encoding="utf-8")
     equations = html.split('<dl class="equations">')[1].split("</dl>")[0]
     assert equations.count("<dt>") == 1
     assert "<span>i = 1, …, N</span>" in equations
@@ -466,9 +465,8 @@ def test_families_are_in_index_form(result, tmp_path):
     assert definitions.count('role="math"') == 4
 
 
-def test_contacts_are_inequalities_with_their_remarks(result, tmp_path):
-    report(result("woodpecker"), tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+def test_contacts_are_inequalities_with_their_remarks(reports):
+    text = reports("woodpecker").read_text(encoding="utf-8")
     listed = text.split("<h3>Constraints</h3>")[1].split("<h3>")[0]
     assert 'aria-label="r_M − r₀ − h_M φ_M ≥ 0"' in listed
     assert 'aria-label="−h_M δφ_M ≥ 0"' in listed
@@ -477,17 +475,15 @@ def test_contacts_are_inequalities_with_their_remarks(result, tmp_path):
         assert f"<span>{remark}</span>" in text
 
 
-def test_names_in_messages_are_code_and_rates_have_a_unit(result, tmp_path):
-    report(result("particle_on_sphere"), tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+def test_names_in_messages_are_code_and_rates_have_a_unit(reports):
+    text = reports("particle_on_sphere").read_text(encoding="utf-8")
     assert "<p><code>ground</code> stopped the run" in text
     rows = text.split("<caption>Coordinates and initial values</caption>")[1].split("</table>")[0]
     assert "Unit of the rate" in rows
     assert "<td >rad/s</td>" in rows
 
 
-def test_no_heading_stands_twice(result, tmp_path):
-    report(result("heavy_top"), tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+def test_no_heading_stands_twice(reports):
+    text = reports("heavy_top").read_text(encoding="utf-8")
     found = re.findall(r"<(?:h[1-4]|caption)>(.*?)</", text)
     assert len(found) == len(set(found)), sorted(found)

@@ -11,24 +11,10 @@ from lagcli.pictures.report import report
 PLOTS = "document.querySelectorAll('.place canvas')"
 
 
-@pytest.fixture(scope="session")
-def pages(result, tmp_path_factory):
-    """Return the report of a shipped model."""
-    folder = tmp_path_factory.mktemp("reports")
-
-    def of(name):
-        path = folder / f"{name}.html"
-        if not path.exists():
-            report(result(name), path)
-        return path
-
-    return of
-
-
 @pytest.fixture
-def crank(pages, visit):
+def crank(reports, visit):
     """The slider-crank's report."""
-    opened = visit(pages("slider_crank"))
+    opened = visit(reports("slider_crank"))
     opened.wait_for_selector(".uplot")
     return opened
 
@@ -102,8 +88,8 @@ def test_hover_over_a_plot_moves_the_animation_and_every_cursor(crank, run):
     assert shown["phi_dot"] == pytest.approx(run.v[sample, 0], rel=1e-4)
 
 
-def test_a_playing_motion_is_not_carried_off_by_the_mouse_but_by_a_click(pages, visit, step):
-    crank = visit(pages("slider_crank"), stepped=True)
+def test_a_playing_motion_is_not_carried_off_by_the_mouse_but_by_a_click(reports, visit, step):
+    crank = visit(reports("slider_crank"), stepped=True)
     crank.wait_for_selector(".uplot")
     crank.set_viewport_size({"width": 1300, "height": 800})  # the animation beside the plots
     figure = plot(crank, "coordinates")
@@ -186,9 +172,9 @@ def test_a_time_in_the_table_can_be_gone_to(crank, run):
     assert float(button.text_content()) == pytest.approx(least, rel=1e-5)
 
 
-def test_dark_and_light(pages, visit):
+def test_dark_and_light(reports, visit):
     background = "getComputedStyle(document.body).backgroundColor"
-    dark = visit(pages("slider_crank"), color_scheme="dark")
+    dark = visit(reports("slider_crank"), color_scheme="dark")
     assert dark.evaluate(background) == "rgb(22, 25, 29)"
     first = picture(plot(dark, "coordinates")), animation(dark)
     dark.locator("#theme").click()
@@ -198,16 +184,16 @@ def test_dark_and_light(pages, visit):
     assert first[1] != second[1]
 
 
-def test_plots_fill_a_phone_and_nothing_is_wider_than_it(pages, visit, until):
-    opened = visit(pages("andrews_squeezer"))
+def test_plots_fill_a_phone_and_nothing_is_wider_than_it(reports, visit, until):
+    opened = visit(reports("andrews_squeezer"))
     opened.set_viewport_size({"width": 360, "height": 700})
     # plots take their new sizes once the browser has laid out the page
     until(opened, "document.documentElement.scrollWidth <= 360")
     until(opened, f"[...{PLOTS}].every((c) => 300 < c.clientWidth && c.clientWidth <= 360)")
 
 
-def test_formulas_are_broken_to_fit(pages, visit):
-    opened = visit(pages("andrews_squeezer"))
+def test_formulas_are_broken_to_fit(reports, visit):
+    opened = visit(reports("andrews_squeezer"))
     lines = "e => Math.round(e.getBoundingClientRect().height)"
     first = opened.locator("dl.equations .equation").first
     wide = first.evaluate(lines)
@@ -219,8 +205,8 @@ def test_formulas_are_broken_to_fit(pages, visit):
     assert scrolled == 0
 
 
-def test_print_shows_stills_light_plots_and_the_model(pages, visit, tmp_path):
-    opened = visit(pages("slider_crank"), color_scheme="dark")
+def test_print_shows_stills_light_plots_and_the_model(reports, visit, tmp_path):
+    opened = visit(reports("slider_crank"), color_scheme="dark")
     opened.evaluate("addEventListener('beforeprint', () => { window.printed = true; })")
     opened.emulate_media(media="print")
     opened.evaluate("dispatchEvent(new Event('beforeprint'))")
@@ -282,8 +268,8 @@ view:
 
 
 @pytest.mark.parametrize("name", ["heavy_top", "chain"])
-def test_other_pages_open_without_a_word(pages, visit, name):
-    opened = visit(pages(name))
+def test_other_pages_open_without_a_word(reports, visit, name):
+    opened = visit(reports(name))
     opened.wait_for_selector(".uplot")
     drawn = opened.locator(".place canvas").count()
     assert drawn == opened.locator(".place").count() > 3
