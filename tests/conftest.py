@@ -6,12 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from lagcli.simulations.threads import limit_process
+
 TESTS = Path(__file__).parent
 
 # A job that a shell starts in the background ignores SIGINT, and so would the programs that tests
 # start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# As the command does. Without it, BLAS takes the cores from the other tests, and each run looks for
+# the libraries of the process.
+limit_process()
 
 
 #: Folders whose tests share a browser, results of every model, or start processes: they come first

@@ -7,10 +7,10 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from threading import Barrier
+from threading import Barrier, Thread
 
 import pytest
-from threadpoolctl import threadpool_info
+from threadpoolctl import ThreadpoolController, threadpool_info
 
 import lagcli
 from lagcli.simulations.threads import VARIABLES, one_thread
@@ -24,7 +24,7 @@ try:
     main()
 except SystemExit as end:
     assert not end.code, end.code
-from threadpoolctl import threadpool_info
+from threadpoolctl import ThreadpoolController, threadpool_info
 print("threads", {x["num_threads"] for x in threadpool_info() if x["user_api"] == "blas"})
 """
 
@@ -33,16 +33,30 @@ def blas() -> set[int]:
     return {x["num_threads"] for x in threadpool_info() if x["user_api"] == "blas"}
 
 
+def set_threads(count: int) -> None:
+    """Set the threads of BLAS, in a thread that ends: the one that sets them keeps the control."""
+
+    def set_all() -> None:
+        for library in ThreadpoolController().select(user_api="blas").lib_controllers:
+            library.set_num_threads(count)
+
+    setting = Thread(target=set_all)
+    setting.start()
+    setting.join()
+
+
 @pytest.fixture
 def free(monkeypatch):
-    """Return the threads that BLAS has where the environment sets no number."""
+    """Return the threads that BLAS has where the environment sets no number: two."""
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
     import scipy.linalg  # noqa: F401 - may bring a library of its own
 
-    if 1 in blas() or not blas():
+    set_threads(2)
+    if blas() != {2}:
         pytest.skip("BLAS has one thread, or none of the libraries that threadpoolctl knows")
-    return blas()
+    yield blas()
+    set_threads(1)
 
 
 @pytest.mark.parametrize(
