@@ -108,6 +108,7 @@ def test_xargs(place: Path) -> None:
     assert read(place / "run_1.5_0.35.h5").parameters["l"] == 0.35
 
 
+@pytest.mark.slow  # as xargs does
 @needs("bash", "parallel")
 def test_parallel(place: Path) -> None:
     (script,) = blocks("GNU parallel", "sh")
@@ -121,6 +122,7 @@ def test_parallel(place: Path) -> None:
     assert len((place / "sweep.log").read_text().splitlines()) == 5
 
 
+@pytest.mark.slow
 @needs("make")
 def test_make(place: Path) -> None:
     (makefile,) = blocks("make", "make")
