@@ -23,7 +23,7 @@ PACKAGE = ROOT / "lagcli"
 FILES = sorted(PACKAGE.rglob("*.py"))
 MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES}
 
-#: The rules that the documentation states: what each room may import of lagcli, beside itself.
+#: The rules that the documentation states: what each package may import of lagcli, beside itself.
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 TABLE = PAGE[PAGE.index("| package | may import |") :]
 ROOMS = {
@@ -32,7 +32,7 @@ ROOMS = {
     if own != "cli"
 }
 
-#: Packages that a room must not import, not even inside a function.
+#: Packages that a package must not import, not even inside a function.
 FOREIGN = {
     "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
@@ -79,7 +79,7 @@ NOT_OF_PLAIN_RUNS = {
 #: Data classes of a plain run: defining one takes two to five times as long as a named tuple.
 MOST_DATA_CLASSES = 10
 
-#: Packages that cost start-up time, and the rooms that may import them at the top of a module.
+#: Packages that cost start-up time, and the packages that may import them at the top of a module.
 HEAVY = {
     "sympy": set(),
     "matplotlib": set(),
@@ -243,7 +243,7 @@ def test_nothing_knows_the_command_line() -> None:
 
 
 def test_nothing_imports_the_package_itself() -> None:
-    # its __init__ knows every room, so that an import of it is an import of everything
+    # its __init__ imports every package, so that an import of it is an import of everything
     assert [module for module in MODULES if "lagcli" in imports(module)] == []
 
 

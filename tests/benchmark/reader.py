@@ -1,7 +1,7 @@
 """Benchmark cases (``cases/*.yaml``) → text of lagcli models, and the values they should give.
 
 The format of a case is described in ``cases/README.md``. Nothing here uses lagcli: closed forms
-are evaluated by a few lines of their own, so that an error in lagcli's grammar cannot hide itself.
+are evaluated by a few separate lines, so that an error in lagcli's grammar cannot hide itself.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FOLDER = Path(__file__).parent / "cases"
 #: What a row of ``reference`` may state, beside its kind, time, source and digits.
 QUANTITIES = ("q", "qd", "qdd", "lam", "constraint_force", "observables", "energy")
 
-#: The keys of a case; an unknown one would be ignored silently, so the reader refuses it.
+#: The keys of a case; an unknown one would be ignored silently, so the reader rejects it.
 KEYS = frozenset(
     {
         *("name", "title", "category", "source", "coordinates", "parameters", "definitions"),
@@ -33,7 +33,7 @@ KEYS = frozenset(
     }
 )
 
-#: Where a quantity has no digits of its own: what it is computed from.
+#: Where a quantity has no stated accuracy: what it is computed from.
 _DIGITS_OF = {
     "qdd": ("q", "qd", "lam"),
     "constraint_force": ("q", "lam"),

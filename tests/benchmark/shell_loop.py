@@ -1,4 +1,4 @@
-"""The price of a sweep from the shell: a loop of simulations beside one of bare interpreters.
+"""The cost of a sweep from the shell: a loop of simulations compared with bare interpreters.
 
     python tests/benchmark/shell_loop.py [RUNS]
 

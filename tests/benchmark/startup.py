@@ -39,7 +39,7 @@ class StartUp:
 def measure(pairs: int = 20) -> StartUp:
     """Measure 10 s of the slider-crank, 1001 samples to HDF5, against its imports.
 
-    Every run has a model of its own that no run has seen before.
+    Every run has its own model that no run has seen before.
     """
     # as installed: with the bytecode that pip, or else the first run, has written
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}

@@ -1,4 +1,4 @@
-"""Rows of a sweep per second and processor, beside single runs and what a user writes by hand.
+"""Rows of a sweep per second and processor, compared with single runs and hand-written code.
 
     python tests/benchmark/sweep_rows.py [ROWS]
 

@@ -1,6 +1,6 @@
 """Published and closed-form problems: every case of ``cases/`` against its reference values.
 
-How many digits can be asked for is stated case by case (``cases/README.md``), and limited here by
+How many digits can be requested is stated case by case (``cases/README.md``), and limited here by
 the tolerance of the run.
 """
 
@@ -163,7 +163,7 @@ def scale(case: reader.Case, reference: reader.Reference, quantity: str, compone
     """Return the largest component at that time, among those of the same kind.
 
     Where all are zero then, their largest value at the other times; where they are zero always
-    (but for rounding), 1.
+    (except for rounding), 1.
     """
     apart = small(case, quantity)
 

@@ -64,7 +64,7 @@ def test_names_of_the_model(tmp_path):
 
 
 class Terminal:
-    """A shell on a terminal of its own."""
+    """A shell on its own terminal."""
 
     def __init__(self, *command, folder, environment):
         self.pid, self.master = pty.fork()

@@ -1,6 +1,6 @@
 """Mistakes of the first days: what the program says about each, letter by letter.
 
-`LAGCLI_REWRITE=1 pytest tests/cli/test_mistakes.py` writes the texts anew. Read each change as a
+`LAGCLI_REWRITE=1 pytest tests/cli/test_mistakes.py` rewrites the texts. Read each change as a
 newcomer would: does it say what is wrong, where, and what to do?
 """
 

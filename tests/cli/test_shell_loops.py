@@ -157,7 +157,7 @@ def test_json_is_one_line_with_what_was_varied(here: Here) -> None:
 
 
 def test_six_processes_in_one_folder(tmp_path: Path) -> None:
-    """Three write names of their own, three the same one: one of these wins."""
+    """Three write their own names, three the same one: one of these wins."""
     names = ["run_{m}.h5"] * 3 + ["same.h5"] * 3
     began = [
         subprocess.Popen(

@@ -44,7 +44,7 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 class Dask:
-    """A scheduler and workers, each a process with a nanny that starts it anew."""
+    """A scheduler and workers, each a process with a nanny that restarts it."""
 
     def __init__(self, folder: Path, *workers: tuple[str, ...], failures: int = 3):
         self.folder, self.processes = folder, []

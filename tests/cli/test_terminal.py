@@ -116,7 +116,7 @@ def test_the_status_is_coloured_in_a_terminal(tmp_path: Path) -> None:
 
 
 class Screen(Terminal):
-    """A terminal of the test's own process, in place of standard output."""
+    """A terminal of the test's own process, instead of standard output."""
 
     encoding = "utf-8"
 

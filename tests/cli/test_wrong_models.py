@@ -1,6 +1,6 @@
-"""Wrong models: each stored beside what standard error must say about it, letter by letter.
+"""Wrong models: each stored beside the expected standard error, letter by letter.
 
-`LAGCLI_REWRITE=1 pytest tests/cli/test_wrong_models.py` writes the `.stderr` files anew. Read each
+`LAGCLI_REWRITE=1 pytest tests/cli/test_wrong_models.py` rewrites the `.stderr` files. Read each
 change as a newcomer would: is it clear what to fix?
 """
 

@@ -56,7 +56,7 @@ def environment(place: Path) -> dict[str, str]:
 @pytest.mark.slow
 def test_from_python(place: Path) -> None:
     (code,) = blocks("From Python", "python")
-    # as a file: processes that are started anew import it
+    # as a file: spawned processes import it
     (place / "sweep.py").write_text(
         "if __name__ == '__main__':\n" + re.sub(r"^(?=.)", "    ", code, flags=re.M)
     )

@@ -84,7 +84,7 @@ def _names(root: h5py.File) -> list[str]:
 
 
 def _value(r: random.Random) -> Any:
-    """Return something to stand in place of a dataset or an attribute."""
+    """Return something to stand instead of a dataset or an attribute."""
     return r.choice(
         (
             *(

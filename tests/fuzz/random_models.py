@@ -513,7 +513,7 @@ def _real(x: Any) -> mpf:
 
 
 def _apart(x: mpf, jump: mpf) -> None:
-    """Refuse a value so close to a jump that doubles may lie on its other side."""
+    """Reject a value so close to a jump that doubles may lie on its other side."""
     if x != jump and abs(x - jump) < 1e-12:
         raise NoValue
 
@@ -681,7 +681,7 @@ class Meaning:
         return (after - 2 * middle + before) / STEP**2
 
     def slope(self, f: Callable[[State], Any], at: State, kind: str, i: int = 0) -> Any:
-        """Return a partial derivative by q_i, v_i or t."""
+        """Return a partial derivative with respect to q_i, v_i or t."""
         after, before = (f(at.shifted(kind, i, s)) for s in (STEP, -STEP))
         return _scaled(_combined(after, before, -1), 1 / (2 * STEP))
 

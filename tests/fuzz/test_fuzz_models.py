@@ -17,8 +17,8 @@ from lagcli.model.expression.functions import FUNCTIONS as KNOWN
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 
-#: What a random model may be refused for: a constant part of it has no value, or all coordinates of
-#: a constraint cancel.
+#: What a random model may be rejected for: a constant part of it has no value, or all coordinates
+#: of a constraint cancel.
 REFUSALS = {"not-a-number", "no-unknowns"}
 CLOSE = 1e-10  # relative to the value, or to 1: doubles, a few hundred operations
 LARGEST = 1e8  # of values that are compared
@@ -83,7 +83,7 @@ def array(values: Any) -> np.ndarray:
 
 
 def attempt(text: str) -> tuple[Model | None, ModelError]:
-    """Load a text, or return why it is refused."""
+    """Load a text, or return why it is rejected."""
     try:
         return load_text(text), ModelError([])
     except ModelError as error:

@@ -157,7 +157,7 @@ def message(r: random.Random) -> str:
 
 
 def talk(served: Served, messages: list[str]) -> None:
-    """Send each message in a session of its own, and wait for what follows."""
+    """Send each message in its own session, and wait for what follows."""
 
     async def session(client: aiohttp.ClientSession, text: str) -> None:
         async with client.ws_connect(

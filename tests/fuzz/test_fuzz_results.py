@@ -1,8 +1,8 @@
-"""Whatever is done to a result file: it is read as it was written, or refused with status 4.
+"""Whatever is done to a result file: it is read as it was written, or rejected with status 4.
 
 A mutant of a file with a checksum that is read with status 0 must print what the original prints.
-Files of layout 1, CSV files without a sidecar, and files whose checksum was made anew hold numbers
-without a check: such a mutant is read or refused, with no traceback and in bounded time.
+Files of layout 1, CSV files without a sidecar, and files with a new checksum contain numbers
+without a check: such a mutant is read or rejected, with no traceback and in bounded time.
 """
 
 from __future__ import annotations

@@ -233,7 +233,7 @@ def test_heavy_top_in_steady_precession() -> None:
     rate = m * g * a / (base["J_s"] * spin)  # axis horizontal: J_s spin rate = m g a, exactly
     trajectory = run("heavy_top", 0.5, set={"precession": rate})
     c, turn = columns(trajectory), rate * trajectory.time
-    # twelve turns of the spin: 1e-8 in place of CLOSE
+    # twelve turns of the spin: 1e-8 instead of CLOSE
     assert_close(c["X"], -a * np.sin(turn), 1e-8)
     assert_close(c["Y"], a * np.cos(turn), 1e-8)
     np.testing.assert_allclose(c["Z"], 0, atol=1e-8 * a)

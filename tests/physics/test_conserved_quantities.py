@@ -109,7 +109,7 @@ def test_two_bodies_have_the_seven_of_the_groups_of_euclid_and_of_time() -> None
         ),
         "h",
     ]
-    # the pair turns about its centre of mass with an angular momentum of its own
+    # the pair turns about its centre of mass with an angular momentum
     assert len(found.quantities) == 10
     assert_constant(equations, found, t_end=2.0)
 

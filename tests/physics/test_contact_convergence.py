@@ -1,4 +1,4 @@
-"""Times of contact events are as exact as the tolerance asks for."""
+"""Times of contact events are as exact as the tolerance requires."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class Case:
             d = evaluator.dynamics(state.t, state.q, state.v)
             zero = np.zeros((len(d.jacobian), len(d.jacobian)))
             matrix = np.block([[d.mass_matrix, -d.jacobian.T], [d.jacobian, zero]])
-            # of redundant constraints the small singular values are zero but for rounding
+            # of redundant constraints the small singular values are zero except for rounding
             rcond = 1e-6 if self.partition.surplus else 1e-15
             right = np.concatenate([d.forcing, d.rhs])
             self.solutions.append(np.linalg.lstsq(matrix, right, rcond=rcond)[0])

@@ -89,7 +89,7 @@ V: 0
 constraints: {wire: x*sin(t) = y*cos(t)}
 initial: {x: 1, y: 0, x': 0, y': 1}
 """)
-#: Linear, so that Newton's iteration leaves no error of its own.
+#: Linear, so that Newton's iteration has no error.
 DRIVEN = lagcli.load_text("""
 name: two oscillators at a prescribed distance
 coordinates: [x, y]

@@ -17,7 +17,7 @@ ARGUMENTS = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
 VIEWPORT = {"width": 800, "height": 640}
-#: The frames of a page come when a test asks for them, at the times that it says.
+#: The frames of a page come when a test requests them, at the times that it says.
 STEPPED = """
 (() => {
   const waiting = [];

@@ -157,7 +157,7 @@ def test_energies_jump_by_what_impacts_take() -> None:
 
 
 def test_work_of_an_event_changes_the_energy_that_it_moves() -> None:
-    """Two springs in place of one: V jumps. A stop: T does."""
+    """Two springs instead of one: V jumps. A stop: T does."""
     model = lagcli.load_text("""
 coordinates: {x: m}
 parameters: {m: 1 kg, k: 4 N/m}

@@ -39,7 +39,7 @@ def slider_crank(pages, visit):
 
 @pytest.fixture
 def stepped(pages, visit):
-    """The slider-crank's page, which plays by the frames that a test asks for."""
+    """The slider-crank's page, which plays by the frames that a test requests."""
     return visit(pages("slider_crank"), stepped=True)
 
 

@@ -1,6 +1,6 @@
-"""Plots: what they show, what they look like, what they refuse.
+"""Plots: what they show, what they look like, what they reject.
 
-`LAGCLI_REWRITE=1 pytest tests/pictures` stores the pictures anew. Look at each.
+`LAGCLI_REWRITE=1 pytest tests/pictures` stores new pictures. Look at each.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ def test_a_million_samples_take_seconds_and_keep_their_peaks(tmp_path: Path) -> 
     assert np.argmax(blue) / image.shape[1] == pytest.approx(peak / count, abs=0.1)
 
 
-# what is refused
+# what is rejected
 
 
 @pytest.mark.parametrize(

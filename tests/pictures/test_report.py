@@ -1,4 +1,4 @@
-"""Reports: what stands on the page, what is refused, and how large pages are."""
+"""Reports: what stands on the page, what is rejected, and how large pages are."""
 
 import base64
 import json
@@ -350,7 +350,7 @@ def test_a_million_samples(tmp_path, capfd):
         assert values.max() == whole.multipliers[:, i].max()
 
 
-# what is refused
+# what is rejected
 
 
 def test_csv_needs_its_model(tmp_path, capsys):

@@ -117,7 +117,7 @@ def test_sensitive_runs_have_tornado_charts_of_their_peaks(tmp_path: Path) -> No
         name: re.sub("<svg.*?</svg>", "", cells).replace("−", "-").split("</td>")[1].split(">")[1]
         for name, cells in rows
     }
-    # λ is proportional to m; its derivative by l against a central difference
+    # λ is proportional to m; its derivative with respect to l against a central difference
     assert float(changes["m"]) == pytest.approx(peak() / 100, rel=1e-5)
     difference = (peak(l=0.3 * 1.0001) - peak(l=0.3 * 0.9999)) / 2e-4 / 100
     assert float(changes["l"]) == pytest.approx(difference, rel=1e-4)

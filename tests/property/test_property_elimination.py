@@ -87,7 +87,7 @@ def test_an_order_serves_other_numbers_in_the_same_places(
     matrix = whole(mass, other)
     rhs = matrix @ rng.normal(size=len(matrix))
     (x, *others), _ = eliminated(hand_written(mass, other, rhs), plan, rhs)
-    # two codes, one elimination: equal but for rounding, whatever the pivots have become
+    # two codes, one elimination: equal except for rounding, whatever the pivots have become
     finite = np.isfinite(x).all() and np.abs(x).max(initial=0.0) < 1e4
     if finite and plan.smallest > 1e-3:
         for y in others:

@@ -105,7 +105,7 @@ def test_expressions_mean_what_they_mean_in_python(text: str, point: tuple[float
         found = evaluated(parse(text), point)
     except (ExpressionError, ValueError):  # a constant part is infinite, or not real
         assume(False)
-    # SymEngine orders terms anew: each may round differently, and cancel
+    # SymEngine reorders terms: each may round differently, and cancel
     assume(slack < 1e-9)
     assert math.isclose(found, expected, rel_tol=1e-9, abs_tol=1e-9 + 1e3 * slack)
 

@@ -95,7 +95,7 @@ def test_random_expressions_against_symengine(
     found = value(expression, *point)
     expected = exactly(expression, point)
     if not (math.isfinite(expected) and math.isfinite(found)):
-        return  # what is undefined is the subject of tests of its own
+        return  # what is undefined is the subject of its own tests
     # a value at a jump may fall on either side, and differences of large terms lose digits:
     # the reach of rounding is seen by moving the point, and the values of functions, by rounding
     near = [value(expression, *(x * (1 + s * 2e-16) for x in point)) for s in (-1, 1)]

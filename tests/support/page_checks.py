@@ -1,4 +1,4 @@
-"""What a machine can see of a page: texts that overlap or are cut off, axes without room."""
+"""What a machine can see of a page: texts that overlap or are cut off, axes without space."""
 
 #: Returns pairs of texts of a page that overlap, and texts that are cut off or beyond the window.
 TEXTS = """() => {
@@ -36,8 +36,8 @@ TEXTS = """() => {
   return wrong;
 }"""
 
-#: Returns the charts whose numbers or labels have no room: upright numbers that touch, a label that
-#: is longer than its axis, fewer than two numbers.
+#: Returns the charts whose numbers or labels have no space: upright numbers that touch, a label
+#: that is longer than its axis, fewer than two numbers.
 AXES = """() => {
   const wrong = [], pen = document.createElement("canvas").getContext("2d");
   pen.font = "12px system-ui, sans-serif";

@@ -21,7 +21,7 @@ def wait_until(condition: Callable[[], object], said: Callable[[], object] = lam
 
 
 def processor_time(pid: int) -> float:
-    """Return the processor time of a running process, s, as Linux tells it."""
+    """Return the processor time of a running process, s, as Linux reports it."""
     # the second field is the name in parentheses; user and system time are the 14th and 15th
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""The most memory that the program has at once, as Linux tells it."""
+"""The most memory that the program has at once, as Linux reports it."""
 
 from __future__ import annotations
 

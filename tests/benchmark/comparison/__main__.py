@@ -58,7 +58,7 @@ def sections_alone(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure what the command line requests."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"  # before NumPy is loaded, here and in all workers
     from comparison import run, table

@@ -24,7 +24,7 @@ SAMPLES = 101
 
 @dataclass(frozen=True)
 class Start:
-    """A consistent start and the parameters' values: what every program begins from."""
+    """A consistent initial state and the parameters' values: what every program begins from."""
 
     q: Array
     v: Array
@@ -68,7 +68,7 @@ class Case:
 
     @cached_property
     def start(self) -> Start:
-        """The consistent start, as lagcli finds it."""
+        """The consistent initial state, as lagcli finds it."""
         model = self.load()
         found = prepare(model, SettingsOverrides(t_end=self.t_end)).start
         return Start(found.state.q, found.state.v, model.parameter_values)

@@ -1,4 +1,4 @@
-"""What contacts, events and kinks cost, each beside what it is compared with, in turns.
+"""The cost of contacts, events and kinks, measured alternately with a comparison.
 
 Both sides of a row run in this process one after the other, so that what else the machine does
 falls on both alike; the ratio is the median of the ratios of all turns.

@@ -1,4 +1,4 @@
-"""Deriving: lagcli beside sympy.physics.mechanics, and lagcli's own growth with the model."""
+"""Derivation: lagcli compared with sympy.physics.mechanics, and its growth with the model."""
 
 from __future__ import annotations
 

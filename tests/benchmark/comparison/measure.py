@@ -1,4 +1,4 @@
-"""Measuring: every method in a process of its own, runs interleaved, medians.
+"""Measuring: every method in its own process, runs interleaved, medians.
 
 A method that hangs or crashes loses its process and nothing else.
 """
@@ -129,7 +129,7 @@ class Worker:
 
 
 def _serve(connection: Connection, program: str, name: str, case_name: str, start: Start) -> None:
-    """Answer a parent's questions about one method; runs in a process of its own."""
+    """Answer a parent's questions about one method; runs in its own process."""
     from comparison.peers import METHODS
 
     method = next(m for m in METHODS if (m.program, m.name) == (program, name))

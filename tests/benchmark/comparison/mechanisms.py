@@ -2,7 +2,7 @@
 
 Each is a function of an algebra (an object with ``sin``, ``cos`` and ``sqrt``), the coordinates q
 and the parameters; it returns positions of masses, potential and constraints as expressions of
-that algebra. The models that lagcli reads are YAML files of their own; that both mean the same
+that algebra. The models that lagcli reads are separate YAML files; that both mean the same
 motion is seen in the errors of the table.
 """
 

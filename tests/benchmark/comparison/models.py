@@ -6,7 +6,7 @@ from __future__ import annotations
 def chain(n: int, stiffness: float | None = None, damping: float | None = None) -> str:
     """Return the model of a chain of point masses, released as a horizontal line.
 
-    With a stiffness, every second link is a spring with a damper in place of a rod.
+    With a stiffness, every second link is a spring with a damper instead of a rod.
     """
     stiff = stiffness is not None
     springs = [i for i in range(1, n + 1) if stiff and i % 2 == 0]

@@ -1,4 +1,4 @@
-"""The whole process: `lagcli simulate` beside the bare imports that no program can do without."""
+"""The whole process: `lagcli simulate` compared with the imports that it needs."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from comparison.verdicts import OURS
 
 
 def available(programs: Sequence[str] | None) -> list[Method]:
-    """Return the methods asked for whose packages are installed, ours among them."""
+    """Return the methods requested whose packages are installed, ours among them."""
     return [
         method
         for method in METHODS

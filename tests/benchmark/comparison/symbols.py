@@ -1,4 +1,4 @@
-"""A case's equations in SymPy: what the programs without an algebra of their own start from."""
+"""A case's equations in SymPy: input of the programs without computer algebra."""
 
 from __future__ import annotations
 

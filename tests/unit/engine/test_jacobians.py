@@ -29,7 +29,7 @@ initial: {x: 1.1, y: 0.5, phi: 0.3, x': 0, y': 0, phi': 0}
 """
 
 
-#: Every function that can have a slope of its own, in energies, forces and constraints.
+#: Every function that can have its own slope, in energies, forces and constraints.
 FUNCTIONS = """
 coordinates: [x, y, z]
 parameters: {a: 0.7}

@@ -1,4 +1,4 @@
-"""Models that the language refused, got wrong or read too slowly."""
+"""Models that the language rejected, got wrong or read too slowly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The JSON Schema accepts what the loader accepts, and refuses wrong structures."""
+"""The JSON Schema accepts what the loader accepts, and rejects wrong structures."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Independent coordinates at the consistent start of a model."""
+"""Independent coordinates at the consistent initial state of a model."""
 
 from __future__ import annotations
 

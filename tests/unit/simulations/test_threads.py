@@ -50,7 +50,7 @@ def free(monkeypatch):
     """Return the threads that BLAS has where the environment sets no number: two."""
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    import scipy.linalg  # noqa: F401 - may bring a library of its own
+    import scipy.linalg  # noqa: F401 - may load another BLAS library
 
     set_threads(2)
     if blas() != {2}:

@@ -1,4 +1,4 @@
-"""The consistent start: what moves, what stays, and what is said when there is none."""
+"""The consistent initial state: what moves, what stays, and what is said when there is none."""
 
 from __future__ import annotations
 

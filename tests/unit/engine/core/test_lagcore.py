@@ -1,4 +1,4 @@
-"""The core as a library of its own: a C program on it, its symbols, and its headers."""
+"""The core as a separate library: a C program on it, its symbols, and its headers."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def test_outputs_that_are_asked_for_apart_come_after_the_others(seed: int) -> No
     run(program.deferred[0], registers)
     run(program.deferred[1], registers)
     np.testing.assert_allclose(outputs(program, registers), expected, rtol=1e-12)
-    # alone: in place of the main part, and for a later one what it goes on from
+    # alone: instead of the main part, and for a later one what it goes on from
     registers = start(program, INPUTS)
     run(program.output_subsets[0], registers)
     found = outputs(program, registers)

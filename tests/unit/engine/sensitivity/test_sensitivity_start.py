@@ -1,4 +1,4 @@
-"""The derivatives of a consistent start."""
+"""The derivatives of a consistent initial state."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def test_bodies_by_themselves(
 def test_bodies_of_different_structure(
     programs: list[SeriesProgram], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # neighbours in no order, and some bodies with terms of their own: operands whose places are
+    # neighbours in no order, and some bodies with their own terms: operands whose places are
     # listed, and operations in no vector
     mixed = random.Random(1)
     other = list(range(BODIES))

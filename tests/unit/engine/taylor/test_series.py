@@ -258,7 +258,7 @@ initial: {x: 0, y: 0, z: 0.4, x': 0, y': 1, z': 0.3}
 
 
 def test_accelerations_that_are_numbers() -> None:
-    # x'' = a and y'' = 0, so z'' = −a t sin z; x and y have no inertia of their own
+    # x'' = a and y'' = 0, so z'' = −a t sin z; x and y have no inertia
     q, v = [0.7 * START**2 / 2, START, 0.4], [0.7 * START, 1.0, 0.3]
     found = coefficients(system_of(DRIVEN), q, v)
     z, u = se.symbols("z u")

@@ -1,4 +1,4 @@
-"""The formulas of the kinds in JSON read back to their expressions, at the consistent start."""
+"""Formulas of the kinds in JSON are parsed to their expressions, at the initial state."""
 
 from __future__ import annotations
 

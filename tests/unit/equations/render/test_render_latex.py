@@ -69,7 +69,7 @@ def check(latex: str) -> None:
 def display_rows(latex: str) -> list[str]:
     blocks = re.findall(r"\\begin\{align\}(.*?)\\end\{align\}", latex, re.DOTALL)
     blocks = [re.sub(r" ?\\notag|\\label\{[^}]*\}", "", block) for block in blocks]
-    # matrices and cases have rows of their own
+    # matrices and cases have their own rows
     inner = re.compile(r"\\begin\{(pmatrix|cases)\}.*?\\end\{\1\}", re.DOTALL)
     return [
         row.strip()

@@ -26,7 +26,7 @@ def test_the_basis_spans_the_null_space(rows: list[list[Fraction]]) -> None:
     for vector in basis:
         for row in rows:
             assert sum(Fraction(x) * vector.get(j, 0) for j, x in enumerate(row)) == 0
-    # reduced: each has a 1 of its own, its last entry
+    # reduced: each has an entry 1 where the others have 0, its last entry
     for vector in basis:
         own = max(vector)
         assert vector[own] == 1

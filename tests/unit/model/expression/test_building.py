@@ -1,4 +1,4 @@
-"""Tree → SymEngine: values, derivatives, vectors, rotations, and what is refused."""
+"""Tree → SymEngine: values, derivatives, vectors, rotations, and what is rejected."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def attacks() -> list[str]:
 
 
 def test_no_forbidden_command_reaches_a_sign():
-    """What is read is written anew from lists: only what these hold can come out."""
+    """What is read is written again from lists: only what these hold can come out."""
     allowed = 0
     for attack in attacks():
         try:
@@ -132,7 +132,7 @@ def test_no_forbidden_command_reaches_a_sign():
 
 
 def test_no_forbidden_command_reaches_an_output():
-    printable = [x for x in attacks() if not {"\x00", "\x1c"} & set(x)]  # YAML refuses the others
+    printable = [x for x in attacks() if not {"\x00", "\x1c"} & set(x)]  # YAML rejects the others
     for attack in printable[:: len(printable) // 25]:
         equations = derive(model_with(attack))
         for form, plain in PLAIN.items():

@@ -41,7 +41,7 @@ def message(folder: Path, *arguments: str, **more: str | bytes) -> str:
 
 @pytest.mark.parametrize("entry", [FILE, LISTS, FILE + ", time: t, interpolation: cubic"])
 def test_tables_are_in_si(tmp_path: Path, entry: str) -> None:
-    """From files with units in their titles, and from lists with units of their own."""
+    """From files with units in their titles, and from lists with their own units."""
     u = loaded(tmp_path, entry).inputs["u"]
     assert u.data.times.tolist() == [0.0, 0.5, 1.0]
     assert u.data.values.tolist() == [0.0, 0.01, -0.005]

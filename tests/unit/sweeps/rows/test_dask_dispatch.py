@@ -234,7 +234,7 @@ def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(FileError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 within"):
             Cluster("tcp://127.0.0.1:1").__enter__()
 
-    async def notebook() -> None:  # which has a loop of its own
+    async def notebook() -> None:  # which has its own loop
         ask()
 
     with ThreadPoolExecutor(1) as thread:

@@ -45,7 +45,7 @@ def runner(path: Path, vary: str, **settings) -> Runner:
 @pytest.mark.parametrize(
     ("path", "vary", "settings"),
     [
-        # in lanes, from guessed starts, of which each has an order of its own
+        # in lanes, from guessed starts, of which each has its own order
         ("tests/found/stewart.yaml", "rp=0.5:0.7:0.05", {"t_end": 0.1, "samples": 2}),
         # one by one: no lanes for this method, nor for redundant constraints
         ("models/four_bar.yaml", "m_1=1:2:0.25", {"t_end": 0.1, "method": "Radau"}),
