@@ -220,7 +220,7 @@ def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None
     assert circles(graph) == []
 
 
-def test_folders_are_of_a_size_to_be_seen_at_once() -> None:
+def test_folders_are_small_enough() -> None:
     # the commands are a list, one module each
     for folder in {f.parent for f in FILES} - {PACKAGE / "cli" / "commands"}:
         modules = [f.stem for f in folder.glob("*.py") if f.stem != "__init__"]
@@ -236,7 +236,7 @@ def test_no_class_name_occurs_twice() -> None:
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
-def test_nothing_knows_the_command_line() -> None:
+def test_nothing_imports_the_command_line() -> None:
     for module in MODULES:
         if room(module) != "cli" and module != "lagcli.__main__":
             assert not any(n.startswith("lagcli.cli") for n in imports(module)), module
@@ -255,7 +255,7 @@ def test_version_is_stated_once() -> None:
     assert [f.name for f in files if stated.search(f.read_text(encoding="utf-8"))] == ["version.py"]
 
 
-def test_engine_knows_symbols_only_where_equations_are_lowered() -> None:
+def test_engine_uses_symbols_only_where_equations_are_lowered() -> None:
     assert [
         f"{module} imports {name}"
         for module in MODULES
@@ -333,7 +333,7 @@ def test_public_names_have_docstrings() -> None:
     assert [name for module in MODULES for name in undocumented(module, tree(module))] == []
 
 
-def test_modules_are_of_a_size_to_be_read() -> None:
+def test_modules_are_short_enough() -> None:
     lines = {m: len(f.read_text(encoding="utf-8").splitlines()) for m, f in MODULES.items()}
     assert {m: n for m, n in lines.items() if n > 450} == {}, "split them by concept"
 

@@ -42,7 +42,7 @@ def test_every_module_with_functions_is_tested_by_name(module: Path) -> None:
     assert f"from {dotted} import" in text or f"from {package} import {name}" in text, found[0]
 
 
-def test_every_folder_of_unit_tests_is_a_room() -> None:
+def test_every_folder_of_unit_tests_is_a_package() -> None:
     for folder in UNIT.rglob("*"):
         if folder.is_dir() and folder.name != "__pycache__":
             assert (ROOT / "lagcli" / folder.relative_to(UNIT)).is_dir(), folder

@@ -286,7 +286,7 @@ def test_every_case_is_covered() -> None:
                 assert set(components) == set(reference.digits[quantity]), (name, quantity)
 
 
-def test_evaluator_refuses_what_is_not_of_the_format() -> None:
+def test_evaluator_rejects_what_is_not_of_the_format() -> None:
     with pytest.raises((ValueError, KeyError)):
         reader.evaluate("__import__('os').getcwd()", {})
     assert reader.evaluate("-2**2 + sqrt(m)/4e-1", {"m": 4.0}) == pytest.approx(1.0)

@@ -89,7 +89,7 @@ def test_values_and_initial_values_are_replaced(lagcli):
     assert spin["symmetry"] == {"phi": "1"}
 
 
-def test_an_adjusted_value_is_told_from_the_given_one(lagcli, tmp_path):
+def test_an_adjusted_value_is_distinguished_from_the_given_one(lagcli, tmp_path):
     model = tmp_path / "near.yaml"
     model.write_text(
         "coordinates: [x, y]\nT: x'^2 + y'^2\nconstraints: {edge: x = -0.500000000003}\n"

@@ -58,7 +58,7 @@ def test_file_is_described_and_plotted(tmp_path: Path, capsys: pytest.CaptureFix
         (["-o", "x.csv"], "use x.json or x.h5"),
     ],
 )
-def test_wrong_use_is_refused(
+def test_wrong_use_is_rejected(
     options: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["compare", CRANK, *options]) == 2

@@ -88,7 +88,7 @@ def test_json_can_be_read(capsys) -> None:
         parse(text)
 
 
-def test_what_is_not_short_is_said(capsys) -> None:
+def test_what_is_not_short_is_reported(capsys) -> None:
     text = printed(capsys, DISK, "--solve")
     assert "The closed form is omitted: it is long." in text
     redundant = " ".join(printed(capsys, str(MODELS / "parallelogram.yaml"), "--solve").split())

@@ -163,7 +163,7 @@ def test_derivatives_in_result_files(folder: Path, command: Command, suffix: str
         assert file["dq"].dims[2][0][()].tolist() == [b"l", b"phi'"]
 
 
-def test_the_model_file_can_ask_for_derivatives(folder: Path, command: Command) -> None:
+def test_the_model_file_can_require_derivatives(folder: Path, command: Command) -> None:
     text = MODEL.replace("fit:\n", "simulation: {sensitivity: [k, c], t_end: 1}\nfit:\n")
     found = lagcli.simulate(lagcli.load_text(text))
     assert found.sensitivity == ("k", "c")

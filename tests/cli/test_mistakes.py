@@ -57,7 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_what_is_said(
+def test_what_is_reported(
     name: str,
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,

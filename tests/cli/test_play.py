@@ -157,11 +157,11 @@ def test_there_are_no_other_files(program: Program, name: str) -> None:
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:{}", "127.0.0.1", "[::1]:{}"])
-def test_another_host_is_refused(program: Program, host: str) -> None:
+def test_another_host_is_rejected(program: Program, host: str) -> None:
     assert asked(program, Host=host.replace("{}", str(program.port))) == (403, b"")
 
 
-def test_what_is_no_request_is_told_so_and_said_nowhere_else(program: Program) -> None:
+def test_what_is_no_request_is_told_so_and_reported_nowhere_else(program: Program) -> None:
     assert asked(program, Host="")[0] == 400
     with socket.create_connection(("127.0.0.1", program.port), timeout=PATIENCE) as other:
         other.sendall(b"nonsense\r\n\r\n")
@@ -173,13 +173,13 @@ def test_localhost_is_a_name_of_the_host(program: Program) -> None:
 
 
 @pytest.mark.parametrize("origin", ["", "null", "http://evil.example", "https://{}", "http://{}.x"])
-def test_a_socket_of_another_origin_is_refused(program: Program, origin: str) -> None:
+def test_a_socket_of_another_origin_is_rejected(program: Program, origin: str) -> None:
     with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
         talked(program, heard, Origin=origin.replace("{}", program.host))
     assert refused.value.status == 403
 
 
-def test_a_socket_without_the_token_is_refused(program: Program) -> None:
+def test_a_socket_without_the_token_is_rejected(program: Program) -> None:
     status, content = asked(
         program,
         "/wrong/socket",
@@ -321,7 +321,7 @@ def fails(capsys: pytest.CaptureFixture[str]) -> Fails:
         (["nowhere.yaml"], 4, "nowhere.yaml"),
     ],
 )
-def test_what_is_wrong_is_said_before_anything_is_served(
+def test_what_is_wrong_is_reported_before_anything_is_served(
     fails: Fails, arguments: list[str], status: int, words: str
 ) -> None:
     found, said = fails(*arguments)
@@ -344,7 +344,7 @@ def test_without_aiohttp_it_says_what_to_install(
     )
 
 
-def test_a_port_that_is_taken_is_said(fails: Fails, program: Program) -> None:
+def test_a_port_that_is_taken_is_reported(fails: Fails, program: Program) -> None:
     assert fails(CRANK, "--port", str(program.port)) == (
         4,
         f"error: port {program.port} of 127.0.0.1 cannot be opened: Address already in use;"
@@ -367,7 +367,7 @@ def test_a_chosen_port_is_free_again_at_once_under_another_token() -> None:
     assert all(len(token) >= 32 for token in tokens)
 
 
-def test_it_ends_at_once_while_a_client_waits_for_a_long_run() -> None:
+def test_it_ends_immediately_while_a_client_waits_for_a_long_run() -> None:
     running = Program(CRANK, "--no-browser", "--timeout", "100000")
 
     async def talk(ws: aiohttp.ClientWebSocketResponse) -> Any:

@@ -112,7 +112,7 @@ def test_it_opens_in_xarray(here: Here) -> None:
         assert outputs["slider"].values[2] == pytest.approx(run.outputs["slider"], rel=1e-9)
 
 
-def test_what_is_kept_where_nothing_is_said(here: Here) -> None:
+def test_what_is_kept_by_default(here: Here) -> None:
     assert here("sweep", CRANK, "--vary", "m=1,2", "-o", "t.h5", *SHORT) == 0
     assert contents("t.h5")["q"].shape == (2, 11, 2)
     arguments = ("sweep", CRANK, "--vary", "m=1,2", "--keep", "measures", *SHORT)
@@ -353,7 +353,7 @@ def test_an_unfinished_sweep_is_not_overwritten(journaled: Here) -> None:
         (("--keep", "trajectories"), "keep: measures before, trajectories now"),
     ],
 )
-def test_another_sweep_is_refused(journaled: Here, change: tuple[str, ...], said: str) -> None:
+def test_another_sweep_is_rejected(journaled: Here, change: tuple[str, ...], said: str) -> None:
     here = journaled
     before = Path("s.h5.journal").read_bytes()
     assert here(*RESUME, *change) == 2
@@ -364,7 +364,7 @@ def test_another_sweep_is_refused(journaled: Here, change: tuple[str, ...], said
     assert said in here.err
 
 
-def test_a_changed_model_is_refused(journaled: Here) -> None:
+def test_a_changed_model_is_rejected(journaled: Here) -> None:
     here = journaled
     changed = Path("slider_crank.yaml")
     changed.write_text(Path(CRANK).read_text() + "\n# changed\n")
@@ -384,7 +384,7 @@ def test_retry_failed_runs_the_failed_alone(here: Here) -> None:
     assert np.isfinite(contents("s.h5")["peak"]).tolist() == [False, True, True]
 
 
-def test_two_sweeps_of_one_file_are_refused(journaled: Here) -> None:
+def test_two_sweeps_of_one_file_are_rejected(journaled: Here) -> None:
     here = journaled
     other = Journal("s.h5.journal", {}, resume=True)
     assert here(*RESUME) == 2
@@ -410,7 +410,7 @@ def test_a_full_disk_loses_nothing(journaled: Here, monkeypatch: pytest.MonkeyPa
     assert_same("s.h5", "whole.h5")
 
 
-def test_a_damaged_end_of_the_journal_is_cut_and_said(journaled: Here) -> None:
+def test_a_damaged_end_of_the_journal_is_cut_and_reported(journaled: Here) -> None:
     here = journaled
     with open("s.h5.journal", "ab") as file:
         file.write(bytes(24))

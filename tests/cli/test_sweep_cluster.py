@@ -209,7 +209,7 @@ def test_rows_that_fail_are_rows_there_too(two_workers: Dask, tmp_path: Path) ->
     assert target.read_text() == (tmp_path / "here.csv").read_text()
 
 
-def test_another_version_is_refused(
+def test_another_version_is_rejected(
     two_workers: Dask,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

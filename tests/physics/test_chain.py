@@ -51,7 +51,7 @@ def test_in_angles_it_moves_as_in_positions() -> None:
     np.testing.assert_allclose(chain.energy_kinetic, angles.energy_kinetic, atol=1e-9)
 
 
-def test_results_know_the_members(tmp_path: Path) -> None:
+def test_results_have_the_members(tmp_path: Path) -> None:
     model = lagcli.load(MODELS / "chain.yaml", set={"N": 3}, set_initial={"x[3]'": 0})
     run = lagcli.simulate(model, t_end=0.1, samples=3)
     for suffix in ("h5", "csv"):

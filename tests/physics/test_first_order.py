@@ -67,7 +67,7 @@ initial: {x: 1, y: 0, x': {guess: 0}, y': {guess: 0}}
     assert np.allclose(run.q[:, 1], -2 / rate * (1 - x), atol=1e-9)
 
 
-def test_equation_is_named_and_said() -> None:
+def test_equation_is_named_and_reported() -> None:
     model = lagcli.load_text(COUPLED)
     assert model.constraint_names == ("x.rate",)
     text = lagcli.render(lagcli.derive(model))
@@ -81,7 +81,7 @@ def test_equation_is_named_and_said() -> None:
         (("D: c/2*x'^2", "D: c/2*x'^2\nQ: {x: -lambda.h}"), "depends on multipliers"),
     ],
 )
-def test_balances_that_are_not_linear_are_refused(change: tuple[str, str], words: str) -> None:
+def test_balances_that_are_not_linear_are_rejected(change: tuple[str, str], words: str) -> None:
     text = COUPLED.replace("initial:", "constraints: {h: y = 0.5}\ninitial:")
     with pytest.raises(ModelError, match=words):
         lagcli.load_text(text.replace(*change))
@@ -92,6 +92,6 @@ def test_massless_coordinates_with_a_constraint_stay_as_they_are() -> None:
     assert lagcli.load_text(text).constraint_names == ("h",)
 
 
-def test_equilibria_with_first_order_coordinates_are_refused() -> None:
+def test_equilibria_with_first_order_coordinates_are_rejected() -> None:
     with pytest.raises(UsageError, match="`x` is a first-order coordinate"):
         lagcli.equilibrium(lagcli.load_text(COUPLED))

@@ -154,7 +154,7 @@ def test_sigma_is_estimated_where_it_is_not_given(tmp_path: Path) -> None:
     assert found.chi_square == pytest.approx(found.freedom)
 
 
-def test_a_bound_that_is_active_is_said(tmp_path: Path) -> None:
+def test_a_bound_that_is_active_is_reported(tmp_path: Path) -> None:
     measured(tmp_path)
     block = BOTH.replace("c: {}", "c: {max: 0.25}")
     found = lagcli.fit(model(tmp_path, block))
@@ -272,7 +272,7 @@ def test_wrong_arguments(tmp_path: Path, options: dict[str, object], said: str) 
         lagcli.fit(model(tmp_path, BOTH), **options)
 
 
-def test_what_is_missing_is_said(tmp_path: Path) -> None:
+def test_what_is_missing_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="has no `fit` block"):
         lagcli.fit(lagcli.load_text(OSCILLATOR))
     measured(tmp_path)

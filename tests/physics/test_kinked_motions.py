@@ -251,7 +251,7 @@ def test_other_methods() -> None:
         ),
     ],
 )
-def test_motions_that_do_not_go_on_in_one_way(text: str, message: str, engine: str) -> None:
+def test_motions_that_do_not_continue_in_one_way(text: str, message: str, engine: str) -> None:
     found = run(text, engine, [0, 1, 2])
     assert found.status == "failed"
     assert message in found.message

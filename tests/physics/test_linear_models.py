@@ -163,7 +163,7 @@ def test_descriptor_form_has_the_eigenvalues_of_the_reduced_form(name: str) -> N
         assert np.abs(found - value).min() < 1e-6 * abs(value)
 
 
-def test_descriptor_form_of_a_moving_frame_is_said_to_hold_at_an_instant() -> None:
+def test_descriptor_form_of_a_moving_frame_is_reported_to_hold_at_an_instant() -> None:
     model = lagcli.load(MODELS / "rolling_disk.yaml", set={"kick": "0"})
     assert lagcli.linearize(model).notes == ()
     (note,) = lagcli.linearize(model, form="descriptor").notes

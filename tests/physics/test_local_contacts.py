@@ -191,7 +191,7 @@ initial: {x: 0.2, x': 0}
         lagcli.equilibrium(model)
 
 
-def test_more_contacts_than_can_be_tried_are_refused() -> None:
+def test_more_contacts_than_can_be_tried_are_rejected() -> None:
     contacts = ", ".join(f"c{i}: x >= -{i}" for i in range(1, 10))
     model = lagcli.load_text(
         f"coordinates: [x]\nT: x'^2/2\nV: x\nconstraints: {{{contacts}}}\ninitial: {{x: 0, x': 0}}"

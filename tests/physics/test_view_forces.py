@@ -152,7 +152,7 @@ def test_a_force_that_cannot_stand_is_an_error(points: str, at: str, why: str) -
     assert "components" in str(caught.value)
 
 
-def test_a_joint_of_minimal_coordinates_asks_for_components() -> None:
+def test_a_joint_of_minimal_coordinates_requires_components() -> None:
     view = (
         "  points:\n"
         "    C: [a*cos(theta_1) + b*cos(theta_2), a*sin(theta_1) + b*sin(theta_2)]\n"

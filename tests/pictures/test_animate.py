@@ -94,7 +94,7 @@ def test_wishes_that_make_no_sense(options, message):
         timing(0, 10, **options)
 
 
-def test_endless_films_are_refused():
+def test_endless_films_are_rejected():
     with pytest.raises(UsageError, match="higher --speed"):
         Timing(0, 10, 1e-6).frames(25)
 

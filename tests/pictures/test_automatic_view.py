@@ -107,7 +107,7 @@ def test_a_view_of_the_file_is_kept():
     assert with_view(model) is model
 
 
-def test_it_is_drawn_and_said(tmp_path):
+def test_it_is_drawn_and_reported(tmp_path):
     text = (
         "coordinates: [x, y]\nparameters: {l: 1}\nT: x'^2 + y'^2\nV: y\n"
         "constraints: {rod: x^2 + y^2 = l^2}\ninitial: {x: 1, y: 0, x': 0, y': 0}\n"

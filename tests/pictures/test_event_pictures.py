@@ -72,7 +72,7 @@ def test_forces_hold_their_values_beside_the_instant() -> None:
     assert drawn.tolist() == [2.0, 3.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0]
 
 
-def test_forces_go_on_to_the_instant_as_they_do_before() -> None:
+def test_forces_continue_to_the_instant_as_they_do_before() -> None:
     run = of_log(((0.35, "floor", "opens"),))
     time = np.linspace(0.0, 0.8, 9)
     force = np.where(time < 0.35, 9 - 10 * time, 2 * time)

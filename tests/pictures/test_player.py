@@ -269,7 +269,7 @@ def test_a_plane_scene_does_not_turn(slider_crank):
     assert not slider_crank.get_by_role("button", name="Reset view").is_visible()
 
 
-def test_sharp_on_dense_screens_and_drawn_anew_in_another_size(pages, visit, until):
+def test_sharp_on_dense_screens_and_drawn_again_in_another_size(pages, visit, until):
     opened = visit(pages("slider_crank"), device_scale_factor=2)
     opened.evaluate("player.pause()")
     wide = "[player.stage.canvas.width, player.stage.canvas.clientWidth]"

@@ -165,7 +165,7 @@ def test_csv_without_a_model(tmp_path: Path) -> None:
     assert "λ" in plot(tmp_path, "table.csv", "--model", str(MODELS / "slider_crank.yaml"))
 
 
-def test_runs_are_told_apart_by_their_parameters(tmp_path: Path) -> None:
+def test_runs_are_distinguished_by_their_parameters(tmp_path: Path) -> None:
     text = plot(tmp_path, *(f"mass_{m}.h5" for m in (1, 2, 3)), "lambda.guide", "phi:phi'")
     for m in (1, 2, 3):
         assert f"m = {m} kg" in text
@@ -177,7 +177,7 @@ def test_many_runs_are_a_family_of_curves(tmp_path: Path) -> None:
     assert "l = 0.2" not in text
 
 
-def test_runs_that_differ_in_nothing_known_are_told_apart_by_name(tmp_path: Path) -> None:
+def test_runs_that_differ_in_nothing_known_are_distinguished_by_name(tmp_path: Path) -> None:
     text = plot(tmp_path, "mass_1.h5", "./mass_1.h5", "table.csv", "phi")
     assert "table" in text
 
@@ -243,7 +243,7 @@ def test_titles(tmp_path: Path) -> None:
     assert "slider_crank" not in plot(tmp_path, "slider_crank.h5", "phi", "--title", "")
 
 
-def test_a_run_that_failed_says_so(tmp_path: Path) -> None:
+def test_a_run_that_failed_is_reported(tmp_path: Path) -> None:
     model = lagcli.load(MODELS / "slider_crank.yaml")
     lagcli.write(lagcli.simulate(model, max_steps=20), tmp_path / "part.h5")
     assert "Slider-crank (failed)" in plot(tmp_path, str(tmp_path / "part.h5"))

@@ -215,7 +215,7 @@ def test_powers_that_are_rounding_are_left_out(crank, reports):
     assert "power_constraint" in names
 
 
-def test_a_failed_run_says_so(tmp_path):
+def test_a_failed_run_is_reported(tmp_path):
     model = lagcli.load(MODELS / "slider_crank.yaml")
     path = tmp_path / "run.h5"
     assert (
@@ -251,7 +251,7 @@ def test_a_model_without_a_view_is_shown_by_its_plots(tmp_path, result):
     assert '<aside id="motion"' not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_large_system_is_abridged_and_says_so(tmp_path):
+def test_a_large_system_is_abridged_and_marked(tmp_path):
     model = lagcli.load(MODELS / "chain.yaml", set={"N": 120})
     report(lagcli.simulate(model, t_end=0.02, samples=5), tmp_path / "report.html")
     page = read(tmp_path / "report.html")
@@ -390,7 +390,7 @@ def test_exit_statuses_and_messages(tmp_path, result, capsys):
     assert "mkdir" in capsys.readouterr().err
 
 
-def test_another_model_is_refused(tmp_path, result):
+def test_another_model_is_rejected(tmp_path, result):
     with pytest.raises(LagcliError):
         report(
             result("pendulum_cartesian"),

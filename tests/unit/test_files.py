@@ -18,7 +18,7 @@ def test_a_regular_file_has_its_size(tmp_path: Path) -> None:
     assert check_regular(str(path)) == 5
 
 
-def test_what_is_no_regular_file_is_refused_without_waiting_for_it(tmp_path: Path) -> None:
+def test_what_is_no_regular_file_is_rejected_without_waiting_for_it(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     for path, message in (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
 
 
-def test_long_texts_go_on_below_their_own_beginning() -> None:
+def test_long_texts_continue_below_their_own_beginning() -> None:
     lines = entry("q", ", ".join(["alpha = 1.25"] * 12), indent=4)
     assert len(lines) > 1
     assert max(map(len, lines)) <= WIDTH

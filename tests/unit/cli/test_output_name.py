@@ -29,7 +29,7 @@ initial: {x: 0.25, "x'": -1.5, "p[i = 1..2]": i, "p[i = 1..2]'": 10*i}
         ("{{m}}_{n}", "{m}_3"),
     ],
 )
-def test_names_in_braces_stand_for_values(template: str, expected: str) -> None:
+def test_names_in_braces_denote_values(template: str, expected: str) -> None:
     assert resolve_name(template, MODEL) == expected
 
 

@@ -30,7 +30,7 @@ def test_tolerances_are_one_for_each_entry_of_the_state() -> None:
     np.testing.assert_array_equal(request(atol=each).tolerances, each)
 
 
-def test_coordinates_are_of_one_kind_unless_told() -> None:
+def test_coordinates_are_of_one_kind_by_default() -> None:
     assert request().kind_of == (0, 0)
     assert request(kinds=(0, 1)).kind_of == (0, 1)
 
@@ -95,7 +95,7 @@ def test_what_ends_a_run_decides_its_outcome(
     assert found.undefined is undefined
 
 
-def test_other_exceptions_go_on_to_the_caller() -> None:
+def test_other_exceptions_propagate_to_the_caller() -> None:
     def integrate() -> None:
         raise KeyError("a mistake in the program")
 

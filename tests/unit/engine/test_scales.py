@@ -142,7 +142,7 @@ def test_a_row_of_zeros_at_the_start_need_not_be_singular() -> None:
     np.testing.assert_allclose(t.energy_total, t.energy_total[0], atol=1e-8)
 
 
-def test_a_constraint_without_any_gradient_is_refused() -> None:
+def test_a_constraint_without_any_gradient_is_rejected() -> None:
     text = "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\nV: y\nconstraints: {c: (x - y)^2 = 0}\n"
     t = lagcli.simulate(lagcli.load_text(text + "initial: {x: 1, y: 1, x': 0, y': 0}\n"), t_end=1)
     assert t.status == "failed"
@@ -163,7 +163,7 @@ simulation: {{t_end: 1, samples: 3, engine: {engine}}}
 @pytest.mark.parametrize("engine", ["compiled", "scipy"])
 @pytest.mark.parametrize("phi", [0.0, 1e-30, 1e-17, 1e-9])
 @pytest.mark.parametrize("constraint", ["x + l*cos(phi) = l", "1e6*x + 1e6*l*cos(phi) = 1e6*l"])
-def test_coordinates_that_are_zero_but_for_rounding_are_no_scale(
+def test_coordinates_that_are_zero_except_for_rounding_are_no_scale(
     constraint: str, phi: float, engine: str
 ) -> None:
     """x = l (1 − cos φ) determines x, however small φ is at the start; l is the scale."""

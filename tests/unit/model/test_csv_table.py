@@ -55,6 +55,6 @@ def test_numbers_are_finite_or_missing() -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b" \n", b"\xff\xfe\x00"])
-def test_a_file_without_text_is_refused(content: bytes) -> None:
+def test_a_file_without_text_is_rejected(content: bytes) -> None:
     with pytest.raises(FileError, match=r"is empty|not text"):
         CsvTable("run.csv", content)

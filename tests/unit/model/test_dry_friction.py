@@ -139,7 +139,7 @@ def test_two_signs_on_one_coordinate_are_two_rows() -> None:
     assert {c.name for c in found.constraints} == {"x.sign", "x.sign2"}
 
 
-def test_check_and_derive_say_so() -> None:
+def test_check_and_derive_report_it() -> None:
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.presentation.overview import kind_of
 

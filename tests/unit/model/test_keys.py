@@ -32,7 +32,7 @@ def test_the_schema_accepts_shipped_models(path):
 
 
 @pytest.mark.parametrize("name", STRUCTURE)
-def test_the_schema_refuses_wrong_structures(name):
+def test_the_schema_rejects_wrong_structures(name):
     with pytest.raises(fastjsonschema.JsonSchemaValueException):
         VALIDATE(read(WRONG / f"{name}.yaml"))
 
@@ -72,7 +72,7 @@ def test_the_schema_accepts_vectors():
     ],
     ids=str,
 )
-def test_the_schema_refuses(changes):
+def test_the_schema_rejects(changes):
     VALIDATE(model())
     with pytest.raises(fastjsonschema.JsonSchemaValueException):
         VALIDATE(model(**changes))

@@ -252,7 +252,7 @@ def test_all_errors_come_at_once_in_the_order_of_the_file() -> None:
     ]
 
 
-def test_a_name_missing_often_is_told_once() -> None:
+def test_a_name_missing_often_is_reported_once() -> None:
     text = TEXT.replace("  g: 9.81\n", "").replace("V: m*g*height", "V: m*g*height + g")
     text = text.replace("expr: y + l", "expr: y + g").replace("-2*lambda", "-g*lambda")
     with pytest.raises(ModelError) as caught:
@@ -299,7 +299,7 @@ def test_constraints_that_constrain_nothing(equation: str) -> None:
     assert [d.split(":")[0] for d in diagnostics(text)] == ["21 no-unknowns"]
 
 
-def test_a_constraint_that_parameters_switch_off_is_left_alone() -> None:
+def test_a_constraint_that_parameters_switch_off_is_unchanged() -> None:
     text = TEXT.replace("rod: x^2 + y^2 = l^2", "rod: (m - 2)*(x^2 + y^2 - l^2) = 0")
     assert diagnostics(text) == []
 

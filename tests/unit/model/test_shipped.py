@@ -7,7 +7,7 @@ from lagcli.model.loader import load
 from lagcli.model.shipped import find_model, shipped_model, shipped_models
 
 
-def test_a_name_stands_for_a_shipped_model():
+def test_a_name_denotes_a_shipped_model():
     assert load("slider_crank").name == "slider_crank"
     assert load("slider_crank", set={"m": 2}).parameter_values["m"] == 2
     assert "chain" in shipped_models()

@@ -219,7 +219,7 @@ def test_a_run_that_takes_too_long_gives_what_there_is() -> None:
         {"number": 1, "t_end": 3},
     ],
 )
-def test_messages_that_are_no_requests_are_refused(message: dict[str, Any]) -> None:
+def test_messages_that_are_no_requests_are_rejected(message: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"."):
         PlayRequest.parsed(message)
 
@@ -320,7 +320,7 @@ def test_a_short_run_is_drawn_even_if_a_newer_one_waits(monkeypatch: pytest.Monk
     answers.client.close()
 
 
-def test_closing_ends_a_run_at_once() -> None:
+def test_closing_ends_a_run_immediately() -> None:
     answers = Answers(play("slider_crank"))
     answers.client.ask(PlayRequest(1, t_end=ENDLESS))
     wait_until(lambda: answers.client._running)
@@ -330,7 +330,7 @@ def test_closing_ends_a_run_at_once() -> None:
     assert not answers.got
 
 
-def test_a_bug_is_said_and_ends_nothing(
+def test_a_bug_is_reported_and_ends_nothing(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     played = play("slider_crank")
@@ -413,7 +413,7 @@ def test_arrows_are_true_while_a_body_is_held() -> None:
         {"time": None},
     ],
 )
-def test_drags_that_are_none_are_refused(drag: Any) -> None:
+def test_drags_that_are_none_are_rejected(drag: Any) -> None:
     usual = {"gesture": 1, "time": 0, "weights": {"A": 1}, "target": [0.1, 0.1], "length": 1}
     changed = usual | drag if isinstance(drag, dict) else drag
     with pytest.raises(ValueError, match=r"."):

@@ -213,7 +213,7 @@ def _system_refuses(folder: Path) -> Path:
     ],
 )
 @pytest.mark.parametrize("force", [False, True])
-def test_what_cannot_be_written_is_said_before_and_after(
+def test_what_cannot_be_written_is_reported_before_and_after(
     tmp_path: Path, case: Callable[[Path], Path], reason: str, force: bool
 ) -> None:
     path = str(case(tmp_path))
@@ -230,7 +230,7 @@ def test_a_check_leaves_nothing(tmp_path: Path, way: str) -> None:
     assert os.listdir(tmp_path) == []
 
 
-def test_check_target_knows_suffixes_sidecars_and_standard_output(tmp_path: Path) -> None:
+def test_check_target_checks_suffixes_sidecars_and_standard_output(tmp_path: Path) -> None:
     check_target("-")
     check_target(tmp_path / "run.HDF5")
     check_target(tmp_path / "run.csv", meta=True)

@@ -54,7 +54,7 @@ def test_runs_without_derivatives_have_none(tmp_path: Path) -> None:
     assert found.parameters == ()
 
 
-def test_columns_in_another_order_are_refused(tmp_path: Path) -> None:
+def test_columns_in_another_order_are_rejected(tmp_path: Path) -> None:
     run = lagcli.simulate(lagcli.load_text(BALL), t_end=0.8, samples=5, sensitivity=("e", "g"))
     lagcli.write(run, tmp_path / "run.csv")
     table = tmp_path / "run.events.csv"

@@ -65,20 +65,20 @@ def test_a_column_that_was_added_after_the_file_was_written_is_nan(
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_a_file_without_a_column_that_all_have_is_refused(suffix: str, tmp_path: Path) -> None:
+def test_a_file_without_a_column_that_all_have_is_rejected(suffix: str, tmp_path: Path) -> None:
     _, path = write_without("power_time", suffix, tmp_path)
     with pytest.raises(FileError, match="cannot read"):
         read(path)
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "h5"])
-def test_other_suffixes_are_refused_with_those_that_there_are(name: str) -> None:
+def test_other_suffixes_are_rejected_with_those_that_there_are(name: str) -> None:
     with pytest.raises(UsageError) as caught:
         format_of(name)
     assert all(f"{f.suffixes[0]} ({f.title})" in str(caught.value) for f in FORMATS)
 
 
-def test_a_format_without_sweeps_is_refused_for_a_sweep(
+def test_a_format_without_sweeps_is_rejected_for_a_sweep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(formats, "FORMATS", tuple(f._replace(sweeps="") for f in FORMATS))

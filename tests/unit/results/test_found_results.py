@@ -26,12 +26,12 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_files_are_refused(name: str) -> None:
+def test_hostile_files_are_rejected(name: str) -> None:
     with pytest.raises(FileError, match=HOSTILE[name]):
         lagcli.read(FOUND / "hostile" / f"{name}.h5")
 
 
-def test_every_command_refuses_a_hostile_file(
+def test_every_command_rejects_a_hostile_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = str(FOUND / "hostile" / "external-storage.h5")

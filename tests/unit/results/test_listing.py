@@ -19,7 +19,7 @@ def test_what_belongs_together_is_not_broken(whole):
         assert max(map(len, lines)) <= width
 
 
-def test_numbers_that_differ_are_told_apart():
+def test_numbers_that_differ_are_distinguished():
     assert told_apart(0.1, 0.16057) == ("0.1", "0.16057")
     assert told_apart(0.5, 0.5 + 1e-9) == ("0.5", "0.500000001")
     assert told_apart(0.1, 0.1 + 2e-17) == ("0.10000000000000001", "0.10000000000000002")

@@ -28,7 +28,7 @@ def test_a_write_that_fails_names_the_file_and_a_remedy(number: int, remedy: str
     assert remedy in message
 
 
-def test_a_missing_folder_is_told_from_other_missing_things(tmp_path: Path) -> None:
+def test_a_missing_folder_is_distinguished_from_other_missing_things(tmp_path: Path) -> None:
     error = OSError(errno.ENOENT, "no such file")
     missing = str(write_failure(str(tmp_path / "my runs" / "run.h5"), error))
     assert f"mkdir -p '{tmp_path}/my runs'" in missing

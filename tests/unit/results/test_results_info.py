@@ -99,7 +99,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
     }
 
 
-def test_csv_with_its_sidecar_tells_the_same(tmp_path: Path) -> None:
+def test_csv_with_its_sidecar_gives_the_same(tmp_path: Path) -> None:
     write(_run(), tmp_path / "run.h5")
     write(_run(), tmp_path / "run.csv", meta=True)
     one, other = describe(tmp_path / "run.h5"), describe(tmp_path / "run.csv")
@@ -208,7 +208,7 @@ def test_an_unknown_suffix_is_a_usage_error(name: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".csv"])
-def test_a_missing_file_is_said(tmp_path: Path, suffix: str) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(FileError, match="no such file"):
         describe(tmp_path / f"run{suffix}")
 
@@ -224,7 +224,7 @@ def test_a_message_with_an_odd_file_name_loses_no_run(tmp_path: Path, suffix: st
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".csv"])
-def test_a_pipe_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
+def test_a_pipe_is_rejected_at_once(tmp_path: Path, suffix: str) -> None:
     def too_late(*args: object) -> None:
         raise TimeoutError
 
@@ -239,7 +239,7 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-def test_a_failed_run_says_so(tmp_path: Path) -> None:
+def test_a_failed_run_is_reported(tmp_path: Path) -> None:
     run = dataclasses.replace(_run(), status="failed", message="singular at t = 2 s")
     write(run, tmp_path / "run.hdf5")
     text = format_info(describe(tmp_path / "run.hdf5"))

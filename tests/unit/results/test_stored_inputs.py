@@ -72,7 +72,7 @@ def test_info_names_the_files(model: lagcli.Model, tmp_path: Path) -> None:
     assert "pull of the model, 3 rows, 0 to 2 s" in text
 
 
-def test_a_damaged_table_is_refused(model: lagcli.Model, tmp_path: Path) -> None:
+def test_a_damaged_table_is_rejected(model: lagcli.Model, tmp_path: Path) -> None:
     """Times that do not increase, though the checksum is right."""
     from lagcli.results.hdf5.seal import seal
 

@@ -10,11 +10,11 @@ from lagcli.engine.core import binding
 from lagcli.settings.methods import METHODS, methods_of
 
 
-def test_the_compiled_engine_has_the_methods_that_are_said_to_be_compiled() -> None:
+def test_the_compiled_engine_has_the_methods_declared_as_compiled() -> None:
     assert set(binding.METHODS) == set(methods_of("compiled"))
 
 
-def test_scipy_has_the_methods_that_are_said_to_be_scipys() -> None:
+def test_scipy_has_the_methods_declared_as_its() -> None:
     base = scipy.integrate.OdeSolver
     for name in methods_of("scipy"):
         solver = getattr(scipy.integrate, name)

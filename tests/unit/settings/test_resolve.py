@@ -26,7 +26,7 @@ def test_the_last_sample_time_is_the_end() -> None:
     assert (settings.t_end, settings.samples) == (2.0, None)
 
 
-def test_a_value_out_of_its_range_is_refused() -> None:
+def test_a_value_out_of_its_range_is_rejected() -> None:
     with pytest.raises(UsageError, match="no method `rk45`; did you mean `RK45`"):
         resolve(SettingsOverrides(method="rk45"))
     with pytest.raises(UsageError, match="t_end 10 is not after t_start 20"):
@@ -47,7 +47,7 @@ def test_an_engine_is_chosen_that_has_what_is_asked_for(method, formulation: str
 
 @pytest.mark.parametrize("engine", ["compiled", "scipy"])
 @pytest.mark.parametrize("method", METHODS)
-def test_an_engine_that_lacks_the_method_says_so(method: str, engine: str) -> None:
+def test_an_engine_that_lacks_the_method_is_reported(method: str, engine: str) -> None:
     given = SettingsOverrides(method=method, engine=engine)
     if method in methods_of(engine):
         assert resolve(given).engine == engine

@@ -23,7 +23,7 @@ def test_a_setting_that_is_not_given_is_none() -> None:
     assert given.as_dict() == {"t_end": 2.0}
 
 
-def test_an_unknown_setting_is_refused() -> None:
+def test_an_unknown_setting_is_rejected() -> None:
     with pytest.raises(UsageError, match="no setting `tend`; did you mean `t_end`"):
         SettingsOverrides(tend=1)
 
@@ -78,7 +78,7 @@ def test_defaults_are_in_range(name: str) -> None:
         ({"through_singular": "yes"}, "through_singular must be true or false, not 'yes'"),
     ],
 )
-def test_what_is_out_of_range_is_said(values: dict[str, Any], message: str) -> None:
+def test_what_is_out_of_range_is_reported(values: dict[str, Any], message: str) -> None:
     assert messages(**values) == [message]
 
 
@@ -87,7 +87,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert SettingsOverrides(times=np.linspace(0, 1, 3)).times == (0.0, 0.5, 1.0)
 
 
-def test_times_that_are_no_numbers_are_refused() -> None:
+def test_times_that_are_no_numbers_are_rejected() -> None:
     with pytest.raises(UsageError, match="times must be numbers, not 'abc'"):
         SettingsOverrides(times="abc")
 

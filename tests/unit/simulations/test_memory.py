@@ -18,7 +18,7 @@ MODEL = Path(__file__).parents[3] / "models" / "slider_crank.yaml"
 pytest.importorskip("resource", reason="limits of memory are those of POSIX")
 
 
-def test_a_run_that_does_not_fit_is_refused_before_it_starts(
+def test_a_run_that_does_not_fit_is_rejected_before_it_starts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(memory, "available", lambda: 100_000_000)

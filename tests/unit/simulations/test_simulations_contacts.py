@@ -51,7 +51,7 @@ def test_the_setting_says_below_which_gap_a_contact_is_closed() -> None:
     assert lagcli.check(lagcli.load_text(below)).rank.freedom.held == ("floor",)
 
 
-def test_only_a_constraint_is_said_to_be_closed() -> None:
+def test_only_a_constraint_may_be_declared_closed() -> None:
     for name, remedy in (("floor1", "did you mean `floor`?"), ("b", "the contacts are: `floor`")):
         text = BALL.replace("initial: {", f"initial: {{{name}: closed, ")
         with pytest.raises(ModelError) as found:
@@ -61,7 +61,7 @@ def test_only_a_constraint_is_said_to_be_closed() -> None:
         assert remedy in (one.help or "")
 
 
-def test_a_contact_is_closed_if_the_file_says_so() -> None:
+def test_a_contact_is_closed_if_the_file_declares_it() -> None:
     text = BALL.replace("y: 0.5", "y: {guess: 0.5}").replace("y': 0", "y': {guess: -1}")
     closed = text.replace("initial: {", "initial: {floor: closed, ")
     state = prepare(lagcli.load_text(closed)).start.state
@@ -69,7 +69,7 @@ def test_a_contact_is_closed_if_the_file_says_so() -> None:
     assert state.v.tolist() == pytest.approx([0.0, 0.0])
 
 
-def test_a_violated_contact_says_by_how_much() -> None:
+def test_a_violated_contact_reports_by_how_much() -> None:
     with pytest.raises(ModelError, match=r"`floor` is violated by 0.012 m at the start \(y >= r\)"):
         prepare(lagcli.load_text(BALL.replace("y: 0.5", "y: 0.088")))
 
@@ -88,7 +88,7 @@ def test_conditions_that_hold_at_the_start_are_named() -> None:
     assert note.startswith("the condition of event `there` holds at the start")
 
 
-def test_independent_coordinates_refuse_contacts() -> None:
+def test_independent_coordinates_reject_contacts() -> None:
     with pytest.raises(UsageError, match="need constraints that hold at all times, but `floor`"):
         partition(derive(lagcli.load_text(BALL)))
 
@@ -110,7 +110,7 @@ initial: {x: 0, y: 1, z: 0, x': 1, y': 0, z': 1}
 
 
 @pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_an_impact_at_the_start_that_is_refused_leaves_no_samples(engine: str) -> None:
+def test_an_impact_at_the_start_that_is_rejected_leaves_no_samples(engine: str) -> None:
     """Kane and Levinson's double pendulum, which strikes as it starts."""
     model = lagcli.load_text("""
 coordinates: [a, b]

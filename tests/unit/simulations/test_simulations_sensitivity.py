@@ -80,7 +80,7 @@ def test_where_forces_jump_the_reference_engine_takes_the_steps(force: str, engi
     assert run.sensitivity.engine == engine
 
 
-def test_methods_that_need_exact_jacobians_are_refused() -> None:
+def test_methods_that_need_exact_jacobians_are_rejected() -> None:
     run, _ = derivatives(("l",))
     settings = run.settings.replace(method="Rodas5P")
     with pytest.raises(UsageError, match="give --method Radau"):

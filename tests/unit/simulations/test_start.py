@@ -23,7 +23,7 @@ FORMS = ("x^2 + y^2 = l^2", "norm([x, y]) = l", "1e6*(x^2 + y^2) = 1e6*l^2")
 
 
 @pytest.mark.parametrize("rod", FORMS)
-def test_a_rod_of_no_length_is_refused_with_its_line(rod: str) -> None:
+def test_a_rod_of_no_length_is_rejected_with_its_line(rod: str) -> None:
     """Its force has no direction, and the projection would follow rounding errors."""
     text = ROD.format(l=0, rod=rod)
     with pytest.raises(NumericalError) as caught:
@@ -51,7 +51,7 @@ def test_a_constraint_whose_terms_vanish_keeps_its_gradient() -> None:
     assert abs(t.multipliers[:, 1] - 9.81).max() < 1e-12
 
 
-def test_a_zero_row_at_the_start_is_said_with_its_line() -> None:
+def test_a_zero_row_at_the_start_is_reported_with_its_line() -> None:
     text = ROD.format(l=0, rod=FORMS[0])
     text = text.replace("{guess: 0.3}", "0").replace("{guess: 0.4}", "0")
     t = lagcli.simulate(lagcli.load_text(text))

@@ -84,7 +84,7 @@ def test_a_run_does_not_depend_on_its_blocks(name: str, engine: str, block_rows:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_blocks_are_full_but_for_the_last(engine: str, block_rows: object) -> None:
+def test_blocks_are_full_except_for_the_last(engine: str, block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
     ready = simulation.prepare(model, SettingsOverrides(samples=21, t_end=0.5, engine=engine))
@@ -133,7 +133,7 @@ initial: {x: 1, x': -3}
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_what_the_sink_raises_goes_on(engine: str, block_rows: object) -> None:
+def test_exceptions_of_the_sink_propagate(engine: str, block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
     ready = simulation.prepare(model, SettingsOverrides(engine=engine))
@@ -224,7 +224,7 @@ def test_a_long_run_opens_in_other_programs(tmp_path: Path, held: object) -> Non
         assert root["q"].attrs["units"] == b"rad"
 
 
-def test_columns_of_zeros_take_no_room_in_a_long_run(tmp_path: Path, held: object) -> None:
+def test_columns_of_zeros_take_no_space_in_a_long_run(tmp_path: Path, held: object) -> None:
     held(10_000)
     run = make(20_000, power_applied=np.zeros(20_000))
     with open_writer(tmp_path / "run.h5") as writer:

@@ -54,14 +54,14 @@ def test_what_a_tolerance_explains_is_no_warning(method: str, rtol: float) -> No
     assert run.warnings == ()
 
 
-def test_lost_energy_is_said() -> None:
+def test_lost_energy_is_reported() -> None:
     run = lagcli.simulate(lagcli.load_text(FAST), rtol=0.1)
     assert run.status == "completed"
     assert any("energy balance has an error of" in warning for warning in run.warnings)
 
 
 @pytest.mark.parametrize("rtol", [0.1, 0.01])
-def test_lost_energy_is_said_of_angles_of_many_turns(rtol: float) -> None:
+def test_lost_energy_is_reported_of_angles_of_many_turns(rtol: float) -> None:
     """A tolerance relative to an angle of 30 rad excuses no loss of energy."""
     run = lagcli.simulate(lagcli.load(ROOT / "models" / "slider_crank.yaml"), rtol=rtol)
     share = abs(run.energy_balance).max() / run.energy_kinetic.max()
@@ -73,18 +73,18 @@ def test_lost_energy_is_said_of_angles_of_many_turns(rtol: float) -> None:
 @pytest.mark.parametrize(
     "energies", ['T: x\'^2/2\nV: "if(x > 0, 0.2, 0)"', 'T: "if(x > 0, 2, 1)/2*x\'^2"']
 )
-def test_energies_that_jump_are_said(energies: str) -> None:
+def test_energies_that_jump_are_reported(energies: str) -> None:
     text = f"coordinates: [x]\n{energies}\ninitial: {{x: -1, x': 1}}\n"
     (warning,) = lagcli.simulate(lagcli.load_text(text), t_end=2.0).warnings
     assert "T or V has branches, and no force makes up for a jump of them" in warning
 
 
-def test_a_coarse_absolute_tolerance_is_said() -> None:
+def test_a_coarse_absolute_tolerance_is_reported() -> None:
     run = lagcli.simulate(lagcli.load_text(FAST), atol=0.1)
     assert any("energy balance has an error of" in warning for warning in run.warnings)
 
 
-def test_negative_inertia_is_said_with_its_coordinate() -> None:
+def test_negative_inertia_is_reported_with_its_coordinate() -> None:
     (warning,) = lagcli.simulate(lagcli.load_text(NEGATIVE)).warnings
     assert "inertia of `y` is negative" in warning
 

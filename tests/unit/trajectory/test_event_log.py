@@ -79,7 +79,7 @@ def test_sentences() -> None:
         ({"rows": ("floor", "floor")}, "twice"),
     ],
 )
-def test_a_log_without_sense_is_refused(change: dict[str, object], message: str) -> None:
+def test_a_log_without_sense_is_rejected(change: dict[str, object], message: str) -> None:
     make_log().check()
     log: EventLog = dataclasses.replace(make_log(), **change)
     with pytest.raises(ValueError, match=message):
@@ -126,7 +126,7 @@ def test_recorded_columns() -> None:
         ({"columns": ("y_dot", "y_dot")}, "twice"),
     ],
 )
-def test_records_without_sense_are_refused(change: dict[str, object], message: str) -> None:
+def test_records_without_sense_are_rejected(change: dict[str, object], message: str) -> None:
     log = make_log()
     log = dataclasses.replace(log, records=dataclasses.replace(log.records, **change))
     with pytest.raises(ValueError, match=message):

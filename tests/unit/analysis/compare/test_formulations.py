@@ -88,7 +88,7 @@ def test_default_rows_have_every_formulation_and_method_once() -> None:
     assert {"DOP853", "Taylor", "Rodas5P", "Radau"} <= {row.method for row in rows}
 
 
-def test_wrong_names_are_refused_with_the_nearest() -> None:
+def test_wrong_names_are_rejected_with_the_nearest() -> None:
     model = load("atwood")
     with pytest.raises(UsageError, match="did you mean `maggi`"):
         lagcli.compare(model, formulations=["magi"])

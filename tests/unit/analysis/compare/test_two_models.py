@@ -32,7 +32,7 @@ def test_another_mass_explains_nothing() -> None:
     assert not found.explained
 
 
-def test_models_without_a_common_coordinate_are_refused() -> None:
+def test_models_without_a_common_coordinate_are_rejected() -> None:
     other = lagcli.load(str(MODELS / "pendulum_cartesian.yaml"))
     with pytest.raises(UsageError, match="no coordinate in common"):
         lagcli.compare_models(lagcli.load(CRANK), other)

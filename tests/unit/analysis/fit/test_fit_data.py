@@ -76,7 +76,7 @@ def test_errors_name_file_line_and_column(
 
 
 @pytest.mark.parametrize("text", ["", "t,a\n", "t,a\n0,\n"])
-def test_a_file_without_data_is_refused(tmp_path: Path, text: str) -> None:
+def test_a_file_without_data_is_rejected(tmp_path: Path, text: str) -> None:
     with pytest.raises(FileError, match=r"run\.csv"):
         read(tmp_path, text, observed("a"))
 

@@ -77,7 +77,7 @@ def test_files_are_not_overwritten_silently(tmp_path: Path, result: FitResult) -
     write_fit(result, path, force=True)
 
 
-def test_other_files_are_refused(tmp_path: Path) -> None:
+def test_other_files_are_rejected(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     lagcli.write(lagcli.simulate(lagcli.load_text(MODEL), samples=3), path)
     with pytest.raises(FileError, match="not a file of lagcli fit"):

@@ -43,7 +43,7 @@ def test_growing_and_decaying_motions_take_three_time_constants() -> None:
     assert reached[-1] == pytest.approx(reached[0] * np.exp(-3), rel=1e-3)
 
 
-def test_wrong_numbers_are_refused() -> None:
+def test_wrong_numbers_are_rejected() -> None:
     model = lagcli.load(MODELS / "slider_crank.yaml")
     for arguments in ({"number": 3}, {"number": 0}, {"number": 1, "amplitude": -1.0}):
         with pytest.raises(UsageError):

@@ -60,7 +60,7 @@ def guess(t: float) -> tuple[np.ndarray, np.ndarray]:
 BEFORE = [(t, y(t)) for t in SINGULAR - np.array([0.012, 0.008, 0.006, 0.004])]
 
 
-def test_the_motion_goes_on_as_one_pendulum() -> None:
+def test_the_motion_continues_as_one_pendulum() -> None:
     found = motion()
     crossing = Crossing(found, Projection(found.evaluator, 1), BEFORE, SINGULAR, guess)
     assert crossing.end == pytest.approx(SINGULAR + 0.004)

@@ -120,7 +120,7 @@ def test_messages_name_constraints_and_ways_out(watch: RankWatch) -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0])
-def test_a_singular_start_is_told_from_redundant_constraints(speed: float) -> None:
+def test_a_singular_start_is_distinguished_from_redundant_constraints(speed: float) -> None:
     q, v = np.zeros(2), np.full(2, speed)
     found = motion("cos(phi) = cos(psi)", rank=0)
     found.lengths[:] = 0.0

@@ -343,7 +343,7 @@ def test_newtons_cradle_sends_as_many_balls_as_it_is_struck_by(struck: int) -> N
     assert loss == pytest.approx(np.zeros(4), abs=1e-12)
 
 
-def test_simultaneous_laws_do_not_know_a_cradle() -> None:
+def test_simultaneous_laws_do_not_describe_a_cradle() -> None:
     """Poisson's law at e = 1: the struck ball rebounds, and the energy stays."""
     for law in (POISSON, NEWTON):
         found, impulse, _, loss = binding.solve_impact(*cradle(3, 1, 1.0), law)

@@ -465,7 +465,7 @@ def test_what_has_no_lanes(changes):
 
 
 @pytest.mark.parametrize("leaving", [False, True])
-def test_an_interrupt_acts_at_once(leaving):
+def test_an_interrupt_acts_immediately(leaving):
     simulation = prepare(lagcli.load_text(PENDULUM), SettingsOverrides(t_end=1e5, samples=2))
     system, request = simulation.system, simulation.request
     if not leaving:

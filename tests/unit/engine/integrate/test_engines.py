@@ -483,7 +483,7 @@ initial: {x: 1, y: 0, x': 0, y': 0}
     np.testing.assert_allclose(trajectory.q, pendulum(trajectory.time), rtol=0, atol=1e-8)
 
 
-def test_nearly_singular_motion_goes_on() -> None:
+def test_nearly_singular_motion_continues() -> None:
     # the crank is shorter than the rod by one part in a thousand: psi turns back at 87.4°
     model = text_model(CRANK.replace("sin(phi) =", "0.999*sin(phi) ="))
     trajectory = completed(model, t_end=3, samples=301)

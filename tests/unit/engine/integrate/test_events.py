@@ -234,7 +234,7 @@ def test_both_engines_meet_the_same_events(engine: str) -> None:
 
 
 @both_engines
-def test_a_stop_is_told_to_the_user(
+def test_a_stop_is_reported_to_the_user(
     engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The model language has no events yet: the ball's are given to the simulation."""

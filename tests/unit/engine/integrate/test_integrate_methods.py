@@ -75,7 +75,7 @@ def test_taylor_gives_way_where_there_is_no_series() -> None:
 
 
 @pytest.mark.parametrize(("rtol", "implicit"), [(1e-3, "Rodas5P"), (1e-9, "Radau")])
-def test_a_stiff_motion_goes_on_implicitly(rtol: float, implicit: str) -> None:
+def test_a_stiff_motion_continues_implicitly(rtol: float, implicit: str) -> None:
     core = Core()
     found = methods(core, rtol=rtol)
     assert found.may_help()

@@ -85,7 +85,7 @@ def test_an_interrupt_keeps_the_samples() -> None:
     assert 0.4 < blocks[0].time[-1] < 1.5
 
 
-def test_what_the_sink_raises_goes_on_to_the_caller() -> None:
+def test_exceptions_of_the_sink_propagate_to_the_caller() -> None:
     def full(block: Block) -> None:
         raise OSError("no space left")
 

@@ -217,7 +217,7 @@ def test_an_impact_at_the_start() -> None:
     np.testing.assert_allclose(impact.impulse, [0.1288789629522897, 0.0291392664987980], rtol=1e-12)
 
 
-def test_an_impact_that_gains_energy_is_refused() -> None:
+def test_an_impact_that_gains_energy_is_rejected() -> None:
     prepared = simulation.prepare(
         lagcli.load_text(KANE), SettingsOverrides(t_end=0.01, impacts="newton")
     )

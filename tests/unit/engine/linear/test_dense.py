@@ -92,7 +92,7 @@ def test_massless_coordinate_that_a_constraint_determines() -> None:
         (np.zeros((2, 2)), np.array([[1.0, 0.0]])),
     ],
 )
-def test_singular_system_is_refused(mass: np.ndarray, jacobian: np.ndarray) -> None:
+def test_singular_system_is_rejected(mass: np.ndarray, jacobian: np.ndarray) -> None:
     with pytest.raises(dense.SingularSystem):
         dense.solve_regular(mass, np.ones(2), jacobian, np.zeros(len(jacobian)))
 

@@ -173,7 +173,7 @@ def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
     np.testing.assert_array_equal(found[list(some)], expected[list(some)])
 
 
-def test_what_is_asked_for_apart_goes_on_from_what_is_alone() -> None:
+def test_what_is_asked_for_apart_continues_from_what_is_alone() -> None:
     symbols, families = coordinates(BODIES)
     x, y = symbols[::2], symbols[1::2]
     sums = [a + b for a, b in zip(x, y, strict=True)]

@@ -73,7 +73,7 @@ def test_blocks_hold_the_motion_and_derivatives_by_parameter() -> None:
     np.testing.assert_allclose(work, 0.0, atol=1e-9)
 
 
-def test_a_run_goes_on_with_another_order_of_elimination(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_continues_with_another_order_of_elimination(monkeypatch: pytest.MonkeyPatch) -> None:
     """As where a pivot vanishes on the way."""
     from lagcli.engine.integrate.compiled_run import Integration
 

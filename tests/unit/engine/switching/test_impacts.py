@@ -136,7 +136,7 @@ def test_other_laws_on_many_impacts(law: ImpactLaw, count: int) -> None:
         assert (many, none) == (0, 0)
 
 
-def test_an_impulse_that_is_zero_but_for_rounding_is_not_returned() -> None:
+def test_an_impulse_that_is_zero_except_for_rounding_is_not_returned() -> None:
     """A contact twice, of which least norm leaves −3e-10 to one that another one relieves."""
     rng = np.random.default_rng(0)
     for _ in range(4512):

@@ -83,7 +83,7 @@ def test_a_limit_of_a_unilateral_row_has_no_kink(switching: Switching) -> None:
     assert found[0] == pytest.approx(-6)
 
 
-def test_impacts_know_kinetic_friction(switching: Switching) -> None:
+def test_impacts_use_kinetic_friction(switching: Switching) -> None:
     # restitution of floor and roof; friction of floor.slip, guide.slip, belt
     assert ScalarTape(switching.impact)((*VALUES, *P)) == pytest.approx([0.6, 0, 0.3, 0.3, 0])
 

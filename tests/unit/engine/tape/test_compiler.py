@@ -105,7 +105,7 @@ def test_constants_that_are_not_needed_are_not_there() -> None:
     assert compile_tape([X**2 + X**4], VARIABLES).constants == ()
 
 
-def test_unknown_symbol_is_refused() -> None:
+def test_unknown_symbol_is_rejected() -> None:
     with pytest.raises(KeyError, match="w"):
         compile_tape([se.Symbol("w") + 1], VARIABLES)
 

@@ -47,7 +47,7 @@ def test_steady_registers_depend_on_parameters_and_constants_alone() -> None:
     assert not {moving, other} & builder.invariant
 
 
-def test_a_tape_goes_on_in_another_builder() -> None:
+def test_a_tape_continues_in_another_builder() -> None:
     given = Builder(2)
     given.constant(7.0)
     one = given.finish([given.emit(Op.SUB, given.constant(2.0), 1), 0])

@@ -34,7 +34,7 @@ def test_sums_take_each_series_once() -> None:
     assert forms.add([]) == (forms.one, ZERO)
 
 
-def test_brackets_are_the_same_but_for_numbers_and_signs() -> None:
+def test_brackets_are_the_same_except_for_numbers_and_signs() -> None:
     forms = new()
     negative = forms.builder.negative
 

@@ -40,7 +40,7 @@ def test_only_what_depends_on_a_parameter_has_a_derivative() -> None:
     assert [dict(row) for row in found.outputs.values()] == [{1: 2 * se.Symbol("lambda.rod")}]
 
 
-def test_an_unknown_parameter_is_refused() -> None:
+def test_an_unknown_parameter_is_rejected() -> None:
     equations = lagcli.derive(lagcli.load_text(ROD))
     with pytest.raises(KeyError, match="mass"):
         differentiate_parameters(equations, ["mass"])

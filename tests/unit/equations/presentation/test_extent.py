@@ -37,7 +37,7 @@ def test_size_is_the_number_of_lines_printed(formulas) -> None:
     )
 
 
-def test_steps_are_cut_to_the_room_and_say_so(formulas) -> None:
+def test_steps_are_cut_to_the_space_and_report_it(formulas) -> None:
     extent = Extent(formulas)
     lines = tuple(Line((Symbol("phi"), whole(n)), f"rod[{n}]") for n in range(50))
     short = Step("Short", lines[:3])

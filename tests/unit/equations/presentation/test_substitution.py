@@ -48,7 +48,7 @@ def test_a_symbol_gives_way_to_a_formula(formula: Node, value: Node, expected: N
     assert substituted(formula, {X: value}) == expected
 
 
-def test_products_whose_factors_become_quotients_are_arranged_anew() -> None:
+def test_products_whose_factors_become_quotients_are_arranged_again() -> None:
     quotient = Quotient(Y, Z)
     assert substituted(Product((TWO, X)), {X: quotient}) is None
     assert substituted(Sum(((1, Y), (1, Product((TWO, Power(X, TWO)))))), {X: quotient}) is None

@@ -119,7 +119,7 @@ def test_json(equations: Equations) -> None:
         parse(formula["text"])
 
 
-def test_chetaevs_rule_is_said_to_be_a_postulate() -> None:
+def test_chetaevs_rule_is_reported_to_be_a_postulate() -> None:
     text = """
 coordinates: [x, y]
 parameters: {c: 5}

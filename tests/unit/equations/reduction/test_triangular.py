@@ -36,6 +36,6 @@ def test_random_systems(seed: int) -> None:
     assert known == set(range(size))
 
 
-def test_a_singular_structure_is_refused() -> None:
+def test_a_singular_structure_is_rejected() -> None:
     with pytest.raises(ValueError, match="singular"):
         triangular_blocks([{0}, {0}])

@@ -280,7 +280,7 @@ def test_own_signs(latex: str, text: str, tags: list[str]) -> None:
     "latex",
     [r"\href{x}{y}", r"\frac{a}{b}", "a}", "{a", r"x_1_2", "_", r"\mathrm{<b>}", "a" + "{" * 50],
 )
-def test_what_is_more_than_a_sign_is_refused(latex: str) -> None:
+def test_what_is_more_than_a_sign_is_rejected(latex: str) -> None:
     with pytest.raises(InvalidLatex):
         symbol_mathml(latex)
 

@@ -269,7 +269,7 @@ def test_indices_are_subscripts(name, shown):
     assert names.text(name) == shown
 
 
-def test_a_member_and_a_name_that_would_look_the_same_are_told_apart():
+def test_a_member_and_a_name_that_would_look_the_same_are_distinguished():
     text = "coordinates: ['x[1..2]', x1]\nT: (x[1]'^2 + x[2]'^2 + x1'^2)/2\n"
     text += "initial: {'x[1..2]': 0, \"x[1..2]'\": 0, x1: 0, x1': 0}\n"
     names = Notation(load_text(text))

@@ -56,6 +56,6 @@ def test_values_of_parameters_are_put_in_exactly() -> None:
         (0.0, Fraction(0)),
     ],
 )
-def test_doubles_stand_for_simple_numbers(value: float, expected: Fraction) -> None:
+def test_doubles_denote_simple_numbers(value: float, expected: Fraction) -> None:
     assert rational(value) == expected
     assert symbolic(expected) == se.Rational(expected.numerator, expected.denominator)

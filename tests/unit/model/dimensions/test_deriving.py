@@ -126,7 +126,7 @@ def test_numbers_in_expressions_count_as_numbers() -> None:
         load_text(good.replace("m*g*x/2", "m*g*(x - 0.5)"))
 
 
-def test_numbers_may_stand_for_quantities_where_units_are_missing() -> None:
+def test_numbers_may_denote_quantities_where_units_are_missing() -> None:
     model = load_text(
         text("x: m, y: {}", "m: 1 kg")
         .replace("V: 0", "V: m*9.81*(x - 0.5) + y")

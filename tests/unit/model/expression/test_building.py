@@ -122,7 +122,7 @@ def test_constants(text: str, expected: float) -> None:
         *("dot([1/0], [1])", "exp(exp(exp(exp(9))))", "pow(0, -1)", "pow(-8, 1/3)"),
     ],
 )
-def test_what_is_no_number_is_refused(text: str) -> None:
+def test_what_is_no_number_is_rejected(text: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         value(text)
     assert caught.value.kind == "not-a-number"

@@ -93,7 +93,7 @@ def test_numbers_are_exact() -> None:
     assert tree.value == Fraction(1, 10)
 
 
-def test_trees_know_their_place() -> None:
+def test_trees_have_their_place() -> None:
     text = "a + sin(b_1)*c'^2"
     found = {written(t): text[t.start : t.end] for t in walk(parse(text))}
     assert found["sin(b_1)"] == "sin(b_1)"

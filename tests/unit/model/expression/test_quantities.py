@@ -48,7 +48,7 @@ def test_quantities_are_the_nearest_doubles(text: str, value: float) -> None:
         ("{value: sqrt(-n), unit: m}", "not a real number"),
     ],
 )
-def test_what_is_no_quantity_is_refused(text: str, message: str) -> None:
+def test_what_is_no_quantity_is_rejected(text: str, message: str) -> None:
     with pytest.raises(ModelError) as caught:
         parameter(text)
     assert message in str(caught.value.diagnostics[0].render())

@@ -67,13 +67,13 @@ def test_no_unit(unit: str) -> None:
         to_si(unit)
 
 
-def test_an_offset_is_refused() -> None:
+def test_an_offset_is_rejected() -> None:
     with pytest.raises(UnknownUnit, match="has an offset"):
         to_si("degC")
     assert to_si("delta_degC") == 1
 
 
-def test_what_no_double_holds_is_refused() -> None:
+def test_what_no_double_holds_is_rejected() -> None:
     with pytest.raises(UnknownUnit, match="too large or too small"):
         to_si("GHz^99")
 

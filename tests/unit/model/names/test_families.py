@@ -228,7 +228,7 @@ def test_constraints_forces_and_outputs_by_index() -> None:
     assert list(outputs) == ["f[1]", "f[2]", "f[3]", "z"]
 
 
-def test_an_error_in_a_family_is_told_once_and_for_its_first_index() -> None:
+def test_an_error_in_a_family_is_reported_once_and_for_its_first_index() -> None:
     found = complaints(
         "constraints: {a[i = 1..N]: x[i-1]*x[i+1] = lenght, b[i = 1..N]: 1/(i - 2)*x[i] = 0,"
         " e[i = 1..N]: x[i+1]*x[i+2] = 0, u[i = 1..N]: y = 1}",

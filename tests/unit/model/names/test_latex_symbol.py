@@ -174,7 +174,7 @@ def test_found_attacks(path):
         ("\x1b[31m", "U+001B"),
     ],
 )
-def test_what_is_refused_is_said(latex, said):
+def test_what_is_rejected_is_reported(latex, said):
     with pytest.raises(InvalidLatex, match=re.escape(said)):
         parse(latex)
 
@@ -193,7 +193,7 @@ def test_what_is_refused_is_said(latex, said):
         (r"\ ", r"\ "),
     ],
 )
-def test_signs_are_written_anew(latex, written):
+def test_signs_are_written_again(latex, written):
     if written is None:  # an underscore in a word is written \_
         written = r"\mathrm{a\_b c}"
     assert to_latex(parse(latex)) == written

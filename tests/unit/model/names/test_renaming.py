@@ -26,7 +26,7 @@ MODEL = load_text(
         ("x[i] + x[6 - i]", 3),  # equal members at i = 3
     ],
 )
-def test_renamed_expressions_are_those_built_anew(text: str, built: int) -> None:
+def test_renamed_expressions_are_those_built_again(text: str, built: int) -> None:
     scope = ModelScope(MODEL.names, Context("it"), ("i",))
     count = 0
 

@@ -171,7 +171,7 @@ def test_functions_that_double_are_bounded() -> None:
         value("f7(x)", block)
 
 
-def test_derivative_of_accelerations_is_refused_in_outputs() -> None:
+def test_derivative_of_accelerations_is_rejected_in_outputs() -> None:
     with pytest.raises(ModelError, match="the highest derivative"):
         lagcli.load_text(MODEL.format(value="x", functions="", output="omega(rot_x(x''))[1]"))
 

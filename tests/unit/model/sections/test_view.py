@@ -98,7 +98,7 @@ def test_families() -> None:
     assert model(text).structural_parameters == ("N",)
 
 
-def test_a_definition_may_stand_for_a_point() -> None:
+def test_a_definition_may_denote_a_point() -> None:
     found = view("view:\n  points: {O: [0, 0]}\n  rods: [O-r, O-w[2]]\n  trails: [r]")
     assert found.points["r"] == se.symbols("x y")
     assert [s.end for s in found.segments] == ["r", "w[2]"]
@@ -139,7 +139,7 @@ def test_vectors() -> None:
     assert (b.quantity, b.unit) == ("force", "N")
 
 
-def test_errors_elsewhere_in_the_model_are_not_told_twice() -> None:
+def test_errors_elsewhere_in_the_model_are_not_reported_twice() -> None:
     with pytest.raises(ModelError) as caught:
         lagcli.load_text(
             HEAD.replace("[x, y]\n", "[x, yy]\n")

@@ -190,7 +190,7 @@ def test_vector_constraints_are_one_per_component(constraint: str, names: str) -
     assert model.constraint_names == (*names.split(), "e.unit")
 
 
-def test_components_that_always_hold_are_left_out_and_said() -> None:
+def test_components_that_always_hold_are_left_out_and_reported() -> None:
     model = load(text("pin: [r.x, r.y - r.y, phi*l] = [0, 0, 0]"))
     assert model.left_out == ("pin.y",)
     assert "coordinates: pin.y." in lagcli.render(lagcli.derive(model))

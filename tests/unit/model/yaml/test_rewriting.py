@@ -95,7 +95,7 @@ def test_windows_line_ends_stay() -> None:
     assert load_text(new).parameters["d"].value == 4
 
 
-def test_what_an_alias_stands_for_is_not_changed_with_it() -> None:
+def test_what_an_alias_denotes_is_not_changed_with_it() -> None:
     for name in ("a", "b"):
         with pytest.raises(ModelError, match=f"values of `{name}`"):
             rewrite(TEXT, "model.yaml", {name: "2"}, {})

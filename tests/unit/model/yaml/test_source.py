@@ -188,7 +188,7 @@ def test_aliases_are_bounded() -> None:
     assert "more than 300,000 values" in errors("a0: &a0 [x, x]\n" + "".join(doubled))
 
 
-def test_aliases_stand_for_what_they_name() -> None:
+def test_aliases_denote_what_they_name() -> None:
     root, _ = compose(Source("a: &n 1 kg\nb: *n\n", "f"))
     assert root.entries["b"][1] is root.entries["a"][1]
 

@@ -30,6 +30,6 @@ def test_a_linear_fit_to_sampled_values() -> None:
     assert found["b"].least == found["b"].high
 
 
-def test_too_few_rows_are_refused() -> None:
+def test_too_few_rows_are_rejected() -> None:
     with pytest.raises(UsageError, match="more rows"):
         effects({"a": np.array([1.0, 2.0])}, np.array([1.0, np.nan]))

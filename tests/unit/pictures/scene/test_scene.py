@@ -96,7 +96,7 @@ def test_csv_alone_holds_no_model(tmp_path: Path) -> None:
     assert "B" in scene.points
 
 
-def test_another_model_is_refused(tmp_path: Path) -> None:
+def test_another_model_is_rejected(tmp_path: Path) -> None:
     lagcli.write(short("slider_crank"), tmp_path / "run.h5")
     with pytest.raises(UsageError, match="is not the model of"):
         scene_of(RunFile(tmp_path / "run.h5", str(MODELS / "atwood.yaml")))

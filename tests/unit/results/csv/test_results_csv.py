@@ -187,7 +187,7 @@ def test_a_sidecar_of_another_run_is_noticed(tmp_path: Path) -> None:
         ('{"kind": "trajectory", "schema_version": "99"}', "version 99"),
     ],
 )
-def test_a_sidecar_that_is_none_is_said(tmp_path: Path, text: str, reason: str) -> None:
+def test_a_sidecar_that_is_none_is_reported(tmp_path: Path, text: str, reason: str) -> None:
     path = _written(tmp_path, make())
     Path(f"{path}.json").write_text(text)
     with pytest.raises(FileError, match=reason) as caught:
@@ -195,7 +195,7 @@ def test_a_sidecar_that_is_none_is_said(tmp_path: Path, text: str, reason: str) 
     assert "run.csv.json" in str(caught.value)
 
 
-def test_a_damaged_sidecar_is_said(tmp_path: Path) -> None:
+def test_a_damaged_sidecar_is_reported(tmp_path: Path) -> None:
     path = _written(tmp_path, make(), meta=True)
     sidecar = Path(f"{path}.json")
     for name, value in (("parameters", [1]), ("scale_position", None), ("seconds", {"a": "b"})):
@@ -219,7 +219,7 @@ def test_a_damaged_sidecar_is_said(tmp_path: Path) -> None:
         (b'"t' * 50_000 + b"\n", "not CSV text"),
     ],
 )
-def test_what_is_no_run_is_said(tmp_path: Path, content: bytes, reason: str) -> None:
+def test_what_is_no_run_is_reported(tmp_path: Path, content: bytes, reason: str) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(content)
     with pytest.raises(FileError, match=reason) as caught:
@@ -227,7 +227,7 @@ def test_what_is_no_run_is_said(tmp_path: Path, content: bytes, reason: str) -> 
     assert str(path) in str(caught.value)
 
 
-def test_a_missing_file_and_a_folder_are_said(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_reported(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no such file"):
         read(tmp_path / "run.csv")
     (tmp_path / "folder.csv").mkdir()

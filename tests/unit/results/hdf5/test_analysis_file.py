@@ -27,7 +27,7 @@ def test_content_and_arrays_come_back(tmp_path: Path) -> None:
         assert root.attrs["model"] == b"x: 1"
 
 
-def test_other_files_and_damage_are_refused(tmp_path: Path) -> None:
+def test_other_files_and_damage_are_rejected(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     write_analysis(str(path), CONTENT, {}, {})
     with pytest.raises(FileError, match="not a file of lagcli equilibrium"):

@@ -366,7 +366,7 @@ def _appended(path: Path) -> None:
         (_appended, "damaged, or was changed"),
     ],
 )
-def test_what_is_no_run_is_said(tmp_path: Path, spoil: Any, reason: str) -> None:
+def test_what_is_no_run_is_reported(tmp_path: Path, spoil: Any, reason: str) -> None:
     path = _written(tmp_path, make())
     spoil(path)
     with pytest.raises(FileError, match=reason) as caught:

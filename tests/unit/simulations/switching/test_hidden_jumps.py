@@ -40,7 +40,7 @@ def test_hidden_jumps(force: str, hidden: bool) -> None:
     assert has_hidden_jumps(system, tuple(model.parameter_values.values())) == hidden
 
 
-def test_sensitivities_refuse_them() -> None:
+def test_sensitivities_reject_them() -> None:
     model = lagcli.load_text(ROD.format(force="if(lambda.rod < F, 0, 3)"))
     with pytest.raises(UsageError, match="one jumps with a multiplier"):
         lagcli.simulate(model, sensitivity=("g",), t_end=0.1)

@@ -163,7 +163,7 @@ def test_a_record_counts_in_its_place_only(tmp_path: Path, ends: list[int]) -> N
         lambda data, magic: data[:magic] + bytes(4096),
     ],
 )
-def test_a_journal_that_ends_before_its_first_row_is_begun_anew(
+def test_a_journal_that_ends_before_its_first_row_is_rewritten(
     tmp_path: Path, damage: Callable[[bytes, int], bytes]
 ) -> None:
     path = tmp_path / "j"
@@ -174,7 +174,7 @@ def test_a_journal_that_ends_before_its_first_row_is_begun_anew(
     assert path.read_bytes() == data
 
 
-def test_a_damaged_header_before_rows_is_refused(tmp_path: Path, ends: list[int]) -> None:
+def test_a_damaged_header_before_rows_is_rejected(tmp_path: Path, ends: list[int]) -> None:
     path = tmp_path / "j"
     whole = path.read_bytes()
     for place in range(ends[0]):
@@ -191,7 +191,7 @@ def test_a_damaged_header_before_rows_is_refused(tmp_path: Path, ends: list[int]
 
 
 @pytest.mark.parametrize("header", [b"[1]", b"{}", b"nonsense", b'{"sweep": 1}', b"\xff"])
-def test_a_header_of_something_else_is_refused(
+def test_a_header_of_something_else_is_rejected(
     tmp_path: Path, header: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "j"

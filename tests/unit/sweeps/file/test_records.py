@@ -39,7 +39,7 @@ def test_rows_and_statuses_must_be_known(changed: dict[str, np.ndarray]) -> None
         decode(encode(results()._replace(**changed)), rows=5, measures=1)
 
 
-def test_records_of_another_size_are_refused() -> None:
+def test_records_of_another_size_are_rejected() -> None:
     whole = encode(results())
     for record, rows, measures in (
         (whole, 5, 2),  # other measures

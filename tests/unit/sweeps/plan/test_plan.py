@@ -152,7 +152,7 @@ def test_bad_tables(tmp_path: Path, content: str, said: str) -> None:
         ("m=9^9^9^9", "power"),
     ],
 )
-def test_what_is_wrong_is_said(vary: str, said: str) -> None:
+def test_what_is_wrong_is_reported(vary: str, said: str) -> None:
     with pytest.raises(LagcliError) as error:
         make_plan(CRANK, [vary])
     assert "--vary" in str(error.value)

@@ -49,7 +49,7 @@ def test_columns_are_quantities_in_their_units(tmp_path: Path) -> None:
         ("", "it is empty", FileError),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(
+def test_what_is_wrong_is_reported_with_its_line(
     tmp_path: Path, text: str, message: str, kind: type[Exception]
 ) -> None:
     with pytest.raises(kind) as error:

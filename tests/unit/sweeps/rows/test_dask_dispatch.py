@@ -169,7 +169,7 @@ def test_what_the_scheduler_dropped_ends_the_sweep() -> None:
     assert client.cancelled
 
 
-def test_another_version_is_refused_though_it_came_late() -> None:
+def test_another_version_is_rejected_though_it_came_late() -> None:
     client = Client()
     looked = []
 
@@ -219,7 +219,9 @@ def test_addresses_that_are_none(address: str) -> None:
         Cluster(address)
 
 
-def test_without_distributed_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_distributed_the_error_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     import sys
 
     monkeypatch.setitem(sys.modules, "distributed", None)

@@ -67,7 +67,7 @@ def test_projection_onto_rows_that_hold() -> None:
     np.testing.assert_allclose([*q, *v], [0.3, 0, 1, 0], atol=1e-16)
 
 
-def test_an_impact_that_gains_energy_is_refused() -> None:
+def test_an_impact_that_gains_energy_is_rejected() -> None:
     """The double pendulum of Kane and Levinson; Newton's law multiplies its energy by 2.76."""
     from tests.support.contact_cases import contact_model, run_contact
 
@@ -79,7 +79,7 @@ def test_an_impact_that_gains_energy_is_refused() -> None:
     )
 
 
-def test_two_motions_are_refused() -> None:
+def test_two_motions_are_rejected() -> None:
     from tests.support.contact_cases import contact_model, run_contact
 
     model = contact_model("painleve_klein", mu=2.0, P2="-6 N")

@@ -71,7 +71,7 @@ def test_whole_parts_end_in_both_directions() -> None:
     assert found.sides == (2.0,)
 
 
-def test_forces_that_push_away_on_both_sides_are_refused() -> None:
+def test_forces_that_push_away_on_both_sides_are_rejected() -> None:
     found, motion = branches("if(x' > 0, 1, -1)")
     with pytest.raises(Stop, match="two motions are possible"):
         found.choose(0.0, ORIGIN, ORIGIN, motion.accelerations)
