@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_rows, row_lengths
 from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
@@ -72,8 +72,8 @@ class TapeMatrices:
 
     def __init__(self, system: System):
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
-        self.of_dynamics = DynamicsLayout(system.counts)
-        self.of_constraint = ConstraintLayout(system.counts)
+        self.of_dynamics = system.dynamics_layout
+        self.of_constraint = system.constraint_layout
         self.mass = self._flat(system.mass_pattern)
         self.jacobian = self._flat(system.jacobian_pattern)
 
@@ -101,6 +101,26 @@ class TapeMatrices:
         return Constraints(**parts)
 
 
+class _Bound(NamedTuple):
+    """What the evaluators of a System have in common."""
+
+    dynamics: ScalarTape
+    constraint: ScalarTape
+    tangent: ScalarTape | None
+    matrices: TapeMatrices
+
+
+@lru_cache(maxsize=4)
+def _bound(system: System) -> _Bound:
+    """Return what is made once for all evaluators of a System."""
+    return _Bound(
+        ScalarTape(system.dynamics),
+        ScalarTape(system.constraint),
+        None if system.tangent is None else ScalarTape(system.tangent.tape),
+        TapeMatrices(system),
+    )
+
+
 class Evaluator:
     """Evaluates a System at single states.
 
@@ -113,11 +133,11 @@ class Evaluator:
 
     def __init__(self, system: System, p: tuple[float, ...]):
         self.system, self.p = system, p
-        self._dynamics = ScalarTape(system.dynamics)
-        self._constraint = ScalarTape(system.constraint)
-        self._matrices = TapeMatrices(system)
+        bound = _bound(system)
+        self._dynamics, self._constraint = bound.dynamics.own(), bound.constraint.own()
+        self._tangent = None if bound.tangent is None else bound.tangent.own()
+        self._matrices = bound.matrices
         self._holonomic = list(system.holonomic)
-        self._tangent = None if system.tangent is None else ScalarTape(system.tangent.tape)
 
     def with_parameters(self, p: tuple[float, ...]) -> Evaluator:
         """Return an evaluator of the same System with other values of its parameters."""

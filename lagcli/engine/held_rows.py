@@ -30,8 +30,8 @@ def held_rows(system: System, p: tuple[float, ...], block: Block) -> Flags:
     if system.switching is None:
         return held
     rows, size = system.switching.rows, np.abs(block.multipliers)
-    switched = [row.row for row in rows]
-    held[:, switched] = size[:, switched] != 0
+    for row in rows:
+        held[:, row.row] = size[:, row.row] != 0
     limited = [row for row in rows if row.limit is not None]
     if limited:
         limits = run_arrays(system.switching.limits, _inputs(block, p), len(block.time))

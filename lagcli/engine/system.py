@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.arrays import Array
 from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
-from lagcli.engine.layout import Counts, SampleLayout
+from lagcli.engine.layout import ConstraintLayout, Counts, DynamicsLayout, SampleLayout
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 
@@ -224,6 +224,16 @@ class System:
     def sample_layout(self) -> SampleLayout:
         """Where t, q, v, a, λ and W stand in a sample row."""
         return SampleLayout(self.counts)
+
+    @cached_property
+    def dynamics_layout(self) -> DynamicsLayout:
+        """Where M, f, B, γ and the power stand in the outputs of the dynamics tape."""
+        return DynamicsLayout(self.counts)
+
+    @cached_property
+    def constraint_layout(self) -> ConstraintLayout:
+        """Where φ, B, b_0 and the scales stand in the outputs of the constraint tape."""
+        return ConstraintLayout(self.counts)
 
     def inertia(self, mass_diagonal: Array) -> Array:
         """Return the inertia by which coordinates are compared, (..., nq).

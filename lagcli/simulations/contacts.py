@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.state import State
@@ -38,6 +39,8 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
         A contact is violated, or a coefficient or a limit is negative.
     """
     assert system.switching is not None
+    if not system.switching.rows:
+        return
     constraints = Evaluator(system, state.p).constraints(state.t, state.q, state.v)
     found = []
     for row in system.switching.rows:
@@ -141,8 +144,8 @@ def true_at_start(system: System, state: State) -> tuple[str, ...]:
     )
 
 
-def held_at(system: System, state: State, closed: float) -> tuple[list[int], int]:
-    """Return the active constraints at a state, and the rank of their rows of B.
+def held_at(system: System, start: ConsistentState, closed: float) -> tuple[list[int], int]:
+    """Return the active constraints at the start, and the rank of their rows of B.
 
     These are the permanent ones, and closed contacts without normal velocity. Sticking of friction
     is not considered.
@@ -151,11 +154,12 @@ def held_at(system: System, state: State, closed: float) -> tuple[list[int], int
     ----------
     system : System
         With ``switching``.
-    state : State
+    start : ConsistentState
     closed : float
         See `check_contacts`.
     """
     assert system.switching is not None
+    state = start.state
     evaluator, q, v = Evaluator(system, state.p), state.q, state.v
     constraints = evaluator.constraints(state.t, q, v)
     rates, scales = constraints.velocity(v), constraints.velocity_scale
@@ -168,8 +172,8 @@ def held_at(system: System, state: State, closed: float) -> tuple[list[int], int
             if touches and abs(rates[row.row]) <= closed * scales[row.row]:
                 rows.add(row.row)
     held = sorted(rows)
-    if not held:
-        return held, 0
+    if held == list(system.held_at_start):
+        return held, start.rank
     sizes = evaluator.sizes(state.t, q, v)
     lengths = evaluator.row_lengths(state.t, q, v, constraints, sizes)[held]
     return held, dense.count_rank(constraints.jacobian[held], scale=lengths, sizes=sizes)

@@ -97,11 +97,15 @@ class DerivedColumns:
         position = np.full((nc, count), np.nan)
         position[list(system.holonomic)] = e.position
         velocity_residual = velocity + e.drift
-        if system.switching is not None:
-            from lagcli.engine.held_rows import held_rows, reactive_forces
+        if system.switching is not None and system.switching.rows:
+            from lagcli.engine.held_rows import held_rows
 
             free = ~held_rows(system, self.p, block).T
-            position[free] = velocity_residual[free] = np.nan
+            np.copyto(position, np.nan, where=free)
+            np.copyto(velocity_residual, np.nan, where=free)
+        if system.switching is not None and system.switching.forces is not None:
+            from lagcli.engine.held_rows import reactive_forces
+
             forces += reactive_forces(system, self.p, block)
 
         residual = np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0)

@@ -106,7 +106,7 @@ def freedom_at(
     if system.switching is not None and system.switching.rows:
         from lagcli.simulations.contacts import held_at
 
-        rows, rank = held_at(system, start.state, _closed(equations.model, closed))
+        rows, rank = held_at(system, start, _closed(equations.model, closed))
         held = tuple(names[i] for i in rows)
     sets = dependent_sets(system, start.state, rank, rows)
     redundant = (RedundantSet(tuple(names[i] for i in found), surplus) for found, surplus in sets)

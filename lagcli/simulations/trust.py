@@ -71,7 +71,8 @@ class Trust:
         self._last = float(time[-1]), float(power[-1])
         self._span += float(time[-1] - time[0])
         for level, found in self._residuals.items():
-            largest = np.fmax.reduce(np.abs(getattr(samples, f"residual_{level}")), axis=0)
+            by_row = np.ascontiguousarray(getattr(samples, f"residual_{level}").T)
+            largest = np.fmax.reduce(np.abs(by_row), axis=1)
             self._residuals[level] = np.fmax(found, largest)
 
     def _parts(self, samples: Samples) -> Array:

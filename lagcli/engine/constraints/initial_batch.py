@@ -10,7 +10,6 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.core import binding
 from lagcli.engine.evaluator import Constraints
-from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.program.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
@@ -116,7 +115,7 @@ class _StartSearch:
     def constraints(self, parameters: Array, q: Array, v: Array) -> Constraints:
         """Return φ (n, nh), B (n, nc, nq), b_0 (n, nc) and scales."""
         out = self.constraint(self.inputs(parameters, q, v), np.empty((1, 0)))[0]
-        parts = {k: x.T for k, x in ConstraintLayout(self.system.counts).split(out).items()}
+        parts = {k: x.T for k, x in self.system.constraint_layout.split(out).items()}
         pattern = self.system.jacobian_pattern
         parts["jacobian"] = _matrices(parts["jacobian"], pattern, self.nc, self.nq)
         return Constraints(**parts)
@@ -141,7 +140,7 @@ class _StartSearch:
 
     def matrices(self, out: Array) -> tuple[Array, Array]:
         """Return M and B from outputs of the dynamics tape."""
-        s, layout = self.system, DynamicsLayout(self.system.counts)
+        s, layout = self.system, self.system.dynamics_layout
         return (
             _matrices(out[:, layout.mass_matrix], s.mass_pattern, self.nq, self.nq),
             _matrices(out[:, layout.jacobian], s.jacobian_pattern, self.nc, self.nq),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.engine.layout import ConstraintLayout, RatesLayout
+from lagcli.engine.layout import RatesLayout
 from lagcli.engine.system import System
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.tape import Tape
@@ -13,7 +13,7 @@ def with_rates(system: System) -> Tape:
 
     Output subsets are φ with its scale, and B, ψ and its scale.
     """
-    given, layout = system.constraint, ConstraintLayout(system.counts)
+    given, layout = system.constraint, system.constraint_layout
     v = system.sample_layout.v.start
     builder = Arithmetic(given.inputs, given.parameters, functions=given.functions)
     outputs = builder.extend(given)

@@ -9,9 +9,20 @@ cdef class _Arguments:
     def __cinit__(self):
         self.arrays = []
 
+    cdef void *room(self, Py_ssize_t size) except NULL:
+        memory = bytearray(size)  # of zeros
+        self.arrays.append(memory)
+        return PyByteArray_AS_STRING(memory)
+
     # a pointer is never NULL, also to nothing: C forbids that even for copies of no bytes
 
     cdef const double *doubles(self, values) except NULL:
+        cdef double *to
+        if isinstance(values, (list, tuple)):
+            to = <double *>self.room(max(1, len(values)) * sizeof(double))
+            for i, x in enumerate(values):
+                to[i] = x
+            return to
         array = np.ascontiguousarray(values, dtype=float).reshape(-1)
         array = array if array.size else np.zeros(1)
         self.arrays.append(array)
@@ -19,6 +30,12 @@ cdef class _Arguments:
         return &view[0]
 
     cdef const int32_t *integers(self, values) except NULL:
+        cdef int32_t *to
+        if isinstance(values, (list, tuple)):
+            to = <int32_t *>self.room(max(1, len(values)) * sizeof(int32_t))
+            for i, x in enumerate(values):
+                to[i] = x
+            return to
         array = np.ascontiguousarray(values, dtype=np.int32).reshape(-1)
         array = array if array.size else np.zeros(1, dtype=np.int32)
         self.arrays.append(array)

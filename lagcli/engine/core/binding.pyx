@@ -7,6 +7,7 @@ from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.program.program import assemble
 from lagcli.engine.tape.tape import Tape
 
+from cpython.bytearray cimport PyByteArray_AS_STRING
 from libc.stdint cimport int32_t, int64_t
 from libc.stdlib cimport free, malloc
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,20 @@ class Actions:
         self.times: Counter[int] = Counter()
         self.stopped = ""
         self.nq = len(system.coordinates)
-        self._values = ScalarTape(self.switching.actions) if self.switching.actions else None
-        self._report = ScalarTape(system.report)
-        self._constraint = ScalarTape(system.constraint)
+
+    # made when needed: events may never happen
+
+    @cached_property
+    def _values(self) -> ScalarTape | None:
+        return ScalarTape(self.switching.actions) if self.switching.actions else None
+
+    @cached_property
+    def _report(self) -> ScalarTape:
+        return ScalarTape(self.system.report)
+
+    @cached_property
+    def _constraint(self) -> ScalarTape:
+        return ScalarTape(self.system.constraint)
 
     @property
     def first_modes(self) -> tuple[int, ...]:

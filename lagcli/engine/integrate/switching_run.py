@@ -269,6 +269,8 @@ class SwitchingIntegration(Integration):
 
     def entries(self, rows: Array) -> list[EventEntry]:
         """Return entries of the core's log, one for each row."""
+        if not len(rows):
+            return []
         ns, nq = len(self.split_system.switching.rows), self.nq
         first = 6 + ns
         places = [first, first + nq, first + 2 * nq, first + 3 * nq]
@@ -292,11 +294,14 @@ class SwitchingIntegration(Integration):
     def whole_rows(self, rows: Array) -> Array:
         """Return sample rows of the System, with λ of the core's constraints and of the switched
         rows."""
+        if not self.split_system.rows:
+            return rows
         fixed, whole = self.system.sample_layout, self.whole.sample_layout
         out = np.empty((len(rows), whole.size))
         out[:, : whole.multipliers.start] = rows[:, : fixed.multipliers.start]
         multipliers = out[:, whole.multipliers]
-        multipliers[:, list(self.split_system.base)] = rows[:, fixed.multipliers]
-        multipliers[:, list(self.split_system.rows)] = rows[:, fixed.size :]
+        columns = [*rows.T[fixed.multipliers], *rows.T[fixed.size :]]
+        for constraint, column in zip(self.split_system.order, columns, strict=True):
+            multipliers[:, constraint] = column
         out[:, whole.work] = rows[:, fixed.work]
         return out

@@ -30,7 +30,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.system import Pattern, System
 
 Rows = list[dict[int, Array]]
@@ -147,7 +146,7 @@ def order_at(
     if not finite:
         raise NoElimination
     values = np.array(finite).T
-    layout = DynamicsLayout(system.counts)
+    layout = system.dynamics_layout
     mass, jacobian = values[layout.mass_matrix], values[layout.jacobian]
     pattern, count = system.jacobian_pattern, len(system.constraints)
     if rows is not None and len(rows) < count:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lagcli.engine.layout import DynamicsLayout, UnrolledLayout
+from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.linear.blocks import Blocks, inputs_of
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.linear.unrolling import unroll
@@ -78,7 +78,7 @@ class _WholeDynamics(Arithmetic):
         q, v, p = inputs_of(blocks, self.parameters)
         state = [0, *q[:nq], *v[:nq]]
         out = self.splice(system.dynamics, [*state, *p])
-        of = DynamicsLayout(system.counts)
+        of = system.dynamics_layout
         solution = self.solve([*state, *p])
         sides = self.splice(
             self.tangent.tape,

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 
-from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape.arithmetic import Arithmetic
@@ -55,7 +54,7 @@ class _Unrolling(Arithmetic):
         self.blocks = 1 if system.tangent is None else system.tangent.blocks
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
-        layout = DynamicsLayout(system.counts)
+        layout = system.dynamics_layout
         v = system.sample_layout.v.start
         self.entries: dict[tuple[int, int], int] = {}
         for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=self.blocks == 1):

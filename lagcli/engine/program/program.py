@@ -75,6 +75,9 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
         Number of operations from which programs are vectorized.
     """
     fixed = tape.inputs + len(tape.constants)
+    if not tape.outputs:
+        nothing = stream(())
+        return Program(nothing, nothing, (), (), np.zeros(fixed), nothing[:0], 0, tape.inputs)
     of = _part_of_outputs(tape)
     prelude, *parts = _parts(tape, of)
     place = {x: x for x in range(fixed)}

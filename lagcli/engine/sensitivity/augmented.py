@@ -19,8 +19,6 @@ from functools import partial
 import numpy as np
 
 from lagcli.engine.layout import (
-    ConstraintLayout,
-    DynamicsLayout,
     SampleLayout,
 )
 from lagcli.engine.linear.blocks import Blocks, inputs_of
@@ -87,7 +85,7 @@ def _dynamics_in_blocks(system: System, blocks: Blocks) -> Tape:
     nq, nc = blocks.counts.nq, blocks.counts.nc
     out, of = (
         builder.splice(system.dynamics, [0, *q[:nq], *v[:nq], *p]),
-        DynamicsLayout(system.counts),
+        system.dynamics_layout,
     )
     return builder.finish(
         [
@@ -112,7 +110,7 @@ def _constraint(system: System, tangent: TangentTapes, blocks: Blocks) -> Tape:
     q, v, p = inputs_of(blocks, parameters)
     own, of = (
         builder.splice(system.constraint, [0, *q[:nq], *v[:nq], *p]),
-        ConstraintLayout(system.counts),
+        system.constraint_layout,
     )
     sides = builder.splice(tangent.constraint, [0, *q, *v, *p])
     sizes = np.cumsum([n * nh, n * nc, n * nh])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
-from lagcli.engine.layout import ConstraintLayout, DynamicsLayout, SampleLayout
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Builder, Tape
 
@@ -26,6 +26,8 @@ class SplitSystem:
         limit friction: they are solved for together with it.
     base : tuple of int
         The other constraints.
+    order : tuple of int
+        All constraints, as the core has them in samples.
     """
 
     def __init__(self, system: System):
@@ -37,6 +39,7 @@ class SplitSystem:
         self.rows = (*switched, *sorted(limiting.difference(switched)))
         left = set(range(len(system.constraints))).difference(self.rows)
         self.base = tuple(sorted(left))
+        self.order = (*self.base, *self.rows)
 
     @cached_property
     def fixed(self) -> System:
@@ -45,21 +48,21 @@ class SplitSystem:
         It equals the System of a model without other constraints.
         """
         system, base = self.system, self.base
-        alone = replace(
-            system,
-            report=system.report.selected(()),
-            outputs=(),
-            events=None,
-            switching=None,
-            parameter_variation=None,
-        )
+        left_out: dict[str, Any] = {
+            "report": system.report.selected(()),
+            "outputs": (),
+            "events": None,
+            "switching": None,
+            "parameter_variation": None,
+        }
         if len(base) == len(system.constraints):
-            return alone
+            return replace(system, **left_out)
         number = {constraint: i for i, constraint in enumerate(base)}
         holonomic = [k for k in system.holonomic if k in number]
         variation = system.variation
         return replace(
-            alone,
+            system,
+            **left_out,
             constraints=tuple(system.constraints[k] for k in base),
             holonomic=tuple(number[k] for k in holonomic),
             jacobian_pattern=tuple(
@@ -90,24 +93,23 @@ class SplitSystem:
         given = system.dynamics
         builder = Builder(given.inputs, given.parameters, functions=given.functions)
         inputs = range(builder.inputs)
-        c, d = ConstraintLayout(system.counts), DynamicsLayout(system.counts)
+        c, d = system.constraint_layout, system.dynamics_layout
         positions = [n for n, k in enumerate(system.holonomic) if k in rows]
         own = [
             *_places(c.position, positions),
             *_places(c.jacobian, self._entries(rows)),
             *_places(c.drift, rows),
         ]
-        outputs = builder.splice(system.constraint, inputs, own)
-        outputs += builder.splice(system.dynamics, inputs, _places(d.rhs, rows))
         scales = [*_places(c.velocity_scale, rows), *_places(c.position_scale, positions)]
-        outputs += builder.splice(system.constraint, inputs, scales)
-        return builder.finish(outputs)
+        outputs = builder.splice(system.constraint, inputs, [*own, *scales])
+        accelerations = builder.splice(system.dynamics, inputs, _places(d.rhs, rows))
+        return builder.finish([*outputs[: len(own)], *accelerations, *outputs[len(own) :]])
 
     def _entries(self, constraints: Sequence[int]) -> list[int]:
         return [n for n, (i, _) in enumerate(self.system.jacobian_pattern) if i in constraints]
 
     def _dynamics(self, base: Sequence[int]) -> Tape:
-        layout, given = DynamicsLayout(self.system.counts), self.system.dynamics
+        layout, given = self.system.dynamics_layout, self.system.dynamics
         outputs = [
             *range(layout.forcing.stop),
             *_places(layout.jacobian, self._entries(base)),
@@ -117,7 +119,7 @@ class SplitSystem:
         return given.selected(outputs)
 
     def _constraint(self, base: Sequence[int], holonomic: Sequence[int]) -> Tape:
-        layout = ConstraintLayout(self.system.counts)
+        layout = self.system.constraint_layout
         positions = [self.system.holonomic.index(k) for k in holonomic]
         outputs = [
             *_places(layout.position, positions),
@@ -130,7 +132,7 @@ class SplitSystem:
 
     def _without_multipliers(self, tape: Tape, outputs: Sequence[int]) -> Tape:
         """Return a tape of (t, q, v, a, λ, p) at λ = 0 of the rows."""
-        layout, n = SampleLayout(self.system.counts), len(self.base)
+        layout, n = self.system.sample_layout, len(self.base)
         first, parameters = layout.multipliers.start, tape.inputs - layout.multipliers.stop
         builder = Builder(first + n + parameters, tape.parameters, functions=tape.functions)
         inputs = [*range(first)] + [builder.constant(0.0)] * len(self.system.constraints)

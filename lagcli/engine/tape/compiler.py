@@ -57,8 +57,12 @@ def compile_tape(
     KeyError
         An expression contains a symbol that is not an input.
     """
+    outputs = list(expressions)
+    if not outputs:
+        held = len(parameters) + functions.size
+        return Tape(len(variables) + held, (), (), (), held, functions=functions)
     compiler = _Compiler(variables, parameters, functions)
-    return compiler.finish([compiler.register(e) for e in expressions])
+    return compiler.finish([compiler.register(e) for e in outputs])
 
 
 class _Compiler(Builder):

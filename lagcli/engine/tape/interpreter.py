@@ -6,6 +6,7 @@ an undefined value matters only if it reaches an output.
 
 from __future__ import annotations
 
+import copy
 import operator
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.tape.operations import ARITY, OPERATIONS, Kind, Op
+from lagcli.engine.tape.operations import ARITY, OPERATIONS, Kind
 from lagcli.engine.tape.tape import Tape
 
 #: Functions on floats that never raise.
@@ -23,8 +24,9 @@ _TOTAL = (operator.add, operator.sub, operator.mul, operator.neg, abs, max)
 
 
 @cache
-def _on_arrays(op: Op) -> Callable[..., Any]:
+def _on_arrays(number: int) -> Callable[..., Any]:
     """Return an operation on arrays; its dependencies are imported on first use."""
+    op = OPERATIONS[number]
     module, _, name = op.array.rpartition(".")
     function: Any = getattr(import_module(module), name) if op.array else op.scalar
     if op.kind is Kind.RELATION:
@@ -33,9 +35,10 @@ def _on_arrays(op: Op) -> Callable[..., Any]:
 
 
 @cache
-def _on_floats(op: Op) -> Callable[..., float]:
+def _on_floats(number: int) -> Callable[..., float]:
     """Return an operation on floats that returns ±∞ or NaN according to IEEE 754 and never
     raises."""
+    op = OPERATIONS[number]
     function = op.scalar
     assert function is not None, f"{op.name} is not an operation of tapes"
     if function in _TOTAL:
@@ -48,7 +51,7 @@ def _on_floats(op: Op) -> Callable[..., float]:
             return function(*arguments)
         except (ValueError, ZeroDivisionError, OverflowError):
             with np.errstate(all="ignore"):
-                return float(_on_arrays(op)(*map(np.float64, arguments)))
+                return float(_on_arrays(number)(*map(np.float64, arguments)))
 
     return guarded
 
@@ -66,7 +69,7 @@ class ScalarTape:
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
         self._steps = [
-            (_on_floats(OPERATIONS[op]), ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code
+            (_on_floats(op), ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code
         ]
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
@@ -85,6 +88,10 @@ class ScalarTape:
             else:
                 r[to] = function(r[a], r[b], r[c])
         return [r[i] for i in self._outputs]
+
+    def own(self) -> ScalarTape:
+        """Return a tape that can hold pieces apart from this one."""
+        return self if self._functions is None else copy.copy(self)
 
     def hold(self, pieces: list[float] | None) -> None:
         """Fix the pieces of known functions, regardless of t; None: use those at t."""
@@ -113,7 +120,7 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     with np.errstate(all="ignore"):
         for op, to, a, b, c in tape.code:
             operands = (r[a], r[b], r[c])[: ARITY[op]]
-            r[to] = _on_arrays(OPERATIONS[op])(*operands)
+            r[to] = _on_arrays(op)(*operands)
     out = np.empty((len(tape.outputs), count))
     for i, register in enumerate(tape.outputs):
         out[i] = r[register]

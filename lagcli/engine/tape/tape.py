@@ -61,6 +61,8 @@ class Tape(NamedTuple):
     def selected(self, outputs: Iterable[int]) -> Tape:
         """Return a tape of some outputs, with only the operations that these need."""
         wanted = [self.outputs[i] for i in outputs]
+        if not wanted:
+            return Tape(self.inputs, (), (), (), self.parameters, functions=self.functions)
         code, fixed = _needed(self, wanted), self.inputs + len(self.constants)
         if len(code) == len(self.code):
             return self._replace(outputs=tuple(wanted))

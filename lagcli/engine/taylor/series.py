@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Int32
-from lagcli.engine.layout import ConstraintLayout, UnrolledLayout
+from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.program.program import Node, allocate, in_order, stream
 from lagcli.engine.program.slots import LINE
 from lagcli.engine.system import System, without_numbers
@@ -151,7 +151,7 @@ def order_for(rtol: float) -> int:
 def depending_on_time(system: System) -> list[int]:
     """Return the constraints ψ = B v + b_0 with b_0 not identically zero."""
     tape = system.constraint
-    drift = tape.outputs[ConstraintLayout(system.counts).drift]
+    drift = tape.outputs[system.constraint_layout.drift]
     values = dict(enumerate(tape.constants, tape.inputs))
     return [i for i, x in enumerate(drift) if values.get(x) != 0.0]
 

@@ -219,12 +219,13 @@ class _Conditions:
                 rate = {eq.v[i] * x, eq.q[i] * eq.v[j]}
                 yield -1, [(monomial, -1, 0) for monomial in rate], [(("C", i, j), ONE)]
         yield -1, terms(self.time), [(("tau", 0, 0), ONE)]
+        positions = [[*terms(-position)] for position in self.positions]
         for beta, (row, drift) in enumerate(zip(self.rows, self.drifts, strict=True)):
             for i, b in row.items():
                 yield beta, terms(b), [(("b", i, 0), ONE), *((("A", i, j), x) for j, x in q)]
             yield beta, terms(drift), [(("tau", 0, 0), ONE)]
-            for gamma, position in enumerate(self.positions):
-                yield beta, terms(-position), [(("mu", beta, gamma), ONE)]
+            for gamma, position in enumerate(positions):
+                yield beta, position, [(("mu", beta, gamma), ONE)]
 
 
 def _symmetry(vector: SparseVector, unknowns: list[Unknown]) -> Symmetry:

@@ -8,7 +8,6 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block
-from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.state import State
 from lagcli.engine.switching.kinks import Kink, frozen_of
 from lagcli.engine.system import System
@@ -67,7 +66,7 @@ def with_surfaces(
         before, sides = sides, [_sides(kink, x) for kink, x in zip(kinks, functions, strict=False)]
         if all(map(np.array_equal, before, sides)):
             break
-    forcing = DynamicsLayout(frozen.system.counts).forcing
+    forcing = frozen.system.dynamics_layout.forcing
     residual, report = values.residual.copy(), values.report.copy()
     for k, kink in enumerate(kinks):
         distance = np.abs(functions[k] - (np.round(functions[k]) if kink.whole else 0))
