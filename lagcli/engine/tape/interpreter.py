@@ -68,9 +68,7 @@ class ScalarTape:
         self._held: list[float] | None = None
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
-        self._steps = [
-            (_on_floats(op), ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code
-        ]
+        self._steps = [(_on_floats(op), ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code]
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
         """Return the outputs for one set of inputs; undefined values are NaN or ±∞."""

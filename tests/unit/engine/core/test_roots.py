@@ -56,3 +56,24 @@ def test_bisection_ends_at_the_last_digit() -> None:
     found = binding.last_digit_root(lambda x: 2.0 - x * x, 1.0, 2.0)
     assert 2.0 - found * found <= 0
     assert 2.0 - math.nextafter(found, 0.0) ** 2 > 0
+
+
+def test_an_exception_of_the_function_reaches_the_caller() -> None:
+    asked: list[float] = []
+
+    def f(x: float) -> float:
+        asked.append(x)
+        if len(asked) > 3:
+            raise KeyError(x)
+        return 1.0 - x
+
+    for find in (lambda: binding.bracketed_root(f, 0.0, 3.0, 1e-12), lambda: last_digit(f)):
+        asked.clear()
+        with pytest.raises(KeyError):
+            find()
+        assert len(asked) == 4
+
+
+def last_digit(f: Function) -> float:
+    found: float = binding.last_digit_root(f, 0.0, 3.0)
+    return found
