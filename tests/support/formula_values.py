@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import operator
@@ -14,8 +15,10 @@ from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.assembly import Contents, shown_steps
 from lagcli.equations.presentation.formulas import Formulas, Step
+from lagcli.errors import UsageError
 from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load, load_text
+from lagcli.simulations.partition import partition
 
 MODELS = sorted((Path(__file__).parents[2] / "models").rglob("*.yaml"))
 
@@ -47,6 +50,22 @@ def equations_of(path: Path) -> Equations:
 def steps_of(path: Path, derivation: bool = False, numeric: bool = False) -> tuple[Step, ...]:
     """Return the steps that are printed, which are the same in every format and width."""
     return shown_steps(Formulas(equations_of(path), numeric), Contents(steps=derivation))
+
+
+@functools.cache
+def pages_of(path: Path) -> tuple[tuple[Step, ...], ...]:
+    """Return the steps of every page that `derive` prints for a model."""
+    e = equations_of(path)
+    asked = [Contents(), Contents(steps=True)]
+    with contextlib.suppress(UsageError):
+        p = partition(e)
+        asked += [Contents(("maggi",), p), Contents(("first",), p, solve=True)]
+        asked += [Contents(("second",), p), Contents(("first", "second"), p, steps=True)]
+    found = []
+    for contents in asked:
+        with contextlib.suppress(UsageError):  # the second kind needs holonomic constraints
+            found.append(shown_steps(Formulas(e), contents))
+    return tuple(found)
 
 
 def model_of(coordinates: str, kinetic: str, potential: str = "0", **rest: str) -> Equations:

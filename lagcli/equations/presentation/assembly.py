@@ -27,6 +27,7 @@ from lagcli.equations.presentation.overview import (
     in_matrices,
     in_short,
     overview,
+    quantities,
 )
 from lagcli.equations.presentation.partition_steps import determinant_step, split_step
 from lagcli.equations.presentation.steps import before_equations as derivation_before_equations
@@ -116,7 +117,8 @@ def _first(f: Formulas, contents: Contents) -> list[Step]:
     """Return the first kind, without the sign convention, which comes last."""
     p, full = contents.partition, contents.full
     if contents.steps and not in_matrices(f, full):
-        return _arranged(f, list(derivation(f, _coordinates(f, p), full)), full)
+        derived = derivation(f, _coordinates(f, p), full)
+        return _arranged(f, [*quantities(f), *derived], full)
     found = list(overview(f, full))
     if contents.steps:
         found = list(in_short(f, "The derivation is long; --full writes it out."))
@@ -128,7 +130,8 @@ def _without_equations(f: Formulas, contents: Contents) -> list[Step]:
     """Return coordinates, energies and constraints."""
     p = contents.partition
     if contents.steps:
-        found = [*derivation_before_equations(f, contents.full), *_coordinates(f, p)]
+        found = [*quantities(f), *derivation_before_equations(f, contents.full)]
+        found += _coordinates(f, p)
     else:
         found = [*before_equations(f), *([split_step(f, p)] if p is not None else [])]
     return _arranged(f, found, contents.full)

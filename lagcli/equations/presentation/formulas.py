@@ -15,6 +15,7 @@ from lagcli.equations.presentation import general
 from lagcli.equations.presentation.typeset import (
     ZERO,
     Node,
+    Number,
     Sign,
     Symbol,
     VirtualDisplacement,
@@ -25,6 +26,7 @@ from lagcli.equations.presentation.typeset import (
 )
 from lagcli.equations.presentation.written import named_in, sides_built, written
 from lagcli.equations.simplification.arrange import Arranger
+from lagcli.equations.simplification.sums import without_content
 from lagcli.equations.simplification.variations import differences, displaced, oriented
 from lagcli.model.expression.grammar import Tree
 
@@ -172,7 +174,8 @@ class Formulas:
             (1, product_of([self.arrange(b), VirtualDisplacement(self.coordinates[j])]))
             for j, b in sorted(c.row.items())
         ]
-        single = sum_of(terms)
+        content, rest = without_content(sum_of(terms))
+        single = product_of([Number(content), rest])
         v = self.equations.v
         if any(not b.free_symbols.isdisjoint(v) for b in c.row.values()):
             return Line((single, ZERO))

@@ -406,7 +406,8 @@ def solved_step(
 ) -> Step:
     """Return λ and the accelerations in closed form, or a remark why they are omitted."""
     title = f"Solved for the unknowns ({kind})"
-    if not found:
+    parts = [f.arrange(x) for s in found for x in (s.numerator, s.denominator)]
+    if not found or max(map(weight, parts)) > _LONGEST_SOLUTION:
         reason = "λ is not unique, because constraints are redundant"
         remark = (
             f"The closed form is omitted: {reason if redundant else 'it is long'}."
@@ -423,8 +424,8 @@ def solved_step(
     return Step(title, tuple(_over_determinants(f, found, nodes)))
 
 
-#: Number of characters of a fraction above which its denominator is named.
-_LONG_FRACTION = 70
+_LONGEST_SOLUTION = 160  # largest numerator or denominator that is shown, characters
+_LONG_FRACTION = 70  # characters of a fraction above which its denominator is named
 _SHORT_DIVISOR = 8  # largest denominator that remains in a fraction, characters
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import lru_cache
 
@@ -19,7 +20,7 @@ from lagcli.equations.presentation.switching.contacts import (
 )
 from lagcli.equations.presentation.switching.events import events_step
 from lagcli.equations.presentation.typeset import Call, Node, Sign, Symbol, sum_of, whole
-from lagcli.model.expression.units import si_notation
+from lagcli.model.expression.units import si_notation, to_si
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
@@ -94,7 +95,9 @@ def _before(f: Formulas) -> list[Step]:
 
 def before_equations(f: Formulas) -> list[Step]:
     """Return coordinates, energies and constraints, without the degrees of freedom."""
-    return [step for step in _before(f) if step.title != _FREEDOM]
+    first, *others = [step for step in _before(f) if step.title != _FREEDOM]
+    parameters = parameters_step(f)
+    return [first, *([parameters] if parameters is not None else []), *others]
 
 
 _FREEDOM = "Degrees of freedom"
@@ -106,9 +109,15 @@ def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = constraints_step(f), _equations(f)
     contacts, events = contacts_step(f), events_step(f)
     shown = [step for step in (equations, constraints, contacts, events) if step is not None]
-    found = [_coordinates(f), inputs_step(f), _definitions(f, shown), constraints, contacts, events]
-    found += [freedom_step(f), equations]
+    found = [_coordinates(f), parameters_step(f), inputs_step(f), _definitions(f, shown)]
+    found += [constraints, contacts, events, freedom_step(f), equations]
     return [*(step for step in found if step is not None), convention(f)]
+
+
+def quantities(f: Formulas) -> list[Step]:
+    """Return the coordinates, and the parameters with their values."""
+    found = (_coordinates(f), parameters_step(f))
+    return [step for step in found if step is not None]
 
 
 def _all_definitions(f: Formulas) -> Step | None:
@@ -180,6 +189,37 @@ def _coordinates(f: Formulas) -> Step:
     packed = len(lines) > 6 and not any(line.note for line in lines)
     count = general.Signs(f.model).coordinate_count
     return Step(f"Coordinates: {count} = {len(lines)}", tuple(lines), packed=packed)
+
+
+def parameters_step(f: Formulas) -> Step | None:
+    """Return the parameters with their values, in SI where the formulas have numbers."""
+    lines = []
+    for p in f.model.parameters.values():
+        unit = p.unit and (si_notation(p.unit) if f.values else p.unit)
+        value = p.value / to_si(unit) if unit else p.value
+        lines.append(Line((Symbol(p.name), quantity(value, unit)), note=p.description))
+    # values without a meaning fit side by side
+    packed = not any(line.note for line in lines) and not any("[" in x for x in f.model.parameters)
+    return Step("Parameters", tuple(lines), packed=packed) if lines else None
+
+
+def quantity(value: float, unit: str | None) -> Sign:
+    """Return a number with its unit: 9.81 m/s²."""
+    mantissa, _, power = f"{value:.6g}".replace("-", "−").partition("e")
+    text, latex = mantissa, mantissa.replace("−", "-")
+    if power:
+        exponent = int(power.replace("−", "-"))
+        text = f"{text}×10{str(exponent).translate(_RAISED)}".removeprefix("1×")
+        latex = rf"{latex} \times 10^{{{exponent}}}".removeprefix(r"1 \times ")
+    if unit in (None, "", "1"):
+        return Sign(text, latex)
+    text += " " + re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), unit).replace("*", "·")
+    shown = re.sub(r"[^\W\d]+", lambda m: rf"\mathrm{{{m[0]}}}", unit)
+    shown = re.sub(r"\^(-?\d+)", r"^{\1}", shown).replace("*", r" \cdot ")
+    return Sign(text, latex + r" \, " + shown)
+
+
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def inputs_step(f: Formulas) -> Step | None:

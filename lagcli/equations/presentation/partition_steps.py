@@ -62,7 +62,9 @@ def determinant_step(f: Formulas, p: CoordinatePartition) -> Step | None:
     """Return the determinant of the dependent block of B, and where it is zero (8.80 to 8.84)."""
     if not p.dependent:
         return None
-    nodes = [f.arrange(x) for x in p.determinants]
+    alone = [x for x in p.determinants if _is_monomial(f.arrange(x))]
+    sums = [f.arrange(x) for x in p.determinants if x not in alone]
+    nodes = [f.arrange(se.Mul(*alone)), *sums]
     signs = general.Signs(f.model)
     shown = [Line((signs.block, _multiplied(nodes)))]
     places = list(dict.fromkeys(x for node in nodes for x in _factors(node) if _moves(f, x)))
@@ -75,6 +77,13 @@ def determinant_step(f: Formulas, p: CoordinatePartition) -> Step | None:
     if not places:
         remark += " It is zero nowhere."
     return Step("Determinant of the dependent coordinates", tuple(shown), remark)
+
+
+def _is_monomial(node: Node) -> bool:
+    """Whether a formula is a product without sums."""
+    _, node = forward(node)
+    factors = node.factors if isinstance(node, Product) else (node,)
+    return not any(isinstance(x, Sum) for x in factors)
 
 
 def _multiplied(nodes: list[Node]) -> Node:
@@ -115,7 +124,10 @@ def fraction(f: Formulas, above: Basic, below: Basic) -> Node:
     for value in (1, -1):
         if se.expand(shorter - value * common) == 0:
             return whole(value)
-    return min(_fraction(f, shorter, common), _fraction(f, above, below), key=weight)
+    found = [_fraction(f, shorter, common), _fraction(f, above, below)]
+    best = min(found, key=weight)
+    quotient = f.arrange(above / below)  # tan θ
+    return quotient if weight(quotient) < weight(best) - 1 else best
 
 
 def _fraction(f: Formulas, above: Basic, below: Basic) -> Node:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.extent import accelerations_are_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.overview import inputs_step
+from lagcli.equations.presentation.overview import inputs_step, kind_of
 from lagcli.equations.presentation.substitution import substituted
 from lagcli.equations.presentation.switching.contacts import (
     as_inequality,
@@ -15,7 +15,15 @@ from lagcli.equations.presentation.switching.contacts import (
     is_friction,
 )
 from lagcli.equations.presentation.switching.events import events_step
-from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of, weight
+from lagcli.equations.presentation.typeset import (
+    Node,
+    Partial,
+    Rate,
+    Symbol,
+    alike,
+    sum_of,
+    weight,
+)
 from lagcli.equations.presentation.written import differentiated_in
 
 
@@ -55,11 +63,12 @@ def before_equations(f: Formulas, full: bool = False) -> list[Step]:
 def _definitions(f: Formulas) -> Step | None:
     """Return the definitions, and the rates of those whose rates the model uses."""
     lines: list[Line] = []
-    rates = _rates(f)
+    rates = {name: Line((Symbol(name, 1), x)) for name, x in _rates(f).items()}
     for name, line in zip(f.model.definitions, f.all_definition_lines(), strict=True):
         lines.append(line)
-        if name in rates:
-            lines.append(Line((Symbol(name, 1), rates[name])))
+        if name in rates and "[" not in name:
+            lines.append(rates[name])
+    lines += [line for name, line in rates.items() if "[" in name]  # families by themselves
     return Step("Definitions", tuple(lines)) if lines else None
 
 
@@ -107,7 +116,9 @@ def _written(f: Formulas, key: str) -> list[Node]:
         if inserted is not None and inserted != sides[0] and weight(inserted) < _LONG:
             sides.append(inserted)
     if key not in trees or f.uses_definitions(trees[key]):
-        sides += [x for x in [f.arrange(expression)] if x not in sides]
+        arranged = f.arrange(expression)
+        if not any(alike(arranged, x) for x in sides):
+            sides.append(arranged)
     return sides
 
 
@@ -181,22 +192,26 @@ def _constraints(f: Formulas) -> Step | None:
         name = c.constraint.name
         if is_friction(c):
             continue
-        line = Line(f.constraint_line(c).sides, name, c.constraint.kind)
+        line = Line(f.constraint_line(c).sides, name, kind_of(c, f.equations))
         lines.append(as_inequality(line, c))
         if c.position is not None:
             lines.append(f.rate_line(c))
     if not lines:
         return None
-    differentiated = any(c.position is not None for c in f.equations.constraints)
-    remark = (
-        "Each holonomic constraint is followed by its time derivative." if differentiated else None
-    )
-    return Step("Constraints", tuple(lines), remark)
+    differentiated = [c.constraint for c in f.equations.constraints if c.position is not None]
+    remark = "Each holonomic constraint is followed by its time derivative."
+    if any(c.sign for c in differentiated):
+        remark = (
+            "Each constraint is followed by its time derivative; that of a unilateral constraint is"
+            " zero while the contact is closed."
+        )
+    return Step("Constraints", tuple(lines), remark if differentiated else None)
 
 
 def _variations(f: Formulas) -> Step | None:
     lines = tuple(
-        Line(f.variation_line(c).sides, c.constraint.name) for c in f.equations.constraints
+        as_inequality(Line(f.variation_line(c).sides, c.constraint.name), c)
+        for c in f.equations.constraints
     )
     if not lines:
         return None
@@ -213,7 +228,9 @@ def _accelerations(f: Formulas, full: bool) -> Step | None:
         return Step(title, (), "They are long; --full writes them out.")
     lines = tuple(Line(f.acceleration_line(c).sides, c.constraint.name) for c in constraints)
     lead = "Differentiating the velocity constraints once more gives"
-    return Step(title, lines, lead=lead)
+    lasting = all(c.constraint.lasting for c in constraints)
+    remark = None if lasting else "They hold while a contact is closed and while friction sticks."
+    return Step(title, lines, remark, lead=lead)
 
 
 def _unassembled(f: Formulas, signs: general.Signs) -> Step:

@@ -243,7 +243,8 @@ def quotient_of(numerator: Node, denominator: Node) -> Node:
     """Return a quotient with number and sign in front."""
     if denominator == ONE:
         return numerator
-    sign, top = signed(numerator)
+    negative = isinstance(numerator, Sum) and all(sign < 0 for sign, _ in numerator.terms)
+    sign, top = (forward if negative else signed)(numerator)  # −(a + b)/c, not (−a − b)/c
     value, parts = Fraction(sign), []
     for part in top.factors if isinstance(top, Product) else (top,):
         if isinstance(part, Number):
@@ -319,6 +320,21 @@ def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:
         if isinstance(item, Symbol) and item.kind == "name":
             yield item.name
         stack.extend(children(item))
+
+
+def alike(one: Node, two: Node) -> bool:
+    """Whether two formulas differ only in the order of their terms and factors."""
+    return one == two or _sorted(one) == _sorted(two)
+
+
+def _sorted(node: Node) -> Node:
+    """Return a formula with the terms of its sums and the factors of its products in one order."""
+    node = rebuilt(node, _sorted)
+    if isinstance(node, Sum):
+        return Sum(tuple(sorted(node.terms, key=repr)))
+    if isinstance(node, Product):
+        return Product(tuple(sorted(node.factors, key=repr)))
+    return node
 
 
 def weight(node: Node) -> int:

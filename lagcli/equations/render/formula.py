@@ -72,6 +72,12 @@ class FormulaWriter:
         """Return a node as a factor or base, in brackets if necessary."""
         raise NotImplementedError
 
+    def _summand(self, node: Node, depth: int) -> list[Token]:
+        """Return the term of a Σ; another Σ needs no brackets."""
+        if isinstance(node, t.IndexedSum):
+            return self.tokens(node, depth)
+        return self._tight(node, depth, product=True)
+
     def _factor(self, node: t.Product, i: int, depth: int) -> list[Token]:
         """Return a factor; a trailing Σ needs no brackets."""
         factor = node.factors[i]

@@ -51,7 +51,7 @@ class LatexFormula(DisplayWriter):
     def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
         first, last = self.latex(node.first), self.latex(node.last)
         sign = rf"\textstyle\sum_{{{node.index}={first}}}^{{{last}}} "
-        return [sign, *self._tight(node.term, depth, product=True)]
+        return [sign, *self._summand(node.term, depth)]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]

@@ -70,7 +70,7 @@ class MathmlFormula(DisplayWriter):
     def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
         below = _row(f"<mi>{node.index}</mi>{operator('=')}{self.mathml(node.first)}")
         sign = f"<munderover><mo>∑</mo>{below}{self.mathml(node.last)}</munderover>"
-        return [sign, _THIN, *self._tight(node.term, depth, product=True)]
+        return [sign, _THIN, *self._summand(node.term, depth)]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)

@@ -50,14 +50,17 @@ class TextFormula(FormulaWriter):
 
     def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
         span = f"{node.index}={self.text(node.first)}..{self.text(node.last)}".replace(" ", "")
-        return [f"Σ({span}) ", *self._tight(node.term, depth, product=True)]
+        return [f"Σ({span}) ", *self._summand(node.term, depth)]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         below = node.denominator
         top = self._tight(_closed(node.numerator), depth + 1, product=True)
-        if isinstance(below, t.Power) and isinstance(below.base, t.Symbol | t.Sum):
-            return [*top, "/", *self.tokens(below, depth + 1)]
-        return [*top, "/", *self._tight(below, depth + 1)]
+        if isinstance(below, t.Power) and not isinstance(below.base, t.Call | t.Number):
+            bottom = self.tokens(below, depth + 1)
+        else:
+            bottom = self._tight(below, depth + 1)
+        apart = [Break(depth + 1, "")] if any(isinstance(x, Break) for x in bottom) else []
+        return [*top, *apart, "/", *bottom]
 
     def _write_root(self, node: t.Root, depth: int) -> list[Token]:
         sign, inner = {2: "√", 3: "∛"}[node.degree], node.radicand
@@ -183,9 +186,18 @@ class TextFormula(FormulaWriter):
     def _bracketed(self, node: Node, depth: int, round_: bool = False) -> list[Token]:
         inner = self.tokens(node, depth + 1)
         text = "".join(x for x in inner if isinstance(x, str))
-        level = 0 if "(" not in text or round_ else 1 if "[" not in text else 2
-        opening, closing = _BRACKETS[level]
+        opening, closing = _BRACKETS[0 if round_ else _level(text)]
         return [opening, *inner, closing]
+
+
+def _level(text: str) -> int:
+    """Return which brackets stand around a text: ( ), around these [ ], { }, and again ( )."""
+    depth = 0
+    for char in text:
+        if char == "{" and not depth:
+            return 0
+        depth += (char in "([{") - (char in ")]}")
+    return 0 if "(" not in text else 1 if "[" not in text else 2
 
 
 def _closed(node: Node) -> Node:

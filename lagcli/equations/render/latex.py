@@ -18,6 +18,7 @@ from lagcli.model.model import Model
 TEXT_WIDTH = 455.0  # in points: 160 mm
 _ROWS = 60  # rows of one display; more than a page
 _INDENT = 20.0  # points: \quad and the alignment
+_NESTED = r"\quad "  # before what is in brackets that are open at the beginning of a row
 _NUMBER = 34.0  # points: the number of an equation and the space before it
 
 _PREAMBLE = r"""\documentclass[11pt,a4paper]{article}
@@ -271,7 +272,7 @@ def _flush(line: Line, head: str, formula: LatexFormula, width: float) -> list[s
         if found and side == ["0"]:
             found[-1] += " = 0"
             continue
-        broken = lines(tokens, measure, room - _INDENT * bool(i), room - 2 * _INDENT)
+        broken = lines(tokens, measure, room - _INDENT * bool(i), room - 2 * _INDENT, _NESTED)
         found.append(rf"&\quad {broken[0]}" if i else rf"{head}&{broken[0]}")
         found += [rf"&\qquad {x}" for x in broken[1:]]
     return found
@@ -287,7 +288,7 @@ def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[
         return [f"{head} &= {rest}"]
     found: list[str] = []
     for side in others:
-        broken = lines(side, measure, room, room - _INDENT)
+        broken = lines(side, measure, room, room - _INDENT, _NESTED)
         found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
         head = ""
     return found

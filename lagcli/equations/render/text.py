@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from lagcli.equations.presentation.formulas import Line, Step
-from lagcli.equations.presentation.typeset import Symbol
+from lagcli.equations.presentation.typeset import Node, Sign, Symbol
 from lagcli.equations.render.breaking import flat, lines
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.errors import display_width
@@ -18,6 +18,7 @@ _APART = ";  "  # between short formulas side by side
 _UNEVEN = 8  # maximum difference of left sides that are aligned, in columns
 _SHORT = 3  # maximum columns of a side that stays on the line before it: = 0
 _SHORT_LEFT = 8  # maximum columns of a left side that shares its line
+_NESTED = "  "  # before what is in brackets that are open at the beginning of a line
 _CONTINUED = 4  # indentation of continuation lines, in columns
 
 
@@ -90,12 +91,15 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
     left = [display_width(formula.text(line.sides[0])) for line in group if len(line.sides) > 1]
     left = [x for x in left if x <= room // 3]
     aligned = max(left, default=0)
-    aligned_sides = aligned - min(left, default=0) <= _UNEVEN
-    names = max((display_width(formula.text(x.sides[0])) for x in group if _is_name(x)), default=0)
+    # what follows a labelled line or a condition is not in one column with it
+    continued = any(isinstance(x.label, str) for x in group) and any(x.label is None for x in group)
+    aligned_sides = aligned - min(left, default=0) <= _UNEVEN and not continued
+    bodies = [_formula(line, formula, room, aligned, aligned_sides) for line in group]
+    listed = [display_width(b[0]) for b, x in zip(bodies, group, strict=True) if _is_entry(x)]
+    names = max(listed, default=0)
     found: list[list[str]] = []
-    for line, label in zip(group, labels, strict=True):
-        body = _formula(line, formula, room, aligned, aligned_sides)
-        if _is_name(line) and line.remark and names <= room // 3:
+    for line, label, body in zip(group, labels, bodies, strict=True):
+        if _is_entry(line) and line.remark and names <= room // 2:
             body = [_padded(body[0], names)]
         block = []
         if label and display_width(label) + 2 > margin:
@@ -109,9 +113,10 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
     return found
 
 
-def _is_name(line: Line) -> bool:
-    """Whether a line is a name with its description."""
-    return len(line.sides) == 1 and isinstance(line.sides[0], Symbol)
+def _is_entry(line: Line) -> bool:
+    """Whether a line is a name with its description, or with its value."""
+    name, *value = line.sides
+    return isinstance(name, Symbol) and all(isinstance(x, Sign) for x in value)
 
 
 def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
@@ -149,7 +154,8 @@ def _formula(
     """Return a formula, broken into as many lines as necessary."""
     first, *others = [formula.tokens(side) for side in line.sides]
     lhs = display_width(flat(first))
-    if not others or lhs > aligned:
+    whole = display_width(" = ".join(map(formula.text, line.sides)))
+    if not others or lhs > aligned or (isinstance(line.label, Node) and whole > room):
         return _unaligned(line, formula, room)
     aligned = aligned if aligned_sides else lhs
     head = _padded(flat(first), aligned)
@@ -159,7 +165,7 @@ def _formula(
     found = []
     for side in others:
         inner = room - aligned - 3
-        broken = lines(side, display_width, inner, inner - 2)
+        broken = lines(side, display_width, inner, inner - 2, _NESTED)
         found.append(f"{head} = {broken[0]}")
         found += [" " * (aligned + 5) + x for x in broken[1:]]
         head = " " * aligned
@@ -182,7 +188,7 @@ def _unaligned(line: Line, formula: TextFormula, room: int) -> list[str]:
             found[-1] += f" {short}"
             continue
         margin = _CONTINUED // 2 if i else 0
-        broken = lines(tokens, display_width, room - margin, room - _CONTINUED)
+        broken = lines(tokens, display_width, room - margin, room - _CONTINUED, _NESTED)
         found.append(" " * margin + broken[0])
         found += [" " * _CONTINUED + x for x in broken[1:]]
     return found

@@ -11,7 +11,7 @@ If the result is longer than the original expression, the original structure is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -38,6 +38,7 @@ from lagcli.equations.simplification.factors import (
     divide,
     factored,
     presentable_content,
+    squares,
 )
 from lagcli.equations.simplification.grouping import Pair, TermGroup, groups, pairs, shared_by
 from lagcli.equations.simplification.monomials import (
@@ -46,8 +47,10 @@ from lagcli.equations.simplification.monomials import (
     MonomialExpansion,
     Polynomial,
     TooLarge,
+    times,
 )
 from lagcli.equations.simplification.ordering import writing_order
+from lagcli.equations.simplification.prescribed import PrescribedNames
 from lagcli.equations.simplification.sums import Key, ordered, oriented, without_content
 from lagcli.model.inputs import as_symbols
 from lagcli.model.model import Model
@@ -75,14 +78,16 @@ class Arranger:
     values : mapping of str to exact numbers, optional
         Parameters to replace by their values.
     named : bool
-        Whether roots are replaced by the names of definitions with the same value.
+        Whether roots and prescribed functions of time are replaced by the names of definitions with
+        the same value.
     """
 
     def __init__(
         self, model: Model, values: Mapping[str, Exact] | None = None, named: bool = False
     ):
         order = writing_order(model)
-        self._roots = _defined_roots(model) if named else {}
+        self._named = PrescribedNames(model) if named and not values else None
+        self._roots = self._defined_roots(model) if named else {}
         self._whole = MonomialExpansion(model, order, values)
         self._opened = MonomialExpansion(model, order, values, open_sums=True)
         self._inputs = bool(model.inputs)
@@ -111,6 +116,7 @@ class Arranger:
         known = self._known.get(manner)
         if known is None:
             shown = as_symbols(expression) if self._inputs else expression
+            shown = self._named(shown) if self._named else shown
             before = self._own, self._follows
             self._own, self._follows = own, follows
             known = self._known[manner] = self._best(shown)
@@ -148,6 +154,19 @@ class Arranger:
         if first is None:
             return None
         return sum_of([(1, first), (1, self.arrange(se.Add(*resting), follows=True))])
+
+    def _defined_roots(self, model: Model) -> dict[tuple[Basic, int], str]:
+        """Return definitions that are roots, by radicand and degree: s = √(x² + y²)."""
+        found: dict[tuple[Basic, int], str] = {}
+        for name, definition in model.definitions.items():
+            value = definition.value
+            if isinstance(value, se.Pow) and isinstance(value.args[1], se.Rational):
+                p, q = value.args[1].get_num_den()
+                if int(p) == 1 and int(q) > 1:
+                    radicand = value.args[0]
+                    radicand = self._named(radicand) if self._named else radicand
+                    found.setdefault((radicand, int(q)), name)
+        return found
 
     # expanded
 
@@ -268,17 +287,15 @@ class Arranger:
         if len(terms) == 1:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
-        split = factored(terms, expansion.order, "decimal" if expansion.values else style)
+        constant = all(expansion.classes[g] == "parameter" for m in terms for g, _ in m)
+        style = "decimal" if expansion.values else style
+        split = factored(terms, expansion.order, style, over_one=not constant)
         opened = expansion.opened(split.rest, split.common) if split.exponent == 1 else None
         if opened:  # (s + y²)/s with s = l² − y² is l²/s
             opened = trigonometry.shorten(opened, expansion)
             inner = self._sum_factors(opened, expansion, style)
             return Term(split.content, self._monomial(split.common, expansion)) * inner
-        sign, bracket = oriented(
-            ((expansion.order(m),), Term(Fraction(c), self._monomial(m, expansion)).node())
-            for m, c in split.rest.items()
-        )
-        constant = all(expansion.classes[g] == "parameter" for m in terms for g, _ in m)
+        sign, bracket = oriented(self._summands(split.rest, split.exponent == 1, expansion))
         key = position.SQUARE if split.exponent > 1 else position.BRACKET
         key = position.PARAMETER if constant else key
         rank = min(expansion.order(m) for m in split.rest if m)
@@ -287,6 +304,18 @@ class Arranger:
             split.content * sign**split.exponent,
             (*self._monomial(split.common, expansion), factor),
         )
+
+    def _summands(
+        self, terms: Polynomial, squared: bool, expansion: MonomialExpansion
+    ) -> Iterator[tuple[Key, Node]]:
+        """Yield the terms of a sum with their sort keys, and its squares of sums as such."""
+        found, others = squares(terms) if squared else ([], terms)
+        for m, c in others.items():
+            yield (expansion.order(m),), Term(Fraction(c), self._monomial(m, expansion)).node()
+        for c, form in found:
+            _, base = oriented(self._summands(form, False, expansion))
+            square = TermFactor(base, Fraction(2), (position.SQUARE,))
+            yield (min(expansion.order(times(m, m)) for m in form),), Term(c, (square,)).node()
 
     def _monomial(self, monomial: Monomial, expansion: MonomialExpansion) -> tuple[TermFactor, ...]:
         return tuple(self._generator(g, exponent, expansion) for g, exponent in monomial)
@@ -395,18 +424,6 @@ class Arranger:
         constants = {s for s in free if expansion.is_parameter(s)}
         others = expansion.ranks(free - constants)
         return motion, own, expansion.ranks(constants), len(others), others, str(e)
-
-
-def _defined_roots(model: Model) -> dict[tuple[Basic, int], str]:
-    """Return definitions that are roots, by radicand and degree: s = √(x² + y²)."""
-    found: dict[tuple[Basic, int], str] = {}
-    for name, definition in model.definitions.items():
-        value = definition.value
-        if isinstance(value, se.Pow) and isinstance(value.args[1], se.Rational):
-            p, q = value.args[1].get_num_den()
-            if int(p) == 1 and int(q) > 1:
-                found.setdefault((value.args[0], int(q)), name)
-    return found
 
 
 def _has_roots(e: Basic) -> bool:

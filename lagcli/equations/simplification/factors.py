@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from lagcli.equations.presentation.typeset import (
+    Call,
     Node,
     Number,
     Power,
@@ -17,6 +18,7 @@ from lagcli.equations.presentation.typeset import (
     product_of,
     quotient_of,
     sum_of,
+    weight,
 )
 from lagcli.equations.simplification.monomials import (
     Exact,
@@ -37,6 +39,8 @@ ACCELERATION, VELOCITY, FUNCTION, SQUARE, LAST = range(4, 9)
 
 #: Largest denominator that is written as a fraction; others are written as decimals.
 LARGEST_DENOMINATOR = 12
+#: Characters of sums beyond which they are written behind a fraction: there they can be broken.
+_LONG_BRACKETS = 28
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class Term:
 
     def node(self) -> Node:
         """Return the term with sorted factors and negative powers in the denominator."""
-        ordered = sorted(self.factors, key=lambda f: f.key)
+        ordered = sorted(_with_tangents(self.factors), key=lambda f: f.key)
         below = [f.written for f in ordered if f.exponent < 0]
         above = [f.written for f in ordered if f.exponent > 0]
         number = Number(self.coefficient)
@@ -82,10 +86,28 @@ class Term:
             return product_of([number, *above])
         brackets: list[Node] = [n for n in above if isinstance(n, Sum)]
         plain: list[Node] = [n for n in above if not isinstance(n, Sum)]
-        if not plain and len(brackets) == 1:
-            plain, brackets = brackets, plain
+        if sum(map(weight, brackets)) <= _LONG_BRACKETS or (not plain and len(brackets) == 1):
+            plain, brackets = above, []
         fraction = quotient_of(product_of([number, *plain]), product_of(below))
         return product_of([fraction, *brackets])
+
+
+def _with_tangents(factors: Iterable[TermFactor]) -> list[TermFactor]:
+    """Return factors with tan x for sin x/cos x."""
+    found = list(factors)
+    circular = {x.node: x for x in found if isinstance(x.node, Call)}
+    for node, sine in circular.items():
+        if not isinstance(node, Call) or node.function != "sin" or sine.exponent <= 0:
+            continue
+        cosine = circular.get(Call("cos", node.arguments))
+        if cosine is None or cosine.exponent >= 0:
+            continue
+        common = min(sine.exponent, -cosine.exponent)
+        left = [(sine, sine.exponent - common), (cosine, cosine.exponent + common)]
+        found = [x for x in found if x is not sine and x is not cosine]
+        found += [TermFactor(x.node, power, x.key) for x, power in left if power]
+        found.append(TermFactor(Call("tan", node.arguments), common, sine.key))
+    return found
 
 
 @dataclass(frozen=True)
@@ -98,7 +120,12 @@ class Factored:
     exponent: int
 
 
-def factored(terms: Polynomial, order: Callable[[Monomial], Any], style: ContentStyle) -> Factored:
+def factored(
+    terms: Polynomial,
+    order: Callable[[Monomial], Any],
+    style: ContentStyle,
+    over_one: bool = True,
+) -> Factored:
     """Factor a sum by inspection: common factors and perfect squares.
 
     Parameters
@@ -108,8 +135,13 @@ def factored(terms: Polynomial, order: Callable[[Monomial], Any], style: Content
         Sort key of the written terms.
     style : str
         See `presentable_content`.
+    over_one : bool
+        Whether fractions are put over one denominator, as (m R² + J)/R², or stay: m + J/R².
     """
     common = common_part(terms)
+    if not over_one:
+        whole = {g for m in terms for g in dict(common) if dict(m).get(g, 0) >= 0}
+        common = tuple(x for x in common if x[1] > 0 or x[0] not in whole)
     content = presentable_content(terms.values(), style)
     leading = terms[min(terms, key=order)]
     if all(c < 0 for c in terms.values()) or (leading < 0 and common):
@@ -189,6 +221,38 @@ def square_root(terms: Mapping[Monomial, Exact]) -> Polynomial | None:
         form[((g, 1),)] = value if cross > 0 else -value
     squared = product(form, form)
     return form if squared == dict(terms) else None
+
+
+def squares(
+    terms: Mapping[Monomial, Exact],
+) -> tuple[list[tuple[Fraction, Polynomial]], Polynomial]:
+    """Split perfect squares off a sum: a² − 2 a b + b² + c² is (a − b)² and c².
+
+    Returns
+    -------
+    list of (Fraction, Polynomial)
+        Coefficients of the squares of sums, and the sums.
+    Polynomial
+        The other terms.
+    """
+    joined: dict[int, set[int]] = {}
+    for monomial in terms:
+        if len(monomial) == 2 and all(n == 1 for _, n in monomial):
+            group: set[int] = set()
+            for g, _ in monomial:
+                group |= joined.get(g, {g})
+            joined.update(dict.fromkeys(group, group))
+    found: list[tuple[Fraction, Polynomial]] = []
+    rest: Polynomial = dict(terms)
+    for group in {id(x): x for x in joined.values()}.values():
+        part = {m: c for m, c in terms.items() if any(g in group for g, _ in m)}
+        content = presentable_content(part.values(), "whole")
+        content *= -1 if any(c < 0 for m, c in part.items() if len(m) == 1) else 1
+        root = square_root({m: c / content for m, c in part.items()})
+        if root is not None:
+            found.append((content, root))
+            rest = {m: c for m, c in rest.items() if m not in part}
+    return found, rest
 
 
 def _rational_root(value: Fraction) -> Fraction | None:

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 from lagcli.equations.presentation.typeset import (
     Node,
+    Number,
+    Power,
     Product,
     Quotient,
     Root,
@@ -65,6 +67,9 @@ def oriented(node: Node, written: frozenset[Node]) -> Node:
     if not written:
         return node
     node = rebuilt(node, lambda x: oriented(x, written))
+    if isinstance(node, Power) and _is_even(node.exponent) and _is_difference(node.base):
+        opposite = _turned(node.base)
+        return Power(opposite, node.exponent) if _at_rest(opposite) in written else node
     if not isinstance(node, Product):
         return node
     factors = list(node.factors)
@@ -78,6 +83,17 @@ def oriented(node: Node, written: frozenset[Node]) -> Node:
         for i in pair:
             factors[i] = _turned(factors[i])
     return Product(tuple(factors))
+
+
+def _is_even(exponent: Node) -> bool:
+    return isinstance(exponent, Number) and exponent.value % 2 == 0
+
+
+def _at_rest(node: Node) -> Node:
+    """Return a formula with the coordinates in the place of their velocities."""
+    if isinstance(node, Symbol):
+        return Symbol(node.name, 0, node.kind)
+    return rebuilt(node, _at_rest)
 
 
 def _is_difference(node: Node) -> bool:

@@ -8,14 +8,24 @@ a derivation then does not depend on the number of members.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
-from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import items_of
 from lagcli.equations.presentation.families.formula_comparison import are_equal
+from lagcli.equations.presentation.families.indexed_sums import Term, merged
+from lagcli.equations.presentation.families.templates import (
+    MEMBER,
+    SHORTEST,
+    IndexedMember,
+    LinearIndex,
+    Run,
+    at_index,
+    holds_at,
+    run_at,
+    walk,
+)
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.presentation.typeset import (
     ONE,
@@ -23,42 +33,20 @@ from lagcli.equations.presentation.typeset import (
     Node,
     Number,
     Product,
+    Quotient,
     Sign,
     Sum,
     Symbol,
-    children,
     product_of,
+    quotient_of,
     rebuilt,
     sum_of,
 )
 from lagcli.model.model import Model
 
-#: Smallest number of consecutive members that are merged.
-SHORTEST = 3
 #: A bound that differs from the number of members by at most this is written in terms of its name.
 _NEAR = 3
 _LETTERS = ("i", "j", "k", "n", "p", "s", "u", "w")
-#: Matches a member; its last index varies: x[3], r[3].x, u[2,3].
-_MEMBER = re.compile(r"(.*\[(?:-?\d+,)?)(-?\d+)(\].*)")
-
-
-@dataclass(frozen=True)
-class _Member(Node):
-    """A symbol whose index is that of the formula plus an offset, between family and part."""
-
-    family: str
-    part: str
-    offset: int
-    dots: int
-    kind: str
-
-
-@dataclass(frozen=True)
-class _Linear(Node):
-    """An integer that is linear in the index."""
-
-    start: Fraction
-    slope: Fraction
 
 
 def with_hint(steps: Sequence[Step]) -> list[Step]:
@@ -77,7 +65,7 @@ _HINT = "Families are written with an index; --full writes out each member."
 
 def _in_index_form(line: Line) -> bool:
     return line.span is not None or any(
-        isinstance(x, IndexedSum) for side in line.sides for x in _walk(side)
+        isinstance(x, IndexedSum) for side in line.sides for x in walk(side)
     )
 
 
@@ -113,14 +101,14 @@ class IndexForm:
         found: list[Line] = []
         at = begun = 0
         while at < len(items):
-            run = _run(items, at)
+            run = run_at(items, at)
             if run is None:
                 at += 1
                 continue
             first, last = self._extended(run, items, begun, at)
             for item in items[begun:first]:
                 found += map(self._alone, item)
-            whole = _Run(run.template, run.first - (at - first), last - first)
+            whole = Run(run.template, run.first - (at - first), last - first)
             found += self._general(whole, items[at])
             at = begun = last
         for item in items[begun:]:
@@ -128,7 +116,7 @@ class IndexForm:
         return replace(step, lines=tuple(found))
 
     def _extended(
-        self, run: _Run, items: Sequence[Sequence[Line]], begun: int, at: int
+        self, run: Run, items: Sequence[Sequence[Line]], begun: int, at: int
     ) -> tuple[int, int]:
         """Return the first item and the end of a run, extended by adjacent members for which it
         holds.
@@ -138,7 +126,7 @@ class IndexForm:
         numbers = dict(self._sizes)
 
         def holds(place: int) -> bool:
-            return _holds(items[place], items[at], run.template, run.first + place - at, numbers)
+            return holds_at(items[place], items[at], run.template, run.first + place - at, numbers)
 
         first, last = at, at + run.length
         while first > begun and holds(first - 1):
@@ -159,7 +147,7 @@ class IndexForm:
 
     def _named(self, node: Node) -> Node:
         if isinstance(node, Symbol):
-            member = _MEMBER.fullmatch(node.name)
+            member = MEMBER.fullmatch(node.name)
             if member is None:
                 return node
             return replace(node, name=f"{member[1]}{self._bound(int(member[2]))}{member[3]}")
@@ -168,7 +156,7 @@ class IndexForm:
             return IndexedSum(self._named(node.term), node.index, *bounds)
         return rebuilt(node, self._named)
 
-    def _general(self, run: _Run, item: list[Line]) -> list[Line]:
+    def _general(self, run: Run, item: list[Line]) -> list[Line]:
         """Return the lines of one item for all members."""
         letter = self._letters[0]
         bounds = [self._bound(x) for x in (run.first, run.first + run.length - 1)]
@@ -192,32 +180,56 @@ class IndexForm:
     def _with_sums(self, node: Node) -> Node:
         """Return a formula in which sums are indexed if their terms differ only by the index."""
         node = rebuilt(node, self._with_sums)
+        if isinstance(node, Quotient) and isinstance(node.numerator, Product):
+            *others, last = node.numerator.factors
+            if isinstance(last, IndexedSum):  # (l/N) Σ θ̇ⱼ, not l Σ θ̇ⱼ/N
+                return product_of([quotient_of(product_of(others), node.denominator), last])
         if not isinstance(node, Sum) or len(node.terms) < SHORTEST:
             return node
-        terms: list[tuple[int, Node]] = []
+        # Σᵢ Σⱼ: sums whose range depends on an index
+        return sum_of(merged(self._indexed(self._indexed(node.terms))))
+
+    def _indexed(self, terms: Sequence[Term]) -> list[Term]:
+        """Return terms with a sum in the place of those that differ by an index only."""
+        found: list[Term] = []
         at = 0
-        entries = [[_signed_line(sign, term)] for sign, term in node.terms]
+        entries = [[_signed_line(sign, term)] for sign, term in terms]
         while at < len(entries):
-            run = _run(entries, at)
+            run = run_at(entries, at)
             if run is None:
-                terms.append(node.terms[at])
+                found.append(terms[at])
                 at += 1
                 continue
-            sign, inner = node.terms[at]
+            sign, inner = terms[at]
+            template = run.template[0][1]
+            at += run.length
+            last = run.first + run.length - 1
+            while count := self._continued(terms[at:], sign, at_index(template, last + 1)):
+                at += count
+                last += 1
             letter = self._letter_for(inner)
-            term = self._shown(run.template[0][1], letter)
-            bounds = (Number(Fraction(x)) for x in (run.first, run.first + run.length - 1))
+            term = self._shown(template, letter)
+            bounds = (Number(Fraction(x)) for x in (run.first, last))
             factor: Node = ONE
             if isinstance(term, Product) and isinstance(term.factors[0], Number):
                 factor, *rest = term.factors
                 term = product_of(rest)
-            terms.append((sign, product_of([factor, IndexedSum(term, letter, *bounds)])))
-            at += run.length
-        return sum_of(terms)
+            found.append((sign, product_of([factor, IndexedSum(term, letter, *bounds)])))
+        return found
+
+    def _continued(self, terms: Sequence[Term], sign: int, sum_: Node) -> int:
+        """Return how many of the next terms are a sum too short to have been written as one."""
+        if not isinstance(sum_, IndexedSum):
+            return 0
+        for count in range(1, min(SHORTEST, len(terms) + 1)):
+            written = sum_of((sign * s, term) for s, term in terms[:count])
+            if are_equal(sum_, written, dict(self._sizes)):
+                return count
+        return 0
 
     def _letter_for(self, node: Node) -> str:
         """Return a letter for the index of a sum that does not occur in its terms."""
-        used = {x.index for x in _walk(node) if isinstance(x, IndexedSum)}
+        used = {x.index for x in walk(node) if isinstance(x, IndexedSum)}
         return next(x for x in self._letters[1:] if x not in used)
 
     # display
@@ -225,11 +237,11 @@ class IndexForm:
     def _shown(self, node: Node, letter: str) -> Node:
         """Return a template as a formula with its index letter."""
         match node:
-            case _Member():
+            case IndexedMember():
                 index = _offset(letter, node.offset)
                 name = f"{node.family}{index}{node.part}"
                 return Symbol(name, node.dots, node.kind)  # type: ignore[arg-type]
-            case _Linear():
+            case LinearIndex():
                 return self._number(node, letter)
             case IndexedSum():
                 inner = self._shown(node.term, letter)
@@ -243,7 +255,7 @@ class IndexForm:
             return Sign(bound, bound.replace("−", "-"))
         return self._shown(node, letter)
 
-    def _number(self, node: _Linear, letter: str) -> Node:
+    def _number(self, node: LinearIndex, letter: str) -> Node:
         """Return start + slope · index; with the number of members where it is near."""
         start = node.start
         terms: list[tuple[int, Node]] = []
@@ -276,174 +288,3 @@ def _offset(name: str, offset: int) -> str:
 
 def _signed_line(sign: int, term: Node) -> Line:
     return Line((term,), note=str(sign))
-
-
-def _nodes(line: Line) -> list[Node]:
-    """Return label and sides; the label of a constraint as its symbol."""
-    label = line.label
-    if isinstance(label, str):
-        label = Symbol(label, kind="constraint")
-    return [label if label is not None else Number(Fraction(0)), *line.sides]
-
-
-def _base(one: Sequence[Line], two: Sequence[Line]) -> int | None:
-    """Return the first index of an item that is larger by one in the next item."""
-    here, there = _indices(one), _indices(two)
-    if len(here) != len(there):
-        return None
-    return next((a for a, b in zip(here, there, strict=True) if b == a + 1), None)
-
-
-def _indices(item: Sequence[Line]) -> list[int]:
-    """Return the indices of all members in an item, in order."""
-    found = []
-    for line in item:
-        for node in _nodes(line):
-            for x in _walk(node):
-                member = _MEMBER.fullmatch(x.name) if isinstance(x, Symbol) else None
-                if member:
-                    found.append(int(member[2]))
-    return found
-
-
-def _walk(node: Node) -> Iterator[Node]:
-    stack = [node]
-    while stack:
-        item = stack.pop()
-        yield item
-        stack.extend(reversed(children(item)))
-
-
-class _Run(NamedTuple):
-    """Consecutive items with one template, and the index of the first."""
-
-    template: list[list[Node]]
-    first: int
-    length: int
-
-
-def _run(items: Sequence[Sequence[Line]], at: int) -> _Run | None:
-    """Return the run that starts at an item, if it is long enough."""
-    if at + SHORTEST > len(items):
-        return None
-    first = _base(items[at], items[at + 1])
-    template = None if first is None else _template(items[at], items[at + 1], first)
-    if first is None or template is None:
-        return None
-    count = 2
-    while at + count < len(items) and _matches(
-        items[at + count], items[at], template, first + count
-    ):
-        count += 1
-    return _Run(template, first, count) if count >= SHORTEST else None
-
-
-def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list[Node]] | None:
-    if len(one) != len(two) or [x.note for x in one] != [x.note for x in two]:
-        return None
-    found = []
-    for a, b in zip(one, two, strict=True):
-        left, right = _nodes(a), _nodes(b)
-        if len(left) != len(right):
-            return None
-        nodes = [_common(x, y, index) for x, y in zip(left, right, strict=True)]
-        known = [x for x in nodes if x is not None]
-        if len(known) < len(nodes):
-            return None
-        found.append(known)
-    return found
-
-
-def _alike(item: Sequence[Line], first: Sequence[Line], template: list[list[Node]]) -> bool:
-    """Return whether an item has the same notes as another and as many sides as its template."""
-    sides = [len(x.sides) + 1 for x in item]
-    return [x.note for x in item] == [x.note for x in first] and sides == list(map(len, template))
-
-
-def _matches(
-    item: Sequence[Line], first: Sequence[Line], template: list[list[Node]], index: int
-) -> bool:
-    if not _alike(item, first, template):
-        return False
-    return all(
-        _at(general, index) == node
-        for line, nodes in zip(item, template, strict=True)
-        for node, general in zip(_nodes(line), nodes, strict=True)
-    )
-
-
-def _holds(
-    item: Sequence[Line],
-    first: Sequence[Line],
-    template: list[list[Node]],
-    index: int,
-    numbers: Mapping[str, int],
-) -> bool:
-    """Return whether a template holds for an item, in any arrangement."""
-    if not _alike(item, first, template):
-        return False
-    for line, (label, *sides) in zip(item, template, strict=True):
-        own, *formulas = _nodes(line)
-        if _at(label, index) != own:
-            return False
-        written = (_at(general, index) for general in sides)
-        if not all(are_equal(*pair, numbers) for pair in zip(formulas, written, strict=True)):
-            return False
-    return True
-
-
-def _common(a: Node, b: Node, index: int) -> Node | None:
-    """Return the common template of two formulas, for an index and the next one."""
-    if a == b:
-        return a
-    if type(a) is not type(b):
-        return None
-    if isinstance(a, Number) and isinstance(b, Number):
-        slope = b.value - a.value
-        return _Linear(a.value - slope * index, slope)
-    if isinstance(a, Symbol) and isinstance(b, Symbol):
-        return _common_symbol(a, b, index)
-    values = {}
-    for name in a.__dataclass_fields__:
-        x, y = getattr(a, name), getattr(b, name)
-        found = _common_field(x, y, index)
-        if found is None and x is not None:
-            return None
-        values[name] = found
-    return type(a)(**values)
-
-
-def _common_field(x: object, y: object, index: int) -> object | None:
-    if isinstance(x, Node) and isinstance(y, Node):
-        return _common(x, y, index)
-    if isinstance(x, tuple) and isinstance(y, tuple):
-        if len(x) != len(y):
-            return None
-        found = [_common_field(a, b, index) for a, b in zip(x, y, strict=True)]
-        return None if any(item is None for item in found) else tuple(found)
-    return x if x == y else None
-
-
-def _common_symbol(a: Symbol, b: Symbol, index: int) -> Node | None:
-    one, two = _MEMBER.fullmatch(a.name), _MEMBER.fullmatch(b.name)
-    same = (a.dots, a.kind) == (b.dots, b.kind)
-    if one is None or two is None or (one[1], one[3]) != (two[1], two[3]) or not same:
-        return None
-    if int(two[2]) - int(one[2]) != 1:
-        return None
-    return _Member(one[1], one[3], int(one[2]) - index, a.dots, a.kind)
-
-
-def _at(template: Node, index: int) -> Node:
-    """Return a template for a value of the index."""
-    match template:
-        case _Member():
-            name = f"{template.family}{index + template.offset}{template.part}"
-            return Symbol(name, template.dots, template.kind)  # type: ignore[arg-type]
-        case _Linear():
-            return Number(template.start + template.slope * index)
-        case Product():  # a factor 1 is omitted
-            factors = [_at(x, index) for x in template.factors]
-            left = tuple(x for x in factors if x != ONE)
-            return left[0] if len(left) == 1 else Product(left)
-    return rebuilt(template, lambda x: _at(x, index))

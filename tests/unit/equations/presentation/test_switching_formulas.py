@@ -130,7 +130,7 @@ initial: {x: 0, y: 0, x': 3, y': 4}
 """
     found = text_of(derive(load_text(text)))
     assert "speed: ẋ² + ẏ² = c² nonlinear in the velocities" in found
-    assert "2 ẋ δx + 2 ẏ δy = 0" in found
+    assert "2 (ẋ δx + ẏ δy) = 0" in found
     assert "Chetaev's rule, a postulate" in found
     assert "ẍ = 2 λ ẋ" in found
 

@@ -28,7 +28,7 @@ from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.model.loader import load_text
 
-ENVIRONMENTS = {"document", "align", "itemize", "pmatrix", "cases", "aligned"}
+ENVIRONMENTS = {"document", "align", "itemize", "pmatrix", "cases", "aligned", "flushleft"}
 MACROS = set(  # as a text, for a list of quoted words is harder to read
     r"""
     documentclass usepackage setlength textwidth oddsidemargin textheight topmargin

@@ -7,7 +7,7 @@ import unicodedata
 from fractions import Fraction
 
 import pytest
-from formula_values import MODELS, equations_of, model_of, steps_of
+from formula_values import MODELS, equations_of, model_of, pages_of, steps_of
 from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import derive
@@ -212,29 +212,69 @@ def brackets_of(text: str) -> list[tuple[int, int]]:
     return found
 
 
-@pytest.mark.parametrize("width", [80, 100, 120])
+#: A sum sign or a number, which stays with its bracket.
+FRONT = re.compile(r"(?:Σ\([^)]*\)|(?:^|[ (\[{−])[½⅓⅔¼¾⅙⅛\d]+) $")
+
+
+def attached(text: str, first: int, last: int) -> str:
+    """Return a bracket with what stands before and behind it without a space."""
+    ends = dict(brackets_of(text))
+    begins = {b: a for a, b in ends.items()}
+    while first and not text[first - 1].isspace() and text[first - 1] not in "([{":
+        first = begins.get(first - 1, first - 1)
+    while last + 1 < len(text) and not text[last + 1].isspace() and text[last + 1] not in ")]}":
+        last = ends.get(last + 1, last + 1)
+    front = FRONT.search(text[:first])
+    return text[front.start() if front else first : last + 1]
+
+
+def assert_whole_factors(text: str, width: int) -> None:
+    """A bracket that contains a line break is longer than the lines; none is left open."""
+    for block in text.split("\n\n"):
+        rows = block.split("\n")
+        for first, last in brackets_of(block):
+            inside = block[first : last + 1]
+            if "\n" not in inside or " " not in inside or not {"=", "−", "+"} & set(inside):
+                continue
+            begun = block[:first].count("\n")
+            margin = min(
+                len(x) - len(x.lstrip()) for x in rows[begun + 1 : begun + 1 + inside.count("\n")]
+            )
+            whole = " ".join(attached(block, first, last).split())
+            assert display_width(whole) > width - margin - 2, inside
+    # lines begin with the sign of a term, an equality sign, a bracket or a whole formula
+    for line in text.splitlines()[3:]:  # below title and description
+        assert not line.rstrip().endswith(("+", "−", "=", "(", "[", "{")), line
+
+
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_factors_that_fit_on_a_line_are_not_broken(path, width):
-    """A bracket that contains a line break is longer than the lines."""
+def test_factors_that_fit_on_a_line_are_not_broken(path):
     model = equations_of(path).model
     formula = TextFormula(Notation(model), written_decimals(model))
     for steps in (False, True):
-        text = render_text(model, steps_of(path, steps), formula, width, numbered=steps)
-        for block in text.split("\n\n"):
-            rows = block.split("\n")
-            for first, last in brackets_of(block):
-                inside = block[first : last + 1]
-                if "\n" not in inside or " " not in inside or not {"=", "−", "+"} & set(inside):
-                    continue
-                begun = block[:first].count("\n")
-                margin = min(
-                    len(x) - len(x.lstrip())
-                    for x in rows[begun + 1 : begun + 1 + inside.count("\n")]
-                )
-                assert display_width(" ".join(inside.split())) > width - margin - 2, inside
-        # lines begin with the sign of a term, an equality sign, a bracket or a whole formula
-        for line in text.splitlines():
-            assert not line.rstrip().endswith(("+", "−", "=", "(", "[", "{")), line
+        for width in (80, 100, 120):
+            text = render_text(model, steps_of(path, steps), formula, width, numbered=steps)
+            assert_whole_factors(text, width)
+
+
+@pytest.mark.parametrize("name", every_model())
+def test_every_page_at_every_width(name):
+    """Both kinds, Maggi's equations, closed forms and the derivation, at 60 to 140 columns."""
+    path = PATHS[name]
+    model = equations_of(path).model
+    formula = TextFormula(Notation(model), written_decimals(model))
+    for steps in pages_of(path):
+        for side in (x for step in steps for line in step.lines for x in line.sides):
+            if isinstance(side, t.Sign):
+                continue
+            text = formula.text(side)
+            assert not re.search(r"[+−] [+−]|^[+]", text), text
+            assert not re.search(r"(?:^|[ (\[{])1 [^+−=≤≥)\]}]", text), text  # a factor 1
+            assert "{{" not in text, text
+        for width in range(60, 141, 10):
+            text = render_text(model, steps, formula, width, numbered=True)
+            assert max(map(display_width, text.splitlines())) <= width
+            assert_whole_factors(text, width)
 
 
 def test_functions_above_a_fraction_have_parentheses():

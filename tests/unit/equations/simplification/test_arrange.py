@@ -265,10 +265,10 @@ def test_twins_are_arranged_alike():
         spin = "(x x ± x x ± x x ± x x)"
         assert shape(line).endswith(f" 4 x [x {spin} ± 2 x {spin}]")
     x_l, y_l, x_r, y_r = left_sides("car_axis")
-    assert x_l == "m ẍ_l + (k x_l/L_l) (L_l − L₀)"
-    assert y_l == "m ÿ_l + m g + (k y_l/L_l) (L_l − L₀)"
-    assert x_r == "m ẍ_r + (k/L_r) (L_r − L₀) (x_r − x_b)"
-    assert y_r == "m ÿ_r + m g + (k/L_r) (L_r − L₀) [y_r − r sin(w t)]"
+    assert x_l == "m ẍ_l + k x_l (L_l − L₀)/L_l"
+    assert y_l == "m ÿ_l + m g + k y_l (L_l − L₀)/L_l"
+    assert x_r == "m ẍ_r + k (L_r − L₀) (x_r − x_b)/L_r"
+    assert y_r == "m ÿ_r + m g + k (L_r − L₀) (y_r − y_b)/L_r"
 
 
 def test_the_own_acceleration_comes_first():
