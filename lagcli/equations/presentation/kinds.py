@@ -53,8 +53,7 @@ _NONE = "There are none: the constraints determine the motion."
 
 #: Operations of the equations of motion above which they are printed as M a = f, abbreviated.
 LONGEST = 1200
-#: Largest ratio of the lengths of a formula in the original structure and of the arranged one.
-_KEPT = 1.3
+_KEPT = 1.3  # largest ratio of lengths at which the written structure is kept
 
 
 def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool = False) -> list[Step]:
