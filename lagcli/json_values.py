@@ -24,5 +24,8 @@ def json_values(value: Any, of_array: Callable[[Any], Any] | None = None) -> Any
     if isinstance(value, Mapping):
         return {str(key): json_values(item, of_array) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [json_values(item, of_array) for item in value]
+        # most items are numbers of arrays, which need no more than this
+        return [
+            x if type(x) is float and math.isfinite(x) else json_values(x, of_array) for x in value
+        ]
     return None if isinstance(value, float) and not math.isfinite(value) else value

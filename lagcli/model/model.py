@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -355,12 +356,12 @@ class Model:
         """Tables of the inputs by name, as `load_text` needs them."""
         return {name: x.data for name, x in self.inputs.items()}
 
-    @property
+    @cached_property
     def coordinate_names(self) -> tuple[str, ...]:
         """Names of the coordinates, in the model's order."""
         return tuple(c.name for c in self.coordinates)
 
-    @property
+    @cached_property
     def constraint_names(self) -> tuple[str, ...]:
         """Names of the constraints, in the model's order."""
         return tuple(c.name for c in self.constraints)

@@ -104,6 +104,8 @@ def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
         terms.append((sign, product_of([f.arrange(x), momentum])))
     terms.append((-sign, f.arrange(quantity.gauge)))
     short = sum_of(terms)
+    if len(quantity.expression.free_symbols) > _LONG:  # arranging it takes seconds
+        return (short,)
     written = f.arrange(quantity.expression)
     return (short, written) if weight(written) <= _LONG else (short,)
 

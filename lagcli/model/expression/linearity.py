@@ -128,7 +128,8 @@ def is_zero(expression: Basic) -> bool:
         at = {s: se.RealDouble(0.6 + 0.3 * x) for s, x in zip(symbols, scattered, strict=True)}
         terms = expression.args if isinstance(expression, se.Add) else (expression,)
         try:
-            values = [number(term.xreplace(at)) for term in terms]
+            # with the symbols of each term alone: a substitution costs as much as it has entries
+            values = [number(x.xreplace({s: at[s] for s in x.free_symbols})) for x in terms]
         except (ValueError, RuntimeError):
             return False
         if not cancel(values, 1e-12):
