@@ -693,10 +693,41 @@ def test_contacts_are_listed_marked_and_moved(browser, opened):
         assert second not in p.page.evaluate(marks)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 800)])
+# the last two are a laptop at 200 % and a phone on its side
+@pytest.mark.parametrize(
+    ("width", "height"), [(1280, 800), (390, 800), (1180, 500), (640, 400), (844, 390)]
+)
 def test_no_text_is_cut_off_or_overlaps(crank, width, height):
     crank.page.set_viewport_size({"width": width, "height": height})
     crank.page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
     assert crank.page.evaluate(TEXTS) == []
     assert crank.page.evaluate(AXES) == []
     crank.page.set_viewport_size({"width": 1280, "height": 800})
+
+
+def test_a_run_that_an_event_stops_is_said_beside_the_pictures(browser, opened):
+    for address in serving("particle_on_sphere"):
+        p = opened(address)
+        notice = p.page.locator("#notice")
+        assert notice.inner_text().startswith("ground stopped the run at t = 1.148")
+        assert notice.locator("code").all_inner_texts() == ["ground"]
+        assert p.page.evaluate(TEXTS) == []
+        p.page.set_viewport_size({"width": 390, "height": 844})
+        player = p.page.locator("#player").bounding_box()
+        assert notice.bounding_box()["y"] > player["y"] + player["height"]
+        # what has the focus is not below it
+        p.field("R").focus()
+        field = p.field("R").bounding_box()
+        assert field["y"] + field["height"] < notice.bounding_box()["y"]
+
+
+def test_long_sections_are_folded_where_the_plots_are_below_them(opened):
+    for address in serving("andrews_squeezer"):
+        p = opened(address, viewport={"width": 390, "height": 844})
+        folded = "[...document.querySelectorAll('#controls > details')].map((d) => d.open)"
+        assert p.page.evaluate(folded) == [False, True, True, True]
+        p.page.get_by_text("Parameters", exact=True).click()
+        p.enter("m_1", "0.05")
+        assert p.page.evaluate(folded) == [True, True, True, True]
+        p.page.context.close()
+        assert opened(address).page.evaluate(folded) == [True, True, True, True]

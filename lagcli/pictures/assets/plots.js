@@ -407,7 +407,7 @@ class TimePlot {
       label.append(TimePlot.#named(series.label ?? series.name));
       const value = document.createElement("span");
       value.className = "plot-value";
-      button.append(swatch, label, value);
+      button.append(swatch, label, " ", value); // the space is spoken
       button.addEventListener("click", () => this.#toggle(i));
       const item = document.createElement("li");
       item.append(button);

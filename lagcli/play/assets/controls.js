@@ -17,6 +17,8 @@ class Controls {
     velocity: "Initial velocities",
     end: "Simulation",
   };
+  static NARROW = "(max-width: 56rem)"; // there the plots are below the controls
+  static MANY = 10; // controls of a section that is folded there at first
 
   /**
    * @param {HTMLElement} element  is filled
@@ -29,7 +31,8 @@ class Controls {
     this.rows = new Map(); // name → Row
     this.values = {};
     this.start = {};
-    this.open = new Set(Object.keys(Controls.HEADINGS));
+    this.open = new Set(); // keys of sections and families
+    this.known = new Set(); // sections that have been shown
     this.logarithmic = new Set(); // names whose sliders are
   }
 
@@ -111,6 +114,9 @@ class Controls {
 
   #section(kind, heading, list) {
     if (!list.length) return null;
+    const folded = list.length > Controls.MANY && matchMedia(Controls.NARROW).matches;
+    if (!this.known.has(kind) && !folded) this.open.add(kind);
+    this.known.add(kind);
     const section = this.#details(heading, kind);
     for (const [family, members] of Controls.#families(list)) {
       if (family) section.append(this.#family(kind, family, members));
@@ -206,6 +212,7 @@ class Row {
   static PLACES = 400; // of a slider
   static DECADES = 2; // to either side of the value, on a logarithmic slider
   static DIGITS = 3; // of a value on it
+  static SHOWN = 8; // of a value that follows from others: as many as a field has room for
 
   constructor(control, { moved, freed, reset, scaled }) {
     this.control = control;
@@ -271,7 +278,7 @@ class Row {
   }
 
   /** Return a number as it is written in a field. */
-  static written(number, digits = 12) {
+  static written(number, digits = Row.SHOWN) {
     return String(Number(number.toPrecision(digits)));
   }
 
@@ -335,6 +342,7 @@ class Row {
     label.className = "control-free";
     label.title = "A guess is adjusted to satisfy the constraints; other values are fixed";
     this.free = Object.assign(document.createElement("input"), { type: "checkbox" });
+    this.free.setAttribute("aria-label", `guess, ${this.control.name}`);
     this.free.addEventListener("change", (event) => freed(event, this.free.checked));
     label.append(this.free, "guess");
     this.note.append(label);

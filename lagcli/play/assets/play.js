@@ -171,7 +171,10 @@ class Page {
     const { notice } = this.elements;
     notice.hidden = !text;
     notice.className = kind;
-    notice.textContent = text;
+    // errors show lines of the model, in which every character has its place
+    const names = kind === "warning" ? (text ?? "").split("`") : [text];
+    const parts = names.map((part, i) => (i % 2 ? Row.text("code", "", part) : part));
+    notice.replaceChildren(...parts);
   }
 
   #download(text) {
