@@ -1,5 +1,7 @@
 """The page of a report in a real browser, opened from a file without a network."""
 
+import shutil
+import subprocess
 from itertools import pairwise
 
 import numpy as np
@@ -219,6 +221,32 @@ def test_print_shows_stills_light_plots_and_the_model(reports, visit, tmp_path):
     opened.evaluate("dispatchEvent(new Event('afterprint'))")
     assert opened.evaluate("document.documentElement.dataset.theme") == "dark"
     assert not opened.locator("details[open]").count()
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "andrews_squeezer", "woodpecker"])
+def test_no_printed_page_ends_with_a_heading_or_what_introduces_plots(name, pages, visit, tmp_path):
+    if shutil.which("pdftotext") is None:
+        pytest.skip("pdftotext (poppler-utils) is not installed")
+    opened = visit(pages(name))
+    opened.wait_for_selector(".uplot")
+    heads = opened.locator("h1, h2, h3, h4, h2 + p, h3 + p, h4 + p").all_text_contents()
+    opened.pdf(path=tmp_path / "report.pdf", format="A4")
+    command = ["pdftotext", "-layout", tmp_path / "report.pdf", "-"]
+    text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    last = [page.rstrip().splitlines()[-1].strip() for page in text.split("\f") if page.strip()]
+    assert len(last) > 9
+    ends = {squeezed(head)[-30:] for head in heads if head.strip()}
+    assert not [line for line in last if squeezed(line)[-30:] in ends]
+    assert not [line for line in last if len(line) > 40 and starts(line, heads)]
+
+
+def squeezed(text):
+    return "".join(text.split())
+
+
+def starts(line, heads):
+    """Whether one of the texts begins with the line: it goes on in the next page."""
+    return any(squeezed(head).startswith(squeezed(line)) for head in heads)
 
 
 def test_the_page_can_be_read_without_a_mouse_and_without_eyes(crank):
