@@ -361,3 +361,10 @@ def test_numbers_near_the_largest_leave_a_gap(tmp_path: Path, value: float) -> N
     odd = dataclasses.replace(trajectory, q=q, energy_balance=balance)
     lagcli.plot(odd, tmp_path / "odd.svg")
     lagcli.plot(odd, tmp_path / "residual.svg", ["phi", "residual_position"])
+
+
+def test_pure_numbers_have_no_unit_in_labels() -> None:
+    model = lagcli.load("bouncing_ball")
+    changed = [lagcli.load_text(model.text, set={"e": e}) for e in (0.5, 0.75)]
+    runs = [RunFile(lagcli.simulate(m, t_end=0.1, samples=3)) for m in changed]
+    assert labels_of(runs) == (["$e$ = 0.5", "$e$ = 0.75"], [0.5, 0.75], "$e$")

@@ -40,7 +40,7 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     if differing:
         labels = [
             ", ".join(
-                f"{looks[name]} = {table[name]:.{_DIGITS}g} {units.get(name, '')}".rstrip()
+                f"{looks[name]} = {table[name]:.{_DIGITS}g} {_written(units.get(name))}".rstrip()
                 for name in _chosen(differing, tables)
                 if name in table
             )
@@ -50,7 +50,7 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
         if not complete:
             return _unique(labels, runs), None, ""
         name = max(complete, key=lambda name: len({table[name] for table in tables}))
-        unit = units.get(name, "")
+        unit = _written(units.get(name))
         titled = f"{looks[name]} [{unit}]" if unit else looks[name]
         others = [looks[x] for x in differing if x != name]
         if others:
@@ -71,6 +71,11 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     chosen = _differing(options)[:_MOST]
     labels = [", ".join(f"{raw(k)} = {raw(o[k])}" for k in chosen if k in o) for o in options]
     return _unique(labels, runs), None, ""
+
+
+def _written(unit: str | None) -> str:
+    """Return a unit as it stands behind a number: none of a pure number."""
+    return "" if unit in (None, "1") else str(unit)
 
 
 def _differing(tables: Sequence[dict[str, float]] | Sequence[dict[str, str]]) -> list[str]:

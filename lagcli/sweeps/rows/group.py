@@ -136,9 +136,10 @@ class RowGroup:
         runs, _, reached = signals.shape
         split = len(self.measuring.reductions)
         measures = np.full((runs, self.measuring.count), np.nan)
-        if reached == len(self.grid.all):
+        grid = self.grid if reached == len(self.grid.all) else self.grid.reached(reached)
+        if len(grid.times):
             happened = self._happened(ended)
-            measures = self.measuring(signals[:, :split], parameters, self.grid, happened)
+            measures = self.measuring(signals[:, :split], parameters, grid, happened)
         if not self.kept_names:
             return measures, np.empty((runs, 0, 0))
         rows = np.concatenate(

@@ -44,6 +44,11 @@ class Grid:
             self.weights = np.concatenate([steps, [0.0]]) + np.concatenate([[0.0], steps])
             self.weights /= 2 * (times[-1] - times[0])
 
+    def reached(self, count: int) -> Grid:
+        """Return the first of the times: those of a run that an event stops."""
+        samples = self.samples[self.samples < count]
+        return Grid(self.all[samples], self.all[:count].tolist())
+
     def of_samples(self, signals: Array) -> Array:
         """Return signals at the sample times; time is their last axis."""
         return signals if self.same else np.ascontiguousarray(signals[..., self.samples])
@@ -138,6 +143,8 @@ def _number(reduction: Reduction, signal: Array, grid: Grid) -> Array:
     kind = reduction.kind
     if kind == "at":
         assert reduction.time is not None
+        if reduction.time > grid.all[-1]:
+            return np.full(len(signal), np.nan)
         return signal[:, grid.place(reduction.time)]
     x = np.ascontiguousarray(grid.of_samples(signal))
     if kind == "final":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,3 +73,21 @@ def test_units_of_measures() -> None:
     columns = measure_columns(lagcli.load_text(MODEL), tuple((x, x) for x in MEASURES))
     assert [c.unit for c in columns[:6]] == ["1", "s", "s", "N*s", "N*s", "1"]
     assert [c.name for c in columns] == list(MEASURES)
+
+
+def test_a_run_that_an_event_stops_is_measured_as_far_as_it_went(tmp_path: Path) -> None:
+    """It falls from 1 m to the ground in sqrt(2/g) = 0.4515 s; the last sample is at 0.4 s."""
+    text = MODEL.replace("late: {when: t >= 1, set: {y': 0}}", "ground: {when: y <= 0, stop: true}")
+    model = tmp_path / "ball.yaml"
+    model.write_text(text.replace("  floor: {expr: y >= 0, restitution: 0.8}\n", ""))
+    measures = ("final(y)", "max(t)", "mean(t)", "at(y, 0.25)", "at(y, 0.5)", "count(ground)")
+    named = {f"m{i}": x for i, x in enumerate(measures)}
+    made = tmp_path / "sweep.h5"
+    lagcli.sweep(model, ["g=9.81,4 m/s^2"], made, measures=named, jobs=1, t_end=1, samples=11)
+    data = lagcli.open(made)
+    found = np.array([data[name].values for name in named]).T
+    fallen = [1 - 9.81 / 2 * 0.25**2, np.nan, 1]
+    np.testing.assert_allclose(found[0], [1 - 9.81 / 2 * 0.16, 0.4, 0.2, *fallen], rtol=1e-8)
+    # sqrt(2/4) = 0.7071 s
+    fallen = [1 - 2 * 0.25**2, 1 - 2 * 0.25, 1]
+    np.testing.assert_allclose(found[1], [1 - 2 * 0.49, 0.7, 0.35, *fallen], rtol=1e-8)
