@@ -20,6 +20,7 @@
 
 #define SHORTER 0.3         /* of a step that passed a singular configuration */
 #define SOUND 1e-4          /* largest residual of an elimination that refinement can correct */
+#define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
 #define CALM 20             /* consecutive accurate steps after which solutions are no longer refined */
 #define CONTRADICTION 5e-7  /* of the terms of B a = gamma: residual that is examined more closely */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
@@ -129,29 +130,51 @@ static void take_back(lag_run *run, double part)
     lag_restart(run);
 }
 
-/* After a step: whether y' is accurate enough. Where plain solutions of the linear system are not, but
- * refined ones are, y' takes these until plain ones have been accurate for some steps. */
+/* The largest residual whose error in the velocities is below their tolerances in the last step. */
+static double tolerated_inaccuracy(const lag_run *run)
+{
+    const lag_tolerances *tolerances = &run->tolerances;
+    const int nq = run->system.nq;
+    double least = INFINITY;
+    for (int i = 0; i < nq / run->system.blocks; ++i) {
+        const double change = run->step.h_old * tolerances->acceleration_terms[i];
+        const double tolerance = tolerances->atol[nq + i] + tolerances->rtol * fabs(run->step.y_new[nq + i]);
+        least = change > 0.0 ? fmin(least, tolerance / change) : least;
+    }
+    return fmax(least, EXACT);
+}
+
+/* Whether refined solutions may replace plain ones. */
+static int may_refine(const lag_run *run)
+{
+    return run->solver.refinable && !run->solver.refining && !run->stepped->uses_series
+           && run->solver.inaccuracy <= SOUND;
+}
+
+/* Whether y' is accurate enough after a step. If plain solutions of the linear system are not, but refined
+ * ones are, y' uses these until plain ones have been accurate for CALM steps. After a rejected step, whose
+ * cause may be the error of a solution, this error must also be below the tolerances. */
 static int accurate(lag_run *run)
 {
     const double allowed = lag_allowed_inaccuracy(run), *y = run->step.y_new;
-    run->solver.inaccuracy = lag_inaccuracy(run, run->step.t, y, 0);
-    if (run->solver.inaccuracy <= allowed) {
-        if (run->solver.refining && ++run->solver.accurate_steps == CALM)
+    const double found = run->solver.inaccuracy = lag_inaccuracy(run, run->step.t, y, 0);
+    const int refining = run->solver.refining, rejected = run->step.rejected > run->solver.rejected;
+    run->solver.rejected = run->step.rejected;
+    if (found <= allowed
+        && (found <= EXACT || !(refining || (rejected && may_refine(run))) || found <= tolerated_inaccuracy(run))) {
+        if (refining && ++run->solver.accurate_steps == CALM)
             run->solver.refining = 0;
         return 1;
     }
     run->solver.accurate_steps = 0;
-    if (run->solver.refining)
-        return lag_inaccuracy(run, run->step.t, y, 1) <= allowed;
-    return 0;
+    return refining && lag_inaccuracy(run, run->step.t, y, 1) <= allowed;
 }
 
 /* After a step that was not accurate enough and taken back: start refining if that makes up for what
  * the elimination lacks. Returns whether it does. */
 static int refine(lag_run *run)
 {
-    if (!run->solver.refinable || run->solver.refining || run->stepped->uses_series
-        || run->solver.inaccuracy > SOUND
+    if (!may_refine(run)
         || lag_inaccuracy(run, run->failure.t, run->failure.y, 1) > lag_allowed_inaccuracy(run))
         return 0;
     run->solver.refining = 1;

@@ -70,7 +70,8 @@ typedef struct {
     int refinable;                     /* whether solutions may be refined before an order is replaced */
     int refining;                      /* whether y' needs a refined solution ... */
     int accurate_steps;                /* ... and the consecutive steps that would not have needed it */
-    double inaccuracy;                 /* residual of the equations at the last step's end */
+    double inaccuracy;                 /* residual of the equations at the last step's end ... */
+    long rejected;                     /* ... and the number of steps rejected until then */
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
     double *right, *solution;          /* N each */
     double *block;                     /* nq + nc of one block: scratch */

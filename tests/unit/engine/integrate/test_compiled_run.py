@@ -143,6 +143,28 @@ def test_what_a_long_elimination_lacks_is_refined(counted):
     assert tight.residual_equation.max() <= 1e-12 * size
 
 
+def test_errors_of_solutions_do_not_limit_steps(tmp_path):
+    """A spinning top whose centre of mass rests: its velocities have no size to judge rounding by."""
+    path = tmp_path / "top.yaml"
+    path.write_text("""\
+coordinates: {r: point, e: quaternion}
+parameters:
+  {m: 0.2 kg, A: 8 kg*cm^2, C: 12 kg*cm^2, l: 50 mm, g: 9.81 m/s^2, th: 0.5 rad, w: 250 rad/s,
+   precession: (C*w - sqrt((C*w)^2 - 4*A*cos(th)*m*g*l))/(2*A*cos(th))}
+definitions: {tip: "r - e*[0, 0, l]"}
+T: body(m, diag(A, A, C), r, e)
+V: m*g*r.z
+constraints: {table: tip.z = 0}
+initial: {r: [0, 0, l*cos(th)], e: rot_x(th), r': 0, e': [0, precession*sin(th), w]}
+outputs: {upright: "e[3,3]"}
+simulation: {t_end: 0.2, samples: 21, max_steps: 3000}
+""")
+    run = lagcli.simulate(lagcli.load(path))
+    assert run.status == "completed", run.message
+    np.testing.assert_allclose(run.outputs["upright"], np.cos(0.5), rtol=1e-8)
+    np.testing.assert_allclose(run.multipliers[:, 0], 0.2 * 9.81, rtol=1e-5)
+
+
 def test_a_net_of_rods_keeps_its_order(counted, monkeypatch):
     """An order found for a flat net loses digits where it is folded: refinement regains them."""
     model = lagcli.load(FOUND / "net_rods.yaml", set={"N": 3})
