@@ -200,3 +200,33 @@ def test_a_billiard_ball_slides_then_rolls(engine: str, spin: float) -> None:
     assert log.q[rolls][0] == pytest.approx(x, rel=1e-10)
     assert found.q[-1, 0] == pytest.approx(x + speed * (3 - t), rel=1e-9)
     assert (speed < 0) == (spin == -300)
+
+
+CHAIN = """
+coordinates: {"y[1..N]": m}
+parameters: {N: 6, m: 0.3 kg, a: 0.2 m, h: 0.1 m, g: 9.81 m/s^2}
+T: sum(m/2*y[i]'^2, i = 1..N)
+V: sum(m*g*y[i], i = 1..N)
+constraints:
+  link[i = 1..N-1]: y[i+1] - y[i] <= a
+  table[i = 1..N]: y[i] >= 0
+initial: {"y[i = 1..N]": h + (i - 1)*a, "y[1..N]'": 0}
+simulation: {t_end: 0.6, samples: 7}
+"""
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_a_chain_falls_onto_a_table(rtol: float) -> None:
+    """Taut links that carry no force: each mass falls freely, and gives its momentum to the table."""
+    for method in ("DOP853", "Rodas5P"):
+        settings = SettingsOverrides(rtol=rtol, method=method)
+        found = lagcli.simulate(lagcli.load_text(CHAIN), settings)
+        assert found.status == "completed", found.message
+        for i in range(6):
+            at = happened(found, f"table[{i + 1}]", "impact")
+            assert len(at) == 1
+            fall = sqrt(2 * (0.1 + 0.2 * i) / G)
+            assert found.events is not None
+            assert found.events.time[at[0]] == pytest.approx(fall, rel=1e-11)
+            lands = found.constraints.index(f"table[{i + 1}]")
+            assert found.events.impulse[at[0], lands] == pytest.approx(0.3 * G * fall, rel=1e-11)

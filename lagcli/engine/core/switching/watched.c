@@ -155,27 +155,27 @@ static void measure(lag_run *run, double t, const double *y)
         sw->kinks.size[k] = fmax(sw->kinks.size[k], lag_kink_size(run, k));
 }
 
-/* The rates of the watched functions at (t, y), where y' is f, by a difference; `values` are there. */
+/* The rates of the watched functions at (t, y), where y' is f; `values` are there. Those of gaps are their psi,
+ * so that a gap of rounding size does not seem to grow; the others are differences. */
 static int rates(lag_run *run, double t, const double *y, const double *f, const double *values, double *out)
 {
     lag_switching *sw = &run->switching;
     const int moving = 2 * run->system.nq;
+    const double shift = SHIFT * (run->step.h > 0.0 ? run->step.h : 1.0);
     int gaps = 1;
     for (int k = 0; k < sw->watched_count; ++k)
         gaps &= sw->watched[k].what == LAG_WATCH_GAP;
-    if (gaps) { /* their rates are known */
-        for (int k = 0; k < sw->watched_count; ++k)
-            out[k] = sw->psi[sw->watched[k].which];
-        return 0;
+    if (!gaps) {
+        for (int i = 0; i < moving; ++i)
+            sw->y[i] = y[i] + shift * f[i];
+        sw->y[moving] = y[moving];
+        if (lag_watched_values(run, t + shift, sw->y, out))
+            return 1;
     }
-    const double shift = SHIFT * (run->step.h > 0.0 ? run->step.h : 1.0);
-    for (int i = 0; i < moving; ++i)
-        sw->y[i] = y[i] + shift * f[i];
-    sw->y[moving] = y[moving];
-    if (lag_watched_values(run, t + shift, sw->y, out))
-        return 1;
-    for (int k = 0; k < sw->watched_count; ++k)
-        out[k] = (out[k] - values[k]) / shift;
+    for (int k = 0; k < sw->watched_count; ++k) {
+        const lag_watched_function *w = sw->watched + k;
+        out[k] = w->what == LAG_WATCH_GAP ? sw->psi[w->which] : (out[k] - values[k]) / shift;
+    }
     return 0;
 }
 
