@@ -217,7 +217,7 @@ simulation: {t_end: 0.6, samples: 7}
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 def test_a_chain_falls_onto_a_table(rtol: float) -> None:
-    """Taut links that carry no force: each mass falls freely, and gives its momentum to the table."""
+    """Links are taut without a force: each mass falls freely, and the table takes its momentum."""
     for method in ("DOP853", "Rodas5P"):
         settings = SettingsOverrides(rtol=rtol, method=method)
         found = lagcli.simulate(lagcli.load_text(CHAIN), settings)

@@ -144,7 +144,7 @@ def test_what_a_long_elimination_lacks_is_refined(counted):
 
 
 def test_errors_of_solutions_do_not_limit_steps(tmp_path):
-    """A spinning top whose centre of mass rests: its velocities have no size to judge rounding by."""
+    """A spinning top with its centre of mass at rest: its velocities are zero but for rounding."""
     path = tmp_path / "top.yaml"
     path.write_text("""\
 coordinates: {r: point, e: quaternion}
