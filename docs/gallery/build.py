@@ -1,7 +1,7 @@
 """Make the gallery: of each shipped model a picture, its report and its animation, and two indexes.
 
 Run by `make gallery`. What is small is kept in the repository (`README.md`, the pictures, the
-animation of the README); `index.html` and the pages that it leads to are made anew.
+animation of the README); `index.html` and the pages that it leads to are made again.
 """
 
 from __future__ import annotations

@@ -221,7 +221,7 @@ cdef class Integrator:
         _checked(lag_allow_dense(self.run, steps))
 
     def size_again(self):
-        """Find anew what accelerations are made of, after a change of how they are solved for."""
+        """Update the sizes of the terms of accelerations, after the linear solution has changed."""
         return lag_sizes_again(self.run)
 
     def prepare(self, variation, pattern):

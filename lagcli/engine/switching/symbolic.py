@@ -177,7 +177,7 @@ class _Lowering:
             rules.append(self.rule(event, number, len(actions)))
             actions += map(self.signed, event.action.set.values())
             actions += map(self.signed, event.action.impulse.values())
-        # the roots of an input are not known beforehand
+        # the roots of an input are not known in advance
         times = tuple(
             bool(x.free_symbols <= known) and not x.atoms(se.FunctionSymbol) for x in on_states
         )

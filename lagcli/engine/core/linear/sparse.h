@@ -1,5 +1,5 @@
 /*
- * Sparse LU with a pivot order and a pattern that are known beforehand (engine/linear/sparse.py).
+ * Sparse LU with a pivot order and a pattern that are known in advance (engine/linear/sparse.py).
  *
  * The matrix has its entries row by row; the factors have theirs row by row in the order of the
  * pivots, columns too, with the fill. Complex numbers are two arrays: real and imaginary parts.
