@@ -38,5 +38,5 @@ def format_content(content: Mapping[str, Any]) -> str:
 
             return format_equilibria(content)
     raise FileError(
-        f"the file was written by lagcli {content['command']}, which this version does not know"
+        f"the file was written by lagcli {content['command']}, which this version does not have"
     )

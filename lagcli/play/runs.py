@@ -180,7 +180,7 @@ class Played:
     def _dragged(self, request: PlayRequest, drag: DragRequest) -> dict[str, Any]:
         """Process a request to move a body."""
         if self._drags is None or not self._drags.fits(drag):
-            raise UsageError("what is moved is no body of this model")
+            raise UsageError("the moved body does not belong to this model")
         asked = self._fitting(request)
         found = self._drags.drag(drag, lambda: self._variants.varied(asked.set, asked.set_initial))
         values = {name: self.controls[name].shown(x) for name, x in found["initial"].items()}

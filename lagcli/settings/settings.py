@@ -45,7 +45,7 @@ class _Declared:
     rtol = RealNumber[float](
         "Relative tolerance.",
         1e-9,
-        check=between(1e-13, 0.1, "doubles hold no more than 1e-13", "1e-9 is usual"),
+        check=between(1e-13, 0.1, "doubles cannot resolve less than 1e-13", "1e-9 is usual"),
     )
     atol = Tolerances(
         "Absolute tolerance, for all coordinates and velocities.",
@@ -156,7 +156,7 @@ class SettingsOverrides(_Declared, GivenValues):
             elif end is not None and self.times[-1] > end:
                 yield SettingError("times", f"times go beyond t_end {end:g}")
         if self.dt is not None and end is not None and (end - start) / self.dt > MAX_SAMPLES:
-            yield SettingError("dt", "dt asks for more than 10^8 samples", "take a larger dt")
+            yield SettingError("dt", "dt gives more than 10^8 samples", "take a larger dt")
 
 
 class Settings(_Declared, CompleteValues):

@@ -155,7 +155,7 @@ class Sensitivity:
         if has_hidden_jumps(self.system, tuple(self.equations.model.parameter_values.values())):
             raise UsageError(
                 "sensitivities and fits need the times at which forces jump, but one jumps with a"
-                " multiplier, or beside a root, power or logarithm, where steps do not end; smooth"
+                " multiplier, or next to a root, power or logarithm, where steps do not end; smooth"
                 " it, for instance with `tanh`"
             )
 
@@ -306,7 +306,7 @@ class Sensitivity:
                 Diagnostic(
                     "inconsistent-start",
                     f"the fixed initial values satisfy the constraint `{constraint.name}`{level}"
-                    f" for this value of `{name}` alone: the start has no derivative with respect"
+                    f" for this value of `{name}` only: the start has no derivative with respect"
                     " to it",
                     model.initial[other].location if other else constraint.location,
                     help_,

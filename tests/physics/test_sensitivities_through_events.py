@@ -310,7 +310,7 @@ initial: {x: 0, y: 0, x': 1, y': 0}
     found = lagcli.simulate(model, t_end=1, samples=2, sensitivity=("x'", "y"))
     (note,) = found.warnings
     assert "derivatives by `y` end at t = 0" in note
-    assert "`floor` holds there for this value alone" in note
+    assert "`floor` holds there only for this value" in note
     np.testing.assert_allclose(found.dq[-1, :, 0], [1, 0], atol=1e-12)  # type: ignore[index]
 
 

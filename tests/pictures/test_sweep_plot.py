@@ -252,7 +252,7 @@ def test_a_few_of_many_rows_are_drawn(
         (["grid.h5", "l:m:l:peak"], "more than a map shows"),
         (["kept.h5", "residual_velocity"], "has no `residual_velocity`"),
         (["kept.h5", "Qc.guide.phi"], "has no `Qc.guide.phi`"),
-        (["kept.h5", "grid.h5"], "plot it alone"),
+        (["kept.h5", "grid.h5"], "plot it separately"),
     ],
 )
 def test_wrong_inputs(

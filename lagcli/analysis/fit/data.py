@@ -91,7 +91,7 @@ def _measured(table: CsvTable, time: str, observed: Sequence[ObservedQuantity]) 
     factors = np.array([float(factor) for _, factor, _ in found])
     values = np.array(rows).reshape(-1, len(columns)) * factors
     if not np.isfinite(values[:, 1:]).any():
-        raise FileError(f"{table.path} holds no measured values below the names of its columns")
+        raise FileError(f"{table.path} contains no measured values below its header")
     sigmas = [
         math.nan if x.sigma is None else x.sigma * (1.0 if x.sigma_si else factor)
         for x, factor in zip(observed, factors[1:], strict=True)

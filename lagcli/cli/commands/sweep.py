@@ -45,7 +45,7 @@ def sweep(
             "--output",
             "-o",
             metavar="FILE",
-            help="Result file: .h5 (HDF5), or .csv for the measures alone.",
+            help="Result file: .h5 (HDF5), or .csv for only the measures.",
         ),
     ],
     vary: Annotated[

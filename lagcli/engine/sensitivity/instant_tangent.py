@@ -99,8 +99,8 @@ class DifferentiatedResolution(InstantResolution):
             apart = np.abs(gap) > np.maximum(_APART * terms, _NO_GAP * scale[place])
             self.lose(
                 apart,
-                f"contacts meet at once there, `{self.names[row]}` among them, and their order"
-                " decides",
+                f"contacts close simultaneously there, `{self.names[row]}` among them, and their"
+                " order decides",
             )
 
     def _differentiate_impact(self, found: ImpactOutcome, q: Array, v: Array) -> None:

@@ -309,7 +309,7 @@ class SwitchedTangent(SwitchedIntegration):
                 )
             if off.any():
                 self._lose(
-                    f"`{system.constraints[row]}` holds there for this value alone"
+                    f"`{system.constraints[row]}` holds there only for this value"
                     if not started
                     else f"`{system.constraints[row]}` holds from there on within a tolerance,"
                     " and not exactly",

@@ -209,8 +209,8 @@ class _InputEntry:
             self.error(
                 "wrong-type",
                 node,
-                f"has a {what} that is no number",
-                "tables hold numbers; multiply the input by a parameter where it is used",
+                f"has a {what} that is not a number",
+                "tables contain numbers; multiply the input by a parameter where it is used",
             )
             return None
         if units is None:
@@ -243,7 +243,7 @@ class _InputEntry:
         }
         name = texts["file"]
         if not name:
-            self.error("missing-value", fields["file"], "has no name of a file", f"{_EXAMPLE}")
+            self.error("missing-value", fields["file"], "has no file name", f"{_EXAMPLE}")
             return None
         folder = Path(draft.source.path).parent
         path = os.fspath(folder / name)

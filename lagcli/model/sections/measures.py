@@ -257,7 +257,7 @@ class _MeasureReader:
                 ):
                     raise error_at(
                         "nested-measure",
-                        f"`{part.function}` stands in the argument of `{kind}`: it is one number"
+                        f"`{part.function}` is in the argument of `{kind}`: it is one number"
                         " along the run, not a signal",
                         part,
                         "combine them outside, as in max(x) - mean(x)",

@@ -100,7 +100,7 @@ def check_force(
         f"the constraint `{constraint.name}` also acts on `{others[0]}`, on which {where} does not"
         " depend: its force does not act only there",
         node.location,
-        "name all points that it acts on, as in `at: [A, B]`; or, in place of `force`, give the"
+        "name all points that it acts on, as in `at: [A, B]`; or, instead of `force`, give the"
         f" vector itself: `components: [lambda.{constraint.name}, 0]`",
         subject=f"{constraint.name.partition('[')[0]} {node.location.line}",
     )

@@ -79,7 +79,7 @@ def plot(
         plot_runs([RunFile(source, model) for source in sources], names, target, bands)
         return ()
     if len(sources) > 1:
-        raise UsageError(f"{file} ({what}) cannot share a figure; plot it alone")
+        raise UsageError(f"{file} ({what}) cannot share a figure; plot it separately")
     if what == "sweep":
         return _plot_sweep(file, names, target, model, bands)
     if what == "fit":

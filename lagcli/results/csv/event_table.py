@@ -112,8 +112,8 @@ def read_event_table(
         raise read_failure(table, error) from error
     except (UnicodeDecodeError, csv.Error, ValueError) as error:
         raise FileError(
-            f"cannot read {table}: it is not the table of events of {path} ({error}); copy it"
-            " again, or remove it to read the samples alone"
+            f"cannot read {table}: it is not the event table of {path} ({error}); copy it"
+            " again, or remove it to read only the samples"
         ) from error
 
 

@@ -28,7 +28,7 @@ from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record
 #: Fields of a table that are text.
 _OF_TABLES = ("unit", "file", "sha256")
 
-_REMEDY = "remove it to read the CSV file alone"
+_REMEDY = "remove it to read only the CSV file"
 
 
 def sidecar_path(path: str) -> str:
@@ -129,7 +129,7 @@ def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[st
     if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no checksum
         raise FileError(
             f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
-            f"this lagcli knows {SCHEMA_VERSION}; {_REMEDY}"
+            f"this lagcli supports {SCHEMA_VERSION}; {_REMEDY}"
         )
     own = about.get("sidecar_sha256")
     if own != _digest(about) and (own is not None or about["schema_version"] == SCHEMA_VERSION):
@@ -140,13 +140,13 @@ def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[st
     if about.get("csv_sha256") != digest:
         raise FileError(
             f"cannot read {path}: its sidecar {sidecar} is of another run, or one of the two "
-            "was changed; remove the sidecar to read the CSV file alone"
+            "was changed; remove the sidecar to read only the CSV file"
         )
     if about.get("events_sha256") != events_digest(path):
         raise FileError(
-            f"cannot read {path}: the table of events beside it, {events_path(path)}, is of another"
+            f"cannot read {path}: its event table {events_path(path)}, is of another"
             " run, was changed, or is missing; copy it again, or remove both it and the sidecar to"
-            " read the CSV file alone"
+            " read only the CSV file"
         )
     try:
         scales: dict[str, Any] = {
@@ -192,5 +192,5 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a JSON object; reject duplicate names."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("a name stands twice")
+        raise ValueError("a name occurs twice")
     return found

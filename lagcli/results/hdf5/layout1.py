@@ -85,7 +85,7 @@ def _check_heap(heap: bytes) -> None:
         number, size = struct.unpack_from("<H6xQ", heap, place)
         if number == 0:  # the free space, which is last
             if place + size != len(heap):
-                raise ValueError("the free room of a heap of texts is wrong")
+                raise ValueError("the free space of a heap of texts is wrong")
             return
         place += 16 + (size + 7) // 8 * 8
     if place > len(heap):
@@ -106,7 +106,7 @@ def _check_origin(path: str, root: h5py.File) -> str:
     if version != _VERSION:
         raise FileError(
             f"cannot read {path}: its layout has version {version}, which this lagcli does not"
-            f" know; read it with lagcli {_attribute(root, 'lagcli_version')}"
+            f" support; read it with lagcli {_attribute(root, 'lagcli_version')}"
         )
     if kind not in (KIND, "sweep"):
         raise FileError(f"cannot read {path}: it holds a {kind} and not one {KIND}")

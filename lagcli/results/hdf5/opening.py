@@ -119,8 +119,8 @@ def _other_version(path: str, found: str | None, known: str, writer: str | None)
     if found is None:
         return not_of_lagcli(path)
     return FileError(
-        f"cannot read {path}: its layout has version {found}, and this lagcli knows {known}; read"
-        f" it with lagcli {writer}"
+        f"cannot read {path}: its layout has version {found}, and this lagcli supports {known};"
+        f" read it with lagcli {writer}"
     )
 
 

@@ -21,7 +21,7 @@ HOSTILE = {
     "time-nan": "time has values that are not finite",
     "external-storage": r"energy_kinetic lies in another file \(external storage\)",
     "declares-1e9-samples": "time declares 8000000000 bytes, and the file holds 0",
-    "heap-freespace": "the free room of a heap of texts is wrong",
+    "heap-freespace": "the free space of a heap of texts is wrong",
 }
 
 

@@ -86,7 +86,7 @@ class ContactFields:
                 "restitution",
                 "contradiction",
                 f"{self.what} has a restitution, but holds in both directions: it has no impacts",
-                "write `>=` or `<=` in place of `=`, or remove `restitution`",
+                "write `>=` or `<=` instead of `=`, or remove `restitution`",
             )
         if "friction" in given and "slip" not in given:
             self.fault(

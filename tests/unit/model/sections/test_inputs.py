@@ -130,7 +130,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         ("times: [0, 1 m], values: [1, 2]", "a time in m"),
         ("times: [0, 1], values: [1 m, 2 N]", "values in m and in N"),
         ("times: [0, 1], values: [1 m, 2]", "values in m and in no unit"),
-        ("times: [0, 1], values: [k, 2]", "no number"),
+        ("times: [0, 1], values: [k, 2]", "not a number"),
         ("times: [0], values: [1]", "a single row"),
         ("times: [], values: []", "no times"),
         ("times: [0, 1]", "no `values`"),
