@@ -132,7 +132,7 @@ EVENT = _mapping(
         ),
         "stop": _described("whether the run ends", {"type": "boolean"}),
         "record": _described(
-            "columns to write to the table of events; by default all",
+            "columns to write to the event table; by default all",
             _one_of({"type": "boolean"}, _TEXT, _list(_TEXT)),
         ),
         "set": _described(

@@ -94,9 +94,7 @@ def instant_time(
     apart = np.ptp(times[decisive], axis=0)
     apart = apart > _ALIKE * np.abs(times[decisive]).max(axis=0) + _NONE * span
     if apart.any():
-        reason = (
-            f"{' and '.join(names)} occur simultaneously, and their order determines what follows"
-        )
+        reason = f"{' and '.join(names)} occur simultaneously, and their order decides what follows"
         found = np.where(apart, np.nan, found)
     return InstantTime(found, of_events, reason)
 

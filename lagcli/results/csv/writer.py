@@ -73,7 +73,7 @@ class CsvWriter(FileWriter):
     path : str
         The file, or ``-`` for standard output, accepted by `check_csv_target`.
     force : bool
-        Replace an existing file, its sidecar and its table of events.
+        Replace an existing file, its sidecar and its event table.
     meta : bool
         Also write the sidecar ``PATH.json`` with the metadata: status, message, model, parameters,
         units, options, scales, ….
@@ -108,7 +108,7 @@ class CsvWriter(FileWriter):
         self._samples += len(samples.time)
 
     def finish(self, record: Record) -> None:
-        """Write the table of events and the sidecar, and give the files their names."""
+        """Write the event table and the sidecar, and give the files their names."""
         table = None
         if record.events is not None:
             table = self._write_events(record)

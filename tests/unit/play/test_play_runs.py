@@ -424,5 +424,5 @@ def test_a_drag_of_nothing_in_the_view_is_an_error() -> None:
     played = play("slider_crank")
     run(played)
     for weights, target in (({"Z": 1.0}, [0.0, 0.0]), ({"A": 1.0}, [0.0, 0.0, 0.0])):
-        with pytest.raises(UsageError, match="no body of this model"):
+        with pytest.raises(UsageError, match="the moved body does not belong"):
             dragged(played, weights, target)

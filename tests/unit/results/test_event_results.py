@@ -127,7 +127,7 @@ def test_a_table_that_was_changed(tmp_path: Path, old: str, new: str, message: s
 
 
 def test_a_table_of_another_run(tmp_path: Path) -> None:
-    """With a sidecar, the table of events must be the one that was written with it."""
+    """With a sidecar, the event table must be the one that was written with it."""
     write(make_with_log(), tmp_path / "run.csv", meta=True)
     table = tmp_path / "run.events.csv"
     kept = table.read_text()
@@ -141,7 +141,7 @@ def test_a_table_of_another_run(tmp_path: Path) -> None:
     assert read(tmp_path / "run.csv").events is not None
     write(make(), tmp_path / "other.csv", meta=True)
     shutil.copy(table, tmp_path / "other.events.csv")
-    with pytest.raises(FileError, match="not the table of events"):
+    with pytest.raises(FileError, match="not the event table"):
         read(tmp_path / "other.csv")
 
 

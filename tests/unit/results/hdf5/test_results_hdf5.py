@@ -419,7 +419,7 @@ def _unknown_attribute(root: h5py.File) -> None:
 
 
 FORGED: dict[str, tuple[Any, str]] = {
-    "newer": (_set("schema_version", "99"), "layout has version 99.* knows 2"),
+    "newer": (_set("schema_version", "99"), "layout has version 99.* supports 2"),
     "kind": (_set("kind", "sweep"), "contains a sweep, not a trajectory"),
     "kinds": (_unknown_attribute, "attribute kind is not a text"),
     "model": (_set("model", "T: 0"), "does not have the digest model_sha256"),
