@@ -151,7 +151,11 @@ def _files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     ("arguments", "columns"),
-    [*((command, 80) for command in COMMANDS), *((command, 120) for command in COMMANDS[:3])],
+    [
+        *((command, 80) for command in COMMANDS),
+        *((command, 120) for command in COMMANDS[:3]),
+        *((command, 60) for command in (*COMMANDS[:2], COMMANDS[-1])),
+    ],
     ids=lambda x: " ".join(x) if isinstance(x, list) else str(x),
 )
 def test_commands_fit_the_terminal(

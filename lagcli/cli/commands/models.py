@@ -38,5 +38,6 @@ def models(
     indent = " " * (max(map(len, found), default=0) + 2)
     width = text_width() if sys.stdout.isatty() else 80
     for key, model in found.items():
-        lines = textwrap.wrap(model.description or "", max(width - len(indent), 40))
-        print(f"{key:<{len(indent)}}" + f"\n{indent}".join(lines))
+        whole = (model.description or "").replace(" = ", "\u00a0=\u00a0")  # no break around it
+        lines = textwrap.wrap(whole, max(width - len(indent), 24))
+        print(f"{key:<{len(indent)}}" + f"\n{indent}".join(lines).replace("\u00a0", " "))
