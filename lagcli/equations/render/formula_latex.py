@@ -20,6 +20,8 @@ _FUNCTIONS = {
 _FENCES = {"abs": (r"\lvert ", r" \rvert"), "norm": (r"\lVert ", r" \rVert")}
 _FENCES["floor"] = (r"\lfloor ", r" \rfloor")
 _FENCES["ceil"] = _FENCES["ceiling"] = (r"\lceil ", r" \rceil")
+#: Largest numerator, denominator or radicand that is not broken, in characters: half a page wide.
+_WIDE = 45
 _TALL = (r"\frac", r"\begin")
 
 
@@ -54,9 +56,21 @@ class LatexFormula(DisplayWriter):
         return [sign, *self._summand(node.term, depth)]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
+        """Return a fraction; a wide one as 1/b […], or […]/[…], which can be broken."""
+        above, below = node.numerator, node.denominator
+        if t.weight(below) > _WIDE:
+            top, bottom = self._tight(above, depth + 1), self._tight(below, depth + 1)
+            return [*top, Break(depth + 1, ""), "/", *bottom]
+        if t.weight(above) > _WIDE:
+            inverse = rf"\frac{{1}}{{{self.latex(below)}}}"
+            top = self._fenced(self.tokens(above, depth + 1))
+            return [inverse, Break(depth, r" \, "), *top]
         return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
 
     def _write_root(self, node: t.Root, depth: int) -> list[Token]:
+        if t.weight(node.radicand) > _WIDE:
+            power = rf"^{{1/{node.degree}}}"
+            return [*self._fenced(self.tokens(node.radicand, depth + 1)), power]
         degree = "" if node.degree == 2 else f"[{node.degree}]"
         return [rf"\sqrt{degree}{{{self.latex(node.radicand)}}}"]
 

@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from lagcli.equations.presentation.formulas import Line, Step
-from lagcli.equations.presentation.typeset import Logical, Relation, Symbol
+from lagcli.equations.presentation.typeset import Logical, Relation, Sign, Symbol
 from lagcli.equations.render.breaking import Break, Token, flat, lines
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.names import LATEX_GREEK, latex_ascii
@@ -197,11 +197,17 @@ def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
     """Return rows of a display; the last row of each equation has its number."""
     found = []
     for i, row in enumerate(rows):
-        end = r" \notag" if row.line is None else labels.of(step, row.line)
+        plain = row.line is None or _is_value(row.line)
+        end = r" \notag" if row.line is None or plain else labels.of(step, row.line)
         broken = row.line is None or (i > 0 and rows[i - 1].line is None)
         apart = "" if i == len(rows) - 1 else r" \\[1ex]" if broken and row.line else r" \\"
         found.append(row.latex + end + apart)
     return "\n".join(found)
+
+
+def _is_value(line: Line) -> bool:
+    """Whether a line states the value of a parameter, which is not an equation to refer to."""
+    return isinstance(line.sides[0], Symbol) and isinstance(line.sides[-1], Sign)
 
 
 def is_item(line: Line) -> bool:

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 
 import pytest
-from formula_values import MODELS, equations_of, model_of, steps_of
+from formula_values import MODELS, equations_of, model_of, pages_of, steps_of
 from pylatexenc.latexwalker import (
     LatexCharsNode,
     LatexEnvironmentNode,
@@ -21,6 +21,7 @@ from shipped import PATHS, every_model
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.render import render
+from lagcli.equations.render.breaking import Break
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.latex import TEXT_WIDTH, escape, measure, render_latex
 from lagcli.equations.render.markdown import render_markdown
@@ -208,20 +209,34 @@ def test_markdown(path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex")
-@pytest.mark.parametrize("steps", [False, True], ids=["overview", "steps"])
-def test_pdflatex_sets_every_shipped_model(steps, tmp_path):
-    """No error, no overfull box, no label twice; equations are numbered beside their rows."""
-    for path in MODELS:
-        (tmp_path / f"{path.stem}.tex").write_text(render(equations_of(path), "latex", steps))
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_pdflatex_sets_every_page_of_every_shipped_model(path, tmp_path):
+    """No error, no overfull box, no label twice: derivation, second kind, Maggi, closed forms."""
+    model = equations_of(path).model
+    formula = LatexFormula(Notation(model), written_decimals(model))
+    for i, steps in enumerate(pages_of(path)):
+        latex = render_latex(model, steps, formula, numbered=True, fragment=False)
+        (tmp_path / f"{i}.tex").write_text(latex)
         subprocess.run(
-            ["pdflatex", "-interaction=batchmode", "-halt-on-error", f"{path.stem}.tex"],
+            ["pdflatex", "-interaction=batchmode", "-halt-on-error", f"{i}.tex"],
             cwd=tmp_path,
             stdout=subprocess.DEVNULL,
             check=True,
         )
-        log = (tmp_path / f"{path.stem}.log").read_text(encoding="latin-1")
+        log = (tmp_path / f"{i}.log").read_text(encoding="latin-1")
         for fault in ("Overfull", "multiply defined", "Missing character", "undefined"):
             assert fault not in log, (path.stem, log)
+
+
+def test_wide_fractions_and_roots_can_be_broken():
+    formula = LatexFormula(Notation(model_of("x y", "m/2*x'^2").model))
+    long = t.sum_of([(1, t.Product((t.Symbol("x"), t.Symbol("y"), t.whole(k)))) for k in range(20)])
+    over, under = (t.quotient_of(*x) for x in ((long, t.Symbol("m")), (t.Symbol("m"), long)))
+    assert formula.latex(over).startswith(r"\frac{1}{m} \, (x y 0 + x y 1")
+    assert formula.latex(under).startswith("m/(x y 0 + x y 1")
+    assert formula.latex(t.Root(long)).endswith(")^{1/2}")
+    for node in (over, under, t.Root(long)):
+        assert sum(isinstance(x, Break) for x in formula.tokens(node)) > 10
 
 
 def test_equations_are_numbered_and_labelled_once():
