@@ -548,9 +548,17 @@ def test_killed_and_resumed_it_is_as_if_nothing_had_been(tmp_path: Path) -> None
     killed_and_resumed(tmp_path, 1, random.Random(1))
 
 
-def test_with_contacts_too(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_killed_and_resumed_with_contacts(tmp_path: Path) -> None:
     (tmp_path / "balls.yaml").write_text(BOUNCES)
     killed_and_resumed(tmp_path, 1, random.Random(3), CONTACTS)
+
+
+def test_what_contacts_do_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "balls.yaml").write_text(BOUNCES)
+    monkeypatch.chdir(tmp_path)
+    few = [x.replace(", 120)", ", 16)") for x in CONTACTS]
+    assert run_here([*few, "--jobs", "1", "-o", "whole.h5"]) == 0
     whole = contents(tmp_path / "whole.h5")
     # what the event and impacts change is in the balance
     assert np.abs(whole["b"]).max() < 1e-8 * 24.62

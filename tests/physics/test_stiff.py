@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from growth import assert_growth
+from shipped import PATHS, every_model
 
 import lagcli
 from lagcli.errors import UsageError
@@ -201,9 +202,9 @@ def test_errors_are_at_the_tolerance(name: str, rtol: float, method: str) -> Non
 
 
 @pytest.mark.parametrize("method", STIFF)
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_stiff_methods_agree_with_dop853_on_every_shipped_model(path: Path, method: str) -> None:
-    model = lagcli.load(path)
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_stiff_methods_agree_with_dop853_on_every_shipped_model(name: str, method: str) -> None:
+    model = lagcli.load(PATHS[name])
     end = (model.settings.t_start or 0.0) + 0.05 * model.settings.t_end
     options: dict[str, Any] = {"t_end": end, "samples": 6}
     reference = completed(model, method="DOP853", rtol=1e-11, atol=1e-12, **options)
@@ -315,6 +316,7 @@ initial: {x: 1, y: 0, x': 0, y': 0}
 BEAM = lagcli.load(Path(__file__).parents[1] / "found" / "beam40.yaml")
 
 
+@pytest.mark.slow
 def test_beam_is_not_tried_with_an_implicit_method() -> None:
     """Accuracy limits its steps as much as stability: a trial would cost and gain nothing."""
     runs = [  # the path is examined after 2000 steps

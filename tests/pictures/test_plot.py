@@ -352,7 +352,7 @@ def test_values_that_no_axis_can_show_are_left_out(tmp_path: Path) -> None:
         lagcli.plot(tmp_path / "s.h5", tmp_path / "s.png", names, force=True)
 
 
-@pytest.mark.parametrize("value", [1e308, -1e308, np.finfo(float).max, np.inf])
+@pytest.mark.parametrize("value", [np.finfo(float).max, np.inf])
 def test_numbers_near_the_largest_leave_a_gap(tmp_path: Path, value: float) -> None:
     trajectory = lagcli.simulate(lagcli.load(MODELS / "slider_crank.yaml"), samples=9, t_end=0.1)
     q, balance = trajectory.q.copy(), trajectory.energy_balance.copy()

@@ -23,9 +23,13 @@ REPRESENTATIVES = (
 )
 
 
-def every_model() -> list[Any]:
-    """Return the models' names as parameters; those that others stand for are slow."""
+def every_model(*, smooth: bool = False) -> list[Any]:
+    """Return the models' names as parameters; those that others stand for are slow.
+
+    Those that are ``smooth`` have neither contacts nor events.
+    """
     return [
         pytest.param(name, marks=[] if name in REPRESENTATIVES else [pytest.mark.slow])
-        for name in PATHS
+        for name, path in PATHS.items()
+        if not smooth or path.parent == MODELS
     ]

@@ -54,9 +54,9 @@ def assert_same(text: str, expression: se.Basic, equations: Equations, seed: int
     assert abs(number(found, at) - wanted) <= TOLERANCE * scale, text
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_formulas_read_back(path):
-    e = equations_of(path)
+@pytest.mark.parametrize("name", every_model())
+def test_formulas_read_back(name):
+    e = equations_of(PATHS[name])
     content = json.loads(render(e, "json"))
     names = list(e.model.coordinate_names)
     for key, expression in (

@@ -6,11 +6,11 @@ import math
 import random
 import re
 from fractions import Fraction
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from formula_values import MODELS, equations_of, model_of, point, steps_of, value
+from shipped import PATHS, every_model
 
 from lagcli.equations.presentation.formulas import Formulas, Line
 from lagcli.equations.presentation.typeset import (
@@ -172,9 +172,9 @@ def formula_of(equations, **options):
     return MathmlFormula(Notation(equations.model), written_decimals(equations.model), **options)
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_equations_read_back_have_their_values(path: Path) -> None:
-    e = equations_of(path)
+@pytest.mark.parametrize("name", every_model())
+def test_equations_read_back_have_their_values(name: str) -> None:
+    e = equations_of(PATHS[name])
     f, formula = Formulas(e), formula_of(e)
     at = point(e, random.Random(7))
     reader = Reader(e, at)
@@ -185,11 +185,11 @@ def test_equations_read_back_have_their_values(path: Path) -> None:
             assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_every_formula_is_well_formed_and_cut_into_whole_pieces(path: Path) -> None:
-    e = equations_of(path)
+@pytest.mark.parametrize("name", every_model())
+def test_every_formula_is_well_formed_and_cut_into_whole_pieces(name: str) -> None:
+    e = equations_of(PATHS[name])
     formula, text = formula_of(e), TextFormula(Notation(e.model))
-    for step in steps_of(path):
+    for step in steps_of(PATHS[name]):
         for line in step.lines:
             element = html(equation(line, formula, text))
             assert element.attrib["aria-label"] == " = ".join(map(text.text, line.sides))

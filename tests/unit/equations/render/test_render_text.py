@@ -247,8 +247,9 @@ def assert_whole_factors(text: str, width: int) -> None:
         assert not line.rstrip().endswith(("+", "−", "=", "(", "[", "{")), line
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_factors_that_fit_on_a_line_are_not_broken(path):
+@pytest.mark.parametrize("name", every_model())
+def test_factors_that_fit_on_a_line_are_not_broken(name):
+    path = PATHS[name]
     model = equations_of(path).model
     formula = TextFormula(Notation(model), written_decimals(model))
     for steps in (False, True):
