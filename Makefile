@@ -42,7 +42,8 @@ demo: install ## Derive the slider-crank's equations, simulate it, and look at t
 	$(BIN)/lagcli info $(DEMO)/slider_crank.h5
 
 test: install ## Run the tests
-	$(BIN)/python -m pytest $(PARALLEL)
+	@# the next run needs the rewritten assertions, which take as long as all imports
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(PARALLEL)
 
 fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
 	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests/fuzz

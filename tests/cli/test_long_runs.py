@@ -74,7 +74,7 @@ def test_a_million_samples_take_little_memory(tmp_path: Path) -> None:
     assert (found["sizes"]["samples"], found["time"]["last"]) == (10**6, 10.0)
 
 
-@pytest.mark.parametrize("output", ["run.csv", "-"])
+@pytest.mark.parametrize("output", ["run.csv", pytest.param("-", marks=pytest.mark.slow)])
 def test_memory_does_not_grow_with_a_table(tmp_path: Path, output: str) -> None:
     path = output if output == "-" else str(tmp_path / output)
     few, many = (
@@ -105,8 +105,7 @@ def test_a_million_samples_of_every_kind(tmp_path: Path, model: str, output: str
 # signals
 
 
-@pytest.mark.parametrize("suffix", [".h5", ".csv"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(("number", "suffix"), [(signal.SIGINT, ".h5"), (signal.SIGTERM, ".csv")])
 def test_a_signal_ends_a_run_soon_and_keeps_its_samples(
     tmp_path: Path, number: signal.Signals, suffix: str
 ) -> None:

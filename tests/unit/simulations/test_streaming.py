@@ -69,8 +69,17 @@ def block_rows(monkeypatch: pytest.MonkeyPatch) -> object:
 # engines and derived columns
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("name", ["slider_crank", "rolling_disk", "andrews_squeezer", "four_bar"])
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [
+        ("slider_crank", "scipy"),
+        ("slider_crank", "compiled"),
+        ("rolling_disk", "compiled"),
+        ("andrews_squeezer", "compiled"),
+        ("four_bar", "scipy"),
+        ("four_bar", "compiled"),
+    ],
+)
 def test_a_run_does_not_depend_on_its_blocks(name: str, engine: str, block_rows: object) -> None:
     model = lagcli.load(MODELS / f"{name}.yaml")
     options = {"samples": 21, "engine": engine, "t_end": 0.1 * model.settings.t_end}
