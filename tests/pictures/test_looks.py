@@ -15,7 +15,7 @@ from page_checks import AXES, TEXTS
 import lagcli
 from lagcli.cli.app import run
 from lagcli.pictures.plots import figure_file
-from lagcli.pictures.plots.style import DARK_ROLES, PALETTE, ROLES
+from lagcli.pictures.plots.style import PALETTE, ROLES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.label_places import distances, label_place, label_size
@@ -37,7 +37,15 @@ def contrast(one: str, other: str) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
-@pytest.mark.parametrize("roles", [ROLES, DARK_ROLES], ids=["light", "dark"])
+def dark_roles() -> dict[str, str]:
+    """Return the colours of scenes on dark pages."""
+    text = (ASSETS[0] / "scene.js").read_text(encoding="utf-8")
+    found = re.search(r"\bdark: \{(.*?)\}", text, re.DOTALL)
+    assert found is not None
+    return dict(re.findall(r'(\w+): "(#\w+)"', found[1]))
+
+
+@pytest.mark.parametrize("roles", [ROLES, dark_roles()], ids=["light", "dark"])
 def test_scenes_have_contrast(roles: dict[str, str]) -> None:
     """Text has 4.5, what must be seen 3 (WCAG 2.1, 1.4.3, 1.4.11); trails and guides are faint."""
     for role, color in roles.items():

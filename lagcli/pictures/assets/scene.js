@@ -15,7 +15,7 @@
  */
 
 class Scene {
-  /** Colours by scheme: the ROLES and DARK_ROLES of lagcli/pictures/plots/style.py. */
+  /** Colours by scheme; the light ones are the ROLES of lagcli/pictures/plots/style.py. */
   static COLORS = {
     light: {
       rod: "#404040",

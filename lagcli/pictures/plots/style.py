@@ -30,22 +30,6 @@ ROLES = {
     "paper": "#FFFFFF",
 }
 
-#: The same for dark pages.
-DARK_ROLES = {
-    "rod": "#B4BCC4",
-    "spring": "#2FC49A",
-    "guide": "#8C939B",
-    "ground": "#8C939B",
-    "disc": "#B4BCC4",
-    "point": "#ECECEC",
-    "trail": "#3F8FBF",
-    "label": "#ECECEC",
-    "velocity": "#58B7F5",
-    "force": "#FF8340",
-    "vector": "#E39CC5",
-    "paper": "#16191D",
-}
-
 #: Colour map of values over two parameters; perceptually uniform, also in grey.
 COLORMAP = "viridis"
 
