@@ -224,10 +224,12 @@ def test_print_shows_stills_light_plots_and_the_model(reports, visit, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["heavy_top", "andrews_squeezer", "woodpecker"])
-def test_no_printed_page_ends_with_a_heading_or_what_introduces_plots(name, pages, visit, tmp_path):
+def test_no_printed_page_ends_with_a_heading_or_what_introduces_plots(
+    name, reports, visit, tmp_path
+):
     if shutil.which("pdftotext") is None:
         pytest.skip("pdftotext (poppler-utils) is not installed")
-    opened = visit(pages(name))
+    opened = visit(reports(name))
     opened.wait_for_selector(".uplot")
     heads = opened.locator("h1, h2, h3, h4, h2 + p, h3 + p, h4 + p").all_text_contents()
     opened.pdf(path=tmp_path / "report.pdf", format="A4")
