@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 #: Environment variables of BLAS libraries, read once, when NumPy is first imported.
 VARIABLES = (
@@ -17,6 +18,8 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
+#: Whether this thread is inside `one_thread`: finding the libraries takes longer than a short run.
+_limited: ContextVar[bool] = ContextVar("_limited", default=False)
 
 
 def limit_process() -> None:
@@ -35,7 +38,7 @@ def one_thread() -> Iterator[None]:
     The limit applies to the process: if several threads are inside at once, it ends with the first
     one.
     """
-    if _set():
+    if _set() or _limited.get():
         yield
         return
     try:
@@ -45,7 +48,11 @@ def one_thread() -> Iterator[None]:
         yield
         return
     with threadpool_limits(1, "blas"):
-        yield
+        token = _limited.set(True)
+        try:
+            yield
+        finally:
+            _limited.reset(token)
 
 
 def _set() -> bool:

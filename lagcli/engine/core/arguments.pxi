@@ -1,6 +1,11 @@
 """What the core is given: structures of pointers into arrays."""
 
 
+cdef bint _is_flat(values):
+    """Return whether values are a list or a tuple of numbers."""
+    return isinstance(values, (list, tuple)) and not (values and hasattr(values[0], "__len__"))
+
+
 cdef class _Arguments:
     """What the core is given for the time of a call: structures that point into arrays."""
 
@@ -18,7 +23,7 @@ cdef class _Arguments:
 
     cdef const double *doubles(self, values) except NULL:
         cdef double *to
-        if isinstance(values, (list, tuple)):
+        if _is_flat(values):
             to = <double *>self.room(max(1, len(values)) * sizeof(double))
             for i, x in enumerate(values):
                 to[i] = x
@@ -31,7 +36,7 @@ cdef class _Arguments:
 
     cdef const int32_t *integers(self, values) except NULL:
         cdef int32_t *to
-        if isinstance(values, (list, tuple)):
+        if _is_flat(values):
             to = <int32_t *>self.room(max(1, len(values)) * sizeof(int32_t))
             for i, x in enumerate(values):
                 to[i] = x

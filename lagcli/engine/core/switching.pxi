@@ -60,25 +60,25 @@ cdef class SwitchingIntegrator(Integrator):
         r.nb, r.nh = len(pattern), sum(i >= 0 for i in split.places)
         r.row = given.integers([i for i, _ in pattern])
         r.column = given.integers([j for _, j in pattern])
-        r.functions = given.program(assemble(split.functions)) if split.rows else empty
-        r.limits = given.program(assemble(switching.limits)) if switching.limits.outputs else empty
+        r.functions = given.program(split.program(split.functions)) if split.rows else empty
+        r.limits = given.program(split.program(switching.limits)) if switching.limits.outputs else empty
         r.pattern_count = len(switching.limit_pattern)
         r.nl = (len(switching.limits.outputs) - 2 * r.pattern_count) // 2
         r.pattern_limit = given.integers([i for i, _ in switching.limit_pattern])
         r.pattern_row = given.integers([place[j] for _, j in switching.limit_pattern])
-        r.impact = given.program(assemble(switching.impact)) if switching.impact.outputs else empty
+        r.impact = given.program(split.program(switching.impact)) if switching.impact.outputs else empty
         r.nf, r.force_count = len(switching.force_coordinates), len(switching.force_pattern)
         r.force_coordinate = given.integers(switching.force_coordinates)
         r.force_row = given.integers([i for i, _ in switching.force_pattern])
         r.force_constraint = given.integers([j for _, j in switching.force_pattern])
-        r.forces = given.program(assemble(switching.forces)) if switching.forces else empty
+        r.forces = given.program(split.program(switching.forces)) if switching.forces else empty
         conditions, force_conditions = system.events, switching.force_conditions
         r.conditions = len(conditions.outputs) if conditions else 0
         r.force_conditions = len(force_conditions.outputs) if force_conditions else 0
         self.conditions = r.conditions + r.force_conditions
-        r.condition_functions = given.program(assemble(conditions)) if conditions else empty
+        r.condition_functions = given.program(split.program(conditions)) if conditions else empty
         r.force_condition_functions = (
-            given.program(assemble(force_conditions)) if force_conditions else empty
+            given.program(split.program(force_conditions)) if force_conditions else empty
         )
         either = {rule.condition for rule in switching.events if rule.either}
         r.either = given.integers([i in either for i in range(self.conditions)])
@@ -95,7 +95,7 @@ cdef class SwitchingIntegrator(Integrator):
         r.kinks, r.first_branch = self.kinks, self.first_branch
         r.whole = given.integers([x.whole for x in kinks])
         r.of_time = given.integers([x.timed for x in kinks])
-        r.kink_functions = given.program(assemble(frozen.functions)) if frozen else empty
+        r.kink_functions = given.program(split.program(frozen.functions)) if frozen else empty
         r.law_of_impact, r.closed = impacts, closed
         width = 6 + r.exported + 3 * self.nq + r.nc
         self.log = np.empty((max(log_rows, 8 * self.rows + 8), width))

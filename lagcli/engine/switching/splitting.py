@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Builder, Tape
 
@@ -40,6 +41,7 @@ class SplitSystem:
         left = set(range(len(system.constraints))).difference(self.rows)
         self.base = tuple(sorted(left))
         self.order = (*self.base, *self.rows)
+        self._programs: dict[int, tuple[Tape, Program]] = {}
 
     @cached_property
     def fixed(self) -> System:
@@ -73,6 +75,12 @@ class SplitSystem:
             nonlinear=tuple(number[k] for k in system.nonlinear if k in number),
             variation=None if variation is None else lambda: self._variation(variation()),
         )
+
+    def program(self, tape: Tape) -> Program:
+        """Return the program of one of the System's tapes, which is made once for all runs."""
+        if id(tape) not in self._programs:  # the tape is kept, and with it its identity
+            self._programs[id(tape)] = tape, assemble(tape)
+        return self._programs[id(tape)][1]
 
     @property
     def pattern(self) -> list[tuple[int, int]]:

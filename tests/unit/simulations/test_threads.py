@@ -133,3 +133,22 @@ def test_runs_in_threads_that_overlap_leave_no_limit(free):
             done.result(20)
     assert seen == [{1}, {1}]
     assert blas() == free
+
+
+def test_what_is_inside_does_not_look_for_the_libraries_again(free, monkeypatch) -> None:
+    import threadpoolctl
+
+    asked = []
+    limits = threadpoolctl.threadpool_limits
+    monkeypatch.setattr(
+        threadpoolctl, "threadpool_limits", lambda *a: asked.append(a) or limits(*a)
+    )
+    with one_thread():
+        with one_thread():
+            assert blas() == {1}
+        assert blas() == {1}
+    assert blas() == free
+    assert len(asked) == 1
+    with one_thread():
+        assert blas() == {1}
+    assert len(asked) == 2

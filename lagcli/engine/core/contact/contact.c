@@ -9,6 +9,7 @@
 #define MOST 1024    /* number of mode combinations that are tried one by one */
 #define ATTEMPTS 4   /* steps of the mode Newton method per row ... */
 #define FEWEST 8     /* ... and at least */
+#define CLEAR 2.0    /* rounding errors of the offset: beyond them its sign is known */
 
 typedef struct search {
     lag_contact_work work;
@@ -147,11 +148,28 @@ static void enumerate(search *s, int place, int solving)
     }
 }
 
+/* Solve for one contact, 0 <= x and 0 <= A x + b, where rounding does not decide. Returns whether that is so. */
+static int solve_single(const lag_contacts *p, lag_contact_motion *to)
+{
+    if (p->n != 1 || p->law[0] != LAG_UNILATERAL)
+        return 0;
+    const double a = p->matrix[0], b = p->offset[0];
+    if (!(a > 0.0) || !(fabs(b) > (p->rounding ? CLEAR * p->rounding[0] : 0.0)))
+        return 0;
+    const int holds = b < 0.0;
+    to->force[0] = holds ? -b / a : 0.0;
+    to->motion[0] = holds ? 0.0 : b;
+    to->mode[0] = holds ? LAG_HOLDS : LAG_OPEN;
+    return 1;
+}
+
 int lag_solve_contacts(
     const lag_contacts *problem, const int *present, void *memory, lag_contact_motion *first,
     lag_contact_motion *second)
 {
     search s = {.first = first, .second = second};
+    if (solve_single(problem, first))
+        return LAG_ONE_MOTION;
     lag_contact_prepare(&s.work, problem, memory);
     for (int k = 0; k < problem->n; ++k)
         s.preferred |= sticks_longer(problem, k);

@@ -80,10 +80,11 @@ static int shared(const lag_switching *sw, const lag_watched_function *w)
 int lag_watched_values(lag_run *run, double t, const double *y, double *values)
 {
     lag_switching *sw = &run->switching;
-    int rows = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
+    int gaps = 0, slips = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
     for (int k = 0; k < sw->watched_count; ++k) {
         const enum lag_watched what = sw->watched[k].what;
-        rows |= what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP;
+        gaps |= what == LAG_WATCH_GAP;
+        slips |= what == LAG_WATCH_SLIP;
         forces |= needs_forces(what);
         conditions |= what == LAG_WATCH_CONDITION || what == LAG_WATCH_TIME;
         force_conditions |= what == LAG_WATCH_FORCE_CONDITION;
@@ -92,7 +93,8 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
     }
     if (forces && lag_all_forces(run, t, y))
         return 1;
-    if (rows && (!forces || !sw->acting) && lag_find_rows(run, t, y))
+    if ((gaps || slips) && (!forces || !sw->acting)
+        && (slips ? lag_find_rows(run, t, y) : lag_find_gaps(run, t, y)))
         return 1;
     if (conditions)
         lag_evaluate(&sw->condition_tape, &run->system, t, y, LAG_ALL);
@@ -248,7 +250,9 @@ static double rounding_of(lag_switching *sw, const lag_watched_function *w)
 
 int lag_watched_ends(lag_run *run, double t, const double *y, const double *f, double *values, double *slopes)
 {
-    return lag_watched_values(run, t, y, values) || rates(run, t, y, f, values, slopes);
+    if (lag_watched_values(run, t, y, values) || (run->switching.rows && lag_find_rows(run, t, y)))
+        return 1;
+    return rates(run, t, y, f, values, slopes);
 }
 
 void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
