@@ -6,10 +6,13 @@
 
 #include "methods/method.h"
 #include "motion.h"
+#include "switching/rows.h"
 
-double lag_step_size(const lag_run *run)
+double lag_step_size(lag_run *run)
 {
     const double h = run->step.h;
+    if (run->switching.rows)
+        lag_forget_speeds(run);
     if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
     return run->step.t + 1.01 * h >= run->step.t_stop ? run->step.t_stop - run->step.t : h;
@@ -25,6 +28,8 @@ void lag_accept(lag_run *run, double h, double factor)
     run->step.h = fmin(factor < 1.0 ? h * factor : fmax(h * factor, run->step.h), run->step.h_max);
     run->step.dense_ready = 0;
     ++run->step.steps;
+    if (run->switching.rows)
+        lag_keep_speeds(run);
 }
 
 void lag_restart(lag_run *run)

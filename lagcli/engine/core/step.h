@@ -4,8 +4,8 @@
 
 #include "run.h"
 
-/* The size of the next step, limited by t_stop; 0 if it is below the minimum. */
-double lag_step_size(const lag_run *run);
+/* Begin to try a step. Returns its size, limited by t_stop; 0 if it is below the minimum. */
+double lag_step_size(lag_run *run);
 
 /* Accept a step of size h to y_new; the next is larger by a factor. */
 void lag_accept(lag_run *run, double h, double factor);

@@ -25,14 +25,13 @@ int lag_collides(const lag_run *run)
     return 0;
 }
 
-/* After an impact: which rows would bounce no higher than a gap that counts as none. Returns whether there
- * are any. */
+/* After an impact: which more rows would bounce no higher than a gap that counts as none. Returns whether
+ * there are any. */
 static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
 {
     lag_switching *sw = &run->switching;
     const double t = run->step.t, *y = run->step.y;
     int *mode = sw->trial_mode, any = 0;
-    memset(rests, 0, (size_t)sw->rows * sizeof(int));
     if (lag_find_rows(run, t, y))
         return 0;
     lag_states_of(run, sw->state);
@@ -40,7 +39,8 @@ static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
     if (lag_settle(run, t, y, sw->state, mode, sw->trial_force, sw->acceleration) != LAG_ONE_MOTION)
         return 0;
     for (int i = 0; i < sw->rows; ++i) {
-        if (sw->law[i] != LAG_UNILATERAL || !report->takes_part[i] || sw->psi[i] <= lag_no_speed(sw, i))
+        if (sw->law[i] != LAG_UNILATERAL || rests[i] || !report->takes_part[i]
+            || sw->psi[i] <= lag_no_speed(sw, i))
             continue;
         const double a = lag_along(run, i, sw->acceleration) - sw->gamma[i];
         rests[i] = a < 0.0 && sw->psi[i] * sw->psi[i] <= 2.0 * -a * lag_no_gap(sw, i);
@@ -60,7 +60,8 @@ int lag_do_collision(lag_run *run)
     memcpy(before, y, (size_t)lag_size(&run->system) * sizeof(double));
     memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
     int found = lag_collide(run, t, y, sw->rests, &report), rest = 0;
-    if (found >= 0 && found != LAG_NO_MOTION && falls_back(run, &report, sw->rests)) {
+    /* a row that comes to rest may move another, which then comes to rest too */
+    while (found >= 0 && found != LAG_NO_MOTION && falls_back(run, &report, sw->rests)) {
         rest = 1;
         memcpy(y, before, (size_t)lag_size(&run->system) * sizeof(double));
         found = lag_collide(run, t, y, sw->rests, &report);

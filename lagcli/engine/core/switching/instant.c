@@ -9,6 +9,7 @@
 #include "project.h"
 #include "sample.h"
 #include "sizes.h"
+#include "solution.h"
 #include "step.h"
 #include "switching/choice.h"
 #include "switching/collision.h"
@@ -80,6 +81,15 @@ static int note_ends(lag_run *run)
     return LAG_RUNNING;
 }
 
+/* Use dense factors at an instant, and in the step after it, if those of the static elimination are inaccurate
+ * there. At the ends of steps, lag_advance checks them. */
+static void choose_solution(lag_run *run, double t, const double *y)
+{
+    if (lag_solving_by(run) != LAG_BY_LU && lag_inaccuracy(run, t, y, 0) > lag_allowed_inaccuracy(run)
+        && lag_allow_dense(run, 1))
+        run->solver.dense_steps = 0;
+}
+
 int lag_look_for_instant(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -99,6 +109,7 @@ int lag_look_for_instant(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, sw->instant, sw->before);
+    choose_solution(run, sw->instant, sw->before);
     if (run->projection.active && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
         return status;
     if (lag_all_forces(run, sw->instant, sw->before)) /* as the mode ends */
@@ -245,7 +256,7 @@ int lag_do_instant(lag_run *run)
             return LAG_ENDLESS;
         if (lag_find_rows(run, t, y))
             return LAG_UNDEFINED;
-        lag_measure_gaps(run, t, y);
+        lag_measure_rows(run, t, y);
         if (sw->moved && violated(run))
             return LAG_VIOLATED;
         if (lag_collides(run)) {

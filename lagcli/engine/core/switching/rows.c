@@ -53,21 +53,34 @@ int lag_find_rows(lag_run *run, double t, const double *y)
         sw->drift[i] = sw->sign[i] * OUT(f, drift + i);
         sw->gamma[i] = sw->sign[i] * OUT(f, drift + n + i);
         sw->psi[i] = lag_along(run, i, y + nq) + sw->drift[i];
-        /* also where a step is only tried: at rest, that is what rounding errors are next to */
-        sw->speed[i] = fmax(sw->speed[i], OUT(f, drift + 2 * n + i));
+        sw->tried[i] = fmax(sw->tried[i], OUT(f, drift + 2 * n + i));
         sum += sw->phi[i] + sw->psi[i] + sw->gamma[i];
     }
     return !isfinite(sum);
 }
 
-void lag_measure_gaps(lag_run *run, double t, const double *y)
+void lag_measure_rows(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
-    const int scale = sw->nh + sw->nb + 3 * sw->rows;
+    const int speed = sw->nh + sw->nb + 2 * sw->rows, size = speed + sw->rows;
     lag_evaluate(&sw->functions, &run->system, t, y, LAG_ALL);
-    for (int i = 0; i < sw->rows; ++i)
+    for (int i = 0; i < sw->rows; ++i) {
+        sw->speed[i] = fmax(sw->speed[i], OUT(&sw->functions, speed + i));
         if (sw->place[i] >= 0)
-            sw->size[i] = fmax(sw->size[i], OUT(&sw->functions, scale + sw->place[i]));
+            sw->size[i] = fmax(sw->size[i], OUT(&sw->functions, size + sw->place[i]));
+    }
+}
+
+void lag_forget_speeds(lag_run *run)
+{
+    memset(run->switching.tried, 0, (size_t)run->switching.rows * sizeof(double));
+}
+
+void lag_keep_speeds(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    for (int i = 0; i < sw->rows; ++i)
+        sw->speed[i] = fmax(sw->speed[i], sw->tried[i]);
 }
 
 const double *lag_row_response(lag_run *run, int k)

@@ -16,8 +16,13 @@ int lag_find_gaps(lag_run *run, double t, const double *y);
 /* phi, psi, gamma and B of all rows. Returns 0, or 1 if they are not finite. */
 int lag_find_rows(lag_run *run, double t, const double *y);
 
-/* Update the scales of phi at a state of the motion. */
-void lag_measure_gaps(lag_run *run, double t, const double *y);
+/* Update the scales of phi and psi at a state of the motion. */
+void lag_measure_rows(lag_run *run, double t, const double *y);
+
+/* The scales of psi at the stages of a step: discard them, or keep them if the step is accepted. At rest, rounding
+ * errors are relative to them; in a rejected step, they may be unbounded. */
+void lag_forget_speeds(lag_run *run);
+void lag_keep_speeds(lag_run *run);
 
 /* B x of a row, x (nq). */
 double lag_along(const lag_run *run, int row, const double *x);

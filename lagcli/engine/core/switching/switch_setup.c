@@ -20,7 +20,7 @@ static void allocate(lag_run *run)
     const int watched = 2 * rows + 2 + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
                      &sw->takes_part, &sw->rests, &sw->came_to_rest, &sw->first_mode, &sw->tight};
-    double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed,
+    double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed, &sw->tried,
                           &sw->trial_force, &sw->slack};
     double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,
                            &sw->acceleration};

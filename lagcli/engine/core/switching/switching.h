@@ -112,6 +112,7 @@ typedef struct {
     /* at the last evaluated state */
     double *phi, *psi, *drift, *gamma; /* rows */
     double *size, *speed;              /* rows: the largest scales so far of phi, of psi */
+    double *tried;                     /* rows: of psi, in the step that is tried */
     double *jacobian;                  /* rows * nq */
     double *response;                  /* (rows + nf) * (nq + nc of the system) */
     double *force;                     /* rows + nf: z */

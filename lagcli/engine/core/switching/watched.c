@@ -147,7 +147,7 @@ static void measure(lag_run *run, double t, const double *y)
     lag_switching *sw = &run->switching;
     int kinks = 0;
     if (sw->rows)
-        lag_measure_gaps(run, t, y);
+        lag_measure_rows(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k)
         kinks |= sw->watched[k].what == LAG_WATCH_KINK;
     if (!kinks)
