@@ -214,6 +214,8 @@ int lag_advance(lag_run *run, long slice)
             return LAG_DONE;
         if (slice-- <= 0)
             return LAG_RUNNING;
+        if (run->solver.dense_steps)
+            --run->solver.dense_steps;
         status = run->method->step(run);
         if (status != LAG_RUNNING)
             return status;
@@ -234,8 +236,6 @@ int lag_advance(lag_run *run, long slice)
             take_back(run, SHORTER);
             continue;
         }
-        if (run->solver.dense_steps)
-            --run->solver.dense_steps;
         run->step.finishing = 1;
         if (over)
             return LAG_OVER;

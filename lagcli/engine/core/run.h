@@ -66,7 +66,7 @@ enum lag_solution { LAG_BY_LU, LAG_BY_TAPE, LAG_BY_LDL };
 
 typedef struct {
     enum lag_solution by;
-    long dense_steps;                  /* number of steps to take by dense LU */
+    long dense_steps;                  /* of steps to take by dense LU, one more: also up to the next one */
     int refinable;                     /* whether solutions may be refined before an order is replaced */
     int refining;                      /* whether y' needs a refined solution ... */
     int accurate_steps;                /* ... and the consecutive steps that would not have needed it */

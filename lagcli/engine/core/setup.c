@@ -160,7 +160,7 @@ int lag_use_dense(lag_run *run, const lag_program *dynamics)
 int lag_allow_dense(lag_run *run, long steps)
 {
     const long size = run->system.nq + 2 * run->system.nc - run->rows.rank;
-    run->solver.dense_steps = steps;
+    run->solver.dense_steps = steps ? steps + 1 : 0; /* with the dense output of the last one */
     if (!run->dense.matrix) {
         run->dense.matrix = lag_doubles(&run->pool, size * size);
         run->dense.lu = lag_doubles(&run->pool, size * size);

@@ -81,13 +81,15 @@ static int note_ends(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* Use dense factors at an instant, and in the step after it, if those of the static elimination are inaccurate
- * there. At the ends of steps, lag_advance checks them. */
-static void choose_solution(lag_run *run, double t, const double *y)
+/* Whether the linear system is solved accurately enough at an instant, for which a power series may use dense
+ * factors. At the ends of steps, lag_advance checks this. */
+static int accurate(lag_run *run, double t, const double *y)
 {
-    if (lag_solving_by(run) != LAG_BY_LU && lag_inaccuracy(run, t, y, 0) > lag_allowed_inaccuracy(run)
-        && lag_allow_dense(run, 1))
-        run->solver.dense_steps = 0;
+    if (lag_solving_by(run) == LAG_BY_LU || lag_inaccuracy(run, t, y, 0) <= lag_allowed_inaccuracy(run))
+        return 1;
+    run->failure.t = t;
+    memcpy(run->failure.y, y, (size_t)lag_size(&run->system) * sizeof(double));
+    return run->stepped->uses_series && !lag_allow_dense(run, 1);
 }
 
 int lag_look_for_instant(lag_run *run)
@@ -109,7 +111,8 @@ int lag_look_for_instant(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, sw->instant, sw->before);
-    choose_solution(run, sw->instant, sw->before);
+    if (!accurate(run, sw->instant, sw->before))
+        return LAG_INACCURATE;
     if (run->projection.active && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
         return status;
     if (lag_all_forces(run, sw->instant, sw->before)) /* as the mode ends */
