@@ -25,6 +25,7 @@ typedef struct {
     double *stages;                    /* 16 n */
     double *dense;                     /* 7 n */
     int dense_ready;
+    int dense_inaccurate;              /* at (failure.t, failure.y), where an instant is searched for */
     int finishing;                     /* the last step is accepted and not yet sampled */
     double *trial;                     /* n: scratch */
     double *work;                      /* 2 N, 2 n and 3 nc: scratch */

@@ -26,7 +26,7 @@ void lag_accept(lag_run *run, double h, double factor)
     run->step.t = h == run->step.t_stop - run->step.t ? run->step.t_stop : run->step.t + h;
     /* a step that was cut short does not reduce the next one */
     run->step.h = fmin(factor < 1.0 ? h * factor : fmax(h * factor, run->step.h), run->step.h_max);
-    run->step.dense_ready = 0;
+    run->step.dense_ready = run->step.dense_inaccurate = 0;
     ++run->step.steps;
     if (run->switching.rows)
         lag_keep_speeds(run);

@@ -132,9 +132,15 @@ static void add_dense_stages(lag_run *run)
         add_stages(run, run->step.y_old, run->step.stages, dop_a[i], i, h, trial);
         /* undefined values cannot arise: the step around it was accepted; if they do, the
          * sample's own check finds them */
-        if (lag_derivative(run, run->step.t_old + dop_c[i] * h, trial, run->step.stages + i * s))
+        const double t = run->step.t_old + dop_c[i] * h;
+        if (lag_derivative(run, t, trial, run->step.stages + i * s))
             for (int m = 0; m < n; ++m)
                 run->step.stages[i * s + m] = NAN;
+        else if (run->switching.used && lag_inaccuracy(run, t, trial, 0) > lag_allowed_inaccuracy(run)) {
+            run->step.dense_inaccurate = 1;
+            run->failure.t = t;
+            memcpy(run->failure.y, trial, (size_t)n * sizeof(double));
+        }
     }
     run->step.dense_ready = ALL_STAGES;
 }

@@ -98,6 +98,10 @@ int lag_look_for_instant(lag_run *run)
     const size_t n = (size_t)lag_size(&run->system);
     if (!sw->located) {
         const int found = lag_find_instant(run);
+        if (run->step.dense_inaccurate) {
+            run->step.dense_ready = run->step.dense_inaccurate = 0;
+            return LAG_INACCURATE;
+        }
         if (found <= 0) {
             if (found < 0) {
                 run->failure.t = run->step.t;

@@ -225,6 +225,8 @@ int lag_find_instant(lag_run *run)
             for (int k = 0; k < count; ++k)
                 nodes[k * NODES + i] = sw->values[k];
         }
+        if (run->step.dense_inaccurate)
+            return 0;
         sw->instant = first_of_all(run, nodes);
         if (sw->instant < INFINITY)
             return 1;

@@ -5,8 +5,8 @@
 #include "run.h"
 
 /* Look for the first instant of the last step at which a watched function becomes negative. Returns 1 with
- * `instant` and `hit` set; 0 where there is none, and the next step is ready to be watched; -1 where
- * something is undefined. */
+ * `instant` and `hit` set; 0 if there is none, and the next step is ready to be watched, or if the dense output is
+ * inaccurate; -1 if something is undefined. */
 int lag_find_instant(lag_run *run);
 
 #endif
