@@ -34,7 +34,8 @@ def fall(restitution: float, rotation: list[float], spin: list[float], **setting
     found = lagcli.simulate(lagcli.load_text(text), t_end=4, samples=41, **settings)
     assert found.status == "completed", found.message
     energy = np.abs(found.energy_total).max()
-    assert np.abs(found.energy_balance).max() < 1e-8 * energy
+    # a closed contact moves the box by up to 1e-9 of the gap's terms
+    assert np.abs(found.energy_balance).max() < 5e-8 * energy
     check_rest(found)
 
 

@@ -313,9 +313,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         const double rounding = rounding_of(sw, w);
         if (found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(found[k], 0.0);
-        else if (w->what == LAG_WATCH_GAP) /* a projection onto other rows may leave a negative gap that opens */
-            w->shift = fmax(-found[k], 0.0);
-        w->noise = found[k] < rounding ? rounding : 0.0;
+        w->noise = found[k] < rounding ? fmax(rounding, -found[k]) : 0.0;
         w->value = fmax(found[k] + w->shift, 0.0);
         w->rate = slopes[k];
     }
