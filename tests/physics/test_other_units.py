@@ -262,3 +262,21 @@ def test_given_tolerances_stay_what_they_are() -> None:
     assert found["x"] == 1e-12
     # 0.1 rtol times the largest velocity
     assert found["x'"] == pytest.approx(1e-10 * 20e-9 * 2 * math.pi * 1e3, rel=1e-3)
+
+
+@pytest.mark.parametrize(("length", "time"), [(1e6, 1e12), (1.0, 1e10), (1e-9, 1e-6)])
+def test_bouncing_ball_in_other_units(length: float, time: float) -> None:
+    """The number of impacts and the time of rest, t1 (1 + e)/(1 − e), do not depend on units."""
+    text = """
+coordinates: [y]
+parameters: {{m: 2, g: {g!r}, e: 0.8, h: {h!r}}}
+T: m/2*y'^2
+V: m*g*y
+constraints: {{floor: {{expr: y >= 0, restitution: e}}}}
+initial: {{y: h, y': 0}}
+"""
+    model = lagcli.load_text(text.format(g=9.81 * length / time**2, h=length))
+    found = lagcli.simulate(model, t_end=5 * time, samples=11)
+    assert found.events is not None
+    assert found.events.kinds == ("impact",) * 47 + ("rest",)
+    assert found.events.time[-1] / time == pytest.approx(9 * (2 / 9.81) ** 0.5, rel=1e-9)

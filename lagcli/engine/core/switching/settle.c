@@ -7,7 +7,7 @@
 #include "switching/rows.h"
 
 #define NO_SPEED 1e-11      /* of the largest terms of psi so far: zero velocity ... */
-#define NO_SPEED_OF_GAP 1e-3 /* ... and of the tolerance of a closed gap, per second */
+#define HORIZON 1e-3        /* of the duration of the run: how long an acceleration acts in these terms */
 #define GAINED 1e-9         /* of the terms of the energy: gain of an impact due to rounding */
 #define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
@@ -20,7 +20,7 @@ double lag_no_gap(const lag_switching *sw, int row)
 
 double lag_no_speed(const lag_switching *sw, int row)
 {
-    return NO_SPEED * sw->speed[row] + NO_SPEED_OF_GAP * lag_no_gap(sw, row);
+    return NO_SPEED * sw->speed[row];
 }
 
 /* Arrays for a problem of at most rows + nf, in sw->contacts. */
@@ -116,6 +116,21 @@ static int list(const lag_switching *sw, const int *state, int *rows, int *law)
     return n;
 }
 
+/* Raise the scales of psi to what accelerations do: also where velocities are zero but for rounding. */
+static void measure_speeds(lag_run *run, const double *a)
+{
+    lag_switching *sw = &run->switching;
+    const int nq = run->system.nq;
+    const double time = HORIZON * (run->step.t_end - run->step.t_start);
+    for (int i = 0; i < sw->rows; ++i) {
+        double terms = 0.0;
+        for (int j = 0; j < nq; ++j)
+            terms += fabs(sw->jacobian[i * nq + j] * a[j]);
+        if (isfinite(terms))
+            sw->speed[i] = fmax(sw->speed[i], time * terms);
+    }
+}
+
 int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a)
 {
     lag_switching *sw = &run->switching;
@@ -189,6 +204,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
         if (change <= FORCE_EXACT * largest)
             break;
     }
+    measure_speeds(run, a);
     for (int i = 0; i < sw->rows; ++i)
         mode[i] = LAG_OPEN;
     for (int i = 0; i < n; ++i)
