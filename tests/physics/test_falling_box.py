@@ -1,4 +1,4 @@
-"""A box that falls on a floor: eight contacts, of which four that depend on each other hold at the end."""
+"""A box that falls on a floor: eight contacts, of which four redundant ones hold at the end."""
 
 from __future__ import annotations
 
