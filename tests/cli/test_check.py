@@ -7,6 +7,7 @@ import fastjsonschema
 import pytest
 
 from lagcli.cli.app import run
+from lagcli.errors import display_width
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
@@ -28,7 +29,7 @@ def lagcli(capsys):
 def test_the_page_fits_eighty_columns_and_says_what_is_redundant(lagcli):
     status, out, err = lagcli("check", MODELS / "parallelogram.yaml")
     assert (status, err) == (0, "")
-    assert max(map(len, out.splitlines())) <= 80
+    assert max(map(display_width, out.splitlines())) <= 80
     assert "4 − 3 = 1" in out
     words = " ".join(out.split())
     assert "1 of right_x, right_y, middle_x, middle_y follows from the others." in words

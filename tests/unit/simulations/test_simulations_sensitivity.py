@@ -56,7 +56,7 @@ def test_a_start_near_another_stays_on_its_branch() -> None:
 
 
 def test_fixed_values_that_hold_for_one_value_alone() -> None:
-    with pytest.raises(ModelError, match="for this value of `l` alone") as error:
+    with pytest.raises(ModelError, match="for this value of `l` only") as error:
         derivatives(("l",), x="1.6")
     (found,) = error.value.diagnostics
     assert "`x: {guess: 1.6}`" in found.help
