@@ -317,7 +317,10 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
         for name, kinds in found["counts"].items()
     )
     sentences = ["; ".join(counts)]
-    sentences += [f"note: {Rest(**rest)}" for rest in found["rests"]]
+    rests = [f"note: {Rest(**rest)}" for rest in found["rests"]]
+    sentences += rests[:_LISTED]
+    if len(rests) > _LISTED:
+        sentences.append(f"note: contacts came to rest {len(rests) - _LISTED} more times")
     sentences += _at_end(found["at_end"])
     few = ((name, of) for name, of in found["recorded"].items() if of["last"] is not None)
     sentences += [_recorded(name, of) for name, of in few]

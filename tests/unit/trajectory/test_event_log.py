@@ -86,6 +86,14 @@ def test_a_log_without_sense_is_rejected(change: dict[str, object], message: str
         log.check()
 
 
+def test_long_lists_of_contacts_at_rest_are_cut() -> None:
+    found = make_log().to_mapping()
+    found["rests"] = [{"name": "floor", "time": float(k), "impacts": 1} for k in range(3000)]
+    notes = [text for text in event_sentences(found) if text.startswith("note: ")]
+    assert len(notes) == 9
+    assert notes[-1] == "note: contacts came to rest 2992 more times"
+
+
 def test_what_holds_at_the_end() -> None:
     log = make_log(entries=((0.1, "floor", "closes"), (0.2, "floor.slip", "slips")))
     for modes, said in (
