@@ -114,8 +114,8 @@ static void add_derivatives_side(lag_run *run)
     }
 }
 
-/* Record the state at which the equations are not finite. Returns 1. */
-static int undefined(lag_run *run, double t, const double *y)
+/* Record the state at which the equations are not finite, or not solved accurately. Returns 1. */
+static int failed(lag_run *run, double t, const double *y)
 {
     run->failure.t = t;
     memcpy(run->failure.y, y, (size_t)lag_size(&run->system) * sizeof(double));
@@ -125,10 +125,10 @@ static int undefined(lag_run *run, double t, const double *y)
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
 {
     if (run->switching.used && run->switching.kinks.slides >= 0)
-        return lag_slide(run, t, y, refined, power) ? undefined(run, t, y) : 0;
+        return lag_slide(run, t, y, refined, power) ? failed(run, t, y) : 0;
     if (lag_accelerate_system(run, t, y, refined, power))
         return 1;
-    return run->switching.acting && lag_add_forces(run, t, y, power) ? undefined(run, t, y) : 0;
+    return run->switching.acting && lag_add_forces(run, t, y, power) ? failed(run, t, y) : 0;
 }
 
 /* Evaluate f and gamma of the derivatives, for a and lambda of the motion in x. */
@@ -197,7 +197,7 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
     if (!bad && s->blocks > 1 && !(own && s->complete && !refined))
         bad = !isfinite(accelerate_derivatives(run, t, y, refined, x));
     if (bad)
-        return undefined(run, t, y);
+        return failed(run, t, y);
     if (own) {
         *power = OUT(d, lag_first_total_power(s));
         return 0;
@@ -228,7 +228,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     lag_evaluate(d, s, t, y, LAG_ALL);
     f[2 * nq] = OUT(d, lag_first_total_power(s));
     const int32_t *places = d->outputs + lag_first_solution(s);
-    return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
+    return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : failed(run, t, y);
 }
 
 double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
@@ -282,6 +282,11 @@ double lag_contradiction(lag_run *run, double t, const double *y)
 double lag_allowed_inaccuracy(const lag_run *run)
 {
     return fmin(fmax(ACCURATE * run->tolerances.rtol, MOST_ACCURATE), LEAST_ACCURATE);
+}
+
+int lag_is_accurate(lag_run *run, double t, const double *y)
+{
+    return lag_inaccuracy(run, t, y, 0) <= lag_allowed_inaccuracy(run) || !failed(run, t, y);
 }
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)

@@ -51,6 +51,9 @@ double lag_contradiction(lag_run *run, double t, const double *y);
 /* How far a and lambda may be from satisfying them. */
 double lag_allowed_inaccuracy(const lag_run *run);
 
+/* Whether they satisfy them that well at a state, which is recorded as that of a failure if they do not. */
+int lag_is_accurate(lag_run *run, double t, const double *y);
+
 /* The 2-norm of x over the tolerances at y and z: every component within its own where <= 1. */
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z);
 

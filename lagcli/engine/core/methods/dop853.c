@@ -136,11 +136,8 @@ static void add_dense_stages(lag_run *run)
         if (lag_derivative(run, t, trial, run->step.stages + i * s))
             for (int m = 0; m < n; ++m)
                 run->step.stages[i * s + m] = NAN;
-        else if (run->switching.used && lag_inaccuracy(run, t, trial, 0) > lag_allowed_inaccuracy(run)) {
+        else if (run->switching.used && !lag_is_accurate(run, t, trial))
             run->step.dense_inaccurate = 1;
-            run->failure.t = t;
-            memcpy(run->failure.y, trial, (size_t)n * sizeof(double));
-        }
     }
     run->step.dense_ready = ALL_STAGES;
 }

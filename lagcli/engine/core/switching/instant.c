@@ -9,7 +9,6 @@
 #include "project.h"
 #include "sample.h"
 #include "sizes.h"
-#include "solution.h"
 #include "step.h"
 #include "switching/choice.h"
 #include "switching/collision.h"
@@ -81,17 +80,6 @@ static int note_ends(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* Whether the linear system is solved accurately enough at an instant, for which a power series may use dense
- * factors. At the ends of steps, lag_advance checks this. */
-static int accurate(lag_run *run, double t, const double *y)
-{
-    if (lag_solving_by(run) == LAG_BY_LU || lag_inaccuracy(run, t, y, 0) <= lag_allowed_inaccuracy(run))
-        return 1;
-    run->failure.t = t;
-    memcpy(run->failure.y, y, (size_t)lag_size(&run->system) * sizeof(double));
-    return run->stepped->uses_series && !lag_allow_dense(run, 1);
-}
-
 int lag_look_for_instant(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -115,7 +103,8 @@ int lag_look_for_instant(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, sw->instant, sw->before);
-    if (!accurate(run, sw->instant, sw->before))
+    if (!lag_is_accurate(run, sw->instant, sw->before) /* a power series cannot wait for another elimination */
+        && !(run->stepped->uses_series && !lag_allow_dense(run, 1)))
         return LAG_INACCURATE;
     if (run->projection.active && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
         return status;

@@ -12,7 +12,6 @@
 #include "switching/rows.h"
 #include "switching/watched.h"
 
-#define SOON 1e-3           /* of a step: time after which a growing function is positive beyond rounding */
 #define CLEAR 0.1           /* of a cubic's range: a function above that is positive */
 #define TOGETHER 1e-12      /* of the time, or of the step: roots at one instant */
 #define EXACT 1e-14         /* of the step, in addition to the rounding of the time: accuracy of a root */

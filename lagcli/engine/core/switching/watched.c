@@ -10,7 +10,6 @@
 
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
-#define SOON 1e-3           /* of a step: time after which a growing function is positive beyond rounding */
 #define REARMED 1e-10       /* of the largest value of a condition: how far it must fall below zero before it can
                                become true again */
 #define SHIFT 1e-7          /* of a step: interval of difference quotients */

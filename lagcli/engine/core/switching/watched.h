@@ -4,6 +4,8 @@
 
 #include "run.h"
 
+#define SOON 1e-3           /* of a step: time after which a growing function is positive beyond rounding */
+
 /* Begin to watch what the modes at (t, y), where y' is f, ask for. All count as positive there but
  * conditions, whose states are as `condition` says. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f);
