@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from lagcli.errors import ModelError
+from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
@@ -46,6 +46,7 @@ def load(
     path: str | Path,
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
+    drawn: bool = True,
 ) -> Model:
     """Load and check a model file.
 
@@ -58,6 +59,9 @@ def load(
     set_initial : mapping of coordinate or velocity names to values, optional
         Initial values that override the file's; a guess is written ``"{guess: 0.3}"``, as in the
         file.
+    drawn : bool
+        Whether errors in the view are errors of the model. Otherwise, a view with errors is left
+        out, and `Model.view_errors` lists them.
 
     Returns
     -------
@@ -71,7 +75,7 @@ def load(
         The file is not a valid model; contains all diagnostics.
     """
     text, name = read_text(path)
-    return load_text(text, name, set, set_initial)
+    return load_text(text, name, set, set_initial, drawn=drawn)
 
 
 def load_text(
@@ -80,6 +84,7 @@ def load_text(
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
     data: Mapping[str, InputData] | None = None,
+    drawn: bool = True,
 ) -> Model:
     """Load and check the text of a model file; see `load`.
 
@@ -90,7 +95,7 @@ def load_text(
     with _without_gc():
         root, diagnostics = compose(source)
         draft = Draft(source, root, Diagnostics(diagnostics))
-        return _model(draft, set or {}, set_initial or {}, data or {})
+        return _model(draft, set or {}, set_initial or {}, data or {}, drawn)
 
 
 @contextmanager
@@ -124,6 +129,7 @@ def _model(
     overrides: Mapping[str, object],
     initial_overrides: Mapping[str, object],
     data: Mapping[str, InputData],
+    drawn: bool,
 ) -> Model:
     check_keys(draft, keys_of(MODEL))
     functions = read_functions(draft)
@@ -183,7 +189,18 @@ def _model(
         known = EventNames(constants, parameters, definitions, constraints, outputs)
         events = read_events(draft, known)
     settings, settings_need = read_settings(draft, constants)
-    view = read_view(draft, constants, definitions, constraints)
+    view_errors: tuple[Diagnostic, ...] = ()
+    if drawn:
+        view = read_view(draft, constants, definitions, constraints)
+    else:
+        essential, draft.report = draft.report, Diagnostics([])
+        view = None
+        try:
+            view = read_view(draft, constants, definitions, constraints)
+            draft.report.finish()
+        except ModelError as error:
+            view, view_errors = None, tuple(error.diagnostics)
+        draft.report = essential
     fit = None
     if draft.get("fit") is not None:
         from lagcli.model.sections.fit import read_fit
@@ -220,6 +237,7 @@ def _model(
         set=dict(overrides),
         set_initial=dict(initial_overrides),
         view=view,
+        view_errors=view_errors,
         fit=fit,
         events=events,
         closed=closed,

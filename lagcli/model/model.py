@@ -12,7 +12,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import ColumnName
-from lagcli.errors import SourceLocation
+from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
@@ -311,7 +311,7 @@ class Model:
     ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
     quantities, as they follow from the text. ``closed`` are the contacts that the initial values
     state to be closed, ``left_out`` the components of vector constraints that hold for all values
-    of the coordinates.
+    of the coordinates, ``view_errors`` the errors of a view that is left out.
     """
 
     name: str
@@ -339,6 +339,7 @@ class Model:
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
     view: View | None = None
+    view_errors: tuple[Diagnostic, ...] = ()
     units: ModelUnits = NO_UNITS
     fit: FitBlock | None = None
     events: tuple[ModelEvent, ...] = ()

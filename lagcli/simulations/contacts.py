@@ -10,6 +10,7 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.scales import least_scales
 from lagcli.engine.state import State
 from lagcli.engine.switching.switching import SwitchedRow, Switching
 from lagcli.engine.system import System
@@ -19,6 +20,10 @@ from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import Model, multiplier
 from lagcli.model.yaml.source import Scalar
+from lagcli.settings.settings import DEFAULTS
+
+#: Of the duration of a run: how long velocities and accelerations act in the scale of a gap.
+_HORIZON = 1e-3
 
 
 def check_contacts(model: Model, system: System, state: State, closed: float) -> None:
@@ -31,7 +36,8 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
         With ``switching``.
     state : State
     closed : float
-        Gap below which a contact counts as closed, relative to the scale of its φ.
+        Gap below which a contact counts as closed, relative to the scale of its φ: of its terms, or
+        of the motion, if the terms vanish.
 
     Raises
     ------
@@ -41,20 +47,39 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
     assert system.switching is not None
     if not system.switching.rows:
         return
-    constraints = Evaluator(system, state.p).constraints(state.t, state.q, state.v)
+    evaluator = Evaluator(system, state.p)
+    constraints = evaluator.constraints(state.t, state.q, state.v)
     found = []
     for row in system.switching.rows:
         if not row.sign or not row.active:
             continue
         place = system.holonomic.index(row.row)
         gap = row.sign * constraints.position[place]
-        if gap < -closed * constraints.position_scale[place]:
+        if gap < -closed * constraints.position_scale[place] and gap < -closed * _scale(
+            model, evaluator, state, row.row
+        ):
             slopes = row.sign * constraints.jacobian[row.row]
             found.append(_violated(model, row, gap, slopes))
     found += _bad_coefficients(model, system.switching, state)
     if found:
         found.sort(key=lambda d: (d.location.line, d.location.column) if d.location else (0, 0))
         raise ModelError(found)
+
+
+def _scale(model: Model, evaluator: Evaluator, state: State, row: int) -> float:
+    """Return the scale of a gap by the size of the system and by how far the gap moves.
+
+    In a state that a run has reached, all terms of a gap may be rounding errors.
+    """
+    c = evaluator.constraints(state.t, state.q, state.v)
+    d = evaluator.dynamics(state.t, state.q, state.v)
+    inertia, b = evaluator.system.inertia(np.diag(d.mass_matrix)), c.jacobian[row]
+    own = float(least_scales(inertia, b[None], state.q)[0])
+    end = model.settings.t_end or DEFAULTS.t_end or 0.0
+    time = _HORIZON * abs(end - state.t)
+    compliance = np.divide(1.0, inertia, out=np.zeros(len(inertia)), where=inertia > 0)
+    fall = float(np.abs(b) @ (compliance * np.abs(d.forcing)))
+    return max(own, c.velocity_scale[row] * time, fall * time**2 / 2)
 
 
 def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -> None:

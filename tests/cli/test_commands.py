@@ -424,6 +424,36 @@ def test_plain_surroundings(surroundings: dict[str, str]) -> None:
         assert done.stderr == ""
 
 
+@pytest.mark.parametrize(
+    "view",
+    [
+        "{points: {P: [phi, 0], O: [0, 0]}, rods: [O-Q]}",
+        "{points: {P: [phi, nothing]}}",
+        "{rods: [O-P]}",
+        "[P]",
+        "{points: {P: [phi, 0]}, vectors: {F: {at: P, force: nothing}}}",
+        "{points: {P: [" + "a + " * 60 + "phi, 0]}}",
+    ],
+)
+def test_derive_prints_the_equations_of_a_model_whose_view_has_an_error(
+    here: Here, tmp_path: Path, view: str
+) -> None:
+    plain = "{coordinates: [phi], T: phi'^2/2, V: phi^2/2, initial: {phi: 1, phi': 0}}"
+    plain_file, drawn, wrong = (str(tmp_path / f"{x}.yaml") for x in ("plain", "drawn", "wrong"))
+    Path(plain_file).write_text(plain)
+    Path(drawn).write_text(f"{plain[:-1]}, name: plain, view: {view}}}")
+    assert here("derive", plain_file) == 0
+    expected = here.out
+    assert here("derive", drawn) == 0
+    assert here.out == expected
+    assert "drawn.yaml:1:" in here.err
+    assert "warning[" in here.err
+    assert here("check", drawn) == 2
+    Path(wrong).write_text(f"{plain[:-1]}, Q: {{x: 1}}, view: {view}}}")
+    assert here("derive", wrong) == 2
+    assert here.err.count("error[") == 1
+
+
 @pytest.mark.parametrize("command", ["derive", "simulate", "play", "info"])
 def test_help_shows_every_option_with_its_text(here: Here, command: str) -> None:
     from lagcli.cli.app import program

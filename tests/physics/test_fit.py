@@ -159,10 +159,21 @@ def test_a_bound_that_is_active_is_reported(tmp_path: Path) -> None:
     block = BOTH.replace("c: {}", "c: {max: 0.25}")
     found = lagcli.fit(model(tmp_path, block))
     assert found.active == ("", "", "max", "")
-    assert found.values[2] == pytest.approx(0.25, rel=1e-5)
+    assert found.values[2] == 0.25
     assert np.isnan(found.standard_errors[2])
     assert np.isfinite(found.standard_errors[:2]).all()
     assert any("c lies on its bound `max` 0.25" in x for x in found.warnings)
+
+
+def test_a_value_on_its_bound_is_the_bound(tmp_path: Path) -> None:
+    # the search only approaches the bound: "on its bound `min` 3.9e-39"
+    measured(tmp_path, c=-0.05)
+    block = BOTH.replace("c: {}", "c: {min: 0}")
+    for start in (0.2, 1e-9):
+        found = lagcli.fit(model(tmp_path, block, set={"c": start}))
+        assert found.active[2] == "min"
+        assert found.values[2] == found.parameters["c"] == 0.0
+        assert any("c lies on its bound `min` 0;" in x for x in found.warnings)
 
 
 def test_profile_intervals_are_walds_where_the_model_is_almost_linear(tmp_path: Path) -> None:

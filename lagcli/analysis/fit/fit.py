@@ -198,10 +198,12 @@ def _result(
     level: float,
     began: float,
 ) -> FitResult:
-    evaluation, shown = best.evaluation, problem.experiments[0]
-    assert evaluation is not None
+    shown = problem.experiments[0]
     names = shown.directions.names
     active = _active(best.values, problem)
+    best = _at_bounds(best, active, problem)
+    evaluation = best.evaluation
+    assert evaluation is not None
     free = np.array([not bound for bound in active])
     sure = uncertainty(
         evaluation.residuals, evaluation.jacobian, best.values, names, free, estimated
@@ -266,6 +268,22 @@ def _active(values: Array, problem: Problem) -> tuple[str, ...]:
         "min" if value - low <= gap else "max" if high - value <= gap else ""
         for value, low, high, gap in zip(values, problem.low, problem.high, near, strict=True)
     )
+
+
+def _at_bounds(best: Found, active: tuple[str, ...], problem: Problem) -> Found:
+    """Return a result with the values that lie on a bound equal to it, if the model runs there.
+
+    The search approaches a bound without reaching it.
+    """
+    limits = {"min": problem.low, "max": problem.high, "": best.values}
+    values = np.array([limits[bound][i] for i, bound in enumerate(active)])
+    if (values == best.values).all():
+        return best
+    evaluation = problem.evaluate(values)
+    if evaluation is None:
+        return best
+    cost = 0.5 * float(evaluation.residuals @ evaluation.residuals)
+    return best._replace(values=values, cost=cost, evaluation=evaluation)
 
 
 def _fitted(experiment: Experiment, values: Array, sigma: float) -> FittedData:

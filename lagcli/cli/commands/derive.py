@@ -105,9 +105,10 @@ def derive(
     target = None if output in (None, "-") else output
     if target is not None:
         check_writable(target, force)
-    loaded = load(model, set=assignments("--set", set))
+    loaded = load(model, set=assignments("--set", set), drawn=False)
     if not quiet:
-        for warning in invalid_latex_warnings(loaded):
+        ignored = [error._replace(severity="warning") for error in loaded.view_errors]
+        for warning in [*ignored, *invalid_latex_warnings(loaded)]:
             print(warning.render(), file=sys.stderr)
     equations = derive_equations(loaded)
     start = ModelStart(equations)
