@@ -368,3 +368,107 @@ def test_motion_without_equilibrium_is_an_error() -> None:
     crank = lagcli.load(MODELS / "bead_on_rotating_hoop.yaml")
     with pytest.raises(UsageError, match="the constraints determine phi'"):
         lagcli.equilibrium(crank, steady={"phi'": 1.0})
+
+
+#: A bead on a parabola that rotates about its vertical axis (Greenwood).
+ROTATING_PARABOLA = """
+coordinates: {x: m, y: m}
+parameters: {m: 1 kg, k: 0.8 1/m, g: 9.81 m/s^2, Omega: 3 rad/s}
+T: m/2*(x'^2 + y'^2 + Omega^2*x^2)
+V: m*g*y
+constraints: {wire: y = k*x^2}
+initial: {x: {guess: 0.1}, y: {guess: 0}, x': 0, y': {guess: 0}}
+"""
+
+
+def test_a_line_of_equilibria_is_named_and_ends_after_some_points() -> None:
+    # at Ω² = 2 g k every point of the wire is an equilibrium
+    model = lagcli.load_text(ROTATING_PARABOLA)
+    diagram = lagcli.follow_equilibria(model, "Omega", 3.0, 5.0, branches=True)
+    (point,) = diagram.special
+    assert (point.kind, point.crossing) == ("branch point", "line of equilibria")
+    assert point.stability == ("stable", "unstable")
+    assert point.parameter == pytest.approx(math.sqrt(2 * 9.81 * 0.8), rel=1e-12)
+    main, *lines = diagram.branches
+    assert not main.line
+    assert len(lines) == 2
+    for line in lines:
+        assert line.line
+        assert len(line.parameter) < 100
+        np.testing.assert_allclose(line.parameter, point.parameter, rtol=1e-12)
+        np.testing.assert_allclose(line.q[:, 1], 0.8 * line.q[:, 0] ** 2, rtol=1e-9)
+        assert set(line.stability) == {"undecided"}
+    # and if the branch begins there
+    begun = lagcli.follow_equilibria(model, "Omega", point.parameter, 5.0)
+    assert [branch.line for branch in begun.branches] == [True]
+    assert not begun.special
+
+
+@pytest.mark.parametrize("shape", ["x^2", "1 - cos(x)", "x^2 + x^3", "exp(x) - x"])
+def test_lines_of_equilibria_of_other_potentials(shape: str) -> None:
+    # V = (s − 2) f(x): at s = 2 every x is an equilibrium
+    text = (
+        f"coordinates: [x, y]\nparameters: {{s: 1}}\nT: (x'^2 + y'^2)/2\n"
+        f"V: (s - 2)*({shape}) + (y - x/2)^2\ninitial: {{x: 0, y: 0, x': 0, y': 0}}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 1.0, 3.3, branches=True)
+    (point,) = diagram.special
+    assert (point.kind, point.crossing) == ("branch point", "line of equilibria")
+    assert point.parameter == pytest.approx(2.0, rel=1e-12)
+    assert [branch.line for branch in diagram.branches] == [False, True, True]
+
+
+def test_a_high_order_pitchfork_is_no_line_of_equilibria() -> None:
+    # x = 0 and x⁴ = s − 1
+    text = (
+        "coordinates: [x]\nparameters: {s: 0.5}\nT: x'^2/2\nV: x^6/6 - (s - 1)*x^2/2\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.5, 1.5, branches=True)
+    (point,) = diagram.special
+    assert point.crossing == "pitchfork"
+    assert not any(branch.line for branch in diagram.branches)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_upright_disks_roll_stably_above_the_speed_of_the_closed_form(seed: int) -> None:
+    # C (C + m r²) φ'² = m g r A: Neimark, Fufaev 1972, ch. III; φ'² = g/(3r) for a thin disk
+    random = np.random.default_rng(seed)
+    m, r, g = random.uniform(0.1, 5), random.uniform(0.05, 1), random.uniform(1, 20)
+    a, c = (0.25, 0.5) if seed == 0 else (random.uniform(0.1, 0.5), random.uniform(0.2, 1.0))
+    a, c = a * m * r**2, c * m * r**2
+    critical = math.sqrt(m * g * r * a / (c * (c + m * r**2)))
+    if seed == 0:
+        assert critical == pytest.approx(math.sqrt(g / (3 * r)))
+    values = {"m": f"{m} kg", "r": f"{r} m", "g": f"{g} m/s^2"}
+    values |= {"A": f"{a} kg*m^2", "C": f"{c} kg*m^2"}
+    model = lagcli.load(MODELS / "rolling_disk.yaml", set=values, set_initial={"theta": "0 rad"})
+    limits = critical * random.uniform(0.2, 0.8), critical * random.uniform(1.2, 3)
+    diagram = lagcli.follow_equilibria(model, "phi'", *limits, steady={"psi'": 0.0})
+    (point,) = diagram.special
+    assert (point.kind, point.stability) == ("divergence", ("unstable", "linearly stable"))
+    assert point.parameter == pytest.approx(critical, rel=1e-10)
+    (branch,) = diagram.branches
+    for value, verdict in zip(branch.parameter[::13], branch.stability[::13], strict=True):
+        (one,) = lagcli.equilibrium(model, steady={"phi'": value, "psi'": 0.0}).equilibria
+        assert one.stability.verdict == verdict
+
+
+@pytest.mark.parametrize("c", [0.3, 1.0, 7.0])
+def test_gyroscopic_stabilization_ends_at_a_located_point(c: float) -> None:
+    # x'' − s y' = c x, y'' + s x' = c y: stable for s² > 4 c
+    text = (
+        f"coordinates: [x, y]\nparameters: {{s: 1, c: {c}}}\n"
+        "T: (x'^2 + y'^2)/2 + s/2*(x*y' - y*x')\nV: -c/2*(x^2 + y^2)\n"
+        "initial: {x: 0, y: 0, x': 0, y': 0}\n"
+    )
+    model, critical = lagcli.load_text(text), 2 * math.sqrt(c)
+    diagram = lagcli.follow_equilibria(model, "s", 2.1 * critical, 0.3 * critical)
+    (point,) = diagram.special
+    assert (point.kind, point.stability) == ("flutter", ("linearly stable", "unstable"))
+    assert point.parameter == pytest.approx(critical, rel=1e-10)
+    # with gyroscopic forces, the verdict also changes where the potential loses its minimum
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text, set={"s": "9"}), "c", -1.0, 2.0)
+    (point,) = diagram.special
+    assert (point.kind, point.stability) == ("stability change", ("stable", "linearly stable"))
+    assert abs(point.parameter) < 1e-9

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from lagcli.analysis.equilibria.description import shown_verdict
 from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
 from lagcli.analysis.local.contact_text import contact_lines, describe_contacts
 from lagcli.analysis.text import entry, listed, without_rounding
 from lagcli.arrays import Array
+
+_RANGES = 6  # largest number of ranges of a verdict that are listed
 
 
 def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:
@@ -35,7 +39,9 @@ def _branch(branch: Branch, diagram: BifurcationDiagram) -> dict[str, Any]:
         "v": _columns(diagram.coordinates, branch.v),
         "multipliers": _columns(diagram.constraints, branch.multipliers),
         "stable": branch.stable.tolist(),
+        "stability": list(branch.stability),
         "growth": branch.growth.tolist(),
+        "line": branch.line,
     }
 
 
@@ -54,6 +60,7 @@ def _special(point: SpecialPoint, diagram: BifurcationDiagram) -> dict[str, Any]
         "frequency": point.frequency,
         "crossing": point.crossing,
         "contact": point.contact,
+        "stability": None if point.stability is None else list(point.stability),
     }
 
 
@@ -80,9 +87,19 @@ def format_diagram(content: Mapping[str, Any]) -> str:
         origin = "" if branch["origin"] is None else f" off branch {branch['origin']}"
         at = branch["parameter"]
         lines.append(
-            f"  branch {number}{origin}: {len(at)} points, {name} = {at[0]:.6g} to {at[-1]:.6g};"
-            f" {_stable_ranges(branch)}"
+            f"  branch {number}{origin}: {len(at)} points, {name} = {at[0]:.6g} to {at[-1]:.6g}"
         )
+        if branch["line"]:
+            level = max(at) - min(at) <= 1e-9 * max(map(abs, at))
+            part = "all of it" if level else "its end"
+            lines += entry("line", f"{part} is a line of equilibria at {name} = {at[-1]:.12g}", 4)
+            lines += entry("q", listed(_range_of(branch["q"])), 4)
+        changes = [
+            x["parameter"]
+            for x in content["special_points"]
+            if x["branch"] == number and x["stability"] is not None
+        ]
+        lines += entry("verdict", _verdicts(branch, changes), 4)
         ends = _range_of(branch["multipliers"])
         if ends:
             lines += entry("λ", listed(ends), 4)
@@ -94,6 +111,9 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             f"  {point['kind']}{crossing} on branch {point['branch']}:"
             f" {name} = {point['parameter']:.12g}{rate}"
         )
+        if point["stability"] is not None:
+            before, after = map(shown_verdict, point["stability"])
+            lines += entry("verdict", f"{before}, then {after}", 4)
         values = without_rounding(point["q"])
         lines += entry("q", listed([f"{k} = {x:.6g}" for k, x in values.items()]), 4)
         if point["multipliers"]:
@@ -102,13 +122,28 @@ def format_diagram(content: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _stable_ranges(branch: Mapping[str, Any]) -> str:
-    stable = branch["stable"]
-    if all(stable):
-        return "stable"
-    if not any(stable):
-        return "unstable"
-    return f"{sum(stable)} stable, {len(stable) - sum(stable)} unstable"
+def _verdicts(branch: Mapping[str, Any], changes: Sequence[float]) -> str:
+    """Return the verdicts along a branch, with the ranges of the parameter.
+
+    Parameters
+    ----------
+    branch : mapping
+    changes : sequence of float
+        The parameter at the special points at which the verdict changes.
+    """
+    at, verdicts = branch["parameter"], branch["stability"]
+    starts = [i for i, x in enumerate(verdicts) if i == 0 or x != verdicts[i - 1]]
+    if len(starts) == 1:
+        return shown_verdict(verdicts[0])
+    if len(starts) > _RANGES:
+        counts = Counter(map(shown_verdict, verdicts))
+        return ", ".join(f"{name} at {count} points" for name, count in counts.items())
+    inner = changes if len(changes) == len(starts) - 1 else [at[i] for i in starts[1:]]
+    ends = [at[0], *inner, at[-1]]
+    return "; ".join(
+        f"{shown_verdict(verdicts[i])} {ends[k]:.6g} to {ends[k + 1]:.6g}"
+        for k, i in enumerate(starts)
+    )
 
 
 def _range_of(columns: Mapping[str, Sequence[float]]) -> list[str]:

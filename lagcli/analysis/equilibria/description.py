@@ -104,10 +104,17 @@ def _of_linear_terms(x: Mapping[str, Any]) -> str:
         how = "oscillation grows" if largest.imag else "deviation grows"
         return f"unstable ({how} as e^({largest.real:.4g} t))"
     if verdict == "undecided":
-        return "stability not determined by the linear terms"
+        return f"stability {shown_verdict(verdict)}"
     if verdict == "stable" and stiffness is not None and not any(x["v"].values()):
         return "stable (a minimum of the potential energy)"
-    return str(verdict)
+    if verdict == "linearly stable":
+        return "linearly stable (no deviation grows; higher-order terms may decide)"
+    return shown_verdict(verdict)
+
+
+def shown_verdict(verdict: str) -> str:
+    """Return a verdict as text says it."""
+    return "not determined by the linear terms" if verdict == "undecided" else verdict
 
 
 def _eigenvalues(values: Sequence[Sequence[float]]) -> str:

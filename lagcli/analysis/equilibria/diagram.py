@@ -13,8 +13,15 @@ from lagcli.analysis.equilibria.extended import (
     HeldVelocity,
     ModelParameter,
 )
-from lagcli.analysis.equilibria.stability import Stability
-from lagcli.analysis.equilibria.tracing import LocatedPoint, SpecialKind, Traced, Tracer
+from lagcli.analysis.equilibria.stability import Stability, Verdict
+from lagcli.analysis.equilibria.tracing import (
+    LINE,
+    LocatedPoint,
+    SpecialKind,
+    Traced,
+    Tracer,
+    vertical,
+)
 from lagcli.analysis.local.active_set import ActiveSet
 from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.contact_status import ContactStatus
@@ -32,7 +39,7 @@ from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 
-Crossing = Literal["pitchfork", "transcritical"]
+Crossing = Literal["pitchfork", "transcritical", "line of equilibria"]
 
 _MOST_BRANCHES = 32
 #: In scaled unknowns: first step along another branch, and distance of points that coincide.
@@ -43,14 +50,16 @@ _VERTICAL = 1e-9  # smallest change of s along another branch, in scaled unknown
 
 @dataclass(frozen=True, eq=False)
 class SpecialPoint:
-    """A fold, a branch point, or the onset of an oscillation; SI units.
+    """A fold, a branch point, a change of stability or of a contact; SI units.
 
     Parameters
     ----------
     kind : str
         ``fold``, ``branch point``, ``Hopf point``, or ``flutter``: two frequencies of an
-        undamped model coincide and an oscillation begins to grow. ``contact closes``, ``contact
-        opens``, ``limit reached`` or ``sliding stops``: a contact ends the branch.
+        undamped model coincide and an oscillation begins to grow. ``divergence``: a deviation
+        begins to grow without oscillation, and no other branch crosses. ``stability change``: any
+        other change of the verdict. ``contact closes``, ``contact opens``, ``limit reached`` or
+        ``sliding stops``: a contact ends the branch.
     branch : int
         The branch on which it lies, from 0.
     parameter : float
@@ -60,10 +69,12 @@ class SpecialPoint:
         Frequency of the oscillation that begins there, rad/s.
     crossing : str or None
         Type of a branch point: ``pitchfork`` if the other branch lies on one side of it,
-        ``transcritical`` if it continues on both; None if it was not found or leaves at a
-        constant parameter.
+        ``transcritical`` if it continues on both, ``line of equilibria`` if the parameter is
+        constant along it; None if it was not found.
     contact : str or None
         The constraint that ends the branch.
+    stability : (str, str) or None
+        The verdicts on stability before and after it, if they differ.
     """
 
     kind: SpecialKind
@@ -75,6 +86,7 @@ class SpecialPoint:
     frequency: float | None
     crossing: Crossing | None = None
     contact: str | None = None
+    stability: tuple[Verdict, Verdict] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,21 +98,30 @@ class Branch:
     parameter : (n,) array
     q, v : (n, nq) arrays
     multipliers : (n, nc) array
-    stable : (n,) array of bool
-        Stability of each point in the linear approximation.
+    stability : tuple of n str
+        The verdict on the stability of each point, as of `Stability`.
     growth : (n,) array
         Largest real part of an eigenvalue, 1/s.
     origin : int or None
         The branch from which it branches off; None for the first.
+    line : bool
+        Whether it ends in a line of equilibria, at one value of the parameter. Lines have no end
+        and are cut after some points.
     """
 
     parameter: Array
     q: Array
     v: Array
     multipliers: Array
-    stable: Flags
+    stability: tuple[Verdict, ...]
     growth: Array
     origin: int | None
+    line: bool = False
+
+    @property
+    def stable(self) -> Flags:
+        """Where no deviation grows in the linear approximation, (n,)."""
+        return np.array([verdict != "unstable" for verdict in self.stability])
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +171,9 @@ def follow_equilibria(
     Pseudo-arclength continuation of R(q, λ, s) = 0 from the equilibrium near the initial
     values. Folds, branch points and Hopf points are located to rounding errors: by the tangent's
     component along s, by the determinant of the bordered ∂R/∂(q, λ, s), and by the growth rate of
-    oscillations. Contacts stay as they are where the branch begins: it ends where one changes.
+    oscillations; other changes of stability by bisection. A branch along which the parameter does
+    not change is a line of equilibria. Contacts stay as they are where the branch begins: it ends
+    where one changes.
 
     Parameters
     ----------
@@ -291,6 +314,7 @@ class _Diagram:
                 frequency,
                 crossing,
                 found.contact,
+                found.change,
             )
         )
 
@@ -341,9 +365,10 @@ class _Diagram:
             np.array([q for _, q in clean]),
             np.array([point.v for point in at]),
             np.array([point.multipliers for point in at]),
-            np.array([s.verdict != "unstable" for _, s in points]),
+            tuple(s.verdict for _, s in points),
             np.array([x if np.isfinite(x) else 0.0 for x in growth]),
             origin,
+            len(points) > LINE and all(vertical(traced) for traced, _ in points[-LINE:]),
         )
 
 
@@ -352,6 +377,8 @@ def _crossing(point: Traced, entered: list[Traced]) -> Crossing | None:
     if len(entered) < 2:
         return None
     one, other = (x.place.z[-1] - point.place.z[-1] for x in entered)
+    if max(abs(one), abs(other)) < _VERTICAL:
+        return "line of equilibria"
     if min(abs(one), abs(other)) < _VERTICAL:
         return None
     return "pitchfork" if one * other > 0 else "transcritical"

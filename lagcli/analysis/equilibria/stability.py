@@ -15,12 +15,22 @@ from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.arrays import Array
 
 ComplexArray = NDArray[np.complex128]
-Verdict = Literal["asymptotically stable", "stable", "unstable", "undecided"]
+Verdict = Literal["asymptotically stable", "stable", "linearly stable", "unstable", "undecided"]
 
-#: Real parts below this, relative to the largest eigenvalue, are rounding errors.
+#: Real parts below this part of the largest eigenvalue, or of the rate √(force/(mass·length)), are
+#: rounding errors.
 _GROWING = 1e-9
 #: Relative damping, and stiffness, that count as rounding errors.
 _SYMMETRIC, _ZERO = 1e-10, 1e-11
+#: Eigenvalues below this part of the rate √(force/(mass·length)) are rounding errors: those of the
+#: stiffness are about ε force/length, and an eigenvalue is its square root.
+_SLOW = 1e-7
+#: Largest eigenvalue of a motion along a set of equilibria, relative to the same: it is a zero.
+_NEUTRAL = 1e-5
+#: Eigenvalues closer than this, relative to the largest, may be a multiple one; the least singular
+#: value of their states, of length 1, where these are linearly dependent: rounding separates a
+#: defective pair by √ε.
+_COINCIDENT, _DEPENDENT = 1e-6, 1e-6
 
 
 class Stability(NamedTuple):
@@ -29,19 +39,23 @@ class Stability(NamedTuple):
     Parameters
     ----------
     verdict : str
-        ``asymptotically stable``, ``stable``, ``unstable``, or ``undecided`` if higher-order
-        terms decide.
+        ``asymptotically stable``; ``stable`` by the Hessian; ``linearly stable`` if no deviation
+        grows in the linear approximation, but some do not decay and the Hessian proves nothing;
+        ``unstable``; ``undecided`` if a deviation is neutral, so that higher-order terms decide.
     eigenvalues : (n,) complex array
         Eigenvalues of ẋ = A x, one of each complex pair, by increasing magnitude, 1/s.
     stiffness : (m,) array or None
         Eigenvalues of the reduced Hessian Zᵀ (∂²V − Σ λ ∂²φ) Z, with centrifugal terms in steady
         motion, relative to Zᵀ M Z, 1/s², increasing. None if it is not symmetric (forces without a
         potential), with nonholonomic constraints, or if damping forces supply energy.
+    rounding : float
+        Real parts of eigenvalues below it are rounding errors, 1/s.
     """
 
     verdict: Verdict
     eigenvalues: ComplexArray
     stiffness: Array | None
+    rounding: float = 0.0
 
 
 #: Where a contact changes its mode with the smallest deviation.
@@ -75,27 +89,61 @@ def stability_of(
     operating_point = replace(operating_point, tangent=reached)
     dimension -= len(given.positions) - len(reached.positions)
     stiffness = hessian_eigenvalues(reduced_matrices(local, operating_point))
-    found, _, _ = eigenpairs(local, linear_model(local, operating_point))
-    values = found[np.argsort(np.abs(found), kind="stable")]
-    return Stability(_verdict(values, stiffness, dimension), values, stiffness)
+    pairs, states, _ = eigenpairs(local, linear_model(local, operating_point))
+    order = np.argsort(np.abs(pairs), kind="stable")
+    values, states = pairs[order], states[:, order]
+    rate = _rate(local, operating_point)
+    values[np.abs(values) <= _SLOW * rate] = 0.0
+    largest = max(rate, np.abs(values).max(initial=0.0))
+    for k in range(min(dimension, len(values))):
+        if 0.0 < np.abs(values[k]) <= _NEUTRAL * largest:
+            opposite = np.abs(values + values[k]) <= _NEUTRAL * np.abs(values[k])
+            values[opposite] = values[k] = 0.0
+    rounding = _GROWING * largest
+    found = Stability("undecided", values, stiffness, rounding)
+    return found._replace(verdict=_verdict(found, states, (_SLOW * rate) ** 2, dimension))
 
 
-def _verdict(values: ComplexArray, stiffness: Array | None, dimension: int) -> Verdict:
+def _rate(local: LocalEquations, operating_point: OperatingPoint) -> float:
+    """Return √(force/(mass·length)) of the largest forces and lengths, 1/s."""
+    point = operating_point.point
+    mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+    inertia = (np.abs(np.diag(mass)) * local.lengths**2).max(initial=0.0)
+    energy = (local.force_scale(point) * local.lengths).max(initial=0.0)
+    return float(np.sqrt(energy / inertia)) if inertia > 0.0 else 0.0
+
+
+def _verdict(found: Stability, states: ComplexArray, least: float, dimension: int) -> Verdict:
+    """Return the verdict; `least` is the stiffness that is a rounding error, 1/s²."""
+    _, values, stiffness, rounding = found
     if not len(values):
         return "stable"  # the constraints determine the motion
-    largest = np.abs(values).max()
-    if (values.real > _GROWING * largest).any():
+    if (values.real > rounding).any():
         return "unstable"
-    moving = values[values != 0.0]
-    if (moving.real < -_GROWING * largest).all() and len(values) - len(moving) <= 2 * dimension:
-        return "asymptotically stable" if len(moving) else "undecided"
+    moving = values != 0.0
+    neutral = len(values) - int(moving.sum())
+    if (values.real[moving] < -rounding).all() and neutral <= 2 * dimension:
+        return "asymptotically stable" if moving.any() else "undecided"
     if stiffness is not None:
-        zero = _ZERO * np.abs(stiffness).max(initial=0.0)
-        if (stiffness < -zero).any():
-            return "undecided"  # stabilized by gyroscopic forces, or by damping of some motions
-        if (np.abs(stiffness) <= zero).sum() <= dimension < len(stiffness):
+        zero = max(_ZERO * np.abs(stiffness).max(initial=0.0), least)
+        definite = not (stiffness < -zero).any()
+        if definite and (np.abs(stiffness) <= zero).sum() <= dimension < len(stiffness):
             return "stable"
-    return "undecided"
+    imaginary = moving & (values.real >= -rounding)
+    if neutral > 2 * dimension or _defective(values[imaginary], states[:, imaginary]):
+        return "undecided"
+    return "linearly stable"  # stabilized by gyroscopic forces, or by damping of some motions
+
+
+def _defective(values: ComplexArray, states: ComplexArray) -> bool:
+    """Whether an eigenvalue has fewer states than its multiplicity."""
+    for s in values:
+        same = np.abs(values - s) <= _COINCIDENT * np.abs(values).max()
+        if same.sum() > 1:
+            chosen = states[:, same] / np.linalg.norm(states, axis=0)[same]
+            if np.linalg.svd(chosen, compute_uv=False).min() < _DEPENDENT:
+                return True
+    return False
 
 
 def hessian_eigenvalues(reduced: ReducedMatrices | None) -> Array | None:

@@ -8,22 +8,34 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.analysis.equilibria.extended import ExtendedProblem, Place
-from lagcli.analysis.equilibria.stability import Stability, stability_of
+from lagcli.analysis.equilibria.stability import Stability, Verdict, stability_of
 from lagcli.analysis.local.contact_status import ZERO, ContactEnd
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import RANK
 from lagcli.arrays import Array
 
-SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter", ContactEnd]
+SpecialKind = Literal[
+    "fold",
+    "branch point",
+    "Hopf point",
+    "flutter",
+    "divergence",
+    "stability change",
+    ContactEnd,
+]
 
 #: Lengths of steps in scaled unknowns: first, longest and shortest.
 _FIRST, _LONGEST, _SHORTEST = 5e-3, 2e-2, 1e-7
 _TURN = 0.9  # smallest cosine of the angle between successive tangents
 _MOST = 2000  # largest number of points of a branch
+#: Components of the tangent along the parameter that are rounding errors, and the number of
+#: successive points with such tangents from which on a branch is a line of equilibria.
+_VERTICAL, LINE = 1e-9, 50
+#: Special points closer than this part of the step explain a change of stability; a verdict that
+#: changes closer than this to a point holds at this point alone.
+_EXPLAINED, _SINGLE = 1e-2, 1e-6
 _BESIDE = 1e-3  # distance of the points for interpolating special points, relative to the step
 _BISECTIONS = 60
-#: Growth rates below this, relative to the largest eigenvalue, are rounding errors.
-_GROWING = 1e-9
 
 
 class Traced(NamedTuple):
@@ -50,11 +62,15 @@ class Frame(NamedTuple):
 
 
 class LocatedPoint(NamedTuple):
-    """A special point of a branch, the point of the branch there, and the contact that changes."""
+    """A special point of a branch, the point of the branch there, and the contact that changes.
+
+    `change` are the verdicts of stability before and after it, where they differ.
+    """
 
     kind: SpecialKind
     point: Traced
     contact: str | None = None
+    change: tuple[Verdict, Verdict] | None = None
 
 
 class Tracer:
@@ -135,7 +151,9 @@ class Tracer:
             constant = local.constant_velocities(found.point)
             tangent = local.tangent(found.point, constant)
         operating = OperatingPoint("the equilibrium", found.point, tangent, True)
-        return stability_of(local, operating, self.neutral)
+        # along a line of equilibria its tangent is neutral, too
+        dimension = self.neutral + int(vertical(point))
+        return stability_of(local, operating, dimension)
 
     # branches
 
@@ -143,11 +161,12 @@ class Tracer:
         """Yield the points of a branch, each with the special points before it.
 
         It ends when the parameter leaves its range, when a contact changes, when no further point
-        is found, or when the branch closes.
+        is found, when the branch closes, or when it is a line of equilibria at one value of the
+        parameter.
         """
         before, stability = point, self.stability(point)
         yield point, stability, []
-        length, origin, travelled = _FIRST, point, 0.0
+        length, origin, travelled, upright = _FIRST, point, 0.0, 0
         for _ in range(_MOST):
             moved = self._step(before, length)
             if moved is None:
@@ -168,6 +187,9 @@ class Tracer:
                 yield after, following, [*special, ended]
                 return
             yield after, following, special
+            upright = upright + 1 if vertical(before) and vertical(after) else 0
+            if upright == LINE:
+                return
             travelled += used
             closed = np.linalg.norm(after.place.z - origin.place.z) < used / 2
             if last or (closed and travelled > 4 * _LONGEST and after.tangent @ origin.tangent > 0):
@@ -199,7 +221,9 @@ class Tracer:
 
     def _leaves(self, point: Traced) -> bool:
         low, high = sorted(self.limits)
-        return not low <= self.problem.value(point.place.z) <= high
+        # on a line of equilibria at a limit, rounding errors do not leave the range
+        margin = _VERTICAL * (high - low) if vertical(point) else 0.0
+        return not low - margin <= self.problem.value(point.place.z) <= high + margin
 
     def _at_limit(self, before: Traced, length: float) -> tuple[Traced, float]:
         """Return the point at which the parameter reaches its limit."""
@@ -227,26 +251,109 @@ class Tracer:
     def _changes(
         self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
     ) -> Iterator[LocatedPoint]:
-        """Yield the special points between two points, located."""
-        if before.tangent[-1] * after.tangent[-1] < 0:
+        """Yield the special points between two points, located, in their order."""
+        found = sorted(
+            self._special(before, stable, after, following, length),
+            key=lambda x: float(before.tangent @ x.point.place.z),
+        )
+        verdict = stable.verdict
+        for number, special in enumerate(found):
+            if number + 1 < len(found):
+                middle = self._between(before, special, found[number + 1])
+                reached = verdict if middle is None else self.stability(middle).verdict
+            else:
+                reached = following.verdict
+            yield special._replace(change=None if reached == verdict else (verdict, reached))
+            verdict = reached
+
+    def _between(self, before: Traced, one: LocatedPoint, other: LocatedPoint) -> Traced | None:
+        """Return the point of the branch halfway between two special points."""
+        middle = (one.point.place.z + other.point.place.z) / 2
+        found = self.advanced(before, float(before.tangent @ (middle - before.place.z)))
+        return None if found is None else found[0]
+
+    def _special(
+        self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
+    ) -> list[LocatedPoint]:
+        """Return the special points between two points, located."""
+        found: list[LocatedPoint] = []
+        level = vertical(before) and vertical(after)
+        if not level and before.tangent[-1] * after.tangent[-1] < 0:
             sign = np.sign(before.tangent[-1])
-            yield LocatedPoint(
-                "fold", self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)[1]
-            )
+            turned = self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)
+            found.append(LocatedPoint("fold", turned[1]))
         crossing = self._determinant(before)
-        if crossing(after) < 0:
-            yield LocatedPoint("branch point", self._root(before, length, crossing))
+        if not level and crossing(after) < 0:
+            found.append(LocatedPoint("branch point", self._root(before, length, crossing)))
         was, now = _growing(stable), _growing(following)
         # where real eigenvalues coincide, an oscillation begins that grew before
         if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
             if min(was, now) == 0.0:
-                changed = self._bisected(
+                _, changed = self._bisected(
                     before, length, lambda x: (_growing(self.stability(x)) > 0) != (was > 0)
                 )
-                yield LocatedPoint("flutter", changed[1])
+                refined = self._refined(before, changed, 1 if now > 0 else -1, length)
+                found.append(LocatedPoint("flutter", refined))
             else:
-                found = self._root(before, length, lambda x: _growth(self.stability(x)))
-                yield LocatedPoint("Hopf point", found)
+                point = self._root(before, length, lambda x: _growth(self.stability(x)))
+                found.append(LocatedPoint("Hopf point", point))
+        if stable.verdict != following.verdict:
+            found += self._verdict_changes(before, stable, following, length, found)
+        return found
+
+    def _verdict_changes(
+        self,
+        before: Traced,
+        stable: Stability,
+        following: Stability,
+        length: float,
+        known: list[LocatedPoint],
+    ) -> list[LocatedPoint]:
+        """Return where the verdict changes between two points without a known special point."""
+        changes: list[LocatedPoint] = []
+        # the first and the last change; a narrow range between them may be undecided
+        for verdict, same in ((stable.verdict, True), (following.verdict, False)):
+
+            def changed(x: Traced, verdict: Verdict = verdict, same: bool = same) -> bool:
+                return (self.stability(x).verdict == verdict) != same
+
+            _, point = self._bisected(before, length, changed)
+            if "unstable" in (stable.verdict, following.verdict):
+                side = 1 if following.verdict == "unstable" else -1
+                point = self._refined(before, point, side, length)
+            near = [x.point.place.z for x in (*known, *changes)]
+            far = all(np.linalg.norm(point.place.z - z) > _EXPLAINED * length for z in near)
+            # the verdict of the first point alone, if it is an exceptional one, is no change
+            if far and np.linalg.norm(point.place.z - before.place.z) > _SINGLE * length:
+                growing = "unstable" in (stable.verdict, following.verdict)
+                real = growing and not any(_oscillates(x) for x in (stable, following))
+                kind: SpecialKind = "divergence" if real else "stability change"
+                changes.append(LocatedPoint(kind, point))
+        return changes
+
+    def _refined(self, before: Traced, point: Traced, side: int, length: float) -> Traced:
+        """Return where growth begins, extrapolated from one side of an approximate point.
+
+        Beside it, rounding errors of eigenvalues are larger than these. The growth rate, or its
+        square where a pair of eigenvalues meets, is a smooth function of the distance.
+        """
+        near = float(before.tangent @ (point.place.z - before.place.z))
+        moved = [self.advanced(before, near + side * k * _BESIDE * length) for k in (1, 2, 3, 4)]
+        points = [found[0] for found in moved if found is not None]
+        if len(points) < 4:
+            return point
+        stability = [self.stability(x) for x in points]
+        rates = np.array([x.eigenvalues.real.max(initial=-np.inf) for x in stability])
+        if not (rates > max(x.rounding for x in stability)).all():
+            return point
+        power = round(1 / np.log2(rates[3] / rates[1])) if rates[3] > rates[1] else 0
+        if power not in (1, 2):
+            return point
+        z = _at_zero((rates**power).tolist(), np.array([x.place.z for x in points]))
+        place = self.problem.place(z)
+        if place is None or np.linalg.norm(z - point.place.z) > _BESIDE * length:
+            return point
+        return Traced(place, points[0].tangent, points[0].frame)
 
     def _determinant(self, before: Traced) -> Callable[[Traced], float]:
         """Return the determinant of the bordered ∂R/∂z, relative to its value at a point.
@@ -308,6 +415,18 @@ def _at_zero(values: list[float], curve: Array) -> Array:
     return np.asarray(np.array(weights) @ curve)
 
 
+def vertical(point: Traced) -> bool:
+    """Whether the parameter does not change along the branch at a point."""
+    return bool(abs(point.tangent[-1]) < _VERTICAL)
+
+
+def _oscillates(stability: Stability) -> bool:
+    """Whether it is unstable, and what grows most is an oscillation."""
+    values = stability.eigenvalues
+    unstable = stability.verdict == "unstable"
+    return bool(unstable and values[np.argmax(values.real)].imag > 0)
+
+
 def _growth(stability: Stability) -> float:
     """Return the largest growth rate of an oscillation."""
     values = stability.eigenvalues
@@ -319,7 +438,7 @@ def _growing(stability: Stability) -> float:
     largest = _growth(stability)
     if not np.isfinite(largest):
         return largest
-    return largest if abs(largest) > _GROWING * np.abs(stability.eigenvalues).max() else 0.0
+    return largest if abs(largest) > stability.rounding else 0.0
 
 
 def _nearest(basis: Array, before: Array) -> Array:

@@ -16,7 +16,16 @@ from lagcli.pictures.plots.figure_file import FigureTarget
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # number of panels by default
 _MULTIPLIERS = 6  # largest number of multipliers of two models that are drawn
-_MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
+_MARKERS = {
+    "fold": "s",
+    "branch point": "D",
+    "Hopf point": "^",
+    "flutter": "v",
+    "divergence": "o",
+    "stability change": "P",
+}
+#: Lines by the verdict on stability; those of all other verdicts are solid.
+_DRAWN = {"unstable": (0, (4, 3)), "undecided": (0, (1, 2))}
 _OF_CONTACT = "X"  # where a contact ends a branch
 #: Curves of a comparison, and the labels of their axes; SI.
 _COMPARED = {
@@ -167,9 +176,11 @@ def _draw_branches(
         for number, branch in enumerate(content["branches"]):
             at = np.asarray(branch["parameter"], float)
             values = np.asarray(_series(branch)[name], float)
-            stable = np.asarray(branch["stable"], bool)
+            verdicts = [x if x in _DRAWN else "stable" for x in branch["stability"]]
             look = {"color": style.PALETTE[number % len(style.PALETTE)]}
-            for chosen, drawn in ((stable, "-"), (~stable, (0, (4, 3)))):
+            for verdict in dict.fromkeys(verdicts):
+                chosen = np.array([x == verdict for x in verdicts])
+                drawn = _DRAWN.get(verdict, "-")
                 # a piece extends to the first point of the next one
                 reached = chosen | np.append(False, chosen[:-1])
                 ax.plot(at, np.where(reached, values, np.nan), linestyle=drawn, **look)
@@ -208,8 +219,11 @@ def _legend(ax: Any, content: Mapping[str, Any]) -> None:
 
     handles = [
         Line2D([], [], color="#202020", linestyle="-", label="stable"),
-        Line2D([], [], color="#202020", linestyle=(0, (4, 3)), label="unstable"),
+        Line2D([], [], color="#202020", linestyle=_DRAWN["unstable"], label="unstable"),
     ]
+    if any("undecided" in branch["stability"] for branch in content["branches"]):
+        undecided = _DRAWN["undecided"]
+        handles.append(Line2D([], [], color="#202020", linestyle=undecided, label="not determined"))
     for kind in dict.fromkeys(point["kind"] for point in content["special_points"]):
         marker = _MARKERS.get(kind, _OF_CONTACT)
         handles.append(

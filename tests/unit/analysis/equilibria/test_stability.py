@@ -26,6 +26,9 @@ def verdict(potential: str, more: str = "") -> str:
         ("x^2 + y^2", "D: x'^2", "stable"),
         ("x^2 + y^2", "D: -x'^2/10", "unstable"),
         ("x^2 + y^4", "", "undecided"),
+        # two equal frequencies, the second driven by the first, grow as t
+        ("x^2 + y^2", "Q: {y: x}", "undecided"),
+        ("x^2 + y^2", "Q: {y: x, x: y/9}", "linearly stable"),
         ("x^2", "", "stable"),  # apart from the motion along the set y, which is neutral
         # a circulatory force
         ("x^2 + y^2", "Q: {x: y/2, y: -x/2}", "unstable"),
@@ -41,6 +44,6 @@ def test_gyroscopic_stabilization_is_not_proved_by_linear_terms() -> None:
         "initial: {x: 0, y: 0, x': 0, y': 0}\n"
     )
     (one,) = lagcli.equilibrium(lagcli.load_text(text)).equilibria
-    assert one.stability.verdict == "undecided"
+    assert one.stability.verdict == "linearly stable"
     assert one.stability.stiffness == pytest.approx([-2.0, -2.0])
     assert np.abs(one.stability.eigenvalues.real).max() < 1e-14
