@@ -25,6 +25,7 @@ from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.finite import FiniteColumns
 from lagcli.simulations.memory import check_fits, numbers_per_sample
 from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
 from lagcli.simulations.sampling import (
@@ -305,6 +306,7 @@ class Simulation:
         began = time.perf_counter()
         columns = DerivedColumns(self.system, self.start.state.p, self.monitor)
         trust = Trust(self.system, self.start.state.p)
+        finite = FiniteColumns()
         elsewhere = 0.0  # time outside of the engine, s
 
         def take(block: Block, derivatives: Derivatives | None = None) -> None:
@@ -314,6 +316,7 @@ class Simulation:
             if derivatives is not None:
                 samples = self._with(samples, derivatives)
             trust.add(samples)
+            finite.add(samples)
             sink(samples)
             elsewhere += time.perf_counter() - entered
 
@@ -369,6 +372,7 @@ class Simulation:
                 *warnings,
                 *negative_inertia(self.system, self.start.state, self.start.rank),
                 *trust.warnings(self.settings, run.steps, columns),
+                *finite.warnings(),
                 *run.notes,
             ),
             scale_position=columns.scale_position,
@@ -427,16 +431,19 @@ def warnings_of(
         Samples from which events set other parameter values.
     """
     layout, held = system.sample_layout, _block_rows(system)
-    columns, trust = DerivedColumns(system, p), Trust(system, p)
+    columns, trust, finite = DerivedColumns(system, p), Trust(system, p), FiniteColumns()
     for part, values in parts_of_constant_parameters(len(samples), p, changes):
         columns.p = trust.p = values
         for start in range(part.start, part.stop, held):
             rows = samples[start : min(start + held, part.stop)]
-            trust.add(columns(Block.of_rows(rows, layout)))
+            found = columns(Block.of_rows(rows, layout))
+            trust.add(found)
+            finite.add(found)
     first = Block.of_rows(samples[:1], layout)
     return (
         *negative_inertia(system, State(float(first.time[0]), first.q[0], first.v[0], p), rank),
         *trust.warnings(settings, steps, columns),
+        *finite.warnings(),
     )
 
 

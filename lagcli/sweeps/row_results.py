@@ -12,6 +12,8 @@ from lagcli.arrays import Array, Numbers
 #: Statuses of rows, by number; MISSING does not occur in results.
 STATUSES = ("completed", "failed", "error", "missing")
 COMPLETED, FAILED, ERROR, MISSING = range(4)
+#: The beginning of a completed row's message that is a warning.
+WARNING = "warning: "
 
 
 class Results(NamedTuple):
@@ -25,7 +27,8 @@ class Results(NamedTuple):
         Indices into ``STATUSES``: completed; failed, if the integration failed or, in a strict
         sweep, has warnings; error, if the values are invalid for the model.
     messages : list of n str
-        Messages; empty for most completed rows.
+        Messages; empty for most completed rows. Those with values that are not finite have a
+        message that begins with ``WARNING``.
     counts : (n, 3) array of int
         Steps, rejected steps and evaluations.
     measures : (n, m) array

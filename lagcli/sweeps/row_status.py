@@ -1,4 +1,4 @@
-"""The status of each row of a sweep, and the causes of failures with their counts."""
+"""The status of each row of a sweep, and the causes of failures and warnings with their counts."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lagcli.arrays import Numbers
-from lagcli.sweeps.row_results import COMPLETED, MISSING, STATUSES, Results
+from lagcli.sweeps.row_results import COMPLETED, MISSING, STATUSES, WARNING, Results
 
 _MOST_CAUSES = 1000  # largest number of causes that are counted separately
 _LONGEST = 200  # largest number of characters of a cause
@@ -46,7 +47,8 @@ class RowStatus:
         """Record results; later ones of a row replace earlier ones."""
         self.status[results.numbers] = results.status
         self._cause[results.numbers] = 0
-        for i in np.flatnonzero(results.status != COMPLETED):
+        warned = np.array([text.startswith(WARNING) for text in results.messages], dtype=bool)
+        for i in np.flatnonzero((results.status != COMPLETED) | warned):
             text = cause(results.messages[i])
             if text not in self._causes and len(self._causes) > _MOST_CAUSES:
                 text = "other causes"
@@ -56,7 +58,7 @@ class RowStatus:
     def forget_failures(self) -> None:
         """Mark failed rows as missing."""
         self.status[self.status != COMPLETED] = MISSING
-        self._cause[:] = 0
+        self._cause[self.status == MISSING] = 0
 
     @property
     def done(self) -> int:
@@ -69,7 +71,15 @@ class RowStatus:
 
     def failures(self) -> dict[str, int]:
         """Return the numbers of rows that failed, by cause, the most frequent first."""
-        counts = np.bincount(self._cause, minlength=len(self._causes))
+        return self._counted(self._cause[self.status != COMPLETED])
+
+    def warnings(self) -> dict[str, int]:
+        """Return the numbers of completed rows with warnings, by warning."""
+        counted = self._counted(self._cause[self.status == COMPLETED])
+        return {text.removeprefix(WARNING): n for text, n in counted.items()}
+
+    def _counted(self, causes: NDArray[np.int16]) -> dict[str, int]:
+        counts = np.bincount(causes, minlength=len(self._causes))
         found = {text: int(counts[i]) for text, i in self._causes.items() if i and counts[i]}
         return dict(sorted(found.items(), key=lambda x: -x[1]))
 

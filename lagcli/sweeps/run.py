@@ -47,6 +47,8 @@ class Summary:
         Numbers of all rows, of those with a result, and of completed ones.
     failed : dict of str to int
         Numbers of failed rows, by cause.
+    warnings : dict of str to int
+        Numbers of completed rows with values that are not finite, by warning.
     run : int
         Number of rows run now, not taken from the journal.
     rows_per_second : float
@@ -64,6 +66,7 @@ class Summary:
     done: int
     ok: int
     failed: dict[str, int]
+    warnings: dict[str, int]
     run: int
     rows_per_second: float
     seconds: float
@@ -125,8 +128,8 @@ def sweep(
     retry_failed : bool
         With ``resume``, repeat failed rows.
     strict : bool
-        Count rows as failed for which `simulate` would warn about energy balance, residuals or
-        inertia.
+        Count rows as failed for which `simulate` would warn about energy balance, residuals,
+        inertia or values that are not finite.
     force : bool
         Replace an existing file, and restart.
     progress : callable, optional
@@ -227,6 +230,7 @@ class _Sweep:
             done=row_status.done,
             ok=row_status.count(COMPLETED),
             failed=row_status.failures(),
+            warnings=row_status.warnings(),
             run=run,
             rows_per_second=run / seconds,
             seconds=seconds,

@@ -283,6 +283,63 @@ def test_strict_fails_rows_that_cannot_be_trusted(here: Here) -> None:
     assert "strict: True before, False now" in here.err
 
 
+UNDEFINED = """
+coordinates: [x]
+parameters: {a: 1, b: 1}
+T: x'^2/2
+V: x^2/2
+initial: {x: b, x': 0}
+outputs: {tilt: acos(a*x/b), root: sqrt(b^2 - x^2)}
+simulation: {t_end: 5, samples: 101}
+"""
+
+
+def test_rows_with_values_that_are_not_finite(here: Here) -> None:
+    Path("m.yaml").write_text(UNDEFINED)
+    rows = ("sweep", "m.yaml", "--vary", "a=0.5,0.9,1.5,2", "--jobs", "1", "--force")
+    # max ignores NaN, so that the number itself does not show it
+    assert here(*rows, "--measure", "max(tilt)", "--measure", "max(x)", "-o", "s.h5") == 0
+    assert (
+        here.err == "warning: 2 of 4 rows: `max(tilt)` is NaN at … of … samples, first at t = …\n"
+    )
+    found = contents("s.h5")
+    assert found["status"].tolist() == [0, 0, 0, 0]
+    assert np.isfinite(found["max(tilt)"]).all()
+    x = np.abs(np.cos(np.linspace(0, 5, 101)))
+    assert found["message"].tolist()[2:] == [
+        f"warning: `max(tilt)` is NaN at {count} of 101 samples, first at t = 0".encode()
+        for count in ((1.5 * x > 1).sum(), (2 * x > 1).sum())
+    ]
+    assert here(*rows[:-1], "--measure", "max(tilt)", "--measure", "max(x)", "-o", "s.h5",
+                "--resume", "--json") == 0  # fmt: skip
+    assert list(json.loads(here.out)["warnings"].values()) == [2]
+    # stored outputs, and measures themselves
+    assert here(*rows, "-o", "s.h5") == 0
+    assert here.err.startswith("warning: 2 of 4 rows: `outputs.tilt` is NaN at")
+    assert here(*rows, "--measure", "z=log(max(x) - 2)", "-o", "s.h5") == 0
+    assert here.err == "warning: 4 of 4 rows: the measure `z` is not finite\n"
+    # a time that does not exist is no error
+    assert here(*rows, "--measure", "time_of(x > 2)", "-o", "s.h5") == 0
+    assert here.err == ""
+    assert here(*rows, "--measure", "max(tilt)", "--strict", "-o", "s.h5", "--json") == 3
+    said = json.loads(here.out)
+    assert said["failed"] == {"`tilt` is NaN at … of … samples, first at t = …": 2}
+    assert said["warnings"] == {}
+    assert here(*rows, "--measure", "u=max(acos(a*x))", "--strict", "-o", "s.h5") == 3
+
+
+def test_rounding_beyond_a_domain_in_batches(here: Here) -> None:
+    # x is b at t = 0 exactly, and for some b/b·x there is rounding beyond 1
+    Path("m.yaml").write_text(UNDEFINED.replace("a*x/b", "x/b*(1 + 3e-16)"))
+    rows = ("sweep", "m.yaml", "--vary", "b=linspace(0.1, 3, 64)", "--jobs", "1", "--t-end", "1")
+    measures = ("--measure", "min(tilt)", "--measure", "at(root, 0)")
+    assert here(*rows, *measures, "-o", "s.h5") == 0
+    assert here.err == ""
+    found = contents("s.h5")
+    assert found["min(tilt)"].tolist() == [0.0] * 64
+    assert found["at(root, 0)"].tolist() == [0.0] * 64
+
+
 # resuming
 
 

@@ -111,7 +111,8 @@ def sweep(
         typer.Option(
             "--strict",
             help="Count a row as failed if `lagcli simulate` would warn: its energy balance or"
-            " residuals exceed what the tolerance explains, or its inertia is negative.",
+            " residuals exceed what the tolerance explains, its inertia is negative, or values"
+            " are not finite.",
         ),
     ] = False,
     set: SetParameter = None,
@@ -164,6 +165,8 @@ def sweep(
         print(to_json(summary.as_dict()))
     elif not quiet:
         tell(_text(summary))
+    for warning, count in summary.warnings.items():
+        print(f"warning: {count} of {summary.rows} rows: {visible(warning)}", file=sys.stderr)
     if summary.status == "interrupted":
         print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
         return INTERRUPTED_STATUS

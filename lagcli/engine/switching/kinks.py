@@ -318,7 +318,7 @@ class _Taint:
             self.exclude(self.selected.get(operands[0], _NOTHING))
             self.risky[to] |= needs
         square = op == Op.MUL and operands[0] == operands[1]
-        kept = op in (Op.ADD, Op.MUL, Op.DIV) and all(x in self.positive for x in operands)
+        kept = op in (Op.ADD, Op.MUL, Op.DIV, Op.CLIP) and all(x in self.positive for x in operands)
         if square or kept or op in _POSITIVE:
             self.positive.add(to)
 

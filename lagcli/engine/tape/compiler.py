@@ -211,13 +211,41 @@ class _Compiler(Builder):
         x = self.known[_key(base)]
         halves = _as_products(exponent)
         if not halves:
+            if isinstance(exponent, se.Number) and not isinstance(exponent, se.Integer):
+                x = self._clipped(base)
             return self.emit(Op.POW, x, self.known[_key(exponent)])
         result = self._integer_power(x, abs(halves) // 2)
         if halves % 2:
-            root = self.emit(Op.SQRT, x)
+            root = self.emit(Op.SQRT, self._clipped(base))
             result = root if result is None else self.emit(Op.MUL, result, root)
         assert result is not None
         return result if halves > 0 else self.emit(Op.DIV, self.constant(1.0), result)
+
+    def _clipped(self, e: Basic) -> int:
+        """Return the register of the argument of a root: 0 where a sum is negative by rounding."""
+        x = self.known[_key(e)]
+        if _is_nonnegative(e) or not _has_sum(e):
+            return x
+        return self.emit(Op.CLIP, x, self._squares(e))
+
+    def _squares(self, e: Basic) -> int:
+        """Return the register of a sum with its terms squared, or of a product with its factors.
+
+        Squares have power series and derivatives everywhere, unlike magnitudes.
+        """
+        if isinstance(e, se.Add):
+            squares = [self._squares(_sign_split(term)[0]) for term in e.args]
+            return reduce(partial(self.emit, Op.ADD), sorted(squares, key=self.order))
+        if isinstance(e, se.Mul) and _has_sum(e):
+            total = self.constant(1.0)
+            for factor in e.args:
+                base, inverse = _inverse_split(factor)
+                total = self.emit(Op.DIV if inverse else Op.MUL, total, self._squares(base))
+            return total
+        if isinstance(e, se.Number):
+            return self.constant(_double(e) ** 2)
+        x = self.known[_key(e)]
+        return self.emit(Op.MUL, x, x)
 
     def _integer_power(self, x: int, n: int) -> int | None:
         result: int | None = None
@@ -272,6 +300,27 @@ def _as_products(exponent: Basic) -> int:
     else:
         halves = 0
     return halves if abs(halves) <= 2 * MAX_PRODUCT_POWER else 0
+
+
+def _has_sum(e: Basic) -> bool:
+    """Return whether an expression is a sum, or a product with one."""
+    if isinstance(e, se.Mul):
+        return any(isinstance(_inverse_split(factor)[0], se.Add) for factor in e.args)
+    return isinstance(e, se.Add)
+
+
+def _is_nonnegative(e: Basic) -> bool:
+    """Return whether an expression is a sum or product of squares and the like."""
+    if isinstance(e, (se.Add, se.Mul)):
+        return all(map(_is_nonnegative, e.args))
+    if isinstance(e, se.Pow):
+        base, exponent = e.args
+        if not isinstance(exponent, se.Integer):
+            return isinstance(exponent, se.Rational) or _is_nonnegative(base)
+        return int(exponent) % 2 == 0 or _is_nonnegative(base)
+    if isinstance(e, se.Number):
+        return bool(e.is_real and not e.is_negative)
+    return isinstance(e, (se.Abs, se.cosh)) or e == se.pi or e == se.E
 
 
 def _sign_split(term: Basic) -> tuple[Basic, bool]:

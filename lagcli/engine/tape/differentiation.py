@@ -85,6 +85,8 @@ class _DerivativeRules(Arithmetic):
         if op == Op.ATAN2:
             square = self.plus(self.times(a, a), self.times(b, b))
             return self.quotient(self.minus(self.times(b, da), self.times(a, db)), square)
+        if op == Op.CLIP:
+            return da
         assert op == Op.POW, op.name
         found = self.zero
         if da != self.zero:
@@ -107,7 +109,9 @@ class _DerivativeRules(Arithmetic):
         if op == Op.LOG:
             return self.quotient(da, a)
         if op in (Op.ASIN, Op.ACOS):
-            found = self.quotient(da, self.emit(Op.SQRT, self.minus(one, square(a, a))))
+            other = square(a, a)
+            below = self.emit(Op.CLIP, self.minus(one, other), self.plus(one, square(other, other)))
+            found = self.quotient(da, self.emit(Op.SQRT, below))
             return found if op == Op.ASIN else self.negative(found)
         if op == Op.ATAN:
             return self.quotient(da, self.plus(one, square(a, a)))

@@ -11,6 +11,34 @@ import operator
 from collections.abc import Callable
 from enum import Enum, IntEnum
 
+#: Functions are continued by their bound up to this far beyond their domain, relative to 1 for
+#: `acos`, `asin` and `acosh`, and to the terms of the sum for roots: ten times the relative
+#: residual that projection leaves in constraints, which is larger than rounding errors.
+ROUNDING = 2.0**-43
+
+
+def clipped(a: float, b: float) -> float:
+    """Return a, or 0 where it is negative by rounding of terms whose squares add up to b."""
+    return 0.0 if a < 0.0 and a * a <= ROUNDING * ROUNDING * b else a
+
+
+def bounded(a: float) -> float:
+    """Return a, or ±1 where it is beyond [−1, 1] by rounding."""
+    return math.copysign(1.0, a) if 1.0 < abs(a) <= 1.0 + ROUNDING else a
+
+
+def raised(a: float) -> float:
+    """Return a, or 1 where it is below 1 by rounding."""
+    return 1.0 if 1.0 - ROUNDING <= a < 1.0 else a
+
+
+#: The module of the same on arrays.
+_ON_ARRAYS = "lagcli.engine.tape.domains."
+#: The same in C.
+_CLIPPED = f"CHOOSE((A < 0.0) & (A * A <= {ROUNDING * ROUNDING!r} * B), A - A, A)"
+_BOUNDED = f"fabs(A) > 1.0 && fabs(A) <= {1 + ROUNDING!r} ? copysign(1.0, A) : A"
+_RAISED = f"A < 1.0 && A >= {1 - ROUNDING!r} ? 1.0 : A"
+
 
 class Kind(Enum):
     """How the core executes an operation on several numbers."""
@@ -79,15 +107,36 @@ class Op(IntEnum):
     SIN = 1, Kind.BATCH, "SIN(A)", math.sin, "numpy.sin", "sin"
     COS = 1, Kind.BATCH, "COS(A)", math.cos, "numpy.cos", "cos"
     TAN = 1, Kind.LIBRARY, "tan(A)", math.tan, "numpy.tan", "tan"
-    ASIN = 1, Kind.LIBRARY, "asin(A)", math.asin, "numpy.arcsin", "asin"
-    ACOS = 1, Kind.LIBRARY, "acos(A)", math.acos, "numpy.arccos", "acos"
+    ASIN = (
+        1,
+        Kind.LIBRARY,
+        f"asin({_BOUNDED})",
+        lambda a: math.asin(bounded(a)),
+        _ON_ARRAYS + "arcsin",
+        "asin",
+    )
+    ACOS = (
+        1,
+        Kind.LIBRARY,
+        f"acos({_BOUNDED})",
+        lambda a: math.acos(bounded(a)),
+        _ON_ARRAYS + "arccos",
+        "acos",
+    )
     ATAN = 1, Kind.LIBRARY, "atan(A)", math.atan, "numpy.arctan", "atan"
     ATAN2 = 2, Kind.LIBRARY, "atan2(A, B)", math.atan2, "numpy.arctan2", "atan2"
     SINH = 1, Kind.LIBRARY, "sinh(A)", math.sinh, "numpy.sinh", "sinh"
     COSH = 1, Kind.LIBRARY, "cosh(A)", math.cosh, "numpy.cosh", "cosh"
     TANH = 1, Kind.LIBRARY, "tanh(A)", math.tanh, "numpy.tanh", "tanh"
     ASINH = 1, Kind.LIBRARY, "asinh(A)", math.asinh, "numpy.arcsinh", "asinh"
-    ACOSH = 1, Kind.LIBRARY, "acosh(A)", math.acosh, "numpy.arccosh", "acosh"
+    ACOSH = (
+        1,
+        Kind.LIBRARY,
+        f"acosh({_RAISED})",
+        lambda a: math.acosh(raised(a)),
+        _ON_ARRAYS + "arccosh",
+        "acosh",
+    )
     ATANH = 1, Kind.LIBRARY, "atanh(A)", math.atanh, "numpy.arctanh", "atanh"
     EXP = 1, Kind.LIBRARY, "exp(A)", math.exp, "numpy.exp"
     LOG = 1, Kind.LIBRARY, "log(A)", math.log, "numpy.log", "log"
@@ -104,6 +153,7 @@ class Op(IntEnum):
     OR = 2, Kind.BATCH, "LARGER(A, B)", max, "numpy.maximum", "Or"
     NOT = 1, Kind.BATCH, "1.0 - A", lambda a: 1.0 - a, "", "Not"
     SELECT = 3, Kind.BATCH, "CHOOSE(A != 0.0, B, C)", lambda a, b, c: b if a else c, "numpy.where"
+    CLIP = 2, Kind.BATCH, _CLIPPED, clipped, _ON_ARRAYS + "clipped"
     # operations that occur only in programs
     MULADD = 3, Kind.VECTOR, "A * B + C"
     MULSUB = 3, Kind.VECTOR, "A * B - C"

@@ -70,6 +70,8 @@ class SeriesExpansion(SeriesForms):
             square = self.builder.emit(Op.ADD, self.mul(a, a), self.mul(b, b))
             opposite = self.builder.emit(Op.NEG, self.div(a, square))
             self.two_parts(to, (a, self.div(b, square)), (b, opposite))
+        elif op == Op.CLIP:
+            self.tails[to] = self.tail(a)
         elif op == Op.SELECT and self.is_invariant(a):
             self.selected(to, a, b, c)
         elif op in _SLOPES:

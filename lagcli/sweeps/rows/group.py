@@ -16,6 +16,7 @@ from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.model import InitialValue, Model
 from lagcli.model.sections.measures import read_measures
+from lagcli.simulations.finite import undefined_rows
 from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import message_of
@@ -54,6 +55,23 @@ class FinishedRuns(NamedTuple):
     changes: ParameterChanges = ()
 
 
+class MeasuredRuns(NamedTuple):
+    """What is computed from the samples of k runs.
+
+    Parameters
+    ----------
+    measures : (k, m) array
+    kept : (k, samples, columns) array
+        Stored columns.
+    undefined : mapping of int to str
+        Warnings of runs with signals or measures that are not finite, by index.
+    """
+
+    measures: Array
+    kept: Array
+    undefined: Mapping[int, str]
+
+
 class RowGroup:
     """A model derived once, for rows that differ only in values.
 
@@ -82,6 +100,7 @@ class RowGroup:
         self.variants, self.columns = variants, tuple(columns)
         model = variants.model
         found = read_measures(model, measures)
+        self._measures = found
         self.measuring = Measuring(found, list(model.parameters))
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
@@ -92,6 +111,7 @@ class RowGroup:
         wanted = [r.signal for r in self.measuring.reductions]
         compiled = variants.settings.engine == "compiled"
         self.signals = Signals(variants.equations, [*wanted, *self._extra.values()], compiled)
+        self._signal_names = [*self.measuring.names, *self._extra]
 
     def _check_times(self) -> None:
         start, end = self.variants.settings.t_start, self.grid.times[-1]
@@ -124,8 +144,8 @@ class RowGroup:
         for place in rest:
             sink(self.single(place, table[place], values, check_cancelled))
 
-    def measured(self, ended: FinishedRuns) -> tuple[Array, Array]:
-        """Return measures (k, m) and stored columns (k, samples, columns) of runs.
+    def measured(self, ended: FinishedRuns) -> MeasuredRuns:
+        """Return the measures and stored columns of runs.
 
         Parameters
         ----------
@@ -140,8 +160,12 @@ class RowGroup:
         if len(grid.times):
             happened = self._happened(ended)
             measures = self.measuring(signals[:, :split], parameters, grid, happened)
+        undefined = undefined_rows(self._signal_names, grid.all, signals)
+        for i, k in np.argwhere(~np.isfinite(measures[:, self.measuring.expected])).tolist():
+            name = [m.name for m in self._measures][self.measuring.expected[k]]
+            undefined.setdefault(i, f"the measure `{name}` is not finite")
         if not self.kept_names:
-            return measures, np.empty((runs, 0, 0))
+            return MeasuredRuns(measures, np.empty((runs, 0, 0)), undefined)
         rows = np.concatenate(
             [
                 ended.samples[:, :, self._layout.q.start : self._layout.work.start],
@@ -149,7 +173,8 @@ class RowGroup:
             ],
             axis=2,
         )
-        return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
+        kept = rows[:, self.grid.samples[self.grid.samples < reached]]
+        return MeasuredRuns(measures, kept, undefined)
 
     def _happened(self, ended: FinishedRuns) -> Array | None:
         """Return the values that measures take from event logs, (k, n); None if they take none."""

@@ -71,19 +71,31 @@ class Measuring:
     ----------
     reductions : list of Reduction
         Distinct reductions of all measures; the signals passed are in this order.
+    names : list of str
+        The first measure that uses each reduction.
     count : int
         Values of m measures.
+    expected : list of int
+        The measures that always have a value: those without times of conditions, values at given
+        times and entries of event logs.
     """
 
     def __init__(self, measures: Sequence[Measure], parameters: Sequence[str]):
         self.reductions: list[Reduction] = []
+        self.names: list[str] = []
         self.count = len(measures)
+        self.expected = [
+            i
+            for i, measure in enumerate(measures)
+            if not any(r.kind in ("time_of", "at") or r.event for r in measure.reductions)
+        ]
         values = []
         for measure in measures:
             places = {}
             for i, reduction in enumerate(measure.reductions):
                 if reduction not in self.reductions:
                     self.reductions.append(reduction)
+                    self.names.append(measure.name)
                 places[reduced(i)] = se.Symbol(f"#all{self.reductions.index(reduction)}")
             values.append(measure.value.xreplace(places))
         found = [se.Symbol(f"#all{i}") for i in range(len(self.reductions))]

@@ -15,7 +15,15 @@ from lagcli.model.expression.units import si_notation, to_si
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.variants import Variants
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.row_results import COMPLETED, ERROR, FAILED, MISSING, Numbers, Results
+from lagcli.sweeps.row_results import (
+    COMPLETED,
+    ERROR,
+    FAILED,
+    MISSING,
+    WARNING,
+    Numbers,
+    Results,
+)
 from lagcli.sweeps.rows.group import FinishedRuns, RowGroup
 from lagcli.trajectory.samples import ENDED
 
@@ -166,7 +174,11 @@ class _Collected:
             return
         if self.strict:
             self._distrust(group, rows, ended)
-        measures, kept = group.measured(ended)
+        measures, kept, undefined = group.measured(ended)
+        for i, warning in undefined.items():
+            if self.status[rows[i]] == COMPLETED:
+                self.messages[rows[i]] = warning if self.strict else WARNING + warning
+                self.status[rows[i]] = FAILED if self.strict else COMPLETED
         completed = self.status[rows] == COMPLETED
         self.measures[rows[completed]] = measures[completed]
         if group.kept_names:

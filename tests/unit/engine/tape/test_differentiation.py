@@ -66,6 +66,7 @@ def test_magnitudes_and_an_inverse_cosine() -> None:
         (Op.MUL, (1.5, 0.7)),
         (Op.DIV, (1 / 1.5, -0.7 / 1.5**2)),
         (Op.POW, (1.5 * 0.7**0.5, 0.7**1.5 * math.log(0.7))),
+        (Op.CLIP, (1.0, 0.0)),
         (Op.ATAN2, (1.5 / (0.49 + 2.25), -0.7 / (0.49 + 2.25))),
         (Op.LT, (0.0, 0.0)),
     ],

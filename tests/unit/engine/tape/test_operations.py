@@ -20,6 +20,7 @@ except ImportError:
 
 ON_NUMBERS = [op for op in Op if op.scalar]
 SPECIAL = [0.0, 1.0, -1.0, 0.5, 2.5, float("inf"), -float("inf"), float("nan")]
+SPECIAL += [1 + 2**-52, -1 - 1e-14, 1 - 2**-53, 1 + 1e-10, -1e-14]  # at the ends of domains
 
 
 @pytest.mark.parametrize("op", ON_NUMBERS, ids=lambda op: op.name)
@@ -28,7 +29,7 @@ def test_all_evaluators_agree(op: Op) -> None:
     truth = op in (Op.AND, Op.OR, Op.NOT)
     rows = [
         [chosen.choice((0.0, 1.0)) if truth else chosen.choice(SPECIAL) for _ in range(op.arity)]
-        for _ in range(30)
+        for _ in range(60)
     ]
     operands = (*range(op.arity), 0, 0)[:3]
     tape = Tape(op.arity, (), ((int(op), op.arity, *operands),), (op.arity,))
