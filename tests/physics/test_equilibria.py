@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import lagcli
 from lagcli.errors import NumericalError, UsageError
@@ -472,3 +473,46 @@ def test_gyroscopic_stabilization_ends_at_a_located_point(c: float) -> None:
     (point,) = diagram.special
     assert (point.kind, point.stability) == ("stability change", ("stable", "linearly stable"))
     assert abs(point.parameter) < 1e-9
+
+
+#: The circular restricted three-body problem in axes that turn with both masses.
+THREE_BODIES = """
+coordinates: [x, y]
+parameters: {mu: 0.0121505856}
+definitions:
+  r1: sqrt((x + mu)^2 + y^2)
+  r2: sqrt((x - 1 + mu)^2 + y^2)
+T: ((x' - y)^2 + (y' + x)^2)/2
+V: -(1 - mu)/r1 - mu/r2
+"""
+
+
+@pytest.mark.parametrize(
+    ("mu", "x", "y"),
+    [
+        (0.0121505856, 0.5, 0.5),
+        (0.0121505856, 0.8, 0.1),  # next to the first point, beside the small mass
+        (0.0121505856, 0.0, 1.0),
+        (0.1, 1.2, 0.0),
+        (0.3, 0.48785, 0.866),
+    ],
+)
+def test_all_five_points_of_lagrange_are_found(mu: float, x: float, y: float) -> None:
+    text = THREE_BODIES + f"initial: {{x: {x}, y: {y}, x': 0, y': 0}}\n"
+    found = lagcli.equilibrium(lagcli.load_text(text, set={"mu": str(mu)}), all=True)
+
+    def force(x: float) -> float:
+        far, near = x + mu, x - 1 + mu
+        return x - (1 - mu) * far / abs(far) ** 3 - mu * near / abs(near) ** 3
+
+    ranges = (-2, -mu - 1e-3), (-mu + 1e-3, 1 - mu - 1e-3), (1 - mu + 1e-3, 2)
+    collinear = [(brentq(force, *ends, xtol=1e-14), 0.0) for ends in ranges]
+    triangular = [(0.5 - mu, sign * math.sqrt(3) / 2) for sign in (1, -1)]
+    points = sorted(tuple(one.operating_point.point.q.round(9)) for one in found.equilibria)
+    expected = sorted(tuple(np.round(point, 9)) for point in [*collinear, *triangular])
+    np.testing.assert_allclose(points, expected, atol=2e-9)
+    # linearly stable: the triangular ones for small masses (Gascheau: 27 μ (1 − μ) < 1)
+    for one in found.equilibria:
+        away = abs(one.operating_point.point.q[1]) > 0.1
+        stable = away and 27 * mu * (1 - mu) < 1
+        assert one.stability.verdict == ("linearly stable" if stable else "unstable")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from lagcli.analysis.local.steady import Residual, SteadyProblem
 from lagcli.analysis.local.steady_states import SteadyState, completed, none_found
 from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import NoStart, consistent_state
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import LagcliError, NumericalError, UsageError
 from lagcli.sweeps.plan.sampling import unit_points
 
 #: Roots closer than this, relative to the coordinates' lengths and the largest multiplier,
@@ -23,6 +24,9 @@ _STEPS, _SEED = 40, 1
 #: Longest step, relative to the coordinates' lengths; residual near a root, relative to the
 #: magnitudes of the terms.
 _LIMIT, _NEAR = 0.5, 1e-9
+#: Distances of starting points beside a root, relative to the coordinates' lengths, and the largest
+#: number of directions.
+_DISTANCES, _DIRECTIONS = (0.02, 0.1, 0.4), 4
 _LEAST = 0.05  # smallest divisor of a deflated step
 
 
@@ -41,7 +45,8 @@ def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyStat
     problem : SteadyProblem
     starts : int
         Number of points of a Sobol sequence: angles in a full turn, other coordinates within twice
-        the size of the mechanism. Each is brought onto the constraints first.
+        the size of the mechanism. Then at most as many beside the roots found. Each is brought
+        onto the constraints first.
 
     Raises
     ------
@@ -54,17 +59,53 @@ def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyStat
     q = local.start.state.q
     for number, guess in enumerate((q, *_points(problem, starts - 1))):
         placed = q if number == 0 else _on_constraints(problem, guess)
-        if placed is None:
-            continue
-        roots = [_deflated(problem, placed, known)]
-        if number < _RELAXED:
-            roots.append(problem.solve(placed, local.p))
-        for root in roots:
-            if root is not None:
-                _keep(problem, root, known)
+        if placed is not None:
+            _try(problem, placed, known, relaxed=number < _RELAXED)
+    left, visited = starts - 1, 0
+    while left > 0 and visited < len(known):
+        for guess in _beside(problem, known[visited].state)[:left]:
+            left -= 1
+            placed = _on_constraints(problem, guess)
+            if placed is not None:
+                _try(problem, placed, known, relaxed=False)
+        visited += 1
     if not known:
         raise none_found(local, problem, q)
     return [found.state for found in known]
+
+
+def _try(problem: SteadyProblem, q: Array, known: list[_Known], relaxed: bool) -> None:
+    """Add the roots to which iterations lead from a point on the constraints."""
+    searches = [partial(_deflated, problem, q, known)]
+    if relaxed:
+        searches.append(partial(problem.solve, q, problem.local.p))
+    for search in searches:
+        try:
+            root = search()
+        except NumericalError:
+            continue  # the equations are singular, or not smooth, where it leads
+        if root is not None:
+            _keep(problem, root, known)
+
+
+def _beside(problem: SteadyProblem, state: SteadyState) -> list[Array]:
+    """Return points beside a root, along the motions with the least change of force.
+
+    Roots lie close together beside singularities, such as Lagrange's points beside a small mass,
+    where few points of a sequence fall.
+    """
+    matrix, nq = problem.jacobian(state.found), problem.nq
+    rows, columns = problem.scales(state.found, matrix)
+    _, values, vt = np.linalg.svd(matrix * np.outer(rows, columns))
+    least = np.argsort(np.concatenate([values, np.zeros(len(vt) - len(values))]), kind="stable")
+    q = state.operating_point.point.q
+    found = []
+    for row in least:
+        along = columns[:nq] * vt[row, :nq]
+        reach = np.abs(along / problem.local.lengths).max()
+        if reach > _SAME:  # not a change of multipliers alone
+            found += [q + x / reach * along for d in _DISTANCES for x in (d, -d)]
+    return found[: 2 * len(_DISTANCES) * _DIRECTIONS]
 
 
 def _points(problem: SteadyProblem, count: int) -> Array:

@@ -14,7 +14,7 @@ from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
-from lagcli.errors import Diagnostic, UsageError
+from lagcli.errors import Diagnostic, NumericalError, UsageError
 from lagcli.model.model import RATE
 
 #: Singular values of the scaled Jacobian below this part of the largest count as zero.
@@ -273,10 +273,16 @@ class SteadyProblem:
 
     def _newton(self, found: Residual) -> Residual | None:
         """Return the root found by damped Newton steps; None if they do not converge."""
-        for _ in range(_ITERATIONS):
+        for iteration in range(_ITERATIONS):
             if found.relative <= REACHED:
                 break
-            better = self._search(found, self.limited(self.newton_step(found)))
+            try:
+                step = self.newton_step(found)
+            except NumericalError:
+                if not iteration:
+                    raise  # at the point from which the search starts
+                return None  # they lead to a singularity
+            better = self._search(found, self.limited(step))
             if better is None:
                 break
             found = better
@@ -293,7 +299,10 @@ class SteadyProblem:
         """
         inertia, before = 2.0, found.relative
         for _ in range(_RELAXATIONS):
-            step = self.limited(2 * self.newton_step(found, inertia)) / 2
+            try:
+                step = self.limited(2 * self.newton_step(found, inertia)) / 2
+            except NumericalError:
+                break
             after = self.moved(found, step)
             if not np.isfinite(after.value).all():
                 break
