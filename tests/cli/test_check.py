@@ -11,6 +11,7 @@ from lagcli.errors import display_width
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
+FOUND = ROOT / "tests" / "found"
 SCHEMA = json.loads((ROOT / "docs" / "schemas" / "check.json").read_text(encoding="utf-8"))
 VALID = fastjsonschema.compile(SCHEMA)
 
@@ -149,3 +150,22 @@ def test_families_are_written_with_an_index(lagcli):
     assert "rod[i]:" in out
     assert "½ Σ(j=1..N) mⱼ (ẋⱼ² + ẏⱼ²)" in out
     assert "rod[3]" not in out
+
+
+@pytest.mark.parametrize(("name", "found"), [("press", []), ("sarrus", ["energy"])])
+def test_momenta_that_vanish_on_the_constraints_are_not_conserved_quantities(lagcli, name, found):
+    out = json.loads(lagcli("check", FOUND / f"{name}.yaml", "--json")[1])
+    assert [q["name"] for q in out["conserved"]["quantities"]] == found
+
+
+def test_four_coordinates_are_searched_for_all_symmetries(lagcli):
+    out = json.loads(lagcli("check", FOUND / "bennett.yaml", "--json")[1])
+    assert out["conserved"]["searched"] == "linear"
+
+
+def test_next_to_a_singular_configuration_there_are_no_frequencies(lagcli):
+    text = " ".join(lagcli("check", FOUND / "singular_start.yaml")[1].split())
+    assert "The start is next to a singular configuration" in text
+    assert "rad/s" not in text
+    out = VALID(json.loads(lagcli("check", FOUND / "singular_start.yaml", "--json")[1]))
+    assert (out["near_singular_start"], out["time_scales"]) == (True, None)

@@ -50,7 +50,8 @@ class Check:
     conserved_units : mapping of str to str
         Their SI units, as far as they are known.
     time_scales : TimeScales or None
-        Time scales of small motions about the initial state; None for large models.
+        Time scales of small motions about the initial state; None for large models, and at and next
+        to singular configurations, where they change over a small distance.
     units : UnitReport
         Units as given and derived, and what disagrees.
     """
@@ -103,7 +104,8 @@ def check(model: Model) -> Check:
             there = start._replace(rank=freedom.rank or 0, elimination=None)
         states = random_states(system, there)
         rank = check_rank(system, there, freedom, states)
-        scales = time_scales(system, there)
+        singular = rank.special or rank.near_singular
+        scales = None if singular else time_scales(system, there)
     found = conserved_quantities(equations)
     conserved = found._replace(
         quantities=tuple(generalized(equations, q) for q in found.quantities)

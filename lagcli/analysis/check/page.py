@@ -7,7 +7,7 @@ from collections import Counter
 from itertools import islice
 
 from lagcli.analysis.check.check import Check
-from lagcli.analysis.check.rank import Combination
+from lagcli.analysis.check.rank import MOST_COORDINATES, Combination
 from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.families.index_form import IndexForm
@@ -39,8 +39,10 @@ _INDEX = {
 }
 _SEARCHED = {
     "linear": "The search covered symmetries ξ = A q + b of L and the constraints.",
-    "translations": "For this large system, the search covered only symmetries with constant ξ.",
-    "absent coordinates": "For this large system, the search covered only cyclic coordinates.",
+    "translations": "The search covered only symmetries with constant ξ: the equations have too"
+    " many terms for others.",
+    "absent coordinates": "The search covered only cyclic coordinates: the equations have too many"
+    " terms for others.",
 }
 
 
@@ -106,12 +108,21 @@ def _freedom(f: Formulas, found: Check) -> Step:
             if shown
             else "The constraints determine all positions."
             if not rank.freedom.degrees
-            else "For this large system, the rank is not computed at other states."
+            else "No other consistent states were found near the start."
+            if len(f.model.coordinates) <= MOST_COORDINATES
+            else f"The rank is not computed at other states of more than {MOST_COORDINATES}"
+            " coordinates."
         )
         if rank.special:
             said.append(
                 "The start is a singular configuration: the rank is lower there than nearby, and a"
                 " motion that starts there may not be unique."
+            )
+        elif rank.near_singular:
+            said.append(
+                "The start is next to a singular configuration, in which constraints are dependent:"
+                " accelerations and multipliers change much over a small distance. Other guesses"
+                " may lead to a start away from it."
             )
     sets = [
         f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
@@ -176,6 +187,10 @@ def _start(found: Check) -> Step:
 
 def _time_scales(found: Check) -> Step | None:
     x = found.time_scales
+    if found.rank.special or found.rank.near_singular:
+        where = "at" if found.rank.special else "next to"
+        why = f"Not computed {where} a singular configuration: they change over a small distance."
+        return Step("Time scales", (), why)
     if x is None:
         return None
     said = []

@@ -15,20 +15,24 @@ from lagcli.engine.constraints.initial import (
     consistent_state,
 )
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.linear.dense import decompose
+from lagcli.engine.linear.dense import decompose, singular_values
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 
 #: Number of random consistent states, and the largest number of coordinates for which they are
 #: computed: for larger models, each takes seconds.
-_STATES, _LARGEST = 20, 60
+_STATES, MOST_COORDINATES = 20, 60
 #: Their distance from the initial state, relative to the sizes of the coordinates.
 _SPREAD = 0.5
 #: Entries of normalized combinations above this count: vanishing ones are about 1e-8, the tolerance
 #: of the rank.
 _COUNTS = 1e-6
 _LARGEST_DENOMINATOR = 1000
+#: Next to a singular configuration, the weakest singular value of B, which is proportional to the
+#: distance, is below this part of its median at states that are this far away, relative to the
+#: sizes of the coordinates.
+_NEAR, _ASIDE = 1e-4, 0.1
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,8 @@ class RankCheck:
         Constraints whose multiplier is not unique.
     combinations : tuple of Combination
         A basis of the unique combinations of these multipliers, at the initial state.
+    near_singular : bool
+        Whether constraints are almost dependent at the initial state, but not around it.
     """
 
     freedom: DegreesOfFreedom
@@ -67,6 +73,7 @@ class RankCheck:
     unique: tuple[str, ...]
     not_unique: tuple[str, ...]
     combinations: tuple[Combination, ...]
+    near_singular: bool = False
 
     @property
     def special(self) -> bool:
@@ -94,8 +101,9 @@ def check_rank(
     """
     ranks = tuple(found.rank for found in states)
     names = system.constraints
+    near = _near_singular(system, start)
     if start.rank == len(names):
-        return RankCheck(freedom, ranks, names, (), ())
+        return RankCheck(freedom, ranks, names, (), (), near)
     null = _null_space(system, start)
     loose = np.abs(null).max(axis=1) > _COUNTS
     unique = tuple(n for n, x in zip(names, loose, strict=True) if not x)
@@ -106,7 +114,33 @@ def check_rank(
         unique,
         tuple(n for n, x in zip(names, loose, strict=True) if x),
         tuple(c for members in sets for c in _combinations(null, members, names)),
+        near,
     )
+
+
+def _near_singular(system: System, start: ConsistentState) -> bool:
+    """Return whether constraints are almost dependent at the initial state, but not around it.
+
+    The states around it are not consistent: where constraints touch, all consistent states may be
+    next to the singular configuration. The weakest singular value of constraints that are almost
+    dependent everywhere does not depend on the state.
+    """
+    if not start.rank or len(start.state.q) > MOST_COORDINATES:
+        return False
+    evaluator, s = Evaluator(system, start.state.p), start.state
+    sizes = evaluator.sizes(s.t, s.q, s.v)
+    c = evaluator.constraints(s.t, s.q, s.v)
+    lengths = evaluator.row_lengths(s.t, s.q, s.v, c, sizes)
+
+    def weakest(q: Array) -> float:
+        jacobian = evaluator.constraints(s.t, q, s.v).jacobian
+        if not np.isfinite(jacobian).all():
+            return 0.0
+        return float(singular_values(jacobian, lengths, sizes)[start.rank - 1])
+
+    random, reach = np.random.default_rng(8), _ASIDE * _sizes(system, s)
+    around = [weakest(s.q + reach * random.normal(size=len(s.q))) for _ in range(_STATES)]
+    return bool(weakest(s.q) < _NEAR * np.median(around))
 
 
 def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
@@ -128,7 +162,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     """
     random, state = np.random.default_rng(8), start.state
     free = np.zeros(len(state.q), dtype=bool)
-    if not system.constraints or len(free) > _LARGEST:
+    if not system.constraints or len(free) > MOST_COORDINATES:
         return []
     size = _sizes(system, state)
     found: list[ConsistentState] = []

@@ -16,8 +16,9 @@ from lagcli.equations.symmetry.linear import Extent, Symmetry, linear_symmetries
 from lagcli.equations.symmetry.monomials import coefficients, symbolic
 from lagcli.model.expression.linearity import is_zero
 
-#: Limits of the number of terms: `lagcli check` may take some seconds, a run some 20 ms.
-THOROUGH, QUICK = 1e5, 1e3
+#: Limits of the number of terms, which is an upper bound and often ten times the actual number:
+#: `lagcli check` may take some seconds, a run some 20 ms.
+THOROUGH, QUICK = 3e6, 1e3
 
 Kind = Literal["energy", "jacobi", "momentum"]
 Row = Mapping[int, Basic]

@@ -162,7 +162,7 @@ class _Conditions:
         return null_space([row for row in equations if row], len(known))
 
     def on_constraints(self, vector: SparseVector, known: list[Unknown]) -> SparseVector:
-        """Return ξ and τ, with ξ reduced by the position constraints that are linear in q.
+        """Return ξ and τ, with ξ reduced by linear functions of q that vanish on the constraints.
 
         The momentum of a field that vanishes on the constraints is identically zero.
         """
@@ -182,14 +182,26 @@ class _Conditions:
 
     @cached_property
     def _linear_constraints(self) -> list[SparseVector]:
-        """The position constraints that are linear in q with constant coefficients."""
-        places = {x: j for j, x in enumerate((*self.equations.q, ONE))}
+        """The sums of position constraints that are linear in q with constant coefficients.
+
+        In a chain of bars, the constraints of the joints contain the sines and cosines of angles,
+        which drop out of some of their sums.
+        """
+        places: dict[Basic | tuple[Basic, int], int] = {
+            x: j for j, x in enumerate((*self.equations.q, ONE))
+        }
         rows = []
         for position in self.positions:
-            terms = {m: (re, im) for m, re, im in self.monomials.terms(position)}
-            if terms.keys() <= places.keys():
-                rows.append({places[m]: re for m, (re, _) in terms.items()})
-        return echelon(rows)
+            row: SparseVector = {}
+            for monomial, *parts in self.monomials.terms(position):
+                if monomial in places:
+                    row[places[monomial]] = parts[0]
+                    continue
+                for part, x in enumerate(parts):
+                    if x:  # eliminated first
+                        row[places.setdefault((monomial, part), -len(places))] = x
+            rows.append(row)
+        return [row for row in echelon(rows) if min(row) >= 0]
 
     def unknowns(self, with_rotations: bool) -> list[Unknown]:
         """Return the unknowns; of linearly dependent ones, the last ones are free."""

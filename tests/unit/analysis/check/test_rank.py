@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.analysis.check.page import page
 
 MODELS = Path(__file__).parents[4] / "models"
 
@@ -79,6 +80,64 @@ initial: {a: 0, b: 0, c: 0, a': 0, b': 0, c': 0}
     assert found.rank.special
     regular = text.replace("a: 0", "a: 1").replace("c: 0", "c: 1")
     assert not lagcli.check(lagcli.load_text(regular)).rank.special
+
+
+NEXT_TO = """
+coordinates: [q0, q1, q2]
+parameters: {l: 0.728, g: 9.81}
+definitions:
+  x: l*(sin(q0) + sin(q1) + sin(q2))
+  y: -l*(cos(q0) + cos(q1) + cos(q2))
+T: (q0'^2 + q1'^2 + q2'^2)/2
+V: g*y
+constraints:
+  c2: y + q0^2*0.3 = -3*l*0.9
+  c6: x^2 + y^2 = 7.29*l^2
+initial:
+  q0: {guess: -0.573}
+  q0': {guess: -0.559}
+  q1: {guess: 0.123}
+  q1': {guess: -0.959}
+  q2: {guess: -0.415}
+  q2': {guess: 0.212}
+simulation: {t_end: 0.5, samples: 21}
+"""
+
+
+def test_no_frequencies_are_given_next_to_a_singular_configuration() -> None:
+    """The constraints touch at q0 = 0: y = −2.7 l and x = 0, where they are dependent.
+
+    The consistent start is as far away as residuals allow, 1e-7. The coefficients of small motions
+    change over this distance, so that frequencies of 8e5 rad/s describe nothing.
+    """
+    found = lagcli.check(lagcli.load_text(NEXT_TO))
+    assert abs(found.start.state.q[0]) < 1e-5
+    assert found.rank.near_singular
+    assert not found.rank.special
+    text = " ".join(page(found).split())
+    assert "The start is next to a singular configuration" in text
+    assert "Not computed next to a singular configuration" in text
+    assert "rad/s" not in text
+    # away from there, with a constraint that crosses the other one
+    away = NEXT_TO.replace("= -3*l*0.9", "= -3*l*0.8")
+    found = lagcli.check(lagcli.load_text(away))
+    assert not found.rank.near_singular
+    assert "Not computed" not in page(found)
+
+
+def test_constraints_that_are_almost_dependent_everywhere_are_no_singular_configuration() -> None:
+    text = """
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+V: x^2 + 2*z^2
+constraints: {one: y = 0, two: y + 1e-6*(x - z) = 0}
+initial: {x: 1, y: 0, z: {guess: 1}, x': 0, y': 0, z': {guess: 0}}
+"""
+    found = lagcli.check(lagcli.load_text(text))
+    assert not found.rank.near_singular
+    assert found.time_scales is not None
+    # x = z: (1 + 1) x'' = −(2 + 4) x
+    assert found.time_scales.largest_frequency == pytest.approx(3**0.5, rel=1e-6)
 
 
 def test_a_large_system_is_looked_at_where_it_starts_alone() -> None:

@@ -63,3 +63,23 @@ initial: {x: 0, y: {guess: 0}, z: 1, w: {guess: 0}, x': 0, y': {guess: 0}, z': 0
 """
     quantities = conserved_quantities(lagcli.derive(lagcli.load_text(text))).quantities
     assert [q.in_momenta for q in quantities] == ["h"]
+
+
+def test_fields_that_vanish_on_a_sum_of_constraints_are_left_out() -> None:
+    """The middle of a bar at x = l/2 cos a, its end at l cos a: x2 = 2 x1 without any angle.
+
+    In the plane of x1 and y3 a rotation is a symmetry, but both vanish: nothing is conserved.
+    """
+    text = """
+coordinates: [x1, x2, y3, a, z]
+T: (x1'^2 + 4*x2'^2 + y3'^2 + a'^2 + z'^2)/2
+V: z^2 + cos(a)
+constraints:
+  one: x1 = 2*cos(a)
+  two: x2 = 4*cos(a)
+  three: y3 + x1 = 2*cos(a)
+initial: {x1: {guess: 1}, x2: {guess: 2}, y3: {guess: 0}, a: 1, z: 1,
+  x1': {guess: 0}, x2': {guess: 0}, y3': {guess: 0}, a': 1, z': 0}
+"""
+    quantities = conserved_quantities(lagcli.derive(lagcli.load_text(text))).quantities
+    assert [q.in_momenta for q in quantities] == ["h"]
