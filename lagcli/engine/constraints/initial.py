@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
-from lagcli.engine.scales import apart, least_scales, lengths_of_rows, usable
+from lagcli.engine.scales import apart, largest, least_scales, lengths_of_rows, usable
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 
@@ -22,6 +22,9 @@ Level = Literal["position", "velocity"]
 ACCEPTED = 1e-10
 REACHED = 1e-15  # of the constraint's scale: end of the iteration
 _ITERATIONS = 200
+#: Part of a row of B below which free velocities do not satisfy it: a double root of φ is known to
+#: about 1e-8 only.
+_HARDLY = 1e-6
 _LARGE = 60  # number of unknowns above which regularity is first tested by sparse elimination
 REGULAR = 1e-6  # smallest pivot of a regular matrix with entries of order one
 #: If all terms of the guess must vanish, residuals are compared with this part of the guess's
@@ -130,7 +133,8 @@ def consistent_state(
         A constraint holds only at points where its gradient vanishes.
     """
     known = Evaluator(system, given.p) if evaluator is None else evaluator
-    return _Start(known.with_parameters(given.p), given.t, fixed_q, fixed_v).solve(given.q, given.v)
+    search = ConsistentSearch(known.with_parameters(given.p), given.t, fixed_q, fixed_v)
+    return search.solve(given.q, given.v)
 
 
 class VanishingGradient(NoStart):
@@ -146,21 +150,39 @@ class VanishingGradient(NoStart):
         self.constraints = constraints
 
 
-class _Start:
-    """The search for one initial state."""
+class ConsistentSearch:
+    """The search for one state on the constraints.
 
-    def __init__(self, evaluator: Evaluator, t: float, fixed_q: Flags, fixed_v: Flags):
+    Parameters
+    ----------
+    evaluator : Evaluator
+    t : float
+        s.
+    fixed_q, fixed_v : (nq,) arrays of bool
+    held : sequence of int, optional
+        The constraints that hold; by default those at the start.
+    """
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        t: float,
+        fixed_q: Flags,
+        fixed_v: Flags,
+        held: Sequence[int] | None = None,
+    ):
         self.evaluator, self.system, self.t = evaluator, evaluator.system, t
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
-        self.held = list(self.system.held_at_start)
-        held = set(self.held)
-        self.places = [k for k, i in enumerate(self.system.holonomic) if i in held]
+        self.held = list(self.system.held_at_start if held is None else held)
+        rows = set(self.held)
+        self.places = [k for k, i in enumerate(self.system.holonomic) if i in rows]
         self.holonomic = [self.system.holonomic[k] for k in self.places]
         self.of_guess: Array | None = None  # of the first scales of positions
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
+        """Return the state, with the rank of B."""
         new_q = self.positions(q.copy(), v)
-        new_v = self.velocities(new_q, v.copy())
+        new_v = self.velocities(new_q, v)
         c = self.evaluator.constraints(self.t, new_q, new_v)
         elimination = self.elimination(new_q, new_v)
         rank = len(self.held)
@@ -211,6 +233,7 @@ class _Start:
         return position, usable(np.maximum(scale, self.of_guess)), jacobian
 
     def positions(self, q: Array, v: Array) -> Array:
+        """Return q on φ = 0; may raise `NoConsistentState`."""
         if not self.holonomic:
             return q
         for aside in (0.0, *_ASIDE):
@@ -269,11 +292,11 @@ class _Start:
         """
         c = self.evaluator.constraints(self.t, q, v)
         sizes = self.evaluator.sizes(self.t, q, v)
-        largest = np.abs(q / sizes).max(initial=0.0)
-        if not largest:
+        size = largest(q, sizes)
+        if not size:
             length = dense.row_scale(c.jacobian[self.holonomic] * sizes)
-            largest = (c.position_scale[self.places] / length).max(initial=0.0) or 1.0
-        return np.asarray(largest * sizes)
+            size = (c.position_scale[self.places] / length).max(initial=0.0) or 1.0
+        return np.asarray(size * sizes)
 
     def descend(self, q: Array, v: Array) -> Array:
         """Return the result of damped Gauss–Newton steps of least M-weighted length."""
@@ -322,8 +345,25 @@ class _Start:
     # velocities
 
     def velocities(self, q: Array, v: Array) -> Array:
+        """Return v on ψ = 0; may raise `NoConsistentState`."""
         if not self.held:
             return v
+        found, residual, scale, jacobian = self.least_velocities(q, v.copy())
+        if self.hardly(q, v, found):
+            found, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
+        if np.abs(residual / scale).max() > ACCEPTED:
+            sizes = self.evaluator.sizes(self.t, q, v)
+            raise self.failure("velocity", residual, scale, jacobian * sizes, self.fixed_v)
+        return found
+
+    def least_velocities(
+        self, q: Array, v: Array, hardly: float | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return v with the least residual, ψ, its scale and B.
+
+        With ``hardly``, free velocities do not change rows by which they are multiplied with less
+        than this part of the row.
+        """
         free = np.flatnonzero(~self.fixed_v)
         # linear, except for a few constraints: the later steps remove rounding errors
         steps = _ITERATIONS if self.system.nonlinear else 4
@@ -341,14 +381,28 @@ class _Start:
             if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
                 break
             part = jacobian[:, free]
-            sizes = self.evaluator.sizes(self.t, q, v)[free]
-            rank = dense.count_rank(part, sizes=sizes)
+            sizes, lengths = self.evaluator.sizes(self.t, q, v), None
+            if hardly is not None:
+                lengths = usable(lengths_of_rows(jacobian, sizes))
+            sizes = sizes[free]
+            rank = dense.count_rank(part, hardly or dense.RANK_TOLERANCE, lengths, sizes)
             weight = self.weight(q, v, free)
-            v[free] += dense.least_change(part, psi, weight, rank, sizes=sizes)
-        if np.abs(psi / scale).max() > ACCEPTED:
-            sizes = self.evaluator.sizes(self.t, q, v)
-            raise self.failure("velocity", psi, scale, jacobian * sizes, self.fixed_v)
-        return v
+            v[free] += dense.least_change(part, psi, weight, rank, lengths, sizes)
+        return v, psi, scale, jacobian
+
+    def hardly(self, q: Array, given: Array, found: Array) -> bool:
+        """Return whether free velocities are large only because they hardly occur in a constraint.
+
+        In x² + y² = l² at x = l, where y = 0 is known to 1e-8, another x' than 0 would need
+        y' = -1e8 x'.
+        """
+        if not self.fixed_v.any():
+            return False
+        c = self.evaluator.constraints(self.t, q, given)
+        sizes = self.evaluator.sizes(self.t, q, given)
+        lengths = usable(lengths_of_rows(c.jacobian[self.held], sizes))
+        before = max(largest(given, sizes), np.abs(c.drift[self.held] / lengths).max())
+        return largest(found, sizes) > before / _HARDLY
 
     def failure(
         self,

@@ -8,14 +8,22 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.constraints.adjustment import adjusted, held_during
+from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart
 from lagcli.engine.constraints.projection import jumped
-from lagcli.engine.contract import CHANGES, EventEntry, Occurrence
+from lagcli.engine.contract import CHANGES, EventEntry, Occurrence, Undefined
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.switching.problem import ContactLaw
 from lagcli.engine.switching.reference.coupling import Coupling
 from lagcli.engine.switching.reference.instant import ImpactOutcome, NextModes
-from lagcli.engine.switching.stops import check_engagement, endless, jams, sets_violation
-from lagcli.engine.switching.switching import RowMode
+from lagcli.engine.switching.stops import (
+    check_engagement,
+    contradicting_values,
+    endless,
+    jams,
+    sets_violation,
+)
+from lagcli.engine.switching.switching import EventRule, RowMode
 
 #: Largest number of rounds at one instant.
 _ROUNDS = 100
@@ -55,6 +63,7 @@ class InstantResolution:
         _, guess, _ = run.motion.accelerations(t, self.q, self.v)
         self.guess = np.nan_to_num(guess)
         self.names = run.system.constraints
+        self.fixed = np.zeros((2, len(self.q)), dtype=bool)  # values set by events of this round
         self.stop: str | None = None
         self.entries: list[EventEntry] = []
         self.struck: ImpactOutcome | None = None  # the last impact
@@ -65,6 +74,7 @@ class InstantResolution:
         ended, pinned, touched, fired = self._causes(numbers)
         for k in range(_ROUNDS):
             previous, first = self.modes.copy(), len(self.entries)
+            self.fixed[:] = False
             for rule in sorted(fired):
                 self._act(rule)
             if not k or any(map(self._interferes, fired)):
@@ -131,11 +141,17 @@ class InstantResolution:
         inputs = (self.t, *self.q.tolist(), *self.v.tolist(), *a.tolist(), *multipliers.tolist())
         values = iter(run.tapes.actions((*inputs, *run.full.p))[rule.first :])
         p = list(run.full.p)
-        for kind, index in rule.targets:
+        given = [next(values) for _ in rule.targets]
+        for (kind, index), value in zip(rule.targets, given, strict=True):
             target = {"q": self.q, "v": self.v, "p": p}[kind]
-            target[index] = next(values)  # type: ignore[index]
+            target[index] = value  # type: ignore[index]
+            if kind != "p":
+                self.fixed[int(kind == "v"), index] = True
         if tuple(p) != run.full.p:
             run.set_parameters(tuple(p))
+        answer = np.zeros(len(self.names))
+        if rule.targets:
+            answer = self._adjust(rule, given)
         if rule.impulses:
             impulse = np.zeros(len(self.q))
             impulse[list(rule.impulses)] = [next(values) for _ in rule.impulses]
@@ -159,13 +175,36 @@ class InstantResolution:
                     held[k] = RowMode.HOLDS if self.problems.active[k] else RowMode.OPEN
             self.q, self.v = self.problems.projected(self.t, self.q, self.v, held)
         work = self._energy() - energy
-        self._log("event", number, before, work=work)
+        drift = run.full.constraints(self.t, self.q, self.v).drift
+        supplied = -float(answer @ drift)
+        self._log("event", number, before, work=work - supplied, supplied=supplied)
+        self.entries[-1] = self.entries[-1]._replace(impulse=answer)
         for row in rule.release:
             self._log("releases", row, self.v)
         for row in rule.engage:
             self._log("engages", row, before)
         if rule.stop:
             self.stop = rule.name
+
+    def _adjust(self, rule: EventRule, given: Sequence[float]) -> Array:
+        """Move the values that an event does not set onto the constraints; return the impulse."""
+        run, problems = self.run, self.problems
+        self.held = held_during(
+            run.switching,
+            rule,
+            len(self.names),
+            problems.active.tolist(),
+            self.modes.tolist(),
+            lambda k: float(problems.gaps(self.t, self.q, self.v)[1][k]),
+        )
+        try:
+            found = adjusted(run.full, self.t, self.q, self.v, self.fixed, self.held)
+        except UndefinedStart as error:
+            raise Undefined(error.state) from None
+        except NoConsistentState as error:
+            raise contradicting_values(run.system, self.t, rule, given, error) from None
+        self.q, self.v = found.q, found.v
+        return found.impulse
 
     def _set_active(self, row: int, active: bool) -> None:
         """Engage or release a constraint, with its friction."""

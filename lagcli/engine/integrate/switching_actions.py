@@ -10,11 +10,23 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.contract import EventEntry, IntegrationRequest, Occurrence, Stop
+from lagcli.engine.constraints.adjustment import (
+    adjusted,
+    held_during,
+    impulse_of,
+)
+from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart
+from lagcli.engine.contract import EventEntry, IntegrationRequest, Occurrence, Stop, Undefined
 from lagcli.engine.core.status import Status
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.switching.stops import contradicting_values
 from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
+
+#: Moves of coordinates below this part of the largest coordinate, by inertia, are not noted.
+_NOTICED = 1e-9
+_LISTED = 4
 
 
 class Actions:
@@ -33,6 +45,8 @@ class Actions:
         Modes of the switched rows at the start.
     stopped : str
         Name of the event that has stopped the run; empty if none has.
+    notes : dict of str
+        By event: which coordinates it has moved besides those that it sets.
     """
 
     def __init__(self, system: System, request: IntegrationRequest, core: Any):
@@ -42,6 +56,12 @@ class Actions:
         self.times: Counter[int] = Counter()
         self.stopped = ""
         self.nq = len(system.coordinates)
+        rows = self.switching.rows
+        self.active = [row.active for row in rows]
+        switched = {row.row for row in rows}
+        self.base = [k for k in range(len(system.constraints)) if k not in switched]
+        self.fixed = np.zeros((2, self.nq), dtype=bool)
+        self.notes: dict[str, str] = {}
 
     # made when needed: events may never happen
 
@@ -57,6 +77,10 @@ class Actions:
     def _constraint(self) -> ScalarTape:
         return ScalarTape(self.system.constraint)
 
+    @cached_property
+    def _equations(self) -> Evaluator:
+        return Evaluator(self.system, tuple(self.p))
+
     @property
     def first_modes(self) -> tuple[int, ...]:
         """Modes of the switched rows at the start."""
@@ -65,12 +89,15 @@ class Actions:
     def react(self, changes: Sequence[tuple[int, str]]) -> list[EventEntry]:
         """Perform the actions of the events triggered at this instant, in the order of the file.
 
+        Values that one of them sets hold while the next ones set theirs.
+
         Parameters
         ----------
         changes : sequence of (int, str)
             Changes of constraints at this instant.
         """
         conditions, entries = set(self.core.happened()), list[EventEntry]()
+        self.fixed = np.zeros((2, self.nq), dtype=bool)
         for number, rule in enumerate(self.switching.events):
             happens = rule.change in changes if rule.change else rule.condition in conditions
             if not happens or (rule.times is not None and self.times[number] >= rule.times):
@@ -82,50 +109,123 @@ class Actions:
         return entries
 
     def _act(self, number: int, rule: EventRule) -> list[EventEntry]:
-        core, nq = self.core, self.nq
+        core = self.core
         y, energy = core.state, self._energy(core.state)
-        after = y.copy()
+        after, impulse = y.copy(), np.zeros(len(self.system.constraints))
         if self._values is not None and (rule.targets or rule.impulses):
             found = self._values(self._inputs(y))
-            values = found[rule.first : rule.first + len(rule.targets)]
-            for (what, index), value in zip(rule.targets, values, strict=True):
-                if what == "p":
-                    self.p[index] = value
-                else:
-                    after[index + (nq if what == "v" else 0)] = value
+            count = len(rule.targets)
+            values = found[rule.first : rule.first + count]
+            after, impulse = self._set(rule, y, values)
             if any(what == "p" for what, _ in rule.targets):
                 core.set_parameters(self._held)
             core.place(after)
             if rule.impulses:
-                push = np.zeros(nq)
-                start = rule.first + len(rule.targets)
-                push[list(rule.impulses)] = found[start : start + len(rule.impulses)]
-                core.place(after)
-                if core.push(push) != Status.RUNNING:
-                    raise Stop(f"{rule.name}: the impulse is not defined at t = {core.t:.9g} s")
-                after = core.state
-        work = 0.0
+                first = rule.first + count
+                after = self._push(rule, found[first : first + len(rule.impulses)], impulse)
+        work = supplied = 0.0
         if rule.targets or rule.impulses:
-            work = self._energy(after) - energy
-            after[-1] = y[-1] + work
+            change = self._energy(after) - energy
+            if impulse.any():
+                drift = self._evaluator.constraints(core.t, *self._split(after)).drift
+                supplied = -float(impulse @ drift)
+            work = change - supplied
+            after[-1] = y[-1] + change
             core.place(after)
-        entries = [self._entry("event", number, y, after, work)]
+        entries = [self._entry("event", number, y, after, work, supplied, impulse)]
         rows = [row.row for row in self.switching.rows]
         for constraint in rule.release:
-            core.activate(rows.index(constraint), False)
+            self._activate(rows.index(constraint), False)
             entries.append(self._entry("releases", constraint, after, after))
         for constraint in rule.engage:
             self._check_gap(constraint, after)
-            core.activate(rows.index(constraint), True)
+            self._activate(rows.index(constraint), True)
             entries.append(self._entry("engages", constraint, after, after))
         return entries
+
+    def _activate(self, row: int, active: bool) -> None:
+        self.core.activate(row, active)
+        self.active[row] = active
+
+    def _set(self, rule: EventRule, y: Array, values: Sequence[float]) -> tuple[Array, Array]:
+        """Return the state with the values that an event sets, and the impulse of constraints.
+
+        The other coordinates and velocities follow on the constraints.
+        """
+        after = y.copy()
+        if not rule.targets:
+            return after, np.zeros(len(self.system.constraints))
+        q, v = self._split(after)
+        for (what, index), value in zip(rule.targets, values, strict=True):
+            if what == "p":
+                self.p[index] = value
+            else:
+                (q if what == "q" else v)[index] = value
+                self.fixed[int(what == "v"), index] = True
+        core, count = self.core, len(self.system.constraints)
+        rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
+        try:
+            found = adjusted(self._evaluator, core.t, q, v, self.fixed, rows)
+        except UndefinedStart as error:
+            raise Undefined(error.state) from None
+        except NoConsistentState as error:
+            raise contradicting_values(self.system, core.t, rule, values, error) from None
+        self._note(rule, q, found.q)
+        q[:], v[:] = found.q, found.v
+        return after, found.impulse
+
+    def _push(self, rule: EventRule, values: Sequence[float], impulse: Array) -> Array:
+        """Apply the generalized impulse of an event; return the state, add that of constraints."""
+        core, t, push = self.core, self.core.t, np.zeros(self.nq)
+        push[list(rule.impulses)] = values
+        before = core.state
+        if core.push(push) != Status.RUNNING:
+            raise Stop(f"{rule.name}: the impulse is not defined at t = {t:.9g} s")
+        after: Array = core.state
+        (q, v), free = self._split(after), np.ones(self.nq, dtype=bool)
+        change = v - self._split(before)[1]
+        impulse += impulse_of(self._evaluator, t, q, v, change, self.base, free, push)
+        self.fixed[1] = False
+        return after
+
+    def _note(self, rule: EventRule, given: Array, q: Array) -> None:
+        """Note which coordinates an event has moved besides those that it sets."""
+        sizes = self._evaluator.sizes(self.core.t, q, np.zeros(self.nq))
+        noticed = _NOTICED * np.abs(q / sizes).max(initial=0.0) * sizes
+        moved = np.flatnonzero(np.abs(q - given) > noticed)
+        if not len(moved) or rule.name in self.notes:
+            return
+        names = self.system.coordinates
+        listed = [f"{names[i]} = {given[i]:.6g} → {q[i]:.6g}" for i in moved[:_LISTED]]
+        more = ", …" if len(moved) > _LISTED else ""
+        self.notes[rule.name] = (
+            f"event `{rule.name}` moved further coordinates onto the constraints at"
+            f" t = {self.core.t:.9g} s: {', '.join(listed)}{more}; set them, too, if they are to be"
+            " elsewhere"
+        )
+
+    def _split(self, y: Array) -> tuple[Array, Array]:
+        """Return q and v as views."""
+        return y[: self.nq], y[self.nq : 2 * self.nq]
+
+    @property
+    def _evaluator(self) -> Evaluator:
+        """The equations with the present values of the parameters."""
+        return self._equations.with_parameters(tuple(self.p))
 
     @property
     def _held(self) -> list[float]:
         return self.system.held_at(self.core.t, self.p)
 
     def _entry(
-        self, what: Occurrence, which: int, y: Array, after: Array, work: float = 0.0
+        self,
+        what: Occurrence,
+        which: int,
+        y: Array,
+        after: Array,
+        work: float = 0.0,
+        supplied: float = 0.0,
+        impulse: Array | None = None,
     ) -> EventEntry:
         nq, modes = self.nq, self.core.modes[: len(self.switching.rows)]
         return EventEntry(
@@ -135,9 +235,9 @@ class Actions:
             q=after[:nq].copy(),
             before=y[nq:-1].copy(),
             after=after[nq:-1].copy(),
-            impulse=np.zeros(len(self.system.constraints)),
+            impulse=np.zeros(len(self.system.constraints)) if impulse is None else impulse,
             loss=0.0,
-            supplied=0.0,
+            supplied=supplied,
             work=work,
             modes=np.array(modes, dtype=int),
         )

@@ -153,6 +153,7 @@ class SwitchingIntegration(Integration):
         if self.stopped:
             run.status, run.message = "stopped-by-event", self.stopped
         run.events, run.limits = self.log, self.instants.limits
+        run.notes = (*run.notes, *self.actions.notes.values())
         run.modes = self.actions.first_modes
         run.kinks, slid = self.core.crossings
         acted = any(run.modes) or self.acted or slid

@@ -13,11 +13,13 @@ Non-Smooth Mechanical Systems, 2004, chapter 7.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
+from lagcli.engine.constraints.adjustment import adjusted
+from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.sensitivity.changes import Change, DirectionalSystem, PerturbedState
@@ -173,6 +175,10 @@ class DifferentiatedResolution(InstantResolution):
             which = "qvp".index(kind)
             new[which][index], own[which][index] = x, dx
         self.change = Change(self.change.t, *own)
+        if rule.targets:
+            self._differences_of_adjustment(q, v)
+            found = adjusted(run.full, t, q, v, self.fixed, self.held)
+            q, v = found.q, found.v
         if rule.impulses:
             v = self._differentiate_impulse(rule, q, v, len(rule.targets), values, slopes)
         if rule.engage or rule.targets:
@@ -222,10 +228,37 @@ class DifferentiatedResolution(InstantResolution):
                 held[k] = RowMode.HOLDS
         return held
 
+    def _differences_of_adjustment(self, q: Array, v: Array) -> None:
+        """Differentiate how the values that an event does not set follow."""
+
+        def adjust(evaluator: Evaluator, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+            found = adjusted(evaluator, t, q, v, self.fixed, self.held)
+            return found.q, found.v
+
+        if self.held.velocities or self.held.contacts:
+            self._differences(adjust, q, v)
+
     def _differences_of_projection(self, q: Array, v: Array) -> None:
-        """Differentiate a projection that moves the coordinates by central differences."""
-        held, problems, given = self._modes_of_projection(), self.problems, self.change
-        evaluator, parts = problems.evaluator, (given.q.copy(), given.v.copy())
+        """Differentiate a projection that moves the coordinates."""
+        held, problems = self._modes_of_projection(), self.problems
+
+        def project(evaluator: Evaluator, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+            problems.evaluator = evaluator
+            return problems.projected(t, q, v, held)
+
+        evaluator = problems.evaluator
+        self._differences(project, q, v)
+        problems.evaluator = evaluator
+
+    def _differences(
+        self,
+        function: Callable[[Evaluator, float, Array, Array], tuple[Array, Array]],
+        q: Array,
+        v: Array,
+    ) -> None:
+        """Propagate the changes through a function of the state, by central differences."""
+        evaluator, given = self.problems.evaluator, self.change
+        parts = given.q.copy(), given.v.copy()
         for k in range(given.directions):
             q_k, v_k = np.zeros(len(q)), np.zeros(len(v))
             size = max(1.0, *(float(np.abs(x[..., k]).max(initial=0.0)) for x in given))
@@ -233,14 +266,15 @@ class DifferentiatedResolution(InstantResolution):
                 for side in (1, -1):
                     d = side * step * _STEP / size
                     p = (np.array(evaluator.p) + d * given.p[:, k]).tolist()
-                    problems.evaluator = evaluator.with_parameters(tuple(p))
-                    found = problems.projected(
-                        self.t + d * given.t[k], q + d * given.q[:, k], v + d * given.v[:, k], held
+                    found = function(
+                        evaluator.with_parameters(tuple(p)),
+                        self.t + d * given.t[k],
+                        q + d * given.q[:, k],
+                        v + d * given.v[:, k],
                     )
                     q_k += side * weight * found[0] * size / _STEP
                     v_k += side * weight * found[1] * size / _STEP
             parts[0][:, k], parts[1][:, k] = q_k, v_k
-        problems.evaluator = evaluator
         self.change = given._replace(q=parts[0], v=parts[1])
 
     # matrices

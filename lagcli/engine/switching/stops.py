@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.engine.contract import CHANGES, EventEntry, Stop
 from lagcli.engine.core.status import Status
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
-from lagcli.engine.switching.switching import RowMode, SwitchedRow
+from lagcli.engine.switching.switching import EventRule, RowMode, SwitchedRow
 from lagcli.engine.system import System
+
+if TYPE_CHECKING:
+    from lagcli.engine.constraints.initial import NoConsistentState
 
 #: Times closer than this, in s or relative, belong to one instant.
 _SAME = 1e-9
@@ -180,6 +184,50 @@ def sets_violation(t: float, name: str, depth: float, row: SwitchedRow) -> Stop:
     return Stop(
         f"an event violates `{name}` by {row.amount(depth)} at t = {t:.9g} s: set coordinates that"
         " satisfy it"
+    )
+
+
+def contradicting_values(
+    system: System,
+    t: float,
+    rule: EventRule,
+    values: Sequence[float],
+    error: NoConsistentState,
+) -> Stop:
+    """Return the end of a run whose event sets values that contradict the constraints.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+        s.
+    rule : EventRule
+    values : sequence of float
+        Of ``rule.targets``.
+    error : NoConsistentState
+    """
+    names = {"q": system.coordinates, "v": system.coordinates, "p": system.parameters}
+    given = ", ".join(
+        f"{names[what][index]}{chr(39) * (what == 'v')} = {value:.6g}"
+        for (what, index), value in zip(rule.targets, values, strict=True)
+    )
+    own = {
+        f"{system.coordinates[index]}{chr(39) * (what == 'v')}"
+        for what, index in rule.targets
+        if what != "p"
+    }
+    earlier = ", ".join(name for name in error.stuck if name not in own)
+    violated = [x.constraint for x in error.violations]
+    one = len(violated) == 1
+    others = "other coordinates" if error.level == "position" else "other velocities"
+    worst = max(error.violations, key=lambda x: x.relative)
+    return Stop(
+        f"event `{rule.name}` sets {given} at t = {t:.9g} s"
+        + (f", where another event sets {earlier}" if earlier else "")
+        + f", and no {others} nearby satisfy the constraint{'' if one else 's'}"
+        f" {_listed(violated)} (`{worst.constraint}`: residual {worst.residual:.3g}); set values"
+        f" that satisfy {'it' if one else 'them'}, or fewer values",
+        constraints=tuple(violated),
     )
 
 

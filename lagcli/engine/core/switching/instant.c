@@ -24,7 +24,8 @@
 #define BETWEEN 2.0         /* of the time between instants: limit of a step after one; longer steps locate the next
                                one less accurately */
 #define FORGOTTEN 0.1       /* of that time: shorter intervals are ignored */
-#define BEYOND 10           /* closed gaps: how far an action may move a contact beyond its surface */
+#define BEYOND 10           /* closed gaps: how far an action may move a contact beyond its surface, or away from
+                               it, as rounding */
 #define TURNS 100.0         /* tolerances, and ... */
 #define TURNS_PART 1e-6     /* ... of the velocities: a change by a projection that counts as a jump */
 
@@ -143,6 +144,15 @@ static int violated(const lag_run *run)
     return 0;
 }
 
+/* Open the contacts that an action has moved away from their surfaces. */
+static void leave_surfaces(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    for (int i = 0; i < sw->rows; ++i)
+        if (sw->law[i] == LAG_UNILATERAL && sw->mode[i] == LAG_HOLDS && sw->phi[i] > BEYOND * lag_no_gap(sw, i))
+            sw->mode[i] = LAG_OPEN;
+}
+
 /* Log the changes of modes since the beginning of the instant. */
 static void log_changes(lag_run *run)
 {
@@ -255,6 +265,8 @@ int lag_do_instant(lag_run *run)
         lag_measure_rows(run, t, y);
         if (sw->moved && violated(run))
             return LAG_VIOLATED;
+        if (sw->moved)
+            leave_surfaces(run);
         if (lag_collides(run)) {
             status = lag_do_collision(run);
             if (status != LAG_RUNNING)
