@@ -24,6 +24,17 @@ def test_table_fits_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
         assert name in text
 
 
+def test_a_motion_that_violates_the_constraints_is_noted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    # without stabilization, at a tolerance that is too large, the rod changes its length
+    arguments = ["--formulation", "projection,index1", "--t-end", "200", "--rtol", "1e-3"]
+    assert run(["compare", PENDULUM, *arguments]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "note: index1, DOP853, rtol 1e-03: the constraints are violated by" in text
+    assert "note: projection" not in text
+
+
 def test_json_is_that_of_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
     valid = fastjsonschema.compile(SCHEMA)
     assert run(["compare", PENDULUM, "--t-end", "1", "--json", "--formulation", "ggl"]) == 0

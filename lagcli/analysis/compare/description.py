@@ -24,6 +24,8 @@ _CURVES = 12  # number of multipliers with curves in a file of two models: those
 _SHOWN = 12  # largest number of names in a line
 #: Differences below this part of the size are rounding errors.
 _ROUNDING = 1e-13
+#: Largest residual of constraints, relative to their terms, of a run that is still the model's.
+_VIOLATED = 0.01
 
 
 def describe_comparison(comparison: FormulationComparison) -> dict[str, Any]:
@@ -171,6 +173,12 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
         lines.append(f"{head}{cells} {run['steps']:>6} {run['seconds']:>6.2f}")
         if run["status"] != "completed":
             notes.append(f"{name}, {run['method']}: {run['status']}: {run['message']}")
+        violated = max(x for x in (*figures[:2], 0.0) if x is not None)
+        if violated > _VIOLATED:
+            notes.append(
+                f"{name}, {run['method']}, rtol {run['rtol']:.0e}: the constraints are violated by"
+                f" {violated:.2g} of their terms, so that this is not the motion of the model"
+            )
     if not content["unique_multipliers"]:
         notes.append("the constraints are redundant: λ is not unique and not compared")
     notes.append(

@@ -13,6 +13,7 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.linear.dense import least_change
 from lagcli.engine.state import State
 
 #: Newton's method for the dependent coordinates: the size of the last change, whose square is the
@@ -45,10 +46,12 @@ class Formulation(Protocol):
 
 
 class StabilizedIndexTwo:
-    """The GGL formulation, q' = v + M⁻¹Bᵀμ with μ such that φ' = 0.
+    """The GGL formulation, M q' = M v + Bᵀμ with μ such that φ' = 0.
 
-    The velocities and λ are those of the index-1 form. See Gear, Leimkuhler and Gupta (1985),
-    doi:10.1016/0377-0427(85)90008-1.
+    q' − v is the solution of [[M, Bᵀ], [B, 0]] [q' − v; −μ] = [0; −ψ(v)], which exists as that for
+    the accelerations does, also with coordinates without mass. The rows of nonholonomic constraints
+    do not change. The velocities and λ are those of the index-1 form. See Gear, Leimkuhler and
+    Gupta (1985), doi:10.1016/0377-0427(85)90008-1.
 
     Parameters
     ----------
@@ -70,12 +73,14 @@ class StabilizedIndexTwo:
         q, v = self._motion.split(y)
         rate = self._motion.rate(t, y)
         held = list(self._evaluator.system.holonomic)
-        if held:
+        if held and np.isfinite(rate).all():
+            motion = self._motion
             d, c = self._evaluator.dynamics(t, q, v), self._evaluator.constraints(t, q, v)
-            rows = c.jacobian[held]
-            slip = c.velocity(v)[held]
-            moved = np.linalg.lstsq(d.mass_matrix, rows.T, rcond=None)[0]
-            rate[: len(q)] -= moved @ np.linalg.lstsq(rows @ moved, slip, rcond=None)[0]
+            slip = np.zeros(motion.nc)
+            slip[held] = c.velocity(v)[held]
+            rate[: len(q)] += least_change(
+                c.jacobian, slip, d.mass_matrix, motion.rank, motion.lengths, motion.sizes
+            )
         return rate
 
     def state(self, t: float, y: Array) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides
 
 MODELS = Path(__file__).parents[4] / "models"
+FOUND = Path(__file__).parents[3] / "found"
 PENDULUM = """
 coordinates: [x, y]
 parameters: {g: 9.81, l: 0.7, m: 1.3}
@@ -44,6 +45,32 @@ def test_a_pendulum_agrees_with_elliptic_functions(formulation: str) -> None:
     square = 2 * w * w * (np.cos(theta) - math.cos(2.0))
     force = 1.3 * (9.81 * np.cos(theta) + 0.7 * square)
     np.testing.assert_allclose(-2 * 0.7 * samples.multipliers[:, 0], force, atol=2e-5)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+@pytest.mark.parametrize("formulation", ["ggl", "maggi", "second"])
+@pytest.mark.parametrize("start", ["phi: 0.2, phi': 5", "phi: -2.5, phi': -17", "phi: 1, phi': 9"])
+def test_a_coordinate_without_mass(start: str, formulation: str, rtol: float) -> None:
+    """The slot's coordinate s has no mass: M is singular, and the constraints determine it."""
+    text = (FOUND / "ggl_slot.yaml").read_text()
+    phi, speed = start.split(", ")
+    text = text.replace("phi: 0.2", phi).replace("phi': 5", speed)
+    settings = SettingsOverrides(rtol=rtol, samples=101)
+    (run,) = lagcli.compare(lagcli.load_text(text), settings, [formulation]).runs
+    assert run.status == "completed"
+    assert run.samples is not None
+    phi, theta, s = run.samples.q.T
+    r, d, inertia, other = 0.1, 0.25, 0.02, 0.1
+    near = {"rtol": 0, "atol": 1e3 * rtol}
+    np.testing.assert_allclose(s, np.sqrt(r**2 + d**2 + 2 * r * d * np.sin(phi)), **near)
+    exact = np.arctan2(r * np.cos(phi), d + r * np.sin(phi))
+    np.testing.assert_allclose(np.exp(1j * theta), np.exp(1j * exact), **near)
+    # theta' = -r (r + d sin phi)/s^2 phi', and the energy determines phi'
+    ratio = -r * (r + d * np.sin(phi)) / s**2
+    energy = (inertia + other * ratio**2) * run.samples.v[:, 0] ** 2
+    np.testing.assert_allclose(energy, energy[0], rtol=1e4 * rtol)
+    assert max(run.difference_q, run.drift_velocity) < 1e3 * rtol
+    assert run.steps < 1000
 
 
 def test_what_each_formulation_holds() -> None:
