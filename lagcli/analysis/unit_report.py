@@ -8,6 +8,7 @@ from typing import Any
 
 from lagcli.errors import Diagnostic
 from lagcli.model.dimensions.reporting import unit_diagnostics
+from lagcli.model.expression.units import si_notation, to_si
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of, format_members
 
@@ -29,6 +30,8 @@ class UnitReport:
     coordinates, parameters, definitions, multipliers, constraints, forces, outputs : mappings
         Units by name, None where they are not known. ``constraints`` are those of φ, and of ψ for
         nonholonomic constraints; ``forces`` are generalized forces by coordinate.
+    converted : mapping of str to str
+        Parameters and initial values that are given in a unit other than SI: both values.
     findings : tuple of Diagnostic
         What disagrees as far as units are known; warnings, because a model with all units and a
         mistake cannot be loaded.
@@ -44,6 +47,7 @@ class UnitReport:
     constraints: Mapping[str, str | None]
     forces: Mapping[str, str | None]
     outputs: Mapping[str, str | None]
+    converted: Mapping[str, str]
     findings: tuple[Diagnostic, ...]
 
     @property
@@ -67,6 +71,7 @@ class UnitReport:
             "checked": self.checked,
             "missing": list(self.missing),
             **{group: dict(getattr(self, group)) for group in (*groups, "forces", "outputs")},
+            "converted": dict(self.converted),
             "findings": [_json(d) for d in self.findings],
         }
 
@@ -86,6 +91,9 @@ class UnitReport:
             if by_unit:
                 listed = (f"{_names(names)} in {unit}" for unit, names in by_unit.items())
                 yield f"{title}: {'; '.join(listed)}."
+        if self.converted:
+            shown = [f"{name} = {text}" for name, text in self.converted.items()]
+            yield f"Converted to SI: {'; '.join(shown[:_LISTED])}{'; …' * (len(shown) > _LISTED)}."
 
 
 def report_units(model: Model) -> UnitReport:
@@ -114,8 +122,19 @@ def report_units(model: Model) -> UnitReport:
         },
         forces={name: units.of_force(name) for name in model.coordinate_names},
         outputs={name: units.of_output(name) for name in model.outputs},
+        converted=dict(_converted(model)),
         findings=tuple(unit_diagnostics(model, units, "warning")),
     )
+
+
+def _converted(model: Model) -> Iterator[tuple[str, str]]:
+    """Yield the quantities in units other than SI: name, and value in both units."""
+    given = [(p.name, p.value, p.unit) for p in model.parameters.values()]
+    given += [(name, x.value, x.unit) for name, x in model.initial.items()]
+    for name, value, unit in given:
+        factor = to_si(unit) if unit else 1
+        if unit and factor != 1:
+            yield name, f"{value / float(factor):.6g} {unit} = {value:.6g} {si_notation(unit)}"
 
 
 def _names(names: Iterable[str]) -> str:

@@ -11,12 +11,15 @@ from collections.abc import Iterator
 
 from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.files import check_regular, read_failure
-from lagcli.model.expression.units import Factor, UnknownUnit, to_si
+from lagcli.model.expression.numerals import decimal
+from lagcli.model.expression.unit_table import Factor
+from lagcli.model.expression.units import UnknownUnit, is_unit, to_si
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 
 _DELIMITERS = ",;\t"
-#: A title with its unit: ``enc [deg]``.
-_TITLE = re.compile(r"(.*?)\s*[\[(]([^\[\]()0-9][^\[\]()]*)[\])]")
+#: A title with its unit: ``enc [deg]``, ``c [N/(m/s)]``; digits are an index, ``x[1]``.
+_NO_INDEX = r"(?!\s*[0-9])|(?=\s*1\s*/)"
+_TITLE = re.compile(rf"(.*?)\s*(?:\[((?:{_NO_INDEX})[^\[\]]+)\]|\(((?:{_NO_INDEX})[^()]+)\))")
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
@@ -36,6 +39,15 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         raise read_failure(name, error) from error
 
 
+def split_title(title: str) -> tuple[str, str | None]:
+    """Return the name and the unit of a column from its title; None without a unit."""
+    plain = title.strip()
+    match = _TITLE.fullmatch(plain)
+    if match is None:
+        return plain, None
+    return match[1], (match[2] or match[3]).strip()
+
+
 class CsvTable:
     """A CSV file whose first line names the columns.
 
@@ -48,7 +60,7 @@ class CsvTable:
     Raises
     ------
     FileError
-        The content is not text, or empty.
+        The content is not text, or empty, or two columns have one name.
     """
 
     def __init__(self, path: str, content: bytes):
@@ -62,6 +74,18 @@ class CsvTable:
             raise FileError(f"{path} is empty; its first line names the columns")
         self.delimiter = max(_DELIMITERS, key=first.count)
         self.titles = next(csv.reader([first], delimiter=self.delimiter), [])
+        seen: set[str] = set()
+        for number, title in enumerate(self.titles):
+            name = split_title(title)[0]
+            if name and name in seen:
+                raise self.error(
+                    "duplicate-name",
+                    f"two columns have the name `{shorten(name)}`",
+                    "rename or remove one of them",
+                    1,
+                    number,
+                )
+            seen.add(name)
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the nonblank rows below the header, with their line numbers.
@@ -107,23 +131,25 @@ class CsvTable:
         FileError
             The column does not exist, or the unit in its title is unknown.
         """
-        plain = [title.strip() for title in self.titles]
-        matches = [_TITLE.fullmatch(title) for title in plain]
-        for number, (title, match) in enumerate(zip(plain, matches, strict=True)):
-            if title == name:
-                return number, to_si(unit) if unit else 1, unit
-            if match is not None and match[1] == name:
-                try:
-                    return number, to_si(unit or match[2]), unit or match[2]
-                except UnknownUnit as error:
-                    raise self.error(
-                        "unknown-unit",
-                        f"`{title}`: {error}",
-                        "write the unit as in `enc [deg]`, or give `unit` in the model file",
-                        1,
-                        number,
-                    ) from None
-        known = [match[1] if match else title for title, match in zip(plain, matches, strict=True)]
+        split = [split_title(title) for title in self.titles]
+        for number, title in enumerate(map(str.strip, self.titles)):
+            own, stated = split[number]
+            if name not in (title, own):
+                continue
+            used = unit or stated
+            if stated and name == title and not is_unit(stated):
+                used = unit  # brackets that are part of the name
+            try:
+                return number, to_si(used) if used else 1, used
+            except UnknownUnit as error:
+                raise self.error(
+                    "unknown-unit",
+                    f"`{title}`: {error}",
+                    "write the unit as in `enc [deg]`, or give `unit` in the model file",
+                    1,
+                    number,
+                ) from None
+        known = [own for own, _ in split]
         raise self.error(
             "no-column",
             f"there is no column `{shorten(name)}`",
@@ -139,15 +165,12 @@ class CsvTable:
         FileError
             The field is not a finite number.
         """
-        try:
-            value = float(fields[number])
-        except ValueError:
-            value = math.inf if fields[number].strip() else math.nan
-        if math.isinf(value):
+        text = fields[number].strip()
+        value = math.nan if text.lower() in ("", "nan") else decimal(text)
+        if value is None or math.isinf(value):
             raise self.error(
                 "bad-data",
-                f"column `{self.titles[number].strip()}`:"
-                f" {shorten(fields[number].strip())!r} is not a finite number",
+                f"column `{self.titles[number].strip()}`: {shorten(text)!r} is not a finite number",
                 "write it as 0.25; leave the field of a missing value empty",
                 line,
                 number,

@@ -198,7 +198,7 @@ def _coherent(unit: str | None, moving: bool) -> str:
     """Return the SI unit of a coordinate, or of its velocity."""
     if not unit:
         return ""
-    return f"{unit}/s" if moving else unit
+    return (f"({unit})/s" if "/" in unit else f"{unit}/s") if moving else unit
 
 
 def _in_unit(value: float, unit: str) -> float:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
@@ -96,15 +94,3 @@ def test_a_wrong_unit_ends_a_command_with_status_2(
         text = capsys.readouterr().err
         assert "error[units]: `r`, in m, and `R`, in s, cannot be equal" in text
         assert "all units fit with `R` in m" in text
-
-
-def test_pint_is_imported_for_none_of_the_shipped_models() -> None:
-    script = (
-        "import sys, pathlib, lagcli\n"
-        f"for path in pathlib.Path({str(MODELS)!r}).glob('*.yaml'): lagcli.load(path)\n"
-        "print('pint' in sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "False"

@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 
 from lagcli.cli.app import run
-from lagcli.model.expression.units import to_si
 
 FOLDER = Path(__file__).parent / "wrong"
 RIGHT = "pendulum"  # a right model, for options that are wrong
@@ -47,8 +46,7 @@ def _in_folder(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _imported() -> None:
-    """Import what a first run imports; Pint's registry alone takes most of a second."""
-    to_si("furlong")
+    """Import what a first run imports."""
     run(["simulate", "--quiet", str(FOLDER / f"{RIGHT}.yaml"), "--t-end", "0.001"])
 
 

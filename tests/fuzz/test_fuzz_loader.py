@@ -32,11 +32,6 @@ RELAXED = settings(
 )
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _pint_loaded() -> None:
-    to_si("furlong")
-
-
 def check(error: ModelError, text: str) -> None:
     """Hold the diagnostics to lie in the text."""
     ends = sum(map(text.count, "\n\r\x85\u2028\u2029"))

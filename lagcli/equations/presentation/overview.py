@@ -20,7 +20,7 @@ from lagcli.equations.presentation.switching.contacts import (
 )
 from lagcli.equations.presentation.switching.events import events_step
 from lagcli.equations.presentation.typeset import Call, Node, Sign, Symbol, sum_of, whole
-from lagcli.model.expression.units import si_notation, to_si
+from lagcli.model.expression.units import plain_notation, si_notation, to_si
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
@@ -192,12 +192,15 @@ def _coordinates(f: Formulas) -> Step:
 
 
 def parameters_step(f: Formulas) -> Step | None:
-    """Return the parameters with their values, in SI where the formulas have numbers."""
+    """Return the parameters with their values, as given and in SI."""
     lines = []
     for p in f.model.parameters.values():
-        unit = p.unit and (si_notation(p.unit) if f.values else p.unit)
-        value = p.value / to_si(unit) if unit else p.value
-        lines.append(Line((Symbol(p.name), quantity(value, unit)), note=p.description))
+        stated = None if p.unit is None else to_si(p.unit)
+        si = quantity(p.value, si_notation(p.unit) if p.unit else None)
+        sides = [Symbol(p.name), si]
+        if p.unit and stated not in (None, 1) and not f.values:
+            sides.insert(1, quantity(p.value / float(stated or 1), p.unit))
+        lines.append(Line(tuple(sides), note=p.description))
     # values without a meaning fit side by side
     packed = not any(line.note for line in lines) and not any("[" in x for x in f.model.parameters)
     return Step("Parameters", tuple(lines), packed=packed) if lines else None
@@ -213,6 +216,7 @@ def quantity(value: float, unit: str | None) -> Sign:
         latex = rf"{latex} \times 10^{{{exponent}}}".removeprefix(r"1 \times ")
     if unit in (None, "", "1"):
         return Sign(text, latex)
+    unit = plain_notation(unit)
     text += " " + re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), unit).replace("*", "·")
     shown = re.sub(r"[^\W\d]+", lambda m: rf"\mathrm{{{m[0]}}}", unit)
     shown = re.sub(r"\^(-?\d+)", r"^{\1}", shown).replace("*", r" \cdot ")

@@ -8,6 +8,7 @@ from fractions import Fraction
 from lagcli.model.expression.tokens import ExpressionError, Token, error_at
 from lagcli.model.expression.trees import NumberExpr
 
+_DECIMAL = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?\s*")
 MAX_DIGITS = 400  # digits of one number
 # range of decimal exponents of doubles
 MAX_EXPONENT = 308
@@ -61,9 +62,14 @@ def read_number(token: Token, following: Token) -> NumberExpr:
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number of Python, not an expression."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    """Whether a text is a number, not an expression."""
+    return _DECIMAL.fullmatch(text) is not None
+
+
+def decimal(text: str) -> float | None:
+    """Return the number that a text denotes in model files and tables; None for any other text.
+
+    Spellings that only programming languages know, such as ``1_0``, ``infinity`` and digits of
+    other scripts, are not numbers.
+    """
+    return float(text) if _DECIMAL.fullmatch(text) else None

@@ -22,7 +22,7 @@ from lagcli.model.yaml.source import Scalar, YamlNode
 
 _WITH_UNIT = re.compile(
     r"\s*([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)"
-    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|°|1\s*/).*)",
+    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|[°˚℃℉]|1\s*/).*)",
     re.DOTALL,
 )
 
@@ -89,7 +89,7 @@ def read_quantity(
             message = f"`{shorten(text.strip())}` is not a number"
             report.add("syntax", message, location, "write a decimal number")
             return None
-        if names.declared(own.split("*")[0].strip()) and not is_unit(own):
+        if names.declared(own.split("*")[0].strip()) and (own[-1].isdigit() or not is_unit(own)):
             location = node.span(match.start(1), match.end(2))
             help_ = f"write a product as `{match[1]}*{own}`"
             report.add("syntax", f"`{text.strip()}` is not a number with a unit", location, help_)
@@ -100,7 +100,9 @@ def read_quantity(
             start = match.start(2)
             location = node.span(start, start + len(own))
             help_ = UNIT_HELP
-            if re.search("[-+]", own):
+            if re.fullmatch(r"[^\W\d]+(?:-[^\W\d]+)+", own):
+                help_ = f"write a product of units as `{own.replace('-', '*')}`"
+            elif re.search("[-+]", own):
                 help_ = "write an expression with a unit as `{value: 2 + 1/2, unit: m}`"
             report.add("unknown-unit", f"{what}: {error}", location, help_)
             return None

@@ -1,8 +1,4 @@
-"""Units: their conversion factors to SI and their dimensions.
-
-A small table covers products, quotients and powers of SI units with prefixes, and degrees. Pint is
-imported only for other units.
-"""
+"""Units: their conversion factors to SI and their dimensions, read from text."""
 
 from __future__ import annotations
 
@@ -10,81 +6,70 @@ import math
 import re
 from fractions import Fraction
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from lagcli.model.dimensions.dimension import (
-    ANGLE,
-    ENERGY,
-    ONE,
-    POWER,
-    SECOND,
-    Dimension,
-    product,
-)
+from lagcli.model.dimensions.dimension import ANGLE, ONE, Dimension, product
+from lagcli.model.expression.unit_table import REFUSED, Factor, TableUnit, compounds, units
 from lagcli.model.spelling import shorten
-
-Factor = Fraction | float  # exact wherever the unit allows it, so that 7 mm is 0.007 m
 
 
 class ParsedUnit(NamedTuple):
-    """A unit: the factor that converts a value to SI, and the dimension."""
+    """A unit: the factor that converts a value to SI, the dimension, and the SI unit.
+
+    Parameters
+    ----------
+    factor : Fraction or float
+    dimension : Dimension
+    si : tuple of (str, exponent)
+        Symbols of the coherent SI unit with their exponents, in the order of the text.
+    atoms : tuple of (str, exponent)
+        The symbols of the text with their exponents.
+    """
 
     factor: Factor
     dimension: Dimension
+    si: tuple[tuple[str, Fraction], ...] = ()
+    atoms: tuple[tuple[str, Fraction], ...] = ()
 
-    def times(self, other: ParsedUnit, exponent: int | Fraction = 1) -> ParsedUnit:
-        """Return this unit times a power of another."""
-        dimension = product(self.dimension, other.dimension, exponent)
+    def power(self, exponent: Fraction) -> ParsedUnit:
+        """Return a power of this unit."""
+        dimension = product(ONE, self.dimension, exponent)
         assert isinstance(dimension, Dimension)
-        return ParsedUnit(self.factor * other.factor**exponent, dimension)
+        whole = int(exponent) if exponent.denominator == 1 else exponent
+        return ParsedUnit(
+            self.factor**whole,
+            dimension,
+            tuple((x, n * exponent) for x, n in self.si),
+            tuple((x, n * exponent) for x, n in self.atoms),
+        )
+
+    def times(self, other: ParsedUnit) -> ParsedUnit:
+        """Return a product of units."""
+        dimension = product(self.dimension, other.dimension)
+        assert isinstance(dimension, Dimension)
+        return ParsedUnit(
+            self.factor * other.factor, dimension, self.si + other.si, self.atoms + other.atoms
+        )
 
 
-_ONE = Fraction(1)
-_CHARGE, _VOLT = Dimension(A=1, s=1), Dimension(kg=1, m=2, s=-3, A=-1)
-_DIMENSIONS = {
-    **{"m": Dimension(m=1), "s": SECOND, "A": Dimension(A=1), "K": Dimension(K=1)},
-    **{"mol": Dimension(mol=1), "cd": Dimension(cd=1), "rad": ANGLE, "sr": Dimension(rad=2)},
-    **{"Hz": Dimension(s=-1), "N": Dimension(kg=1, m=1, s=-2), "J": ENERGY, "W": POWER},
-    **{"Pa": Dimension(kg=1, m=-1, s=-2), "C": _CHARGE, "V": _VOLT},
-    **{"F": Dimension(kg=-1, m=-2, s=4, A=2), "S": Dimension(kg=-1, m=-2, s=3, A=2)},
-    **dict.fromkeys(["ohm", "Ω"], Dimension(kg=1, m=2, s=-3, A=-2)),
-    **{"Wb": Dimension(kg=1, m=2, s=-2, A=-1), "T": Dimension(kg=1, s=-2, A=-1)},
-    **{"H": Dimension(kg=1, m=2, s=-2, A=-2)},
-}
-_BASE = {name: ParsedUnit(_ONE, dimension) for name, dimension in _DIMENSIONS.items()}
-_BASE["g"] = ParsedUnit(Fraction(1, 1000), Dimension(kg=1))
-_PREFIX = {
-    **{"n": Fraction(1, 10**9), "u": Fraction(1, 10**6), "µ": Fraction(1, 10**6)},
-    **{"μ": Fraction(1, 10**6), "m": Fraction(1, 1000), "c": Fraction(1, 100)},
-    **{"d": Fraction(1, 10), "k": Fraction(10**3), "M": Fraction(10**6), "G": Fraction(10**9)},
-}
-_DEGREE = math.pi / 180
-_LONG_NAMES = {
-    **{"radian": "rad", "meter": "m", "metre": "m", "second": "s", "newton": "N", "joule": "J"},
-    **{"watt": "W", "pascal": "Pa", "hertz": "Hz", "kelvin": "K", "ampere": "A", "volt": "V"},
-    **{"coulomb": "C", "tesla": "T"},
-}
-_WHOLE = {
-    **dict.fromkeys(["deg", "°", "degree", "degrees"], ParsedUnit(_DEGREE, ANGLE)),
-    **dict.fromkeys(["1", "dimensionless"], ParsedUnit(_ONE, ONE)),
-    **{name: _BASE[short] for name, short in _LONG_NAMES.items()},
-    **{
-        "kilogram": ParsedUnit(_ONE, Dimension(kg=1)),
-        "t": ParsedUnit(Fraction(1000), Dimension(kg=1)),
-    },
-    **{"min": ParsedUnit(Fraction(60), SECOND), "h": ParsedUnit(Fraction(3600), SECOND)},
-    **{"L": ParsedUnit(Fraction(1, 1000), Dimension(m=3))},
-}
-_SI_NAMES = {
-    **dict.fromkeys(["deg", "°", "degree", "degrees"], "rad"),
-    **{"min": "s", "h": "s", "L": "m^3", "t": "kg", "g": "kg"},
-}
-_TOKEN = re.compile(
-    r"\s*(?:(\*\*|\^)\s*([+-]?[0-9]{1,2}(?:\.[0-9]{1,2})?(?![0-9.])|\([+-]?[0-9]{1,2}/[0-9]{1,2}\))"
-    r"|([*/()·])|([^\W\d]+|°|1)|([²³]))"
+_NONE = ParsedUnit(Fraction(1), ONE)
+_SUPERSCRIPTS = str.maketrans("⁻⁺⁰¹²³⁴⁵⁶⁷⁸⁹", "-+0123456789")
+#: Other characters for a degree, an ohm and a product.
+_CHARACTERS = str.maketrans(
+    {
+        **{"\u00ba": "°", "\u02da": "°", "℃": "°C", "℉": "°F", "\u2126": "Ω"},
+        **dict.fromkeys("\u22c5\u2219×", "·"),
+    }
 )
-#: A force by a length is the unit of a torque, which is counted as J/rad.
-_TORQUE = re.compile(r"(?<!\w)[kMmuµμ]?N\s*[*·]\s*[cm]?m(?!\w|\s*(?:\*\*|\^|[²³]))")
+_LETTER = "[^\\W\\d⁰¹²³⁴⁵⁶⁷⁸⁹]"
+_TOKEN = re.compile(
+    r"\s*(?:(?:\*\*|\^)\s*(?P<power>[+-]?[0-9]{1,2}(?:\.[0-9]{1,2})?(?![0-9.])"
+    r"|\([+-]?[0-9]{1,2}/[0-9]{1,2}\))|(?P<raised>[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2})"
+    r"|(?P<mark>[*/()·]|\.(?=[^\W\d]))|(?P<one>1)"
+    rf"|(?P<name>°[CFR]?(?!{_LETTER}|°)|{_LETTER}+)(?P<digit>[2-9])?(?![0-9]))"
+)
+#: Notation of results: no other may be in an SI unit.
+_PLAIN = re.compile(r"(?:[^\W\d_⁰¹²³⁴⁵⁶⁷⁸⁹](?![0-9])|[\s*/^()]|(?<![^\W\d_])[+-]?[0-9.]+)+")
 _LONGEST = 100  # maximum number of characters of a unit
 
 UNIT_HELP = "units are written as `kg`, `m/s^2`, `N*m`, `deg`"
@@ -103,15 +88,19 @@ def to_si(unit: str) -> Factor:
 def read_unit(text: str) -> ParsedUnit:
     """Return the unit of a text.
 
-    ``a/b*c`` is evaluated from left to right, as in Pint: (a/b)·c.
+    Products, quotients and powers of the units in the table, as in ``kg*m^2/s``, ``kg m²``,
+    ``N/mm2`` and ``kNm/rad``. ``a/b*c`` is evaluated from left to right: (a/b)·c. A power belongs
+    to the last symbol: ``kgm^2`` is kg·m².
 
     Raises
     ------
     UnknownUnit
-        Invalid notation, a name that neither the table nor Pint knows, or a unit with an offset
-        (degC).
+        Invalid notation, an unknown name, or a unit with several meanings.
     """
-    unit = _product(text) if len(text) <= _LONGEST else None
+    plain = text.strip().translate(_CHARACTERS)
+    if plain in ("-", "–"):
+        return _NONE
+    unit = _UnitReader(plain).read() if len(plain) <= _LONGEST else None
     if unit is None:
         raise UnknownUnit(f"`{shorten(text)}` is not a unit")
     try:
@@ -120,111 +109,33 @@ def read_unit(text: str) -> ParsedUnit:
         size = math.inf
     if not 0 < size < math.inf:
         raise UnknownUnit(f"`{shorten(text)}` is too large or too small")
-    if _TORQUE.search(text):
-        unit = unit.times(_BASE["rad"], -1)
-    return unit
+    _refuse_doubtful(text, plain, unit)
+    return unit._replace(dimension=_with_torque(unit))
 
 
 def si_notation(unit: str) -> str:
     """Return the SI unit for values given in a unit: ``deg/s`` becomes ``rad/s``."""
-
-    def replaced(match: re.Match[str]) -> str:
-        name = match[0]
-        si = _SI_NAMES.get(name) or (name if _single(name).factor == 1 else None)
-        if si is None and name[1:] in _BASE:
-            si = "kg" if name[1:] == "g" else name[1:]
-        if si is None:
-            si = f"{_registry().Quantity(1, name).to_base_units().units:~C}".replace("**", "^")
-        return f"({si})" if re.search("[*/^]", si) and name != unit else si
-
-    return unit if to_si(unit) == 1 else re.sub(r"[^\W\d]+|°", replaced, unit)
-
-
-def _single(name: str) -> ParsedUnit:
-    if name in _WHOLE:
-        return _WHOLE[name]
-    if name in _BASE:
-        return _BASE[name]
-    if len(name) > 1 and name[0] in _PREFIX and name[1:] in _BASE:
-        return _BASE[name[1:]]._replace(factor=_PREFIX[name[0]] * _BASE[name[1:]].factor)
-    return _by_pint(name)
+    parsed = read_unit(unit)
+    joined = any(name in compounds() for name in re.findall(f"{_LETTER}+", unit))
+    if parsed.atoms == parsed.si and _PLAIN.fullmatch(unit) and not joined:
+        return unit
+    factors: list[tuple[str, Fraction]] = []
+    for name, n in parsed.si:
+        if factors and factors[-1][0] == name:
+            n += factors.pop()[1]
+        if n:
+            factors.append((name, n))
+    above = [_written(name, n) for name, n in factors if n > 0]
+    below = [_written(name, -n) for name, n in factors if n < 0]
+    over = f"({'*'.join(below)})" if len(below) > 1 else "".join(below)
+    return ("*".join(above) or "1") + (f"/{over}" if over else "")
 
 
-def _product(text: str) -> ParsedUnit | None:
-    """Return the unit, or None for invalid notation."""
-    position = 0
-    one = _WHOLE["1"]
-    # per parenthesis: the product, its last factor, the sign of the next exponent
-    stack: list[tuple[ParsedUnit, ParsedUnit | None, int]] = [(one, None, 1)]
-    expect_unit = True
-    while position < len(text.rstrip()):
-        match = _TOKEN.match(text, position)
-        if not match:
-            return None
-        position = match.end()
-        raising, exponent, mark, name, small = match.groups()
-        before, last, sign = stack[-1]
-        if raising or small:
-            if last is None:
-                return None
-            try:
-                n = Fraction(exponent.strip("()") if raising else "..²³".index(small))
-            except ZeroDivisionError:
-                return None
-            factor = before.factor / last.factor * last.factor ** (int(n) if n == int(n) else n)
-            dimension = before.times(last, n - 1).dimension
-            stack[-1] = (ParsedUnit(factor, dimension), None, 1)
-        elif mark == "(":
-            if not expect_unit:
-                return None
-            stack.append((one, None, 1))
-        elif name or mark == ")":
-            if mark == ")":
-                if expect_unit or len(stack) == 1:
-                    return None
-                value = stack.pop()[0]
-                before, last, sign = stack[-1]
-            else:
-                value = _single(name)
-                if not expect_unit:
-                    sign = 1  # a space between two units means a product
-            value = one.times(value, sign)
-            stack[-1] = (before.times(value), value, 1)
-            expect_unit = False
-        else:
-            if expect_unit:
-                return None
-            stack[-1] = (before, None, -1 if mark == "/" else 1)
-            expect_unit = True
-    return None if expect_unit or len(stack) > 1 else stack[0][0]
-
-
-#: Pint's names of the base units.
-_OF_PINT = {
-    **{"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K"},
-    **{"mole": "mol", "candela": "cd", "radian": "rad"},
-}
-
-
-def _by_pint(name: str) -> ParsedUnit:
-    registry = _registry()
-    try:
-        unit = registry.parse_units(name)
-        zero, one = (registry.Quantity(x, unit).to_base_units() for x in (0.0, 1.0))
-        exponents = {_OF_PINT[base]: Fraction(x) for base, x in one.unit_items()}
-    except Exception as error:  # Pint raises many exception types, including tokenizer errors
-        raise UnknownUnit(f"`{name}` is not a unit") from error
-    if zero.magnitude != 0.0:
-        raise UnknownUnit(f"`{name}` has an offset: use an absolute unit, such as K")
-    return ParsedUnit(float(one.magnitude), Dimension(**exponents))
-
-
-@cache
-def _registry() -> Any:
-    import pint
-
-    # without a cache folder: reading Pint's cache is slower than parsing its definitions
-    return pint.UnitRegistry(cache_folder=None)
+def plain_notation(unit: str) -> str:
+    """Return a unit with its powers as ``^2`` and its products as ``*``: ``N/mm²`` is N/mm^2."""
+    text = unit.translate(_CHARACTERS).replace("·", "*")
+    text = re.sub("[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: "^" + m[0].translate(_SUPERSCRIPTS), text)
+    return re.sub(rf"(?<={_LETTER})[2-9]", r"^\g<0>", text)
 
 
 def is_unit(text: str) -> bool:
@@ -234,3 +145,151 @@ def is_unit(text: str) -> bool:
     except UnknownUnit:
         return False
     return True
+
+
+def _written(name: str, exponent: Fraction) -> str:
+    if exponent == 1:
+        return name
+    return f"{name}^{exponent}" if exponent.denominator == 1 else f"{name}^({exponent})"
+
+
+def _with_torque(unit: ParsedUnit) -> Dimension:
+    """Return the dimension, with J/rad for a force by a length, which is the unit of a torque."""
+    for (name, n), (after, m) in zip(unit.si, unit.si[1:], strict=False):
+        if {name, after} == {"N", "m"} and n == m and abs(n) == 1:
+            found = product(unit.dimension, ANGLE, -int(n))
+            assert isinstance(found, Dimension)
+            return found
+    return unit.dimension
+
+
+def _refuse_doubtful(text: str, plain: str, unit: ParsedUnit) -> None:
+    """Raise for combinations of units that engineers read in different ways."""
+    reason = ""
+    names = [name for name, _ in unit.atoms]
+    if unit.atoms == (("min", Fraction(-1)),):
+        reason = "it may count revolutions; write rpm for these, or 1/s"
+    elif len(names) > 1 and {"lb", "pound", "pounds"}.intersection(names):
+        reason = "write lbf for the force, lbm for the mass"
+    elif len(names) > 1 and "oz" in names:
+        reason = "write ozf for the force, lbm for a mass"
+    elif re.match(r"(?:°|deg(?:rees?)?)\s*[*·]?\s*[CFR](?!\w)", plain):
+        reason = "temperatures are given in K: 20 °C is 293.15 K"
+    elif plain in ("kgm", "kgcm", "kgmm"):
+        reason = f"write kg*{plain[2:]} for a product, kgf*{plain[2:]} for a torque"
+    if reason:
+        raise UnknownUnit(f"`{shorten(text)}` is ambiguous: {reason}")
+
+
+def _single(name: str) -> ParsedUnit:
+    """Return the unit of a name."""
+    found = units().get(name)
+    if found is not None:
+        return _of_table(name, found)
+    if name in REFUSED:
+        raise UnknownUnit(f"`{name}` is not accepted: {REFUSED[name]}")
+    folded = name.casefold()
+    known = [f"`{x}`" for x in (*compounds(), *units()) if x.casefold() == folded]
+    hint = f"; did you mean {' or '.join(known[:2])}?" if known else ""
+    raise UnknownUnit(f"`{shorten(name)}` is not a unit{hint}")
+
+
+def _of_table(name: str, unit: TableUnit) -> ParsedUnit:
+    si = tuple((x, Fraction(n)) for x, n in unit.si)
+    return ParsedUnit(unit.factor, unit.dimension, si, ((name, Fraction(1)),))
+
+
+class _UnitReader:
+    """Reads one text, from left to right."""
+
+    def __init__(self, text: str):
+        self.text = text
+        # per parenthesis: the product, its last factor, the sign of the next exponent, and
+        # whether there was a quotient
+        self.stack: list[_UnitLevel] = [_UnitLevel()]
+
+    def read(self) -> ParsedUnit | None:
+        """Return the unit, or None for invalid notation."""
+        position = 0
+        while position < len(self.text):
+            match = _TOKEN.match(self.text, position)
+            if not match or not self._token(match):
+                return None
+            position = match.end()
+        level = self.stack[-1]
+        return None if level.expects or len(self.stack) > 1 else level.value
+
+    def _token(self, match: re.Match[str]) -> bool:
+        """Apply one token; return whether it is valid here."""
+        level = self.stack[-1]
+        exponent = match["power"] or (match["raised"] or "").translate(_SUPERSCRIPTS)
+        if exponent:
+            return self._raise(exponent)
+        if match["mark"] == "(":
+            if level.expects:
+                self.stack.append(_UnitLevel())
+            return level.expects
+        if match["mark"] == ")":
+            if level.expects or len(self.stack) == 1:
+                return False
+            value = self.stack.pop().value
+            return self._factor((value,))
+        if mark := match["mark"]:
+            if level.expects:
+                return False
+            if level.divided and mark != "*":
+                self._refuse_quotient()
+            level.last, level.sign, level.expects = None, -1 if mark == "/" else 1, True
+            level.divided = level.divided or mark == "/"
+            return True
+        if match["one"]:
+            return level.expects and self._factor((_NONE,))
+        if not level.expects:
+            if level.divided:
+                self._refuse_quotient()
+            level.sign = 1  # a space between two units means a product
+        name = match["name"]
+        parts = compounds().get(name, (name,)) if name not in units() else (name,)
+        self._factor(tuple(_single(part) for part in parts))
+        return self._raise(match["digit"]) if match["digit"] else True
+
+    def _factor(self, parts: tuple[ParsedUnit, ...]) -> bool:
+        """Multiply by units; the last can be raised to a power."""
+        level = self.stack[-1]
+        sign = Fraction(level.sign)
+        level.before = level.value
+        for part in parts[:-1]:
+            level.before = level.before.times(part.power(sign))
+        level.last, level.expects = parts[-1].power(sign), False
+        level.value = level.before.times(level.last)
+        level.sign = 1
+        return True
+
+    def _raise(self, exponent: str) -> bool:
+        level = self.stack[-1]
+        if level.last is None:
+            return False
+        try:
+            n = Fraction(exponent.strip("()"))
+        except ZeroDivisionError:
+            return False
+        level.value = level.before.times(level.last.power(n))
+        level.last = None
+        return True
+
+    def _refuse_quotient(self) -> None:
+        raise UnknownUnit(
+            f"`{shorten(self.text)}` is ambiguous: write parentheses after the `/`, as in"
+            " `W/(m^2*K)`"
+        )
+
+
+class _UnitLevel:
+    """The product within one pair of parentheses."""
+
+    def __init__(self) -> None:
+        self.value = self.before = _NONE
+        self.last: ParsedUnit | None = None
+        self.sign = 1
+        self.divided = False
+        self.expects = True

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft
 from lagcli.model.expression.tokens import is_name
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, si_notation, to_si
 from lagcli.model.keys import COORDINATE, keys_of
 from lagcli.model.model import Coordinate
 from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
@@ -183,7 +183,7 @@ def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
 
 
 def si_unit(draft: Draft, unit: str | None, node: YamlNode) -> str | None:
-    """Check a unit for results: it must be coherent SI."""
+    """Return a unit of results in the notation of SI; report one that is not coherent SI."""
     if unit is None:
         return None
     try:
@@ -199,7 +199,7 @@ def si_unit(draft: Draft, unit: str | None, node: YamlNode) -> str | None:
             "write m, rad, N, …; parameters and initial values may have any unit",
         )
         return None
-    return unit
+    return si_notation(unit)
 
 
 def declare(

@@ -10,9 +10,10 @@ from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.errors import SourceLocation
+from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity, unit_of
-from lagcli.model.expression.units import to_si
+from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
 from lagcli.model.model import Parameter
 from lagcli.model.sections.coordinates import si_unit
@@ -316,9 +317,20 @@ class _FitReader:
         return FittedQuantity(known, bounds["min"], bounds["max"], key.location)
 
     def has_unit(self, node: YamlNode, unit: str | None, what: str) -> bool:
-        """Return whether a bound can be read: outside SI, it needs a unit."""
-        if unit is None or unit_of(node) is not None or to_si(unit) == 1:
+        """Return whether a bound can be read: outside SI, it needs a unit, and of its dimension."""
+        given = unit_of(node)
+        if unit is None or (given is None and to_si(unit) == 1):
             return True
+        if given is not None:
+            if same(read_unit(given).dimension, read_unit(unit).dimension):
+                return True
+            self.draft.report.add(
+                "units",
+                f"{what} is in {given}, and the parameter in {unit}",
+                node.location,
+                f"give it in {unit}, or in another unit of that dimension",
+            )
+            return False
         self.draft.report.add(
             "missing-value",
             f"{what} has no unit, and the parameter is given in {unit}",

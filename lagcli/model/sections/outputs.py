@@ -38,8 +38,8 @@ def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], di
         node, fields = draft.expression_node(d.key, d.node, what, keys_of(OUTPUT))
         draft.text(fields.get("description"), f"`description` of {what}")
         unit = draft.text(fields.get("unit"), f"`unit` of {what}")
-        if unit is not None and si_unit(draft, unit, fields["unit"]):
-            units.update(dict.fromkeys(own, unit))
+        if unit is not None and (si := si_unit(draft, unit, fields["unit"])):
+            units.update(dict.fromkeys(own, si))
         parsed = draft.parse(node, what) if node is not None else None
         if parsed is None:
             continue

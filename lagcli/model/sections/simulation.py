@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity
+from lagcli.model.expression.units import read_unit
 from lagcli.model.names.families import members_of, read_key
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.sections.parameters import names_used
@@ -38,7 +40,8 @@ def _read(draft: Draft, constants: Symbols, needs: set[str]) -> SettingsOverride
 
 def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]) -> Any:
     """Return the value of a setting; None if it has an error."""
-    match SettingsOverrides.DECLARED[name]:
+    declared = SettingsOverrides.DECLARED[name]
+    match declared:
         case Choice():
             return _word(draft, name, node)
         case Flag():
@@ -52,11 +55,12 @@ def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: s
         case Times():
             items = node.items if isinstance(node, Sequence) else [node]
             what = f"a time of `{name}`" if isinstance(node, Sequence) else f"`{name}`"
-            times = [_number(draft, what, item, constants, needs) for item in items]
+            times = [_number(draft, what, item, constants, needs, declared.unit) for item in items]
             return None if None in times else times
         case Tolerances() if isinstance(node, Mapping):
             return _tolerances(draft, node, constants, needs)
-    return _number(draft, f"`{name}`", node, constants, needs)
+    unit = None if isinstance(declared, Tolerances) else declared.unit
+    return _number(draft, f"`{name}`", node, constants, needs, unit)
 
 
 def _word(draft: Draft, name: str, node: YamlNode) -> str | None:
@@ -82,7 +86,7 @@ def _flag(draft: Draft, name: str, node: YamlNode) -> bool | None:
 def _whole_number(
     draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]
 ) -> int | None:
-    value = _number(draft, f"`{name}`", node, constants, needs)
+    value = _number(draft, f"`{name}`", node, constants, needs, "")
     if value is None or value == int(value):
         return None if value is None else int(value)
     draft.report.add(
@@ -134,11 +138,28 @@ def _members(draft: Draft, name: str, key: Scalar, constants: Symbols) -> list[s
 
 
 def _number(
-    draft: Draft, what: str, node: YamlNode, constants: Symbols, needs: set[str]
+    draft: Draft,
+    what: str,
+    node: YamlNode,
+    constants: Symbols,
+    needs: set[str],
+    expected: str | None = None,
 ) -> float | None:
+    """Return the value of a number, whose unit must have the dimension of the expected one."""
     quantity = read_quantity(draft, node, what, constants)
     if quantity is None:
         return None
+    if expected is not None and quantity.unit is not None:
+        given = read_unit(quantity.unit).dimension
+        if not same(given, read_unit(expected or "1").dimension):
+            draft.report.add(
+                "units",
+                f"{what} is in {quantity.unit}, but must be {f'in {expected}' * bool(expected)}"
+                f"{'a number' * (not expected)}",
+                node.location,
+                f"give it in {expected or '1'}",
+            )
+            return None
     needs.update(names_used(quantity.parsed.tree))
     context = Context(what, coordinates=False, definitions=False, time=False)
     formula = formula_of(draft, quantity, context, constants)

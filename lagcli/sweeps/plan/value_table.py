@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import csv
 import math
-import re
 
 import numpy as np
 
 from lagcli.errors import FileError, UsageError
 from lagcli.files import read_failure
+from lagcli.model.csv_table import split_title
+from lagcli.model.expression.numerals import decimal
 from lagcli.model.expression.units import UnknownUnit
 from lagcli.model.model import Model
 from lagcli.results.reasons import check_readable
 from lagcli.sweeps.plan.factors import TableFactor
 from lagcli.sweeps.plan.varied import si_factor, varied_name
-
-_TITLE = re.compile(r"\s*(.*?)\s*(?:[\[(]([^\[\]()0-9][^\[\]]*)[\])])?\s*")
 
 
 def read_table(path: str, model: Model) -> TableFactor:
@@ -64,10 +63,8 @@ def _columns(path: str, titles: list[str], model: Model) -> tuple[tuple[str, ...
     columns: list[str] = []
     si: list[float] = []
     for title in titles:
-        # brackets may also be the index of a member: x[1]
         whole = title.strip()
-        match = _TITLE.fullmatch(title)
-        name, unit = (match[1], match[2]) if match else (whole, None)
+        name, unit = split_title(title)
         try:
             known = varied_name(model, name)
             factor = float(si_factor(model, known, unit))
@@ -85,10 +82,7 @@ def _columns(path: str, titles: list[str], model: Model) -> tuple[tuple[str, ...
 
 
 def _number(where: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise FileError(f"{where}: {text.strip()!r} is not a number; write it as 0.25") from None
-    if not math.isfinite(value):
-        raise FileError(f"{where}: {text.strip()} is not finite; write a finite number")
+    value = decimal(text)
+    if value is None or math.isinf(value):
+        raise FileError(f"{where}: {text.strip()!r} is not a finite number; write it as 0.25")
     return value

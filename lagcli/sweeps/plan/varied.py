@@ -5,7 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 
 from lagcli.errors import UsageError
-from lagcli.model.expression.units import Factor, to_si
+from lagcli.model.dimensions.dimension import same
+from lagcli.model.expression.unit_table import Factor
+from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
 
@@ -37,16 +39,32 @@ def si_factor(model: Model, name: str, unit: str | None) -> Factor:
     Raises
     ------
     UsageError
-        The file gives the parameter in a unit other than SI, and no unit is given here.
+        The file gives the parameter in a unit other than SI, and no unit is given here, or it gives
+        the quantity in a unit of another dimension.
     UnknownUnit
     """
-    if unit is not None:
-        return to_si(unit)
     parameter = model.parameters.get(name)
-    stated = parameter.unit if parameter else None
+    stated = parameter.unit if parameter else _coordinate_unit(model, name)
+    if unit is not None:
+        given = read_unit(unit)
+        if stated is not None and not same(given.dimension, read_unit(stated).dimension):
+            raise UsageError(
+                f"--vary {name}: `{name}` is in {stated} in the file, and in {unit} here; give it"
+                f" in {stated}, or in another unit of that dimension"
+            )
+        return given.factor
     if stated is not None and to_si(stated) != 1:
         raise UsageError(
             f"--vary {name}: `{name}` is given in {stated} in the file, and without a unit here;"
             f" write the unit after the values, as in --vary '{name}=1:2:0.1 {stated}'"
         )
     return Fraction(1)
+
+
+def _coordinate_unit(model: Model, name: str) -> str | None:
+    """Return the SI unit of an initial position or velocity, if the file states it."""
+    base = name.removesuffix("'")
+    unit = next((c.unit for c in model.coordinates if c.name == base), None)
+    if unit is None or base == name:
+        return unit
+    return f"({unit})/s" if "/" in unit else f"{unit}/s"

@@ -18,7 +18,8 @@ from lagcli.model.expression.constants import number as constant_value
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
-from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit
+from lagcli.model.expression.unit_table import Factor
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit
 from lagcli.model.model import Model
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.symbols import Context, Symbols
@@ -31,8 +32,10 @@ from lagcli.sweeps.plan.varied import si_factor, varied_name
 #: Largest number of values of a grid; larger ones are typing errors.
 MOST_VALUES = 10**9
 
-_UNIT = re.compile(r"(?<=[0-9.)])\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|°)[\w/*^()°·²³ .-]*)$")
-_CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
+_UNIT = re.compile(
+    r"(?<=[0-9.)])(?:\s*+(?![eE][+-]?[0-9])(?=[^\W\d_]|[°˚℃℉])|\s++(?=1\s*/))([^,:]+)$"
+)
+_CALL = re.compile(r"\s*([a-z]+)\s*(?=\()")
 _GRIDS = {"linspace": "linspace(first, last, count)", "logspace": "logspace(first, last, count)"}
 _DISTRIBUTIONS = {
     "uniform": "uniform(lowest, highest)",
@@ -103,19 +106,78 @@ class _VaryReader:
 
     def read(self) -> factors.Factor | Drawn:
         text = self.option.text
-        start, end, si = self.without_unit(0, len(text))
-        body = text[start:end]
-        if call := _CALL.fullmatch(body):
-            function, inside = call[1], (start + call.start(2), start + call.end(2))
-            if function in _GRIDS:
-                return self.spaced(function, inside, si)
-            if function in _DISTRIBUTIONS:
-                return self.drawn(function, self.numbers(inside, ","), si)
-        if ".." in body:
-            return self.drawn("uniform", self.numbers((start, end), ".."), si)
-        if ":" in body:
-            return self.steps((start, end), si)
-        return self.listed((0, len(text)))
+        whole = 0, len(text)
+        call = _CALL.match(text)
+        if call and call[1] in (*_GRIDS, *_DISTRIBUTIONS):
+            end = self.closing(call.end())
+            if end is not None:
+                rest = text[end + 1 :].strip()
+                inside = self.pieces((call.end() + 1, end), ",")
+                after = (end + 1 + text[end + 1 :].index(rest), len(text)) if rest else None
+                if call[1] in _GRIDS:
+                    return self.spaced(call[1], inside, after)
+                return self.drawn(call[1], self.in_units(inside, after))
+        if ".." in text:
+            return self.drawn("uniform", self.in_units(self.pieces(whole, "..")))
+        if ":" in text:
+            return self.steps(self.pieces(whole, ":"))
+        return self.listed(whole)
+
+    def closing(self, start: int) -> int | None:
+        """Return the position of the parenthesis that closes the one at ``start``."""
+        depth = 0
+        for at, sign in enumerate(self.option.text[start:], start):
+            depth += (sign == "(") - (sign == ")")
+            if depth == 0:
+                return at
+        return None
+
+    def in_units(
+        self, pieces: list[tuple[int, int]], after: tuple[int, int] | None = None
+    ) -> list[Value]:
+        """Return numbers in SI; see `read_units`."""
+        values, si = self.read_units(pieces, after)
+        return [x * si for x in values]
+
+    def read_units(
+        self, pieces: list[tuple[int, int]], after: tuple[int, int] | None = None
+    ) -> tuple[list[Value], Factor]:
+        """Return numbers, and the factor by which they are converted to SI, each rounded once.
+
+        Each of them has a unit; or the last has one, or a unit follows at ``after``, for all.
+        """
+        text = self.option.text
+        own = [bool(_UNIT.search(text[:end], start)) for start, end in pieces]
+        if after is not None and any(own):
+            raise self.error(
+                "there is a unit within the parentheses, and another behind them",
+                "keep one of them",
+                after,
+            )
+        if not all(own) and any(own[:-1]):
+            raise self.error(
+                "some of these values have a unit, and some have none",
+                "write the unit after each of them, or after the last for all",
+                pieces[own.index(False)],
+            )
+        common = self.factor(after) if after is not None else self.without_unit(*pieces[-1])[2]
+        values, sizes = [], []
+        for (start, end), has_own in zip(pieces, own, strict=True):
+            start, end, si = self.without_unit(start, end) if has_own else (start, end, common)
+            values.append(self.number((start, end)))
+            sizes.append(si)
+        if len(set(sizes)) == 1:
+            return values, common
+        return [x * si for x, si in zip(values, sizes, strict=True)], Fraction(1)
+
+    def factor(self, span: tuple[int, int] | None) -> Factor:
+        """Return the factor to SI of the unit in a span; without a unit, of SI."""
+        unit = self.option.text[slice(*span)] if span else None
+        try:
+            return si_factor(self.model, self.name, unit)
+        except UnknownUnit as error:
+            assert span is not None
+            raise self.option.error("unknown-unit", str(error), *span, UNIT_HELP) from None
 
     def error(self, message: str, help_: str, span: tuple[int, int] | None = None) -> Exception:
         start, end = span or (0, len(self.option.text))
@@ -124,15 +186,10 @@ class _VaryReader:
     def without_unit(self, start: int, end: int) -> tuple[int, int, Factor]:
         """Return the span before the unit at its end, and the factor to SI."""
         match = _UNIT.search(self.option.text[:end], start)
-        unit = match[1].strip() if match else None
-        try:
-            si = si_factor(self.model, self.name, unit)
-        except UnknownUnit as error:
-            assert match is not None
-            raise self.option.error(
-                "unknown-unit", str(error), match.start(1), end, UNIT_HELP
-            ) from None
-        return start, match.start() if match else end, si
+        if match is None:
+            return start, end, self.factor(None)
+        unit_end = match.start(1) + len(match[1].rstrip())
+        return start, match.start(), self.factor((match.start(1), unit_end))
 
     def pieces(self, span: tuple[int, int], mark: str) -> list[tuple[int, int]]:
         """Return the spans between separators outside of parentheses."""
@@ -146,9 +203,6 @@ class _VaryReader:
             else:
                 at += 1
         return [*found, (start, end)]
-
-    def numbers(self, span: tuple[int, int], mark: str) -> list[Value]:
-        return [self.number(piece) for piece in self.pieces(span, mark)]
 
     def number(self, span: tuple[int, int]) -> Value:
         """Return a number, or the value of an expression of numbers."""
@@ -183,13 +237,12 @@ class _VaryReader:
 
     # grids
 
-    def steps(self, span: tuple[int, int], si: Factor) -> factors.Factor:
-        pieces = self.pieces(span, ":")
+    def steps(self, pieces: list[tuple[int, int]]) -> factors.Factor:
         if len(pieces) != 3:
             raise self.error(
                 "a grid has a first value, a last value and a step", "write it as 1:2:0.1"
             )
-        first, last, step = (self.number(piece) for piece in pieces)
+        (first, last, step), si = self.read_units(pieces)
         if step == 0 or (last - first) * step < 0:
             raise self.error(
                 f"steps of {float(step):g} do not lead from {float(first):g} to {float(last):g}",
@@ -202,11 +255,14 @@ class _VaryReader:
             raise self.error("these are more than 10^9 values", "take a larger step", pieces[2])
         return factors.Steps((self.name,), first, step, count + 1, si)
 
-    def spaced(self, function: str, span: tuple[int, int], si: Factor) -> factors.Factor:
-        pieces = self.pieces(span, ",")
+    def spaced(
+        self, function: str, pieces: list[tuple[int, int]], after: tuple[int, int] | None
+    ) -> factors.Factor:
         if len(pieces) != 3:
+            span = pieces[0][0], pieces[-1][1]
             raise self.error(f"`{function}` takes three numbers", f"write {_GRIDS[function]}", span)
-        first, last, count = (self.number(piece) for piece in pieces)
+        (first, last), si = self.read_units(pieces[:2], after)
+        count = self.number(pieces[2])
         if count != int(count) or not 1 <= count <= MOST_VALUES:
             raise self.error(
                 "the number of values is a whole number from 1 to 10^9",
@@ -226,29 +282,16 @@ class _VaryReader:
         return factors.Ratios((self.name,), float(first * si), float(last * si), n)
 
     def listed(self, span: tuple[int, int]) -> factors.Factor:
-        pieces = self.pieces(span, ",")
-        own = [bool(_UNIT.search(self.option.text[:end], start)) for start, end in pieces]
-        if not all(own) and any(own[:-1]):
-            missing = pieces[own.index(False)]
-            raise self.error(
-                "some values of this list have a unit, and some have none",
-                "write the unit after each of them, or after the last for all",
-                missing,
-            )
-        common = self.without_unit(*pieces[-1])[2]
-        values = []
-        for (start, end), has_own in zip(pieces, own, strict=True):
-            start, end, si = self.without_unit(start, end) if has_own else (start, end, common)
-            values.append(float(self.number((start, end)) * si))
+        values = [float(x) for x in self.in_units(self.pieces(span, ","))]
         return factors.TableFactor((self.name,), np.array(values)[:, None])
 
     # ranges
 
-    def drawn(self, kind: str, given: Sequence[Value], si: Factor) -> Drawn:
+    def drawn(self, kind: str, given: Sequence[Value]) -> Drawn:
         form = _DISTRIBUTIONS[kind]
         if len(given) != 2:
             raise self.error("a range has two ends", f"write 1..2, or {form}")
-        a, b = (float(x * si) for x in given)
+        a, b = map(float, given)
         if kind == "normal":
             if b <= 0:
                 raise self.error("the deviation must be greater than 0", f"write {form}")

@@ -61,3 +61,23 @@ def test_a_model_without_units() -> None:
     report = report_units(load_text(text))
     assert list(report.sentences()) == ["None given."]
     assert set(report.forces.values()) == {None}
+
+
+def test_values_in_other_units_are_shown_in_si() -> None:
+    text = """\
+coordinates: {phi: rad}
+parameters: {J: 100 gcm², M: 5 kNm, n: 3000 rpm, s: 1 N*m}
+T: J/2*phi'^2
+Q: {phi: M}
+initial: {phi: 90°, phi': 0}
+"""
+    report = report_units(load_text(text))
+    assert report.converted == {
+        "J": "100 gcm² = 1e-05 kg*m^2",
+        "M": "5 kNm = 5000 N*m",
+        "n": "3000 rpm = 314.159 rad/s",
+        "phi": "90 ° = 1.5708 rad",
+    }
+    (line,) = [x for x in report.sentences() if x.startswith("Converted")]
+    assert line.startswith("Converted to SI: J = 100 gcm² = 1e-05 kg*m^2; M = 5 kNm = 5000 N*m; ")
+    assert report.to_mapping()["converted"]["M"] == "5 kNm = 5000 N*m"

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from lagcli.errors import FileError
-from lagcli.model.csv_table import CsvTable
+from lagcli.model.csv_table import CsvTable, split_title
 
 
 def table(text: str) -> CsvTable:
@@ -58,3 +58,50 @@ def test_numbers_are_finite_or_missing() -> None:
 def test_a_file_without_text_is_rejected(content: bytes) -> None:
     with pytest.raises(FileError, match=r"is empty|not text"):
         CsvTable("run.csv", content)
+
+
+@pytest.mark.parametrize("titles", ["t,u,u", "t,u,u [N]", "t,u [kN],u (N)", 'u,t,"u"'])
+def test_a_name_of_two_columns_is_an_error(titles: str) -> None:
+    with pytest.raises(FileError, match="two columns have the name `u`") as error:
+        table(titles + "\n0,1,2\n")
+    place = error.value.diagnostics[0].location
+    assert (place.line, place.column) == (1, titles.rindex(",") + 2)
+    assert table("t,,,u\n").titles == ["t", "", "", "u"]  # columns without a name
+
+
+@pytest.mark.parametrize(
+    "text", ["1_0", "1__0", "infinity", "\u0661", "\uff11", "0x10", "1d5", "1e", "1,0"]
+)
+def test_spellings_of_programming_languages_are_no_numbers(text: str) -> None:
+    found = table(f't;u\n0;0\n1;"{text}"\n')
+    row = list(found.rows())[1][1]
+    with pytest.raises(FileError, match="is not a finite number") as error:
+        found.number(row, 1, 3)
+    place = error.value.diagnostics[0].location
+    assert (place.line, place.column) == (3, 3)
+
+
+@pytest.mark.parametrize("text", ["1", "-1.5", "+.5", "5.", "1e-3", " 2E+4 "])
+def test_numbers_are_those_of_model_files(text: str) -> None:
+    assert table(f"u\n{text}\n").number([text], 0, 2) == float(text)
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "unit"),
+    [
+        ("u", "u", None),
+        (" u [kNm] ", "u", "kNm"),
+        ("u (1/s)", "u", "1/s"),
+        ("c [N/(m/s)]", "c", "N/(m/s)"),
+        ("x[1]", "x[1]", None),
+        ("x[1] [mm]", "x[1]", "mm"),
+        ("mu [-]", "mu", "-"),
+    ],
+)
+def test_titles_are_names_and_units(title: str, name: str, unit: str | None) -> None:
+    assert split_title(title) == (name, unit)
+
+
+def test_a_whole_title_is_read_with_its_unit() -> None:
+    assert table("t,x [cm]\n").column("x [cm]", None) == (1, pytest.approx(0.01), "cm")
+    assert table("t,x [left]\n").column("x [left]", None) == (1, 1, None)

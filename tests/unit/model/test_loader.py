@@ -341,3 +341,24 @@ def test_an_option_frees_an_initial_value_as_the_file_does() -> None:
     assert psi.value == pytest.approx(2 * 0.1 / 0.3, rel=1e-15)
     with pytest.raises(ModelError, match=r"has no value\n +\| \{guess: \}"):
         load(crank, set_initial={"phi": "{guess: }"})
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("t_end: 500 mm", "`t_end` is in mm, but must be in s"),
+        ("times: [1 s, 2 m]", "a time of `times` is in m, but must be in s"),
+        ("rtol: 1e-6 m", "`rtol` is in m, but must be a number"),
+        ("samples: 100 s", "`samples` is in s, but must be a number"),
+        ("alpha: 5 s", "`alpha` is in s, but must be in 1/s"),
+    ],
+)
+def test_settings_have_units_of_their_dimension(entry: str, message: str) -> None:
+    text = f"coordinates: [x]\nT: x'^2/2\ninitial: {{x: 0, x': 0}}\nsimulation: {{{entry}}}\n"
+    with pytest.raises(ModelError) as caught:
+        load_text(text)
+    (found,) = caught.value.diagnostics
+    assert found.message == message
+    assert found.location is not None
+    assert found.location.line == 4
+    assert load_text(text.replace(entry, "t_end: 2 min")).settings.t_end == 120.0

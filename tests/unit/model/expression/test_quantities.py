@@ -13,9 +13,8 @@ from lagcli.model.loader import load_text
 
 
 def parameter(text: str) -> float:
-    model = (
-        f"coordinates: [x]\nparameters: {{n: 2, p: {text}}}\nT: p*x'^2\ninitial: {{x: 0, x': 0}}"
-    )
+    given = f"coordinates: [x]\nparameters: {{n: 2, n2: 2, p: {text}}}"
+    model = f"{given}\nT: p*x'^2\ninitial: {{x: 0, x': 0}}"
     return load_text(model).parameter_values["p"]
 
 
@@ -43,6 +42,9 @@ def test_quantities_are_the_nearest_doubles(text: str, value: float) -> None:
         ("0x1F", "is not a number"),
         ("2 n", "write a product as `2*n`"),
         ("2 smoot", "smoot"),
+        ("2 n2", "write a product as `2*n2`"),  # a parameter, not a power of a unit
+        ("2 N-m", "write a product of units as `N*m`"),
+        ("20 °C", "293.15 K"),
         ("{value: 2 m, unit: m}", "two units"),
         ("1e308 km", "not a real, finite number"),
         ("{value: sqrt(-n), unit: m}", "not a real number"),

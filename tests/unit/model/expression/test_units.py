@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from fractions import Fraction
 
 import pytest
 
-from lagcli.model.expression.units import UnknownUnit, si_notation, to_si
+from lagcli.model.dimensions.dimension import same
+from lagcli.model.expression.units import (
+    UnknownUnit,
+    plain_notation,
+    read_unit,
+    si_notation,
+    to_si,
+)
+from tests.support.written_units import REFUSED, WRITTEN
 
 
 @pytest.mark.parametrize(
@@ -58,8 +64,8 @@ def test_factor(unit: str, factor: float) -> None:
     "unit",
     [
         *("", "kgg", "q", "m^^2", "kg^9^9", "kg^999", "(m", "m)", "m*", "/m", "*", "2", "m 2"),
-        *("m^x", "m + m", "9^9^9", "1 9**9**9", "__import__('os')", "m;s", "m" * 1000, "°C·"),
-        "kg^-",
+        *("m^x", "m + m", "9^9^9", "1 9**9**9", "__import__('os')", "m;s", "m" * 1000, "m1", "m10"),
+        *("kg^-", "s-1", "Nmx", "KN", "NM", "PSi", "°°", "% "),
     ],
 )
 def test_no_unit(unit: str) -> None:
@@ -67,27 +73,44 @@ def test_no_unit(unit: str) -> None:
         to_si(unit)
 
 
-def test_an_offset_is_rejected() -> None:
-    with pytest.raises(UnknownUnit, match="has an offset"):
-        to_si("degC")
-    assert to_si("delta_degC") == 1
+@pytest.mark.parametrize(("unit", "factor", "si"), WRITTEN)
+def test_what_engineers_write_is_what_they_mean(unit: str, factor: float, si: str) -> None:
+    found = read_unit(unit)
+    assert math.isclose(found.factor, factor, rel_tol=1e-15)
+    assert same(found.dimension, read_unit(si).dimension)
+
+
+@pytest.mark.parametrize(
+    ("unit", "reason"),
+    REFUSED,
+)
+def test_what_has_several_readings_is_refused_with_the_reason(unit: str, reason: str) -> None:
+    with pytest.raises(UnknownUnit, match=reason):
+        read_unit(unit)
+
+
+@pytest.mark.parametrize("unit", ["Nm", "N*m", "kN mm", "lbf*ft", "Nm/rad", "N·m", "N.m", "J/rad"])
+def test_a_torque_is_an_energy_per_angle(unit: str) -> None:
+    assert read_unit(unit).dimension.rad == -1 - unit.count("/rad") * (unit[0] == "N")
+
+
+def test_a_table_marks_numbers_by_a_dash() -> None:
+    assert to_si("-") == to_si("–") == to_si("1") == 1
+    assert read_unit("-").dimension == read_unit("1").dimension
+
+
+@pytest.mark.parametrize(
+    ("unit", "plain"),
+    [("N/mm²", "N/mm^2"), ("s⁻¹", "s^-1"), ("kg·m2", "kg*m^2"), ("º/s", "°/s"), ("m^2", "m^2")],
+)
+def test_plain_notation(unit: str, plain: str) -> None:
+    assert plain_notation(unit) == plain
+    assert read_unit(plain)[:2] == read_unit(unit)[:2]
 
 
 def test_what_no_double_holds_is_rejected() -> None:
     with pytest.raises(UnknownUnit, match="too large or too small"):
         to_si("GHz^99")
-
-
-def test_pint_is_loaded_only_for_what_the_table_lacks() -> None:
-    script = (
-        "import sys; from lagcli.model.expression.units import to_si\n"
-        "[to_si(u) for u in ('kg*m^2/s^2', 'deg', 'kN', 'mm', 'km/h')]\n"
-        "print('pint' in sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize(
@@ -98,8 +121,16 @@ def test_pint_is_loaded_only_for_what_the_table_lacks() -> None:
         ("kN/m", "N/m"),
         ("g*cm^2", "kg*m^2"),
         ("ft", "m"),
-        ("L^2", "(m^3)^2"),
-        ("1/min", "1/s"),
+        ("L^2", "m^6"),
+        ("m/min", "m/s"),
+        ("kNm/deg", "N*m/rad"),
+        ("1/kNm^2", "1/(N*m^2)"),
+        ("rpm", "rad/s"),
+        ("Nm", "N*m"),
+        ("kgm²", "kg*m^2"),
+        ("m·s⁻²", "m/s^2"),
+        ("-", "1"),
+        ("mm/cm", "1"),
         ("kg*m^2/s^2", "kg*m^2/s^2"),
     ],
 )

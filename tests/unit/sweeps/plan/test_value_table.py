@@ -40,8 +40,8 @@ def test_columns_are_quantities_in_their_units(tmp_path: Path) -> None:
     [
         ("m\n", "contains no values", FileError),
         ("m,x\n1,2\n3\n", "runs.csv:3: 1 values under 2 names", FileError),
-        ("m\n1\n\nabc\n", "runs.csv:4: `m`: 'abc' is not a number", FileError),
-        ("m\ninf\n", "is not finite", FileError),
+        ("m\n1\n\nabc\n", "runs.csv:4: `m`: 'abc' is not a finite number", FileError),
+        ("m\ninf\n", "'inf' is not a finite number", FileError),
         ("m,m\n1,2\n", "`m` has two columns", UsageError),
         ("q\n1\n", "runs.csv:1: the model has no parameter or initial value `q`", UsageError),
         ("m [foo]\n1\n", "write the column as `l [cm]`", UsageError),

@@ -49,3 +49,18 @@ def test_factors_are_exact_and_units_must_be_given_where_the_file_has_another() 
     assert si_factor(MODEL, "x", None) == 1
     with pytest.raises(UsageError, match="`l` is given in cm in the file"):
         si_factor(MODEL, "l", None)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("g", "m"), ("l", "kg"), ("g", "1/s^2"), ("l", "Nm")])
+def test_units_have_the_dimension_of_the_file(name: str, unit: str) -> None:
+    with pytest.raises(UsageError, match=f"`{name}` is in .* in the file, and in "):
+        si_factor(MODEL, name, unit)
+
+
+def test_initial_values_have_the_dimension_of_their_coordinate() -> None:
+    model = lagcli.load_text("coordinates: {x: m}\nT: x'^2/2\nV: 0\ninitial: {x: 0, x': 0}\n")
+    assert si_factor(model, "x", "cm") == Fraction(1, 100)
+    assert si_factor(model, "x'", "km/h") == Fraction(5, 18)
+    for name, unit in (("x", "m/s"), ("x'", "m")):
+        with pytest.raises(UsageError, match="in the file, and in"):
+            si_factor(model, name, unit)

@@ -33,6 +33,9 @@ def values(text: str) -> list[float]:
         ("m=linspace(4, 5, 1)", [4.0]),
         ("m=logspace(0.01, 1, 3)", [0.01, 0.1, 1.0]),
         ("x'=2*(1 + 1), 0", [4.0, 0.0]),
+        ("l=linspace(1 cm, 2 cm, 3)", [0.01, 0.015, 0.02]),
+        ("l=1 mm:1 cm:3 mm", [0.001, 0.004, 0.007, 0.01]),
+        ("l=logspace(1 mm, 1 m, 2)", [0.001, 1.0]),
     ],
 )
 def test_grids_and_lists(text: str, expected: list[float]) -> None:
@@ -44,6 +47,8 @@ def test_grids_and_lists(text: str, expected: list[float]) -> None:
     [
         ("m=1..2", "uniform", 1.0, 2.0),
         ("l=normal(20, 1) cm", "normal", 0.2, 0.01),
+        ("l=normal(400 mm, 0.1 mm)", "normal", 0.4, 0.0001),
+        ("l=1 mm..2 cm", "uniform", 0.001, 0.02),
         ("m=loguniform(0.1, 10)", "loguniform", 0.1, 10.0),
     ],
 )
@@ -61,7 +66,15 @@ def test_ranges(text: str, kind: str, a: float, b: float) -> None:
         ("m=1:2:1e-12", "these are more than 10^9 values", 5, 5),
         ("m=linspace(1, 2)", "`linspace` takes three numbers", 10, 4),
         ("m=logspace(0, 1, 3)", "both ends of `logspace` are values greater than 0", 10, 1),
-        ("l=1 cm, 2, 3 m", "some values of this list have a unit, and some have none", 6, 2),
+        ("l=1 cm, 2, 3 m", "some of these values have a unit, and some have none", 6, 2),
+        (
+            "l=normal(1 m, 2 m) m",
+            "there is a unit within the parentheses, and another behind them",
+            18,
+            1,
+        ),
+        ("l=normal(1 m, 2)", "some of these values have a unit, and some have none", 12, 2),
+        ("l=normal(1, 2) foo", "`foo` is not a unit", 14, 3),
         ("m=2..1", "the range 2 to 1 is empty", 1, 4),
         ("m=normal(1, 0)", "the deviation must be greater than 0", 1, 12),
         ("m=loguniform(-1, 1)", "a logarithmic range is greater than 0", 1, 17),

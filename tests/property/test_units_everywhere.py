@@ -1,0 +1,119 @@
+"""Every place that reads a unit reads all of them alike: right, or refused with the reason."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lagcli.errors import LagcliError
+from lagcli.model.loader import load, load_text
+from lagcli.model.model import Model
+from lagcli.sweeps.plan.vary import Drawn, read_vary
+from tests.support.written_units import REFUSED, WRITTEN
+
+MODEL = """
+coordinates: {{x: m}}
+parameters: {{m: 1 kg, p: {parameter}}}
+{more}
+T: m/2*x'^2
+initial: {{x: 0, x': 0}}
+outputs: {{o: p*x}}
+"""
+
+
+def model(parameter: str = "1 {unit}", unit: str = "1", more: str = "", **given: object) -> Model:
+    text = MODEL.format(parameter=parameter.format(unit=unit), more=more.format(unit=unit))
+    return load_text(text, **given)  # type: ignore[arg-type]
+
+
+def parameter(unit: str, folder: Path) -> float:
+    return model("3 {unit}", unit).parameters["p"].value
+
+
+def field(unit: str, folder: Path) -> float:
+    return model("{{value: 3, unit: '{unit}'}}", unit).parameters["p"].value
+
+
+def option(unit: str, folder: Path) -> float:
+    return model("2", unit, set={"p": f"3 {unit}"}).parameters["p"].value
+
+
+def varied(form: str):
+    def place(unit: str, folder: Path) -> float:
+        found = read_vary(f"p={form.format(unit=unit)}", model("2", unit))
+        if isinstance(found, Drawn):
+            return found.distribution.a
+        return float(found.rows(np.arange(1))[0, 0])
+
+    return place
+
+
+def header(brackets: str):
+    def place(unit: str, folder: Path) -> float:
+        (folder / "values.csv").write_text(f"p {brackets[0]}{unit}{brackets[1]}\n3\n")
+        found = read_vary(f"@{folder / 'values.csv'}", model("2", unit))
+        assert not isinstance(found, Drawn)
+        return float(found.rows(np.arange(1))[0, 0])
+
+    return place
+
+
+def table(unit: str, folder: Path) -> float:
+    (folder / "table.csv").write_text(f"t;u [{unit}]\n0;3\n1;3\n")
+    path = folder / "model.yaml"
+    more = "inputs: {u: {file: table.csv, column: u, interpolation: linear, extend: hold}}"
+    path.write_text(MODEL.format(parameter="1", more=more))
+    return load(path).inputs["u"].data.values[0]
+
+
+def listed(unit: str, folder: Path) -> float:
+    more = (
+        "inputs:\n  u:\n    times: [0, 1]\n    values: ['3 {unit}', '4 {unit}']\n    extend: hold"
+    )
+    return model("1", unit, more).inputs["u"].data.values[0]
+
+
+PLACES = {
+    "parameter": parameter,
+    "field unit": field,
+    "--set": option,
+    "--vary list": varied("3 {unit}, 4 {unit}"),
+    "--vary list, one unit": varied("3, 4 {unit}"),
+    "--vary grid": varied("3:5:1 {unit}"),
+    "--vary linspace": varied("linspace(3 {unit}, 4 {unit}, 5)"),
+    "--vary normal": varied("normal(3 {unit}, 0.1 {unit})"),
+    "--vary normal, one unit": varied("normal(3, 0.1) {unit}"),
+    "--vary range": varied("3 {unit}..4 {unit}"),
+    "--vary table": header("[]"),
+    "--vary table, parentheses": header("()"),
+    "table of an input": table,
+    "list of an input": listed,
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_units_have_the_same_value_everywhere(place: str, tmp_path: Path) -> None:
+    wrong = {}
+    for unit, factor, _ in WRITTEN:
+        if place == "--vary table, parentheses" and "(" in unit:
+            continue
+        found = PLACES[place](unit, tmp_path)
+        if abs(found - 3 * factor) > 1e-12 * abs(factor):
+            wrong[unit] = found
+    assert not wrong
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_what_is_refused_is_refused_everywhere_with_the_reason(place: str, tmp_path: Path) -> None:
+    wrong = {}
+    for unit, reason in REFUSED:
+        try:
+            wrong[unit] = PLACES[place](unit, tmp_path)
+        except LagcliError as error:
+            text = str(error)
+            if not re.search(reason, text):
+                wrong[unit] = text
+    assert not wrong
