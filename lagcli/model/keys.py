@@ -123,12 +123,16 @@ CONSTRAINT = _mapping(
     },
     "expr",
 )
-EVENT = _mapping(
+_EVENT_FIELDS = _mapping(
     {
         "when": _described(
             "condition, or a change of a contact: `floor closes`, `opens`, `slips`, `sticks`,"
             " `impacts`",
             _SCALAR,
+        ),
+        "every": _described("instead of `when`: the period at which it happens, s", _SCALAR),
+        "offset": _described(
+            "with `every`: the time at which it first happens, s; 0 by default", _SCALAR
         ),
         "stop": _described("whether the run ends", {"type": "boolean"}),
         "record": _described(
@@ -147,9 +151,9 @@ EVENT = _mapping(
         "engage": _described("constraints to activate", _one_of(_TEXT, _list(_TEXT))),
         "times": _described("maximum number of occurrences", {"type": "integer", "minimum": 1}),
         "description": _DESCRIPTION,
-    },
-    "when",
+    }
 )
+EVENT = {**_EVENT_FIELDS, "oneOf": [{"required": ["when"]}, {"required": ["every"]}]}
 OUTPUT = _mapping(
     {
         "expr": _described("expression", _SCALAR),
@@ -317,7 +321,7 @@ MODEL = _mapping(
             _one_of(_named(_one_of(_SCALAR, OUTPUT)), _EMPTY),
         ),
         "events": _described(
-            "name → {`when`, and actions: `stop`, `record`, `set`, `impulse`, `release`,"
+            "name → {`when` or `every`, and actions: `stop`, `record`, `set`, `impulse`, `release`,"
             " `engage`}; see [events.md](events.md)",
             _one_of(_named(EVENT), _EMPTY),
         ),

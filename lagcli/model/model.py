@@ -191,6 +191,25 @@ class EventAction(NamedTuple):
     record: tuple[str, ...] | None = None
 
 
+class EventClock(NamedTuple):
+    """The clock of an event: it happens at offset + k·period, for k = 0, 1, 2, …
+
+    Parameters
+    ----------
+    period, offset : expression
+        Of parameters, s.
+    written : tuple of str
+        Period and offset as written in the file; the period alone without an offset.
+    location : SourceLocation, optional
+        Of the period.
+    """
+
+    period: Basic
+    offset: Basic
+    written: tuple[str, ...]
+    location: SourceLocation | None = None
+
+
 class ModelEvent(NamedTuple):
     """An event of the model.
 
@@ -198,7 +217,7 @@ class ModelEvent(NamedTuple):
     ----------
     name : str
     when : str
-        Condition as written in the file.
+        Condition as written in the file; of a clock, ``every 10 ms``.
     condition : expression or None
         Function that rises through zero when the condition becomes true.
     either : bool
@@ -209,7 +228,9 @@ class ModelEvent(NamedTuple):
     times : int or None
         Maximum number of occurrences.
     sides : tuple of Tree
-        The condition, or the two sides of an equation; None for a change.
+        The condition, or the two sides of an equation; none for a change or a clock.
+    clock : EventClock or None
+        Instead of a condition.
     """
 
     name: str
@@ -223,6 +244,7 @@ class ModelEvent(NamedTuple):
     indices: Mapping[str, int] = NO_INDICES
     description: str | None = None
     location: SourceLocation | None = None
+    clock: EventClock | None = None
 
 
 class InitialValue(NamedTuple):

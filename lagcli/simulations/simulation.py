@@ -160,6 +160,10 @@ def ready(
         from lagcli.simulations.inputs.input_range import check_input_range
 
         check_input_range(equations.model, settings.t_start, settings.t_end)
+    if equations.model.events:
+        from lagcli.simulations.switching.clock_periods import check_clocks
+
+        check_clocks(equations.model, system, settings)
     with one_thread():
         start = find_start(equations, system, settings.t_start, settings.closed)
     seconds = {**seconds, "integrate": time.perf_counter() - began}

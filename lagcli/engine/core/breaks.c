@@ -9,13 +9,19 @@
 #include "motion.h"
 #include "sizes.h"
 #include "step.h"
+#include "switching/clock.h"
 
 #define RESOLUTION (16.0 * DBL_EPSILON) /* of |t|: closer times coincide */
+
+double lag_coincidence(double t)
+{
+    return RESOLUTION * fabs(t);
+}
 
 /* The piece of a function from a time on: its origin and its coefficients. */
 static void take_piece(const lag_function *f, double t, double *piece)
 {
-    const double slack = RESOLUTION * fabs(t);
+    const double slack = lag_coincidence(t);
     const double shift = f->period > 0.0 ? floor((t + slack - f->knots[0]) / f->period) * f->period : 0.0;
     long low = 0, high = f->count; /* the piece is in [low, high) */
     while (high - low > 1) {
@@ -52,6 +58,14 @@ static void take_pieces(lag_run *run)
     lag_renew_tapes(run);
 }
 
+void lag_set_stop(lag_run *run)
+{
+    const lag_breaks *b = &run->breaks;
+    const double tick = lag_next_tick(run);
+    const double stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
+    run->step.t_stop = tick < stop - lag_coincidence(stop) ? tick : stop;
+}
+
 void lag_breaks_start(lag_run *run)
 {
     lag_breaks *b = &run->breaks;
@@ -59,7 +73,7 @@ void lag_breaks_start(lag_run *run)
         --b->next; /* an event may be located before the end of its step */
     while (b->next < b->count && b->times[b->next] <= run->step.t)
         ++b->next;
-    run->step.t_stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
+    lag_set_stop(run);
     if (b->function_count)
         take_pieces(run);
 }

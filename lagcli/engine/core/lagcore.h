@@ -177,6 +177,9 @@ typedef struct {
     lag_program condition_functions;   /* of (t, q, v, p) */
     lag_program force_condition_functions; /* of (t, q, v, a, lambda, p) */
     const int32_t *either, *time;      /* of all conditions: whether they happen either way, depend on t alone */
+    int clocks;
+    const double *ticks;               /* 3 clocks: see lag_clock */
+    const int32_t *most;               /* clocks: largest number of ticks; 0 without a limit */
     const int32_t *reported;           /* 5 rows: closes, opens, slips, sticks, impact: whether to return at it */
     int kinks, first_branch;           /* branches of the equations; where they are among the parameters */
     const int32_t *whole, *of_time;    /* kinks: whether whole parts (1: floor, -1: ceil); depend on t alone */
@@ -296,6 +299,8 @@ lag_instant_report lag_instant_of(lag_run *run);
 lag_contact_report lag_contacts_of(lag_run *run);
 int lag_condition_happened(lag_run *run, int which);
 int lag_condition_holds(const lag_run *run, int which);
+int lag_clock_ticks(lag_run *run, int which);
+double lag_next_tick(const lag_run *run);
 double lag_gap_of_none(const lag_run *run, int row); /* tolerance of a closed gap */
 void lag_place(lag_run *run, const double *y);
 void lag_activate(lag_run *run, int row, int active);

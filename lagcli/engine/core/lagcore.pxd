@@ -164,6 +164,9 @@ cdef extern from "lagcore.h" nogil:
         lag_program condition_functions, force_condition_functions
         const int32_t *either
         const int32_t *time
+        int clocks
+        const double *ticks
+        const int32_t *most
         const int32_t *reported
         int kinks, first_branch
         const int32_t *whole
@@ -214,6 +217,8 @@ cdef extern from "lagcore.h" nogil:
     lag_contact_report lag_contacts_of(lag_run *run)
     int lag_condition_happened(lag_run *run, int which)
     int lag_condition_holds(const lag_run *run, int which)
+    int lag_clock_ticks(lag_run *run, int which)
+    double lag_next_tick(const lag_run *run)
     double lag_gap_of_none(const lag_run *run, int row)
     void lag_place(lag_run *run, const double *y)
     void lag_activate(lag_run *run, int row, int active)

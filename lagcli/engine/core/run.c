@@ -13,6 +13,7 @@
 #include "sample.h"
 #include "sizes.h"
 #include "step.h"
+#include "switching/clock.h"
 #include "switching/instant.h"
 #include "switching/kinks.h"
 #include "switching/watched.h"
@@ -72,14 +73,17 @@ int lag_start(lag_run *run)
     run->step.finishing = 0;
     run->watch.cancellation.last = 0.0;
     run->solver.inaccuracy = INFINITY; /* unknown */
+    lag_clocks_start(run);
     lag_breaks_start(run);
     lag_events_start(run);
     lag_sizes_start(run);
     lag_first_step(run, run->method->order);
     if (run->switching.used && lag_watch_modes(run, run->step.t, run->step.y, run->step.f) != LAG_RUNNING)
         return LAG_UNDEFINED;
-    const int damped = damp(run);
-    return damped == LAG_RUNNING ? lag_sample_until(run, run->step.t) : damped;
+    int status = damp(run);
+    if (status == LAG_RUNNING && run->switching.used)
+        status = lag_begin_ticks(run);
+    return status == LAG_RUNNING && !run->switching.due ? lag_sample_until(run, run->step.t) : status;
 }
 
 /* Sample and project the last accepted step. */

@@ -15,7 +15,7 @@
 /* step.c, and the methods: the state and the last step. */
 typedef struct {
     double t_start, t, t_end;
-    double t_stop;                     /* next break, or t_end */
+    double t_stop;                     /* next break, tick of a clock, or t_end: breaks.c */
     double h, h_max;                   /* of the next step */
     double error_old;                  /* error of the last step, for step size control */
     double *y, *f;                     /* n: the state and its derivative */

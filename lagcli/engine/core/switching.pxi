@@ -15,14 +15,16 @@ cdef class SwitchingIntegrator(Integrator):
         The gap that counts as none.
     log_rows : int
         Entries of the log that are kept before they are passed on.
+    clocks : sequence of (Ticks, int)
+        Clocks of events, and the largest number of their ticks, 0 without a limit.
     arguments
         Of `Integrator`, for ``split.fixed``.
     """
 
     cdef object split, log
-    cdef int rows, conditions, kinks, first_branch
+    cdef int rows, conditions, clocks, kinks, first_branch
 
-    def __init__(self, split, frozen, int impacts, double closed, long log_rows, *arguments):
+    def __init__(self, split, frozen, int impacts, double closed, long log_rows, clocks, *arguments):
         from lagcli.engine.switching.problem import ContactLaw
 
         super().__init__(*arguments, len(split.rows))
@@ -84,6 +86,9 @@ cdef class SwitchingIntegrator(Integrator):
         r.either = given.integers([i in either for i in range(self.conditions)])
         times = [*switching.condition_times, *[False] * self.conditions]
         r.time = given.integers(times[: self.conditions])
+        self.clocks = r.clocks = len(clocks)
+        r.ticks = given.doubles([x for ticks, _ in clocks for x in ticks])
+        r.most = given.integers([most for _, most in clocks])
         changes = ("closes", "opens", "slips", "sticks", "impacts")
         reported = np.zeros((self.rows, len(changes)), dtype=np.int32)
         for rule in switching.events:
@@ -110,6 +115,15 @@ cdef class SwitchingIntegrator(Integrator):
     def happened(self):
         """Return the conditions that have happened at this instant and were not asked for yet."""
         return [i for i in range(self.conditions) if lag_condition_happened(self.run, i)]
+
+    def ticked(self):
+        """Return the clocks that tick at this instant and were not asked for yet."""
+        return [i for i in range(self.clocks) if lag_clock_ticks(self.run, i)]
+
+    @property
+    def next_tick(self):
+        """Time of the next tick of a clock; infinity without one."""
+        return lag_next_tick(self.run)
 
     def holding(self):
         """Return the conditions that hold."""

@@ -96,10 +96,12 @@ class Actions:
         changes : sequence of (int, str)
             Changes of constraints at this instant.
         """
-        conditions, entries = set(self.core.happened()), list[EventEntry]()
+        conditions, clocks = set(self.core.happened()), set(self.core.ticked())
+        entries = list[EventEntry]()
         self.fixed = np.zeros((2, self.nq), dtype=bool)
         for number, rule in enumerate(self.switching.events):
             happens = rule.change in changes if rule.change else rule.condition in conditions
+            happens = happens or rule.clock in clocks
             if not happens or (rule.times is not None and self.times[number] >= rule.times):
                 continue
             self.times[number] += 1

@@ -21,6 +21,7 @@ from lagcli.engine.contract import (
     IntegrationRequest,
     Occurrence,
     Outcome,
+    Stop,
 )
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import Status
@@ -31,6 +32,7 @@ from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.state import State
+from lagcli.engine.switching.clocks import clocks_of, ticks_of
 from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
@@ -143,8 +145,12 @@ class SwitchingIntegration(Integration):
         """Return a core whose rows switch."""
         settings = self.settings
         law = _IMPACTS.index(settings.impacts)
+        state, switching = self.request.state, self.split_system.switching
+        clocks, span = clocks_of(switching, state.p), (state.t, settings.t_end)
+        self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
+        ticks = [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
         return binding.SwitchingIntegrator(
-            self.split_system, self.frozen, law, settings.closed, _LOG_ROWS, *arguments
+            self.split_system, self.frozen, law, settings.closed, _LOG_ROWS, ticks, *arguments
         )
 
     def run(self) -> Outcome:
@@ -160,6 +166,12 @@ class SwitchingIntegration(Integration):
         if acted or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
+
+    def integrate(self) -> None:
+        """Integrate; a run that cannot be completed raises `Stop`."""
+        if self.fault:
+            raise Stop(self.fault)
+        super().integrate()
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""

@@ -84,6 +84,8 @@ class EventRule(NamedTuple):
         Whether it triggers in both directions, as an equation does.
     change : (row, ContactChange) or None
         Instead of a condition: a change of a constraint, an index in ``System.constraints``.
+    clock : int or None
+        Instead of a condition: the index of a clock.
     times : int or None
         Maximum number of occurrences.
     targets : tuple of ("q" | "v" | "p", index)
@@ -113,6 +115,7 @@ class EventRule(NamedTuple):
     engage: tuple[int, ...] = ()
     stop: bool = False
     record: tuple[str, ...] | None = None
+    clock: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,8 @@ class Switching:
         → functions of conditions that depend on a or λ.
     actions : Tape or None
         → values that events set, and impulses.
+    clocks : Tape or None
+        parameters → period and offset of each clock, s, in the order of the events.
     """
 
     rows: tuple[SwitchedRow, ...]
@@ -160,3 +165,4 @@ class Switching:
     condition_times: tuple[bool, ...] = ()
     force_conditions: Tape | None = None
     actions: Tape | None = None
+    clocks: Tape | None = None

@@ -84,6 +84,7 @@ class _Lowering:
             condition_times=times,
             force_conditions=self.tape(of_forces) if of_forces else None,
             actions=self.tape(actions) if actions else None,
+            clocks=self.clocks(),
         )
         return LoweredSwitching(switching, self.on_states(conditions) if conditions else None)
 
@@ -183,8 +184,15 @@ class _Lowering:
         )
         return tuple(rules), on_states, times, of_forces, actions
 
+    def clocks(self) -> Tape | None:
+        """Return the tape of the periods and offsets of the clocks."""
+        clocks = [event.clock for event in self.model.events if event.clock is not None]
+        values = [x for clock in clocks for x in (clock.period, clock.offset)]
+        return compile_tape(values, [], self.parameters) if values else None
+
     def rule(self, event: ModelEvent, condition: int | None, first: int) -> EventRule:
         action = event.action
+        clocked = [x.name for x in self.model.events if x.clock is not None]
         return EventRule(
             name=event.name,
             condition=condition,
@@ -200,6 +208,7 @@ class _Lowering:
             engage=tuple(self.numbers[name] for name in action.engage),
             stop=action.stop,
             record=action.record,
+            clock=None if event.clock is None else clocked.index(event.name),
         )
 
     def target(self, name: str) -> tuple[Literal["q", "v", "p"], int]:

@@ -22,6 +22,7 @@ Terms = Callable[[Tree, Value, str, str, str], None]
 _FIELD = re.compile(
     r"(?P<entry>.+?)\.(?P<field>restitution|friction|limit)(?:\.(?:static|kinetic))?"
 )
+_CLOCK = re.compile(r"(?P<entry>.+?)\.(?P<field>every|offset)")
 _ACTION = re.compile(r"(?P<entry>.+?)\.(?P<field>set|impulse)\.(?P<target>.+)")
 
 
@@ -58,6 +59,8 @@ def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
             expected = _of_target(known, target, found["field"])
             role = "the new value of" if found["field"] == "set" else "the impulse on"
             terms(tree, expected, "events", name, f"{role} `{target}`")
+        elif block == "events" and (found := _CLOCK.fullmatch(name)):
+            terms(tree, SECOND, "events", name, f"`{found['field']}` of `{found['entry']}`")
 
 
 def _of_target(known: NamedDimensions, target: str, field: str) -> Value:

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "breaks.h"
 #include "methods/control.h"
 #include "methods/method.h"
 #include "motion.h"
@@ -11,6 +12,7 @@
 #include "sizes.h"
 #include "step.h"
 #include "switching/choice.h"
+#include "switching/clock.h"
 #include "switching/collision.h"
 #include "switching/kinks.h"
 #include "switching/log.h"
@@ -78,6 +80,7 @@ static int note_ends(lag_run *run)
             sw->report = 1;
         }
     }
+    lag_note_ticks(run);
     return LAG_RUNNING;
 }
 
@@ -91,7 +94,7 @@ int lag_look_for_instant(lag_run *run)
             run->step.dense_ready = run->step.dense_inaccurate = 0;
             return LAG_INACCURATE;
         }
-        if (found <= 0) {
+        if (found < 0 || !lag_join_ticks(run, found)) {
             if (found < 0) {
                 run->failure.t = run->step.t;
                 memcpy(run->failure.y, run->step.y_new, n * sizeof(double));
@@ -100,7 +103,8 @@ int lag_look_for_instant(lag_run *run)
         }
         sw->located = 1;
     }
-    int status = lag_sample_until(run, nextafter(sw->instant, -INFINITY));
+    const double room = lag_ticks_at(run, sw->instant) ? lag_coincidence(sw->instant) : 0.0;
+    int status = lag_sample_until(run, nextafter(sw->instant - room, -INFINITY));
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, sw->instant, sw->before);
@@ -331,4 +335,23 @@ int lag_begin_modes(lag_run *run)
             sw->recent[i] = NAN;
     }
     return sw->due ? lag_do_instant(run) : LAG_RUNNING;
+}
+
+int lag_begin_ticks(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const double t = run->step.t;
+    if (!lag_ticks_at(run, t))
+        return LAG_RUNNING;
+    memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    if (lag_all_forces(run, t, sw->before))
+        return LAG_UNDEFINED;
+    memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));
+    memcpy(sw->begin + run->system.nq, sw->multipliers, (size_t)sw->nc * sizeof(double));
+    sw->instant = sw->last = t;
+    sw->rounds = 0;
+    sw->due = sw->settled = 1;
+    sw->told = NOTHING_TOLD;
+    lag_note_ticks(run);
+    return LAG_RUNNING;
 }

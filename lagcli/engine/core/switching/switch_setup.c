@@ -1,4 +1,5 @@
 /* Setup of the switching part of a run. */
+#include <limits.h>
 #include <math.h>
 #include <string.h>
 
@@ -41,6 +42,7 @@ static void allocate(lag_run *run)
     sw->acts = lag_get(pool, 2 * (size_t)all, sizeof(int));
     sw->watched = lag_get(pool, (size_t)watched, sizeof *sw->watched);
     sw->condition = lag_get(pool, (size_t)conditions, sizeof *sw->condition);
+    sw->clock = lag_get(pool, (size_t)sw->clocks, sizeof *sw->clock);
     sw->values = lag_doubles(pool, watched);
     sw->times = lag_doubles(pool, watched);
     sw->node_values = lag_doubles(pool, (long)NODES * watched);
@@ -93,6 +95,7 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         .force_constraint = lag_copy_integers(pool, given->force_constraint, given->force_count),
         .conditions = given->conditions,
         .force_conditions = given->force_conditions,
+        .clocks = given->clocks,
         .reported = lag_copy_integers(pool, given->reported, 5L * rows),
         .kinks = {.count = given->kinks,
                   .first = given->first_branch,
@@ -123,6 +126,11 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         sw->condition[i].either = given->either[i];
         sw->condition[i].time = given->time[i];
     }
+    for (int i = 0; i < sw->clocks; ++i)
+        sw->clock[i] = (lag_clock){.first = given->ticks[3 * i],
+                                   .step = given->ticks[3 * i + 1],
+                                   .per = given->ticks[3 * i + 2],
+                                   .left = given->most[i] ? given->most[i] : LONG_MAX};
     return 0;
 }
 
@@ -187,6 +195,15 @@ int lag_condition_happened(lag_run *run, int which)
     const int now = c->happened == 1;
     if (now)
         c->happened = 2;
+    return now;
+}
+
+int lag_clock_ticks(lag_run *run, int which)
+{
+    lag_clock *c = run->switching.clock + which;
+    const int now = c->ticks == 1;
+    if (now)
+        c->ticks = 2;
     return now;
 }
 

@@ -60,6 +60,15 @@ typedef struct {
     double largest;                    /* value so far */
 } lag_condition;
 
+/* A clock of events: tick k is at (first + k step) / per. */
+typedef struct {
+    double first, step, per;
+    double number, next;               /* of the next tick: k; its time, or infinity */
+    long left;                         /* number of ticks that may follow */
+    int begun;
+    int ticks;                         /* at this instant: 1, and 2 once it has been reported */
+} lag_clock;
+
 /* Branches of the equations: kinks.h. */
 typedef struct {
     int count, first;                  /* their number; index of the first among the parameters */
@@ -98,6 +107,8 @@ typedef struct {
     int conditions, force_conditions;
     lag_tape condition_tape, force_condition_tape;
     lag_condition *condition;          /* conditions, then force_conditions */
+    int clocks;
+    lag_clock *clock;                  /* clocks */
     const int32_t *reported;           /* 5 rows: whether to report a change of a row */
     lag_kinks kinks;
     int used;                          /* whether anything switches or is watched */

@@ -22,13 +22,19 @@ from lagcli.model.names.families import Declaration, by_name, declarations
 from lagcli.model.sections.coordinates import expanded
 from lagcli.model.sections.energies import read_forces
 from lagcli.model.sections.initial import canonical_name
-from lagcli.model.sections.switching.conditions import ConditionReader, watched_row
+from lagcli.model.sections.switching.clocks import ClockReader, said_clock
+from lagcli.model.sections.switching.conditions import (
+    ConditionReader,
+    ReadCondition,
+    watched_row,
+)
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
 _EXAMPLE = "flat: {when: theta <= 0, stop: true}"
+_CLOCKED = "tick: {every: 10 ms, set: {u: -k*x}}"
 
 
 class EventNames(NamedTuple):
@@ -62,8 +68,27 @@ def read_events(draft: Draft, known: EventNames) -> tuple[ModelEvent, ...]:
         if event is not None:
             found.append(event)
     if all(reader.good for reader in readers.values()):
+        _report_changed_clocks(draft, found)
         _report_never_engaged(draft, known.constraints, found)
     return tuple(found)
+
+
+def _report_changed_clocks(draft: Draft, events: list[ModelEvent]) -> None:
+    """Report events that set a parameter of a clock, whose ticks are counted from the start."""
+    for clocked in events:
+        if clocked.clock is None:
+            continue
+        needs = {x.name for x in (clocked.clock.period + clocked.clock.offset).free_symbols}
+        for event in events:
+            for target in needs.intersection(event.action.set):
+                assert event.location is not None
+                draft.report.add(
+                    "clock-parameter",
+                    f"event `{event.name}` sets `{target}`, but the clock of event"
+                    f" `{clocked.name}` depends on it",
+                    event.location,
+                    "the period and the offset of a clock are constant: use another parameter",
+                )
 
 
 def _report_never_engaged(
@@ -98,23 +123,52 @@ class _EventReader:
             )
             return
         self.fields = draft.fields(d.node, self.what, keys_of(EVENT))
-        if "when" not in self.fields:
-            draft.report.add(
-                "missing-value",
-                f"{self.what} has no `when`",
-                d.key.location,
-                f"say when it happens, as in `{_EXAMPLE}`",
-            )
+        if not self._occasion(d):
             return
         self.good = True
-        self.condition = ConditionReader(draft, self.fields["when"], self.what, d.indices)
         self.description = self._text("description")
         self.stop = self._flag("stop")
         self.times = self._times()
         self.record = self._record()
         self.set = dict(self._targets())
         self.impulses = self._impulses()
-        self.good = self.good and self.condition.good
+        occasion = self.condition or self.clock
+        assert occasion is not None
+        self.good = self.good and occasion.good
+
+    def _occasion(self, d: Declaration) -> bool:
+        """Read when the event happens: `when`, or `every` and `offset`."""
+        when, every, offset = (self.fields.get(x) for x in ("when", "every", "offset"))
+        self.condition: ConditionReader | None = None
+        self.clock: ClockReader | None = None
+        if when is None and every is None:
+            self.fault(
+                d.key,
+                "missing-value",
+                f"{self.what} has no `when`",
+                f"say when it happens, as in `{_EXAMPLE}`, or how often, as in `{_CLOCKED}`",
+            )
+        elif when is not None and every is not None:
+            self.fault(
+                every,
+                "contradiction",
+                f"{self.what} has both `when` and `every`",
+                "keep one of them; two events may have the same actions",
+            )
+        elif when is not None and offset is not None:
+            self.fault(
+                offset,
+                "contradiction",
+                f"{self.what} has an `offset`, but no `every`",
+                f"`offset` is the time of the first tick of a clock: `{_CLOCKED}`",
+            )
+        elif when is not None:
+            self.condition = ConditionReader(self.draft, when, self.what, d.indices)
+            return True
+        elif every is not None:
+            self.clock = ClockReader(self.draft, d.title, every, offset, d.indices)
+            return True
+        return False
 
     def fault(self, node: YamlNode, kind: str, message: str, help_: str | None = None) -> None:
         self.good = False
@@ -280,19 +334,22 @@ class _EventReader:
         """Return the event of a member; None if it has an error."""
         if not self.good:
             return None
-        condition = self.condition.built(indices)
+        condition = ReadCondition(None) if self.condition is None else self.condition.built(indices)
+        clock = None if self.clock is None else self.clock.built(indices)
         values = {target: formula.scalar(indices) for target, formula in self.set.items()}
         release, engage = (tuple(self._rows(x)) for x in ("release", "engage"))
         change = condition.change if condition else None
         if change is not None:
             change = self._change(*change)
             self.good = self.good and change is not None
+        if self.clock is not None and clock is None:
+            self.good = False
         if condition is None or None in values.values() or not self.good:
             self.good = False
             return None
         return ModelEvent(
             name=name,
-            when=self.condition.text,
+            when=self.condition.text if self.condition else said_clock(clock),
             condition=condition.function,
             either=condition.either,
             change=change,
@@ -305,10 +362,11 @@ class _EventReader:
                 record=self.record,
             ),
             times=self.times,
-            sides=self.condition.written,
+            sides=self.condition.written if self.condition else (),
             indices=indices,
             description=self.description,
             location=self.declaration.key.location,
+            clock=clock,
         )
 
     def _rows(self, field: str) -> Iterator[str]:
