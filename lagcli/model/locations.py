@@ -13,7 +13,9 @@ from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
 
 #: A field of an entry: ``floor.slip``, ``floor.friction.static``, ``kick.set.x'``.
-_FIELD = re.compile(r"(.+?)\.((?:restitution|friction|slip|limit|when|every|offset|set|impulse)(?:\..+)?)")
+_FIELD = re.compile(
+    r"(.+?)\.((?:restitution|friction|slip|limit|when|every|offset|set|impulse)(?:\..+)?)"
+)
 
 
 class ExpressionLocations:

@@ -132,6 +132,17 @@ class Sensitivity:
                 f"{settings.method} needs second derivatives for sensitivities, which are not"
                 " formed; give --method Radau for stiff motion, or auto"
             )
+        clocked = [event for event in equations.model.events if event.clock is not None]
+        if clocked:
+            raise UsageError(
+                Diagnostic(
+                    "not-supported",
+                    f"derivatives of a motion with a clock, that of event `{clocked[0].name}`,"
+                    " are not computed",
+                    clocked[0].location,
+                    "compare runs with different values instead",
+                )
+            )
         self.equations, self.system, self.settings = equations, system, settings
         self.directions = Directions(equations.model, tuple(names))
         self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))

@@ -50,8 +50,8 @@ def _simplest(value: float) -> Fraction:
     """Return the fraction of the least denominator that rounds to a number."""
     if value <= 0:
         return -_simplest(-value) if value < 0 else Fraction(0)
-    exact, half = Fraction(value), Fraction(math.ulp(value)) / 4
-    return _between(exact - half, exact + half)
+    neighbours = (math.nextafter(value, x) for x in (0.0, math.inf))
+    return _between(*((Fraction(value) + Fraction(x)) / 2 for x in neighbours))
 
 
 def _between(low: Fraction, high: Fraction) -> Fraction:
@@ -81,7 +81,7 @@ class Clock(NamedTuple):
     most: int
 
     def fault(self, span: tuple[float, float]) -> str:
-        """Return what is wrong with its times in a run from one time to another; empty if nothing is."""
+        """Return what is wrong with its times in a run between two times; empty if nothing is."""
         largest = max(*map(abs, span), abs(self.offset))
         if not math.isfinite(self.offset):
             return f"the offset of event `{self.name}` is {self.offset:.6g}, but must be finite"

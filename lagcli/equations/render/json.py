@@ -84,7 +84,7 @@ from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.model.expression.units import si_notation
-from lagcli.model.model import ModelEvent, MultiplierLimit
+from lagcli.model.model import EventClock, ModelEvent, MultiplierLimit
 
 SCHEMA = "lagcli-derivation-2"
 SIGN_CONVENTION = (
@@ -346,6 +346,11 @@ class _JsonWriter:
         both = {"static": limit.static, "kinetic": limit.kinetic}
         return {**{k: self.arranged(x) for k, x in both.items()}, "normal": limit.normal}
 
+    def clock(self, clock: EventClock | None) -> dict[str, Any] | None:
+        if clock is None:
+            return None
+        return {"period": self.arranged(clock.period), "offset": self.arranged(clock.offset)}
+
     def event(self, event: ModelEvent) -> dict[str, Any]:
         action = event.action
         return {
@@ -353,6 +358,7 @@ class _JsonWriter:
             "when": event.when,
             "condition": self.optional(event.condition),
             "either": event.either,
+            "clock": self.clock(event.clock),
             "change": event.change and list(event.change),
             "set": {name: self.arranged(x) for name, x in action.set.items()},
             "impulse": {name: self.arranged(x) for name, x in action.impulse.items()},

@@ -17,7 +17,7 @@ def check_clocks(model: Model, system: System, settings: Settings) -> None:
     values = clocks_of(system.switching, tuple(model.parameter_values.values()))
     span = settings.t_start, settings.t_end
     faults = [
-        Diagnostic("clock", fault, clock.location, "give a positive time: `every: 10 ms`")
+        Diagnostic("clock", fault, clock.location, "give a longer time, as in `every: 10 ms`")
         for clock, value in zip(clocks, values, strict=True)
         if (fault := value.fault(span))
     ]
