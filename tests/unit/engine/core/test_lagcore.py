@@ -60,6 +60,7 @@ ALLOWED = {
         "fegetround",
         "fesetround",
         "floor",
+        "fma",
         "fmax",
         "fmin",
         "log",

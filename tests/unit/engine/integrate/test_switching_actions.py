@@ -26,6 +26,9 @@ class NotingCore:
     def happened(self) -> list[int]:
         return self._happened
 
+    def ticked(self) -> list[int]:
+        return []
+
     def place(self, y: Any) -> None:
         self.state = np.array(y)
 
