@@ -33,7 +33,7 @@ class Rest(NamedTuple):
     time : float
         s.
     impacts : int
-        Number of impacts since the contact last opened, or since the initial time.
+        Number of impacts since the contact last came to rest, or since the initial time.
     """
 
     name: str
@@ -112,14 +112,16 @@ class EventLog:
     names : tuple of ne str
         Name of the constraint; for kind "event", name of the event.
     kinds : tuple of ne str
-        One of `KINDS`. "rest" ends a sequence of impacts that has a limit in time.
+        One of `KINDS`. "rest" ends a sequence of impacts that has a limit in time, its ``time``;
+        its ``loss`` is that of the impacts before this time that are not listed.
     q, before, after : (ne, nq) arrays
         The coordinates, and the velocities before and after the instant.
     impulse : (ne, nc) array
         Impulse of all constraints at the instant, J s per unit of the constraint; 0 without an
         impact.
     loss : (ne,) array
-        Energy absorbed by the entry's own impulse, −Λ (γ⁻ + γ⁺)/2 including its friction, J.
+        Energy absorbed by the entry's own impulse, −Λ (γ⁻ + γ⁺)/2 including its friction, J; for
+        "rest", energy that the remaining impacts absorb.
     supplied : (ne,) array
         Energy supplied by the impulses of moving constraints, J.
     work : (ne,) array
@@ -224,9 +226,7 @@ class EventLog:
             if kind == "impact":
                 impacts[name] += 1
             elif kind == "rest":
-                found.append(Rest(name, time, impacts[name]))
-            if kind in ("rest", "opens"):
-                impacts[name] = 0
+                found.append(Rest(name, time, impacts.pop(name, 0)))
         return found
 
     def total_impulse(self) -> Array:

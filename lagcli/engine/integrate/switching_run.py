@@ -187,17 +187,22 @@ class SwitchingIntegration(Integration):
             from lagcli.engine.switching.messages import refusal
 
             self.collect()
-            stop = refusal(self.split_system, status, core, self.settings.impacts, self.log)
+            stop = refusal(
+                self.split_system, status, core, self.settings.impacts, self.log, self.branches()
+            )
             if stop is not None:
                 raise stop
         if status in _AT_SURFACES:
             from lagcli.engine.switching.stops import at_surfaces
 
-            assert self.frozen is not None
             self.collect()
-            surfaces = [self.frozen.kinks[i].names for i in core.surfaces]
-            raise at_surfaces(status, core.t, surfaces)
+            raise at_surfaces(status, core.t, self.branches())
         return super().handle_status(status)
+
+    def branches(self) -> list[tuple[str, ...]]:
+        """Return the names on which each branch depends that changes at the instant."""
+        kinks = self.frozen.kinks if self.frozen is not None else ()
+        return [kinks[i].names for i in self.core.surfaces]
 
     # events
 

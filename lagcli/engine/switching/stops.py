@@ -16,8 +16,14 @@ from lagcli.engine.system import System
 if TYPE_CHECKING:
     from lagcli.engine.constraints.initial import NoConsistentState
 
-#: Times closer than this, in s or relative, belong to one instant.
+#: Times closer than this, relative, belong to one instant.
 _SAME = 1e-9
+#: Laws of impacts by their setting: names, what gains energy, and another law.
+_LAWS = {
+    "newton": ("Newton's law", " with friction", "use `impacts: poisson`"),
+    "poisson": ("Poisson's law", "", "use `impacts: sequential`"),
+    "sequential": ("one contact at a time", "", "use `impacts: poisson`"),
+}
 #: Margin below which forces, which are inversely proportional to it, reduce the steps.
 _JAMMING = 1e-3
 
@@ -32,7 +38,7 @@ def gains_energy(
     t : float
         s.
     contacts : sequence of str
-        Names of the participating constraints.
+        Names of the participating constraints; at least one.
     energy : float
         J.
     law : str
@@ -41,16 +47,13 @@ def gains_energy(
     alike : bool
         Whether all contacts have one coefficient of restitution.
     """
-    name = {"newton": "Newton's law", "poisson": "Poisson's law"}.get(law, "a sequence of impacts")
-    if law == "newton":
-        why, remedy = "with friction" if friction else "", "use `impacts: poisson`"
-    else:
-        why, remedy = "", "use `impacts: sequential`"
+    name, why, remedy = _LAWS[law]
+    why = why if friction else ""
     if not alike:
-        why = "with different coefficients of restitution"
+        why = " with different coefficients of restitution"
         remedy = "give its contacts the same `restitution`"
     return Stop(
-        f"an impact at {_listed(contacts)} would gain {energy:.4g} J ({name}{' ' * bool(why)}{why})"
+        f"an impact at {_listed(contacts)} would gain {energy:.4g} J ({name}{why})"
         f" at t = {t:.9g} s: {remedy}"
     )
 
@@ -83,6 +86,17 @@ def two_motions(
 ) -> Stop:
     """Return the end of a run at a state with two motions that satisfy the laws of contact."""
     row = _bearing(problem)
+    undetermined = _dependent(problem)
+    if undetermined:
+        distribution = ", or ".join(
+            ", ".join(f"lambda.{names[j]} = {x.force[j]:.6g}" for j in undetermined)
+            for x in motions[:2]
+        )
+        return Stop(
+            f"the friction at {_listed([names[j] for j in undetermined])} is not determined at"
+            f" t = {t:.9g} s: these constraints are redundant, and friction depends on how they"
+            f" share the force ({distribution}); remove redundant constraints, or their friction"
+        )
     if problem.laws[row] == ContactLaw.FREE:
         forces = ", ".join(f"lambda = {x.force[row]:.6g}" for x in motions)
         return Stop(
@@ -117,6 +131,17 @@ def _bearing(problem: ContactProblem) -> int:
     if not len(carriers):
         return 0
     return int(max(carriers, key=lambda j: _excess(problem, int(j))))
+
+
+def _dependent(problem: ContactProblem) -> list[int]:
+    """Return the rows that limit friction and whose forces are not unique without it."""
+    carriers = np.flatnonzero((problem.kinetic_slopes != 0).any(axis=0))
+    own = problem.matrix[np.ix_(carriers, carriers)]
+    scale = np.sqrt(np.maximum(np.diag(own), 0.0))
+    scaled = own / np.outer(np.where(scale > 0, scale, 1.0), np.where(scale > 0, scale, 1.0))
+    values, vectors = np.linalg.eigh(scaled) if len(own) else (np.empty(0), np.empty((0, 0)))
+    free = vectors[:, values < _SAME]
+    return [int(j) for j, part in zip(carriers, np.abs(free), strict=True) if (part > _SAME).any()]
 
 
 def _friction(problem: ContactProblem, row: int) -> tuple[int, float]:
@@ -231,18 +256,32 @@ def contradicting_values(
     )
 
 
-def endless(t: float, system: System, entries: Sequence[EventEntry]) -> Stop:
-    """Return the end of a run with an infinite sequence of events at one time."""
+def endless(
+    t: float, system: System, entries: Sequence[EventEntry], unlogged: Sequence[str] = ()
+) -> Stop:
+    """Return the end of a run with an infinite sequence of events at one time.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    system : System
+    entries : sequence of EventEntry
+        The log.
+    unlogged : sequence of str
+        What may repeat without an entry in the log.
+    """
     assert system.switching is not None
     listed = []
     for entry in entries:
-        if entry.time < t - _SAME * max(abs(t), 1.0):
+        if entry.time < t - _SAME * abs(t):
             continue
         if entry.occurrence == "event":
             listed.append(f"`{system.switching.events[entry.which].name}`")
         else:
             change = CHANGES.get(entry.occurrence, entry.occurrence)
             listed.append(f"`{system.constraints[entry.which]} {change}`")
+    listed = listed or list(unlogged)
     return Stop(f"events do not end at t = {t:.9g} s: {', '.join(dict.fromkeys(listed))}")
 
 

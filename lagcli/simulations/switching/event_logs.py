@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.contract import Outcome
+from lagcli.engine.contract import EventEntry, Outcome
 from lagcli.engine.system import System
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog
@@ -34,8 +35,10 @@ def event_log(
     if switching is None:
         return None
     # a sequence of impacts ends slightly after the instant at which its limit is known
-    order = sorted(range(len(outcome.events)), key=lambda i: outcome.events[i].time)
-    entries, count = [outcome.events[i] for i in order], len(order)
+    found = _ended_by_what_follows(outcome.events)
+    order = sorted(range(len(found)), key=lambda i: found[i].time)
+    entries, count = [found[i] for i in order], len(order)
+    latest = itertools.accumulate(order, max)
     records = NOTHING_RECORDED
     if derived is not None and outcome.limits:
         from lagcli.simulations.switching.event_records import event_records
@@ -63,11 +66,24 @@ def event_log(
         loss=np.array([e.loss for e in entries], dtype=float),
         supplied=np.array([e.supplied for e in entries], dtype=float),
         work=np.array([e.work for e in entries], dtype=float),
-        modes=np.array([e.modes for e in entries], dtype=np.intp).reshape(count, ns),
+        modes=np.array([found[i].modes for i in latest], dtype=np.intp).reshape(count, ns),
         records=records,
         parameters=names,
         dtime=_dtime(outcome, order) if names else np.empty((0, 0)),
     )
+
+
+def _ended_by_what_follows(entries: Sequence[EventEntry]) -> list[EventEntry]:
+    """Return the entries, with no contact at rest later than at its next change."""
+    found, following = list(entries), dict[int, float]()
+    for i in reversed(range(len(found))):
+        entry = found[i]
+        if entry.occurrence == "rest":
+            time = min(entry.time, following.get(entry.which, entry.time))
+            found[i] = entry._replace(time=time)
+        if entry.occurrence != "event":
+            following[entry.which] = found[i].time
+    return found
 
 
 def _dtime(outcome: Outcome, order: Sequence[int]) -> Array:

@@ -40,11 +40,17 @@ def test_modes_of_a_trajectory() -> None:
     assert dataclasses.replace(run, events=None).modes is None
 
 
-def test_rests_count_the_impacts_since_the_contact_opened() -> None:
+def test_rests_count_the_impacts_since_the_contact_last_rested() -> None:
     entries = [(0.1, "floor", "impact"), (0.2, "floor", "impact"), (0.3, "floor", "rest")]
     entries += [(0.5, "floor", "opens"), (0.7, "floor", "impact"), (0.8, "floor", "rest")]
     log = make_log(entries=tuple(entries))
     assert log.rests() == [Rest("floor", 0.3, 2), Rest("floor", 0.8, 1)]
+    # contacts that strike in turn open each other
+    turns = [(0.1 * k, name, kind) for k, (name, kind) in enumerate(
+        [("a", "impact"), ("b", "impact"), ("a", "opens"), ("a", "impact"), ("b", "opens"),
+         ("a", "rest"), ("b", "rest")]
+    )]  # fmt: skip
+    assert [x.impacts for x in make_log(entries=tuple(turns)).rests()] == [2, 1]
     assert str(Rest("floor", 4.06371276890123, 132)) == (
         "`floor` came to rest at t = 4.0637127689 s after 132 impacts"
     )

@@ -127,7 +127,7 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
     return found;
 }
 
-/* The rows of one unilateral row's impact: itself, free rows, and what they give a limit. */
+/* The rows of one unilateral row's impact: itself, free rows, and what they give a limit. -1: only free rows. */
 static int gather(phases *p, int unilateral)
 {
     const lag_impact *whole = p->impact;
@@ -197,6 +197,15 @@ static int fastest(const phases *p, const double *velocity, double *least)
     return next;
 }
 
+/* Whether a free row has a velocity before the impact. */
+static int unmet(const lag_impact *whole)
+{
+    for (int i = 0; i < whole->n; ++i)
+        if (whole->law[i] == LAG_FREE && fabs(whole->before[i]) > (whole->rounding ? whole->rounding[i] : 0.0))
+            return 1;
+    return 0;
+}
+
 static int sequential(phases *p, lag_impact_result *result)
 {
     const int n = p->impact->n;
@@ -205,6 +214,11 @@ static int sequential(phases *p, lag_impact_result *result)
     memset(result->impulse, 0, n * sizeof *result->impulse);
     memset(result->loss, 0, n * sizeof *result->loss);
     memcpy(result->after, p->impact->before, n * sizeof *result->after);
+    if (unmet(p->impact)) { /* also without a contact that strikes, as where a constraint is engaged */
+        found = add(p, gather(p, -1), result);
+        if (found == LAG_NO_MOTION)
+            return found;
+    }
     for (int round = 0; round <= SEQUENCE * p->contacts; ++round) {
         double speed = rest;
         const int next = fastest(p, result->after, &speed);

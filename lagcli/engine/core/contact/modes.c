@@ -4,7 +4,8 @@
 #include <string.h>
 
 #define RANK 1e-11      /* of the largest pivot: linearly dependent equations */
-#define TOLERANCE 1e-10 /* of the problem's size: inequalities, and equations that must be consistent */
+#define TOLERANCE 1e-10 /* of the problem's size: inequalities of forces, and equations that must be consistent; of
+                         * the terms of a row's motion: its inequalities */
 #define RELAXED 1e-13   /* of it: inequalities used to select redundant forces */
 #define INERT 1e-13     /* of A's largest entry: rows that no force affects */
 
@@ -14,7 +15,7 @@
 
 size_t lag_contact_memory(int n)
 {
-    const size_t reals = 4 * n + 2 * n * n + 6 * n * n + 3 * n + ROOM(n);
+    const size_t reals = 5 * n + 2 * n * n + 6 * n * n + 3 * n + ROOM(n);
     return reals * sizeof(double) + 13 * (size_t)n * sizeof(int);
 }
 
@@ -30,7 +31,7 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
     w->problem = problem;
     w->n = n;
     w->floor = 0.0;
-    double **const parts[] = {&w->scale, &w->force, &w->motion, &w->right};
+    double **const parts[] = {&w->scale, &w->force, &w->motion, &w->right, &w->allowed};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
         *parts[i] = next;
     w->equation = next;
@@ -217,10 +218,14 @@ static void move(lag_contact_work *w)
 {
     const lag_contacts *p = w->problem;
     for (int i = 0; i < w->n; ++i) {
-        double sum = p->offset[i];
-        for (int j = 0; j < w->n; ++j)
-            sum += p->matrix[i * w->n + j] * w->force[j];
+        double sum = p->offset[i], terms = fabs(sum);
+        for (int j = 0; j < w->n; ++j) {
+            const double part = p->matrix[i * w->n + j] * w->force[j];
+            sum += part;
+            terms += fabs(part);
+        }
         w->motion[i] = sum;
+        w->allowed[i] = w->scale[i] * (TOLERANCE * terms + (p->rounding ? p->rounding[i] : 0.0));
     }
 }
 
@@ -274,14 +279,15 @@ int lag_contact_inequalities(lag_contact_work *w)
     return count;
 }
 
-/* Whether the inequalities hold. */
+/* Whether the inequalities hold: those of forces but for `tolerance`, those of motions but for their own errors. */
 static int obeyed(const lag_contact_work *w, int count, double tolerance)
 {
     for (int i = 0; i < count; ++i) {
+        const int row = w->owner[i];
         double sum = -w->bound[i];
         for (int j = 0; j < w->n; ++j)
             sum += w->normal[i * w->n + j] * w->force[j];
-        if (!(sum >= -tolerance))
+        if (!(sum >= -(w->mode[row] == LAG_HOLDS ? tolerance : w->allowed[row])))
             return 0;
     }
     return 1;
@@ -312,6 +318,7 @@ static int least_within(lag_contact_work *w, int freedom, int count, double magn
     for (int f = 0; f < freedom; ++f)
         for (int j = 0; j < n; ++j)
             w->force[j] += z[f] * magnitude * unit * w->null[f * n + j];
+    move(w);
     return 1;
 }
 
@@ -326,7 +333,7 @@ static void suggest(lag_contact_work *w, double tolerance)
         const double x = w->force[i] / w->scale[i], y = w->motion[i] * w->scale[i];
         const int mode = w->mode[i];
         if (p->law[i] == LAG_UNILATERAL) {
-            if (mode == LAG_HOLDS ? x < -tolerance || y > tolerance : y < -tolerance)
+            if (mode == LAG_HOLDS ? x < -tolerance || y > tolerance : y < -w->allowed[i])
                 w->next[i] = mode == LAG_HOLDS ? LAG_OPEN : LAG_HOLDS;
         } else if (p->law[i] == LAG_LIMITED && mode == LAG_HOLDS) {
             double limit = p->static_limit[i];
@@ -337,7 +344,7 @@ static void suggest(lag_contact_work *w, double tolerance)
             else if (fabs(x) > limit / w->scale[i] + tolerance)
                 w->next[i] = x < 0.0 ? LAG_SLIPS_FORWARD : LAG_SLIPS_BACKWARD;
         } else if (p->law[i] == LAG_LIMITED && mode != LAG_OPEN) {
-            if (mode == LAG_SLIPS_FORWARD ? y < -tolerance : y > tolerance)
+            if (mode == LAG_SLIPS_FORWARD ? y < -w->allowed[i] : y > w->allowed[i])
                 w->next[i] = LAG_HOLDS;
         }
         if (fabs(x) > tolerance)
@@ -389,6 +396,7 @@ int lag_contact_solve(lag_contact_work *w, double *tolerance)
     least_norm(w, rank, w->place);
     const double magnitude = size(w);
     *tolerance = TOLERANCE * magnitude + w->floor;
+    move(w);
     if (!(disagreement <= *tolerance))
         return 0;
     const int count = lag_contact_inequalities(w);
@@ -402,7 +410,6 @@ int lag_contact_try(lag_contact_work *w)
 {
     double tolerance;
     const int found = lag_contact_solve(w, &tolerance);
-    move(w);
     if (found)
         clean(w);
     else

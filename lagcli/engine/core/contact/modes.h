@@ -11,12 +11,13 @@
 typedef struct lag_contact_work {
     const lag_contacts *problem;
     int n;
-    double floor;     /* errors that d b may have */
+    double floor;     /* the largest error that d b may have */
     double *scale;    /* n: d */
     double *force;    /* n: x of the last solved modes */
     double *motion;   /* n: y */
     double *equation; /* n * n: of the modes, scaled */
     double *right;    /* n */
+    double *allowed;  /* n: errors that d y may have in the last solved modes */
     double *null;     /* n * n: orthonormal basis of the equations' null space, by rows */
     double *normal;   /* 3 n * n: inequalities normal . x >= bound */
     double *reduced;  /* 3 n * n: the normals along the vectors of `null` */

@@ -4,10 +4,16 @@
 #include <string.h>
 
 #include "motion.h"
+#include "switching/accumulation.h"
 #include "switching/choice.h"
+#include "switching/impulse.h"
 #include "switching/log.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
+
+#define ONE_BY_ONE 100 /* impacts at one instant, for each contact, after which all that are left happen together */
+#define ENDLESS 10000  /* impacts at one instant after which they count as endless ... */
+#define COUNTED 100    /* ... and as how many of these one of all that are left counts */
 
 int lag_collides(const lag_run *run)
 {
@@ -49,27 +55,58 @@ static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
     return any;
 }
 
+/* Bring to rest the rows that would bounce no higher than a gap that counts as none, after an impact: those that take
+ * part in it, and others that come to rest only then. Returns what lag_solve_contacts does, or -1. */
+static int end_impacts(lag_run *run, const lag_impact_report *report)
+{
+    lag_switching *sw = &run->switching;
+    const size_t size = (size_t)lag_size(&run->system) * sizeof(double);
+    const double t = run->step.t;
+    double *y = run->step.y, lost = 0.0;
+    int found = LAG_ONE_MOTION;
+    memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
+    if (!falls_back(run, report, sw->rests))
+        return found;
+    memcpy(sw->struck, y, size);
+    do {
+        memcpy(y, sw->struck, size);
+        found = lag_bring_to_rest(run, t, y, sw->rests, &lost);
+    } while (found != LAG_NO_MOTION && found >= 0 && falls_back(run, report, sw->rests));
+    if (found < 0 || found == LAG_NO_MOTION)
+        return found;
+    sw->remainder += lost;
+    memset(sw->ends, 0, (size_t)sw->rows * sizeof(int));
+    for (int i = 0; i < sw->rows; ++i) {
+        if (!sw->rests[i] || sw->ends[i])
+            continue;
+        const double time = lag_end_of_impacts(run, t, sw->struck, i, sw->rests, sw->member);
+        for (int j = 0; j < sw->rows; ++j)
+            if (sw->member[j] && sw->law[j] == LAG_UNILATERAL && (sw->rests[j] || report->impulse[j] != 0.0)) {
+                sw->ends[j] = sw->came_to_rest[j] = 1;
+                sw->rest_time[j] = isfinite(time) ? time : t;
+            }
+    }
+    return found;
+}
+
 int lag_do_collision(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
     const double t = run->step.t;
     double *y = run->step.y, *before = sw->start;
-    lag_impact_report report = {sw->takes_part, sw->impulse, sw->impulse + sw->rows, sw->impulse + 2 * sw->rows,
-                                0.0, 0.0, 0.0, 0, 0};
+    const int together = sw->impacts > ONE_BY_ONE * sw->rows;
+    lag_impact_report report = {together, sw->takes_part, sw->impulse, sw->impulse + sw->rows,
+                                sw->impulse + 2 * sw->rows, 0.0, 0.0, 0, 0};
+    if (sw->impacts > ONE_BY_ONE * sw->rows + ENDLESS)
+        return LAG_ENDLESS;
     memcpy(before, y, (size_t)lag_size(&run->system) * sizeof(double));
-    memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
-    int found = lag_collide(run, t, y, sw->rests, &report), rest = 0;
-    /* a row that comes to rest may move another, which then comes to rest too */
-    while (found >= 0 && found != LAG_NO_MOTION && falls_back(run, &report, sw->rests)) {
-        rest = 1;
-        memcpy(y, before, (size_t)lag_size(&run->system) * sizeof(double));
-        found = lag_collide(run, t, y, sw->rests, &report);
-    }
+    int found = lag_collide(run, t, y, &report);
     if (found < 0)
         return LAG_UNDEFINED;
     if (found == LAG_NO_MOTION)
         return LAG_NO_IMPACT;
+    sw->impacts += report.together ? COUNTED : 1;
     sw->gained = report.gained;
     sw->rubbed = report.rubbed;
     sw->alike = report.alike;
@@ -80,17 +117,14 @@ int lag_do_collision(lag_run *run)
         sw->ended[i] = NOTHING_ENDED; /* the impact may trigger other changes */
         if (sw->law[i] != LAG_UNILATERAL || report.impulse[i] == 0.0)
             continue;
-        double loss = report.loss[i], *times = sw->recent + 3 * i;
+        double loss = report.loss[i];
         for (int j = 0; j < sw->rows; ++j)
             if (sw->normal[j] == i)
                 loss += report.loss[j];
         lag_log(run, t, LAG_IMPACT, i, before + nq, y + nq, report.all, loss, supplied);
         supplied = 0.0;
-        times[0] = times[1];
-        times[1] = times[2];
-        times[2] = t;
         sw->report |= sw->reported[5 * i + 4];
-        sw->came_to_rest[i] |= rest;
     }
-    return LAG_RUNNING;
+    found = end_impacts(run, &report);
+    return found < 0 ? LAG_UNDEFINED : found == LAG_NO_MOTION ? LAG_NO_IMPACT : LAG_RUNNING;
 }

@@ -39,13 +39,6 @@ static double *velocities(lag_run *run)
     return run->step.y + run->system.nq;
 }
 
-/* The limit of the last three times of a row's impacts: Aitken's extrapolation. */
-static double rest_time(const double *times)
-{
-    const double first = times[1] - times[0], second = times[2] - times[1];
-    return isnan(times[0]) || !(second < first) ? times[2] : times[2] + second * second / (first - second);
-}
-
 /* Whether a row that holds shares its force with others, and could obey its law by more than these. */
 static int loose(const lag_switching *sw, int row)
 {
@@ -123,12 +116,14 @@ int lag_look_for_instant(lag_run *run)
     memcpy(run->step.y, sw->before, n * sizeof(double));
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c)
         sw->condition[c].happened = 0;
+    for (int i = 0; i < sw->rows; ++i) /* psi is that of lag_all_forces */
+        sw->stray[i] = !run->projection.active && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
     memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
     memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
     memcpy(sw->before, run->step.y, n * sizeof(double));
     if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
-        sw->rounds = 0;
+        sw->rounds = sw->impacts = 0;
         sw->calm = fmax(sw->instant - sw->last, FORGOTTEN * sw->calm);
     }
     sw->last = sw->instant;
@@ -157,16 +152,18 @@ static void leave_surfaces(lag_run *run)
             sw->mode[i] = LAG_OPEN;
 }
 
-/* Log the changes of modes since the beginning of the instant. */
+/* Log the changes of modes since the beginning of the instant, and contacts that came to rest. The first of these has
+ * the energy that impacts after this instant would have lost. */
 static void log_changes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     const double *v = velocities(run);
     for (int i = 0; i < sw->exported; ++i) {
         const int now = sw->mode[i], old = sw->mode_before[i];
+        const int stays = sw->came_to_rest[i] && now == LAG_HOLDS;
+        const int rests = stays && sw->rest_time[i] <= run->step.t_end; /* else the run ends in these impacts */
         int what = -1;
-        double at = run->step.t;
-        if (now == old || (sw->law[i] == LAG_FREE))
+        if (sw->law[i] == LAG_FREE || (now == old && !rests))
             continue;
         if (sw->law[i] == LAG_UNILATERAL)
             what = now == LAG_OPEN ? LAG_OPENS : LAG_CLOSES;
@@ -174,13 +171,15 @@ static void log_changes(lag_run *run)
             what = now == LAG_HOLDS ? LAG_STICKS : LAG_SLIPS;
         if (what < 0)
             continue;
-        sw->report |= sw->reported[5 * i + what];
-        if (what == LAG_CLOSES && sw->came_to_rest[i]) {
-            what = LAG_REST;
-            at = rest_time(sw->recent + 3 * i);
-        }
-        lag_log(run, at, what, i, v, v, NULL, 0.0, 0.0);
+        if (now != old)
+            sw->report |= sw->reported[5 * i + what];
+        const int first = stays && sw->remainder > 0.0;
+        lag_log(run, rests ? sw->rest_time[i] : run->step.t, rests ? LAG_REST : what, i,
+                first ? sw->struck + run->system.nq : v, v, NULL, first ? sw->remainder : 0.0, 0.0);
+        if (first)
+            sw->remainder = 0.0;
     }
+    sw->remainder = 0.0;
     memset(sw->came_to_rest, 0, (size_t)sw->rows * sizeof(int));
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
 }
@@ -262,8 +261,6 @@ int lag_do_instant(lag_run *run)
         sw->settled = 0;
         if (!lag_log_has_room(run))
             return LAG_BLOCK_FULL;
-        if (++sw->rounds > ROUNDS)
-            return LAG_ENDLESS;
         if (lag_find_rows(run, t, y))
             return LAG_UNDEFINED;
         lag_measure_rows(run, t, y);
@@ -277,6 +274,8 @@ int lag_do_instant(lag_run *run)
                 return status;
             continue;
         }
+        if (++sw->rounds > ROUNDS)
+            return LAG_ENDLESS;
         status = lag_choose_branches(run);
         if (status == LAG_RUNNING)
             status = lag_choose_modes(run);
@@ -328,11 +327,9 @@ int lag_begin_modes(lag_run *run)
     if (!sw->begun && !sw->due) {
         sw->due = 1;
         sw->told = NOTHING_TOLD;
-        sw->rounds = 0;
+        sw->rounds = sw->impacts = 0;
         sw->last = run->step.t;
         memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
-        for (int i = 0; i < 3 * sw->rows; ++i)
-            sw->recent[i] = NAN;
     }
     return sw->due ? lag_do_instant(run) : LAG_RUNNING;
 }

@@ -7,8 +7,8 @@
 #include "switching/rows.h"
 
 #define NO_SPEED 1e-11      /* of the largest terms of psi so far: zero velocity ... */
+#define TWICE 2.0           /* the velocity that a row has as an instant begins without projection, and its rounding */
 #define HORIZON 1e-3        /* of the duration of the run: how long an acceleration acts in these terms */
-#define GAINED 1e-9         /* of the terms of the energy: gain of an impact due to rounding */
 #define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
 #define FORCE_EXACT 1e-13
@@ -20,18 +20,12 @@ double lag_no_gap(const lag_switching *sw, int row)
 
 double lag_no_speed(const lag_switching *sw, int row)
 {
-    return NO_SPEED * sw->speed[row];
+    return fmax(NO_SPEED * sw->speed[row], TWICE * sw->stray[row]);
 }
 
-/* Arrays for a problem of at most rows + nf, in sw->contacts. */
-typedef struct {
-    double *matrix, *offset, *rounding, *limit[2], *slope[2], *force[2], *motion[2], *extra;
-    int *law, *mode[2], *rows;
-} problem_arrays;
-
-static problem_arrays arrays_of(lag_switching *sw)
+lag_problem_arrays lag_arrays_of(lag_switching *sw)
 {
-    problem_arrays p;
+    lag_problem_arrays p;
     const int n = sw->rows + sw->nf;
     double *next = sw->contacts;
     int *integers = sw->integers;
@@ -51,8 +45,7 @@ static problem_arrays arrays_of(lag_switching *sw)
     return p;
 }
 
-/* Limits as functions of the multipliers' magnitudes: constants, and slopes with respect to the listed rows. */
-static void limits_of(lag_run *run, double t, const double *y, const double *a, int n, problem_arrays *p)
+void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int n, const lag_problem_arrays *p)
 {
     lag_switching *sw = &run->switching;
     const lag_tape *tape = &sw->limits;
@@ -79,8 +72,7 @@ static void limits_of(lag_run *run, double t, const double *y, const double *a, 
                             * OUT(tape, 2 * sw->nl + part * sw->pattern_count + k);
 }
 
-/* A of the listed rows; their responses are then available. */
-static void matrix_of(lag_run *run, int n, const int *rows, double *matrix)
+void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
 {
     for (int j = 0; j < n; ++j) {
         const double *u = lag_row_response(run, rows[j]);
@@ -135,7 +127,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
 {
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq, size = nq + run->system.nc;
-    problem_arrays p = arrays_of(sw);
+    lag_problem_arrays p = lag_arrays_of(sw);
     double power, *free = p.extra, *present = sw->force + sw->rows;
     if (lag_find_rows(run, t, y) || lag_accelerate_system(run, t, y, 0, &power) || lag_factor(run, t, y))
         return -1;
@@ -143,10 +135,10 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     memcpy(free, run->solver.a, (size_t)size * sizeof(double));
     const int n = list(sw, state, p.rows, p.law);
     sw->problem = n;
-    matrix_of(run, n, p.rows, p.matrix);
+    lag_matrix_of(run, n, p.rows, p.matrix);
     for (int k = 0; k < sw->nf; ++k)
         lag_row_response(run, sw->rows + k);
-    limits_of(run, t, y, free, n, &p);
+    lag_limits_of(run, t, y, free, n, &p);
     const lag_contacts problem = {
         .n = n, .matrix = p.matrix, .offset = p.offset, .law = p.law,
         .static_limit = p.limit[0], .static_slope = p.slope[0],
@@ -214,7 +206,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
 
 lag_contact_report lag_contacts_of(lag_run *run)
 {
-    const problem_arrays p = arrays_of(&run->switching);
+    const lag_problem_arrays p = lag_arrays_of(&run->switching);
     return (lag_contact_report){
         .n = run->switching.problem, .row = p.rows, .law = p.law, .matrix = p.matrix, .offset = p.offset,
         .static_limit = p.limit[0], .static_slope = p.slope[0],
@@ -228,7 +220,7 @@ void lag_share_forces(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq, size = nq + run->system.nc;
-    problem_arrays p = arrays_of(sw);
+    lag_problem_arrays p = lag_arrays_of(sw);
     double *force = p.force[0];
     int n = 0, *mode = p.mode[0];
     for (int i = 0; i < sw->rows; ++i) {
@@ -242,8 +234,8 @@ void lag_share_forces(lag_run *run, double t, const double *y)
         mode[n] = sw->mode[i];
         force[n++] = sw->force[i];
     }
-    matrix_of(run, n, p.rows, p.matrix);
-    limits_of(run, t, y, run->solver.a, n, &p);
+    lag_matrix_of(run, n, p.rows, p.matrix);
+    lag_limits_of(run, t, y, run->solver.a, n, &p);
     for (int i = 0; i < n; ++i) { /* another distribution of the forces has the same motion */
         p.offset[i] = 0.0;
         for (int j = 0; j < n && mode[i] == LAG_HOLDS; ++j)
@@ -265,95 +257,4 @@ void lag_share_forces(lag_run *run, double t, const double *y)
             sw->tight[row] = p.mode[1][j];
         }
     lag_gather_multipliers(run, run->solver.multipliers, sw->force, sw->multipliers);
-}
-
-int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impact_report *report)
-{
-    lag_switching *sw = &run->switching;
-    const lag_system *s = &run->system;
-    const int nq = s->nq, size = nq + s->nc;
-    problem_arrays p = arrays_of(sw);
-    double *restitution = p.limit[0], *friction = p.slope[0], *added = p.extra;
-    int n = 0;
-    lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
-    if (lag_find_rows(run, t, y) || lag_factor(run, t, y))
-        return -1;
-    lag_evaluate(&sw->impact, s, t, y, LAG_ALL);
-    for (int i = 0; i < sw->rows; ++i) {
-        const int normal = sw->normal[i];
-        const double coefficient = sw->friction[i] < 0 ? 0.0 : OUT(&sw->impact, sw->friction[i]);
-        report->impulse[i] = report->loss[i] = 0.0;
-        if (sw->law[i] == LAG_UNILATERAL)
-            report->takes_part[i] = sw->active[i] && (sw->phi[i] <= lag_no_gap(sw, i) || sw->mode[i] == LAG_HOLDS)
-                                    && sw->psi[i] <= lag_no_speed(sw, i);
-        else if (sw->law[i] == LAG_FREE)
-            report->takes_part[i] = sw->active[i];
-        else
-            report->takes_part[i] = sw->active[i] && coefficient > 0.0 && normal >= 0;
-    }
-    for (int i = 0; i < sw->rows; ++i) {
-        if (sw->law[i] == LAG_LIMITED && report->takes_part[i])
-            report->takes_part[i] = report->takes_part[sw->normal[i]];
-        if (report->takes_part[i])
-            p.rows[n++] = i;
-    }
-    matrix_of(run, n, p.rows, p.matrix);
-    memset(friction, 0, (size_t)n * n * sizeof(double));
-    double least = INFINITY, most = -INFINITY;
-    report->rubbed = 0;
-    for (int i = 0; i < n; ++i) {
-        const int row = p.rows[i];
-        p.law[i] = plastic[row] ? LAG_FREE : sw->law[row];
-        p.offset[i] = sw->psi[row];
-        p.rounding[i] = ROUNDING_ERROR * sw->speed[row];
-        restitution[i] = sw->restitution[row] < 0 ? 0.0 : OUT(&sw->impact, sw->restitution[row]);
-        report->rubbed |= sw->law[row] == LAG_LIMITED;
-        if (sw->law[row] == LAG_UNILATERAL) {
-            least = fmin(least, restitution[i]);
-            most = fmax(most, restitution[i]);
-        }
-        for (int j = 0; j < n; ++j)
-            if (sw->law[row] == LAG_LIMITED && p.rows[j] == sw->normal[row])
-                friction[i * n + j] = OUT(&sw->impact, sw->friction[row]);
-    }
-    report->alike = !(least < most);
-    const lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
-                               .restitution = restitution, .friction = friction, .rounding = p.rounding};
-    lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};
-    const int found = lag_solve_impact(&impact, sw->law_of_impact, sw->memory, &result);
-    if (found == LAG_NO_MOTION)
-        return found;
-    memset(added, 0, (size_t)size * sizeof(double));
-    double lost = 0.0, terms = 0.0;
-    for (int j = 0; j < n; ++j) {
-        const int row = p.rows[j];
-        const double *u = sw->response + row * size;
-        report->impulse[row] = result.impulse[j];
-        report->loss[row] = result.loss[j];
-        lost += result.loss[j];
-        terms += fabs(result.impulse[j]) * (fabs(p.offset[j]) + fabs(result.after[j]));
-        for (int i = 0; i < size; ++i)
-            added[i] += u[i] * result.impulse[j];
-    }
-    report->gained = lost < -GAINED * terms ? -lost : 0.0;
-    lag_gather_multipliers(run, added + nq, report->impulse, report->all);
-    /* the power of an impulse is that of the mean velocity */
-    report->supplied = report->work = 0.0;
-    for (int j = 0; j < n; ++j) {
-        const int row = p.rows[j];
-        const double along = lag_along(run, row, y + nq) + 0.5 * lag_along(run, row, added);
-        report->supplied -= report->impulse[row] * sw->drift[row];
-        report->work += report->impulse[row] * along;
-    }
-    for (int i = 0; i < s->nb; ++i) {
-        const int column = s->jacobian_column[i];
-        const double part = added[nq + s->jacobian_row[i]] * OUT(&s->dynamics, lag_first_jacobian(s) + i)
-                            * (y[nq + column] + 0.5 * added[column]);
-        report->supplied += part;
-        report->work += part;
-    }
-    for (int i = 0; i < nq; ++i)
-        y[nq + i] += added[i];
-    y[2 * nq] += report->work;
-    return found;
 }

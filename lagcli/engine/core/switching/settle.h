@@ -1,8 +1,24 @@
-/* Contact problems of a run: active rows, and impacts. */
+/* Contact problems of a run: accelerations, and forces of redundant rows. */
 #ifndef LAGCLI_SETTLE_H
 #define LAGCLI_SETTLE_H
 
 #include "run.h"
+
+/* Arrays for a problem of at most rows + nf, in sw->contacts: those of lag_contacts, two solutions, the rows of the
+ * layer, and `extra`, a and lambda of the system. */
+typedef struct {
+    double *matrix, *offset, *rounding, *limit[2], *slope[2], *force[2], *motion[2], *extra;
+    int *law, *mode[2], *rows;
+} lag_problem_arrays;
+
+lag_problem_arrays lag_arrays_of(lag_switching *sw);
+
+/* A of n listed rows; their responses are then available. */
+void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix);
+
+/* Limits of n rows, p->rows, as functions of the multipliers' magnitudes: constants to p->limit, and slopes with
+ * respect to the listed rows to p->slope; static and kinetic ones. */
+void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int n, const lag_problem_arrays *p);
 
 /* State of a row at an instant before the problem is solved. */
 enum lag_row_state {
@@ -21,21 +37,6 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
  * the forces have been found last: changes `force`, `multipliers`, the lambda of the system, and sets `slack`
  * and `tight`. */
 void lag_share_forces(lag_run *run, double t, const double *y);
-
-/* Result of an impact; rows each. */
-typedef struct {
-    int *takes_part;
-    double *impulse, *loss;
-    double *all;            /* of all constraints */
-    double supplied, work;  /* by moving constraints; total change of the energy */
-    double gained;          /* gain of energy beyond rounding; else 0 */
-    int rubbed, alike;      /* whether there was friction; whether all contacts have the same coefficient of
-                               restitution */
-} lag_impact_report;
-
-/* The impact at (t, y) of rows that take part; those that are `plastic` end
- * at rest. Changes the velocities in y. */
-int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impact_report *report);
 
 /* Tolerances of zero for the gap and the velocity of a row. */
 double lag_no_gap(const lag_switching *sw, int row);

@@ -6,6 +6,7 @@
 #include "bind.h"
 #include "breaks.h"
 #include "motion.h"
+#include "switching/accumulation.h"
 #include "switching/crossing.h"
 #include "switching/kinks.h"
 #include "switching/log.h"
@@ -20,11 +21,12 @@ static void allocate(lag_run *run)
     const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
     const int watched = 2 * rows + 2 + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
-                     &sw->takes_part, &sw->rests, &sw->came_to_rest, &sw->first_mode, &sw->tight};
+                     &sw->takes_part, &sw->rests, &sw->ends, &sw->member, &sw->came_to_rest, &sw->first_mode,
+                     &sw->tight};
     double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed, &sw->tried,
-                          &sw->trial_force, &sw->slack};
+                          &sw->stray, &sw->trial_force, &sw->slack, &sw->rest_time};
     double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,
-                           &sw->acceleration};
+                           &sw->struck, &sw->acceleration};
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i)
         *lists[i] = lag_get(pool, (size_t)rows, sizeof(int));
     for (size_t i = 0; i < sizeof by_row / sizeof *by_row; ++i)
@@ -51,7 +53,8 @@ static void allocate(lag_run *run)
     sw->integers = lag_get(pool, 5 * (size_t)all, sizeof(int));
     const size_t one = lag_contact_memory(rows), other = lag_impact_memory(rows);
     sw->memory = lag_get(pool, one > other ? one : other, 1);
-    sw->recent = lag_doubles(pool, 3L * rows);
+    sw->accumulation = lag_doubles(pool, lag_accumulation_doubles(rows));
+    sw->accumulation_lists = lag_get(pool, (size_t)lag_accumulation_integers(rows), sizeof(int));
     sw->begin = lag_doubles(pool, nq + sw->nc);
     lag_kinks *k = &sw->kinks;
     double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth, &k->rounding};

@@ -124,6 +124,7 @@ typedef struct {
     double *phi, *psi, *drift, *gamma; /* rows */
     double *size, *speed;              /* rows: the largest scales so far of phi, of psi */
     double *tried;                     /* rows: of psi, in the step that is tried */
+    double *stray;                     /* rows: |psi| of those that hold as the instant begins, without projection */
     double *jacobian;                  /* rows * nq */
     double *response;                  /* (rows + nf) * (nq + nc of the system) */
     double *force;                     /* rows + nf: z */
@@ -154,7 +155,7 @@ typedef struct {
     int moved;                         /* whether the caller has changed the state */
     int told;                          /* whether the caller knows of the instant, and of its end: instant.c */
     int settled;                       /* whether the modes after this instant are determined */
-    int rounds;
+    int rounds, impacts;               /* at the instant: of choosing modes, of impacts */
     int found;                         /* result of lag_solve_contacts for the last contact problem */
     double instant, last, since;       /* time of the instant; of the previous one; end of the searched part of the
                                           last step */
@@ -163,7 +164,14 @@ typedef struct {
     double gained;                     /* energy gained by the last impact ... */
     int rubbed, alike;                 /* ... whether it had friction, and equal coefficients of restitution */
     double *before, *start;            /* n: scratch */
-    int *mode_before, *ended, *state, *trial_mode, *takes_part, *rests, *came_to_rest; /* rows */
+    int *mode_before, *ended, *state, *trial_mode, *takes_part; /* rows */
+    int *rests, *ends, *member;        /* rows: scratch of collision.c */
+    int *came_to_rest;                 /* rows: at this instant ... */
+    double *rest_time;                 /* rows: ... and the limit of the impacts' times */
+    double remainder;                  /* energy that impacts after this instant still would lose */
+    double *struck;                    /* n: the state after the last impact, before rows come to rest */
+    double *accumulation;              /* scratch of accumulation.c */
+    int *accumulation_lists;
     int *first_mode;                   /* rows: at the start */
     double *begin;                     /* nq + nc: a and lambda at the beginning of the instant */
     double *trial_force, *acceleration;    /* rows, nq */
@@ -171,7 +179,6 @@ typedef struct {
     double *contacts;                  /* scratch of settle.c */
     int *integers;
     void *memory;
-    double *recent;                    /* 3 rows: the last times of impacts */
 
     /* the log: entries of `width` numbers */
     double *log;

@@ -343,6 +343,32 @@ def test_newtons_cradle_sends_as_many_balls_as_it_is_struck_by(struck: int) -> N
     assert loss == pytest.approx(np.zeros(4), abs=1e-12)
 
 
+def test_bilateral_rows_meet_their_equation_by_each_law() -> None:
+    """Without a contact that strikes, as where an event engages a constraint: Λ = −A⁻¹ b."""
+    matrix, before = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([0.3, 0.8])
+    for law in (POISSON, NEWTON, SEQUENTIAL):
+        found, impulse, after, loss = binding.solve_impact(
+            matrix, before, [FREE, UNILATERAL], [0.0, 0.0], np.zeros((2, 2)), law
+        )
+        assert found == 1
+        assert impulse == pytest.approx([-0.15, 0.0], rel=1e-14)
+        assert after == pytest.approx([0.0, 0.725], rel=1e-14)
+        assert loss.sum() == pytest.approx(0.3**2 / 2.0 / 2.0)
+
+
+@pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
+def test_slow_contacts_beside_fast_friction_stop(law: int) -> None:
+    """A velocity is small next to those of its own row, not to those of friction."""
+    for slow in 10.0 ** -np.arange(1, 14):
+        found, impulse, after, _ = binding.solve_impact(
+            np.diag([1.6, 0.7]), [-slow, 2.5], [UNILATERAL, LIMITED], [0.0, 0.0],
+            [[0.0, 0.0], [0.02, 0.0]], law,
+        )  # fmt: skip
+        assert found == 1
+        assert impulse == pytest.approx([slow / 1.6, -0.02 * slow / 1.6], rel=1e-12)
+        assert abs(after[0]) <= 1e-12 * slow
+
+
 def test_simultaneous_laws_do_not_describe_a_cradle() -> None:
     """Poisson's law at e = 1: the struck ball rebounds, and the energy stays."""
     for law in (POISSON, NEWTON):

@@ -2,9 +2,14 @@
 
 import numpy as np
 
+from lagcli.engine.lowering import lower
 from lagcli.engine.switching import stops
 from lagcli.engine.switching.contacts import contact_motions
+from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import SwitchedRow
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.model.loader import load_text
+from tests.support.switching_models import BALL
 from tests.unit.engine.switching.test_contacts import klein, painleve
 
 ROD = np.arctan(2)
@@ -18,6 +23,41 @@ def test_energy_gained() -> None:
     assert str(stops.gains_energy(0.25, ["left", "right"], 0.5, "poisson", True, False)) == (
         "an impact at `left`, `right` would gain 0.5 J (Poisson's law with different coefficients"
         " of restitution) at t = 0.25 s: give its contacts the same `restitution`"
+    )
+
+
+def test_a_law_is_not_advised_where_it_is_in_use() -> None:
+    for law in ("poisson", "newton", "sequential"):
+        found = str(stops.gains_energy(0.25, ["floor"], 0.5, law, True, True))
+        assert "use `impacts: " in found
+        assert f"use `impacts: {law}`" not in found
+
+
+def test_friction_of_redundant_guides() -> None:
+    """Three guides of a rigid body share a force in many ways, whatever μ is."""
+    rows = np.array([[1.0, -0.3], [1.0, 0.0], [1.0, 0.3], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    matrix = rows @ np.diag([1.0, 50.0]) @ rows.T
+    matrix[3:, 3:] = 1.0
+    slopes = np.zeros((6, 6))
+    slopes[[3, 4, 5], [0, 1, 2]] = 1e-6
+    laws = np.array([ContactLaw.FREE] * 3 + [ContactLaw.FORWARD] * 3)
+    nothing = np.zeros(6)
+    problem = ContactProblem(matrix, nothing, laws, nothing, nothing, slopes, slopes)
+    names = ["left", "mid", "right", "left.slip", "mid.slip", "right.slip"]
+    shares = [np.array([1.0, 2.0, 3.0, 0, 0, 0]), np.array([2.0, 0.0, 4.0, 0, 0, 0])]
+    motions = [ContactSolution(x, nothing, np.ones(6, dtype=int)) for x in shares]
+    assert str(stops.two_motions(0.5, names, problem, motions)) == (
+        "the friction at `left`, `mid`, `right` is not determined at t = 0.5 s: these constraints"
+        " are redundant, and friction depends on how they share the force (lambda.left = 1,"
+        " lambda.mid = 2, lambda.right = 3, or lambda.left = 2, lambda.mid = 0, lambda.right = 4);"
+        " remove redundant constraints, or their friction"
+    )
+
+
+def test_events_without_end_are_named() -> None:
+    system = lower(derive(load_text(BALL)))
+    assert str(stops.endless(0.5, system, [], ["`floor impacts`"])) == (
+        "events do not end at t = 0.5 s: `floor impacts`"
     )
 
 

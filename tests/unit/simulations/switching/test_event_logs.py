@@ -46,6 +46,24 @@ def test_entries_become_a_log() -> None:
     assert log.modes.tolist() == [[0, 0], [1, 1], [1, 1]]
 
 
+def test_a_rest_ends_by_the_next_change_and_changes_no_later_modes() -> None:
+    """A ball whose bounces would end at 0.7 is thrown at 0.6; another mode changes at 0.55."""
+    system = lower(derive(lagcli.load_text(BALL)))
+    entries = [
+        entry("impact", 1, modes=[1, 0]),
+        entry("rest", 1, time=0.7, modes=[1, 0]),
+        entry("sticks", 2, time=0.55, modes=[1, 1]),
+        entry("opens", 1, time=0.6, modes=[0, 0]),
+    ]
+    outcome = Outcome("completed", events=entries, modes=(0, 0))
+    log = event_log(system, outcome)
+    assert log is not None
+    log.check()
+    assert log.kinds == ("impact", "sticks", "rest", "opens")
+    assert log.time.tolist() == [0.5, 0.55, 0.6, 0.6]
+    assert log.modes.tolist() == [[1, 0], [1, 1], [1, 1], [0, 0]]
+
+
 def test_entries_are_in_the_order_of_time() -> None:
     """A sequence of impacts ends later than the instant at which an event answers its last one."""
     system = lower(derive(lagcli.load_text(BALL)))

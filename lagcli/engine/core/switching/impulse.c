@@ -1,0 +1,184 @@
+#include "switching/impulse.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "motion.h"
+#include "switching/rows.h"
+#include "switching/settle.h"
+
+#define GAINED 1e-9         /* of the terms of the energy: gain of an impact due to rounding */
+#define LEAST_GAIN 1e-13    /* of the energy of the largest velocities so far: likewise */
+#define ROUNDING_ERROR 4e-15 /* of the largest velocity of a row so far */
+
+int lag_is_closed(const lag_switching *sw, int row)
+{
+    return sw->active[row] && (sw->phi[row] <= lag_no_gap(sw, row) || sw->mode[row] == LAG_HOLDS);
+}
+
+int lag_meets(const lag_switching *sw, int row)
+{
+    return lag_is_closed(sw, row) && sw->psi[row] <= lag_no_speed(sw, row);
+}
+
+/* Apply impulses of n listed rows, whose responses are known, to the velocities and the work in y; `added` (nq + nc)
+ * are the changes of the velocities and the impulses of the system's constraints. Returns the energy supplied by
+ * moving constraints: the power of an impulse is that of the mean velocity. */
+static double apply(lag_run *run, double *y, int n, const int *rows, const double *impulse, double *added)
+{
+    lag_switching *sw = &run->switching;
+    const lag_system *s = &run->system;
+    const int nq = s->nq, size = nq + s->nc;
+    double supplied = 0.0, work = 0.0;
+    memset(added, 0, (size_t)size * sizeof(double));
+    for (int j = 0; j < n; ++j) {
+        const double *u = sw->response + rows[j] * size;
+        for (int i = 0; i < size; ++i)
+            added[i] += u[i] * impulse[j];
+    }
+    for (int j = 0; j < n; ++j) {
+        const int row = rows[j];
+        supplied -= impulse[j] * sw->drift[row];
+        work += impulse[j] * (lag_along(run, row, y + nq) + 0.5 * lag_along(run, row, added));
+    }
+    for (int i = 0; i < s->nb; ++i) {
+        const int column = s->jacobian_column[i];
+        const double part = added[nq + s->jacobian_row[i]] * OUT(&s->dynamics, lag_first_jacobian(s) + i)
+                            * (y[nq + column] + 0.5 * added[column]);
+        supplied += part;
+        work += part;
+    }
+    for (int i = 0; i < nq; ++i)
+        y[nq + i] += added[i];
+    y[2 * nq] += work;
+    return supplied;
+}
+
+/* Evaluate what impulses at (t, y) need. Returns 0, or 1 where something is undefined. */
+static int evaluate(lag_run *run, double t, const double *y)
+{
+    lag_evaluate(&run->system.dynamics, &run->system, t, y, LAG_ALL);
+    if (lag_find_rows(run, t, y) || lag_factor(run, t, y))
+        return 1;
+    lag_evaluate(&run->switching.impact, &run->system, t, y, LAG_ALL);
+    return 0;
+}
+
+/* The coefficient of restitution of a row, as evaluated last. */
+static double restitution_of(const lag_switching *sw, int row)
+{
+    return sw->restitution[row] < 0 ? 0.0 : OUT(&sw->impact, sw->restitution[row]);
+}
+
+/* The coefficient of friction of a row in impacts, as evaluated last. */
+static double friction_of(const lag_switching *sw, int row)
+{
+    return sw->friction[row] < 0 || sw->normal[row] < 0 ? 0.0 : OUT(&sw->impact, sw->friction[row]);
+}
+
+int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
+{
+    lag_switching *sw = &run->switching;
+    lag_problem_arrays p = lag_arrays_of(sw);
+    double *restitution = p.limit[0], *friction = p.slope[0];
+    int n = 0;
+    if (evaluate(run, t, y))
+        return -1;
+    for (int i = 0; i < sw->rows; ++i) /* sequences that lose no energy do not end */
+        report->together &= sw->law[i] != LAG_UNILATERAL || !lag_is_closed(sw, i) || restitution_of(sw, i) < 1.0;
+    for (int i = 0; i < sw->rows; ++i) {
+        report->impulse[i] = report->loss[i] = 0.0;
+        if (sw->law[i] == LAG_UNILATERAL)
+            report->takes_part[i] = report->together ? lag_is_closed(sw, i) : lag_meets(sw, i);
+        else
+            report->takes_part[i] = sw->active[i] && (sw->law[i] == LAG_FREE || friction_of(sw, i) > 0.0);
+    }
+    for (int i = 0; i < sw->rows; ++i) {
+        if (sw->law[i] == LAG_LIMITED && report->takes_part[i])
+            report->takes_part[i] = report->takes_part[sw->normal[i]];
+        if (report->takes_part[i])
+            p.rows[n++] = i;
+    }
+    lag_matrix_of(run, n, p.rows, p.matrix);
+    memset(friction, 0, (size_t)n * n * sizeof(double));
+    double least = INFINITY, most = -INFINITY;
+    report->rubbed = 0;
+    for (int i = 0; i < n; ++i) {
+        const int row = p.rows[i];
+        p.law[i] = sw->law[row];
+        p.offset[i] = sw->psi[row];
+        p.rounding[i] = ROUNDING_ERROR * sw->speed[row];
+        restitution[i] = report->together ? 0.0 : restitution_of(sw, row);
+        report->rubbed |= sw->law[row] == LAG_LIMITED;
+        if (sw->law[row] == LAG_UNILATERAL) {
+            least = fmin(least, restitution[i]);
+            most = fmax(most, restitution[i]);
+        }
+        for (int j = 0; j < n; ++j)
+            if (sw->law[row] == LAG_LIMITED && p.rows[j] == sw->normal[row])
+                friction[i * n + j] = friction_of(sw, row);
+    }
+    report->alike = !(least < most);
+    const lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
+                               .restitution = restitution, .friction = friction, .rounding = p.rounding};
+    lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};
+    const int law = report->together ? LAG_POISSON : sw->law_of_impact;
+    const int found = lag_solve_impact(&impact, law, sw->memory, &result);
+    if (found == LAG_NO_MOTION)
+        return found;
+    double lost = 0.0, terms = 0.0;
+    for (int j = 0; j < n; ++j) {
+        const int row = p.rows[j];
+        const double speed = sw->speed[row], inertia = p.matrix[j * n + j];
+        report->impulse[row] = result.impulse[j];
+        report->loss[row] = result.loss[j];
+        lost += result.loss[j];
+        terms += GAINED * fabs(result.impulse[j]) * (fabs(p.offset[j]) + fabs(result.after[j]));
+        if (inertia > 0.0)
+            terms += LEAST_GAIN * speed * speed / inertia;
+    }
+    report->gained = lost < -terms ? -lost : 0.0;
+    double *added = p.extra;
+    report->supplied = apply(run, y, n, p.rows, result.impulse, added);
+    lag_gather_multipliers(run, added + run->system.nq, report->impulse, report->all);
+    return found;
+}
+
+int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, double *lost)
+{
+    lag_switching *sw = &run->switching;
+    lag_problem_arrays p = lag_arrays_of(sw);
+    int n = 0;
+    if (evaluate(run, t, y))
+        return -1;
+    for (int i = 0; i < sw->rows; ++i) {
+        const int normal = sw->normal[i];
+        if (sw->law[i] == LAG_UNILATERAL ? !rests[i] && !lag_meets(sw, i) : !sw->active[i])
+            continue;
+        if (sw->law[i] == LAG_LIMITED
+            && (!(friction_of(sw, i) > 0.0) || !(fabs(sw->psi[i]) <= lag_no_speed(sw, i)) || !sw->active[normal]
+                || (sw->law[normal] == LAG_UNILATERAL && !rests[normal] && !lag_meets(sw, normal))))
+            continue;
+        p.law[n] = sw->law[i] == LAG_UNILATERAL && !rests[i] ? LAG_UNILATERAL : LAG_FREE;
+        p.offset[n] = sw->psi[i];
+        p.rounding[n] = ROUNDING_ERROR * sw->speed[i];
+        p.rows[n++] = i;
+    }
+    lag_matrix_of(run, n, p.rows, p.matrix);
+    for (int part = 0; part < 2; ++part) {
+        memset(p.slope[part], 0, (size_t)n * n * sizeof(double));
+        memset(p.limit[part], 0, (size_t)n * sizeof(double));
+    }
+    const lag_contacts problem = {n,          p.matrix,   p.offset,   p.law,     p.limit[0],
+                                  p.slope[0], p.limit[1], p.slope[1], p.rounding};
+    lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
+    lag_contact_motion second = {p.force[1], p.motion[1], p.mode[1]};
+    const int found = lag_solve_contacts(&problem, NULL, sw->memory, &first, &second);
+    *lost = 0.0;
+    if (found == LAG_NO_MOTION)
+        return found;
+    for (int j = 0; j < n; ++j)
+        *lost -= first.force[j] * (p.offset[j] + first.motion[j]) / 2.0;
+    apply(run, y, n, p.rows, first.force, p.extra);
+    return found;
+}

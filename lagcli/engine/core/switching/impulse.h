@@ -1,0 +1,32 @@
+/* Impacts of a run: impulses at a state. */
+#ifndef LAGCLI_IMPULSE_H
+#define LAGCLI_IMPULSE_H
+
+#include "run.h"
+
+/* Result of an impact; rows each. */
+typedef struct {
+    int together;           /* given: all closed contacts take part, also those that open, without restitution;
+                               changed to 0 where one has the coefficient 1 */
+    int *takes_part;
+    double *impulse, *loss;
+    double *all;            /* of all constraints */
+    double supplied;        /* by moving constraints */
+    double gained;          /* gain of energy beyond rounding; else 0 */
+    int rubbed, alike;      /* whether there was friction; whether all contacts have the same coefficient of
+                               restitution */
+} lag_impact_report;
+
+/* Whether a contact is closed; and does not open, so that it takes part in an impact. */
+int lag_is_closed(const lag_switching *sw, int row);
+int lag_meets(const lag_switching *sw, int row);
+
+/* The impact at (t, y) of rows that take part. Changes the velocities in y. Returns what lag_solve_contacts does, or
+ * -1 where something is undefined. */
+int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report);
+
+/* Stop contacts that come to rest, `rests`, at (t, y), while others that are closed do not approach and what sticks
+ * does not slip. `lost` is the energy that is lost. Changes the velocities in y; returns as lag_collide. */
+int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, double *lost);
+
+#endif

@@ -1,0 +1,364 @@
+"""Infinitely many impacts in finite time: where they end, what they do, and the rest after them."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.trajectory.event_log import EventLog
+from lagcli.trajectory.trajectory import Trajectory
+
+pytest.importorskip("lagcli.engine.core.binding")
+
+FOUND = Path(__file__).parents[1] / "found"
+LAWS = ("poisson", "newton", "sequential")
+
+
+def simulate(text: str, **settings: object) -> tuple[Trajectory, EventLog]:
+    run = lagcli.simulate(lagcli.load_text(text), engine="compiled", **settings)  # type: ignore[arg-type]
+    assert run.events is not None
+    assert run.status == "completed"
+    return run, run.events
+
+
+def assert_admissible(
+    run: Trajectory, log: EventLog, signs: dict[str, int], mu: float, energy: float
+) -> None:
+    """Impulses and λ have their sign and are within the cones; no instant gains energy."""
+    names = list(run.constraints)
+    largest = np.abs(run.multipliers).max()
+    for name, sign in signs.items():
+        k = names.index(name)
+        assert (sign * log.impulse[:, k] >= 0.0).all(), name
+        assert (sign * run.multipliers[:, k] >= -1e-9 * largest).all(), name
+        if f"{name}.slip" not in names:
+            continue
+        along = names.index(f"{name}.slip")
+        rounding = 1e-12 * np.abs(log.impulse).max(initial=0.0)
+        bound = mu * np.abs(log.impulse[:, k]) * (1 + 1e-8) + rounding
+        assert (np.abs(log.impulse[:, along]) <= bound).all(), name
+        bound = mu * np.abs(run.multipliers[:, k]) * (1 + 1e-6) + 1e-8 * largest
+        assert (np.abs(run.multipliers[:, along]) <= bound).all(), name
+    for time in np.unique(log.time):
+        assert log.loss[log.time == time].sum() >= -1e-9 * energy
+    assert np.abs(run.energy_balance).max() <= 1e-8 * energy
+
+
+def balls(count: int) -> Iterator[tuple[str, float, float, float]]:
+    """Random balls above a floor that may move: text, time of rest, e, weight on the floor."""
+    for seed in range(count):
+        rng = random.Random(seed)
+        length, time = rng.choice([1e-6, 1e-3, 1.0, 1e3]), rng.choice([1e-12, 1e-3, 1.0, 3600.0])
+        g = 9.81 * length / time**2 * 10 ** rng.uniform(-1, 1)
+        h, m = length * 10 ** rng.uniform(-1, 0.5), 10 ** rng.uniform(-6, 3)
+        e = rng.choice([0, 1e-3, 0.1, 0.5, 0.9, 0.99, 0.999, rng.random()])
+        v = math.sqrt(g * h)
+        up, along = rng.uniform(-1, 1) * v, rng.uniform(-3, 3) * v
+        floor = rng.choice([(0.0, 0.0), (rng.uniform(-0.5, 0.5) * v, rng.uniform(-0.5, 0.5) * g)])
+        slope = rng.choice([0.0, rng.uniform(-1, 1)])
+        weight, relative = g * math.cos(slope) + floor[1], up - floor[0]
+        strikes = math.sqrt(relative**2 + 2 * weight * h)
+        rest = (relative + strikes) / weight + 2 * strikes * e / weight / (1 - e)
+        friction = rng.choice(["", f", friction: {rng.uniform(0, 1.5)!r}, slip: x'"])
+        text = f"""
+coordinates: [x, y]
+T: {m!r}/2*(x'^2 + y'^2)
+V: {m * g * math.cos(slope)!r}*y + {m * g * math.sin(slope)!r}*x
+constraints:
+  floor: {{expr: "y >= {floor[0]!r}*t + {floor[1]!r}*t^2/2", restitution: {e!r}{friction}}}
+initial: {{x: 0, y: {h!r}, x': {along!r}, y': {up!r}}}
+simulation:
+  {{t_end: {1.5 * rest!r}, samples: 31, max_steps: 200000, impacts: {rng.choice(LAWS)}}}
+"""
+        yield text, rest, e, m * weight
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_balls(part: int) -> None:
+    """t = t₁ + 2 v₁ e/(g (1 − e)), in any units, by all laws, on moving floors, with friction."""
+    for text, rest, e, weight in list(balls(60))[part::4]:
+        run, log = simulate(text)
+        found = [x.time for x in log.rests()] if e else log.instants("floor", "closes")
+        assert found == pytest.approx([rest], rel=1e-6 if e > 0.99 else 2e-8), text
+        after = run.time > rest * (1 + 1e-6)
+        assert run.multipliers[after, 0] == pytest.approx(weight, rel=1e-6), text
+        assert log.modes[-1][0] == 1
+        assert (log.impulse[:, 0] >= 0.0).all()
+
+
+def test_the_last_impact_obeys_its_law_and_the_rest_has_the_remaining_energy() -> None:
+    text = """
+coordinates: [y]
+T: y'^2/2
+V: 9.81*y
+constraints: {floor: {expr: y >= 0, restitution: 0.5}}
+initial: {y: 1, y': 0}
+simulation: {t_end: 2}
+"""
+    for law in LAWS:
+        _, log = simulate(text, impacts=law)
+        impacts = np.flatnonzero([kind == "impact" for kind in log.kinds])
+        assert log.after[impacts, 0] == pytest.approx(-0.5 * log.before[impacts, 0], rel=1e-12)
+        assert log.impulse[impacts, 0] == pytest.approx(-1.5 * log.before[impacts, 0], rel=1e-12)
+        (rest,) = np.flatnonzero([kind == "rest" for kind in log.kinds])
+        assert log.before[rest] == pytest.approx(log.after[impacts[-1]])
+        assert log.after[rest].tolist() == [0.0]
+        assert log.loss[rest] == pytest.approx(log.before[rest, 0] ** 2 / 2)
+        assert log.loss.sum() == pytest.approx(9.81, rel=1e-12)
+
+
+def test_a_rest_after_the_run_is_not_listed() -> None:
+    """A ball with e = 0.99 bounces lower than the tolerance long before it rests."""
+    text = """
+coordinates: [y]
+T: y'^2/2
+V: 9.81*y
+constraints: {floor: {expr: y >= 0, restitution: 0.99}}
+initial: {y: 1e-6, y': 0}
+simulation: {samples: 11, max_steps: 20000}
+"""
+    rest = math.sqrt(2e-6 / 9.81) * (1 + 2 * 0.99 / 0.01)
+    _, log = simulate(text, t_end=1.01 * rest)
+    assert [x.time for x in log.rests()] == pytest.approx([rest], rel=1e-7)
+    last = log.instants("floor", "impact")[-1]
+    _, log = simulate(text, t_end=(last + rest) / 2)
+    assert log.rests() == []
+    assert (log.time <= (last + rest) / 2).all()
+    assert log.kinds[-1] == "closes"
+
+
+def test_two_ropes_that_tighten_in_turn() -> None:
+    """Intervals d₁, d₂, d₃ of alternating impacts: R = d₃/d₁, and (d₂ + d₃) R/(1 − R) remains."""
+    run, log = simulate((FOUND / "planar_cable_robot.yaml").read_text())
+    impacts = np.sort(np.concatenate([log.instants(f"rope{k}", "impact") for k in (1, 2)]))
+    first, second, third = np.diff(impacts[-4:])
+    ratio = third / first
+    limit = impacts[-1] + (second + third) * ratio / (1 - ratio)
+    assert limit == pytest.approx(0.520887, abs=1e-6)
+    assert [(x.name, x.impacts) for x in log.rests()] == [("rope1", 3), ("rope2", 2)]
+    assert [x.time for x in log.rests()] == pytest.approx([limit] * 2, abs=5e-8)
+    assert run.v[run.time > limit] == pytest.approx(0.0, abs=1e-12)
+    assert_admissible(run, log, {"rope1": -1, "rope2": -1}, 0.0, 20.0)
+
+
+def test_a_block_that_falls_flat_has_no_negative_impulse() -> None:
+    run, log = simulate((FOUND / "impulse_sign.yaml").read_text())
+    signs = {f"f{k}": 1 for k in range(4)} | {f"w{k}": -1 for k in range(4)}
+    assert_admissible(run, log, signs, 1.16, 50.0)
+    assert {x.name for x in log.rests()} == {"f0", "f1"}
+
+
+def test_a_gain_by_rounding_is_none() -> None:
+    run, log = simulate((FOUND / "sequential_gain.yaml").read_text())
+    assert_admissible(run, log, {f"f{k}": 1 for k in range(4)}, 0.023, 37.8)
+
+
+def test_the_drift_of_a_velocity_is_no_impact() -> None:
+    _, log = simulate((FOUND / "baumgarte_drift.yaml").read_text())
+    assert "impact" not in log.kinds
+    assert log.counts()["a"] == log.counts()["b"] == {"event": 3}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_rocking_block_comes_to_rest(law: str) -> None:
+    """Housner 1963: ω⁺/ω⁻ = 1 − 3/2 sin²α at each impact of a corner, α = atan(b/h)."""
+    b, h = 0.1, 0.4
+    text = f"""
+coordinates: [x, y, phi]
+parameters: {{b: {b}, h: {h}}}
+definitions:
+  X_l: x - b*cos(phi) + h*sin(phi)
+  Y_l: y - b*sin(phi) - h*cos(phi)
+  X_r: x + b*cos(phi) + h*sin(phi)
+  Y_r: y + b*sin(phi) - h*cos(phi)
+T: (x'^2 + y'^2)/2 + (b^2 + h^2)/6*phi'^2
+V: 9.81*y
+constraints:
+  left: {{expr: Y_l >= 0, friction: 0.9, slip: X_l'}}
+  right: {{expr: Y_r >= 0, friction: 0.9, slip: X_r'}}
+initial: {{x: 0, y: b*sin(0.15) + h*cos(0.15), phi: 0.15, x': 0, y': 0, phi': 0}}
+simulation: {{t_end: 6, impacts: {law}}}
+"""
+    run, log = simulate(text)
+    signs = {"left": 1, "right": 1}
+    assert_admissible(run, log, signs, 0.9, 10.0)
+    ratio = 1 - 1.5 * math.sin(math.atan(b / h)) ** 2
+    impacts = np.flatnonzero([kind == "impact" for kind in log.kinds])
+    spins = log.after[impacts, 2] / log.before[impacts, 2]
+    assert spins[:20] == pytest.approx(ratio, rel=1e-6)
+    # half periods of the linear block shrink with ω: their sum, by the last two of them
+    times = log.time[impacts]
+    limit = times[-1] + (times[-1] - times[-2]) * ratio / (1 - ratio)
+    assert log.rests()[-1].time == pytest.approx(limit, rel=1e-6)
+    assert run.v[run.time > limit] == pytest.approx(0.0, abs=1e-10)
+
+
+def ropes(seed: int) -> tuple[str, dict[str, int], float, float]:
+    """A mass on two ropes."""
+    rng = random.Random(seed)
+    length, time = rng.choice([1e-6, 1.0, 1e3]), rng.choice([1e-9, 1.0, 3600.0])
+    v, g = length / time, 9.81 * length / time**2
+    first, second = (length * rng.uniform(1.05, 1.9) for _ in range(2))
+    right, up = (v * rng.uniform(-1, 1) for _ in range(2))
+    text = f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: {g!r}*y
+constraints:
+  rope1: {{expr: "hypot(x + {length!r}, y) <= {first!r}", restitution: 0}}
+  rope2: {{expr: "hypot(x - {length!r}, y) <= {second!r}", restitution: 0}}
+initial: {{x: 0, y: {-0.1 * length!r}, x': {right!r}, y': {up!r}}}
+simulation: {{t_end: {4 * time!r}, samples: 51, impacts: {rng.choice(LAWS)}}}
+"""
+    return text, {"rope1": -1, "rope2": -1}, 0.0, 8 * g * length + 20 * v**2
+
+
+def groove(seed: int) -> tuple[str, dict[str, int], float, float]:
+    """A ball in a groove with two sides."""
+    rng = random.Random(seed)
+    length, time = rng.choice([1e-6, 1.0, 1e3]), rng.choice([1e-9, 1.0, 3600.0])
+    v, g, law = length / time, 9.81 * length / time**2, rng.choice(LAWS)
+    mu = rng.choice([0.0, rng.uniform(0, 0.8)]) if law != "newton" else 0.0
+    e, sides = rng.choice([0.0, 0.1, 0.4, 0.7, 0.9]), ""
+    for name, sign in (("w1", 1), ("w2", -1)):
+        angle = rng.uniform(0.2, 1.3)
+        normal, along = math.cos(angle), sign * math.sin(angle)
+        friction = f", friction: {mu!r}, slip: \"{normal!r}*x' - {along!r}*y'\"" if mu else ""
+        expr = f"{normal!r}*y + {along!r}*x >= 0"
+        sides += f"  {name}: {{expr: '{expr}', restitution: {e}{friction}}}\n"
+    x, right, up = (rng.uniform(-1, 1) for _ in range(3))
+    text = f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: {g!r}*y
+constraints:
+{sides}initial: {{x: {0.1 * x * length!r}, y: {length!r}, x': {0.3 * right * v!r}, y': {up * v!r}}}
+simulation: {{t_end: {6 * time!r}, samples: 51, impacts: {law}, max_steps: 100000}}
+"""
+    return text, {"w1": 1, "w2": 1}, mu, 8 * g * length + 20 * v**2
+
+
+def stack(seed: int) -> tuple[str, dict[str, int], float, float]:
+    """Balls above each other."""
+    rng = random.Random(seed)
+    length, time, n = rng.choice([1e-6, 1.0, 1e3]), rng.choice([1e-9, 1.0, 3600.0]), 4
+    g, e = 9.81 * length / time**2, rng.choice([0.0, 0.1, 0.4, 0.6])
+    mass, each = [10 ** rng.uniform(-1, 1) for _ in range(n)], range(n)
+    height = np.cumsum([rng.uniform(0.05, 0.5) * length for _ in range(n)]).tolist()
+    below = ["0", *(f"y{k}" for k in range(n - 1))]
+    text = f"""
+coordinates: [{", ".join(f"y{k}" for k in each)}]
+T: {" + ".join(f"{mass[k]!r}/2*y{k}'^2" for k in each)}
+V: {" + ".join(f"{mass[k] * g!r}*y{k}" for k in each)}
+constraints:
+  {{{", ".join(f"c{k}: {{expr: y{k} >= {below[k]}, restitution: {e}}}" for k in each)}}}
+initial: {{{", ".join(f"y{k}: {height[k]!r}, y{k}': 0" for k in each)}}}
+simulation: {{t_end: {4 * time!r}, samples: 51, impacts: {rng.choice(LAWS)}, max_steps: 100000}}
+"""
+    return text, {f"c{k}": 1 for k in range(n)}, 0.0, 8 * sum(mass) * g * length
+
+
+def box(seed: int) -> tuple[str, dict[str, int], float, float]:
+    """A box that falls on its corners, beside a wall or not."""
+    rng = random.Random(seed)
+    length, time = rng.choice([1e-6, 1.0, 1e3]), rng.choice([1e-9, 1.0, 3600.0])
+    v, g, law = length / time, 9.81 * length / time**2, rng.choice(LAWS)
+    a, b, m = length * rng.uniform(0.1, 1), length * rng.uniform(0.1, 1), 10 ** rng.uniform(-3, 3)
+    e = rng.choice([0.0, 0.0, 0.2, 0.5, 0.8])
+    mu = rng.choice([0.0, rng.uniform(0, 1.5)]) if law != "newton" else 0.0
+    corners, contacts, signs, walls = "", "", {}, rng.random() < 0.5
+    for k, (i, j) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+        corners += f"  X{k}: x + {i * a!r}*cos(phi) - {j * b!r}*sin(phi)\n"
+        corners += f"  Y{k}: y + {i * a!r}*sin(phi) + {j * b!r}*cos(phi)\n"
+        for name, expr, slip in (
+            (f"f{k}", f"Y{k} >= 0", f"X{k}'"),
+            (f"w{k}", f"X{k} <= {3 * length!r}", f"Y{k}'"),
+        )[: 1 + walls]:
+            friction = f", friction: {mu!r}, slip: {slip}" if mu else ""
+            contacts += f"  {name}: {{expr: {expr}, restitution: {e}{friction}}}\n"
+            signs[name] = 1 if name[0] == "f" else -1
+    text = f"""
+coordinates: [x, y, phi]
+definitions:
+{corners}T: {m!r}/2*(x'^2 + y'^2) + {m * (a * a + b * b) / 6!r}*phi'^2
+V: {m * g!r}*y
+constraints:
+{contacts}initial:
+  x: 0
+  y: {2 * length!r}
+  phi: {rng.uniform(-3, 3)!r}
+  x': {v * rng.uniform(-3, 3)!r}
+  y': {v * rng.uniform(-3, 3)!r}
+  phi': {rng.uniform(-3, 3) / time!r}
+simulation:
+  {{t_end: {time * rng.uniform(0.6, 4)!r}, samples: 51, impacts: {law}, max_steps: 100000}}
+"""
+    return text, signs, mu, 4 * m * g * length + 10 * m * v**2
+
+
+@pytest.mark.parametrize("make", [ropes, groove, stack, box])
+@pytest.mark.parametrize(
+    "seeds", [range(15), pytest.param(range(15, 400), marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_impulses_are_admissible(make, seeds: range) -> None:
+    """In any units, by all laws, contacts push, friction is within cones, energy decreases."""
+    for seed in seeds:
+        text, signs, mu, energy = make(seed)
+        run, log = simulate(text)
+        if len(log):
+            assert_admissible(run, log, signs, mu, energy)
+
+
+def test_a_light_ball_between_a_heavy_one_and_the_floor() -> None:
+    """It bounces at one instant until both rest: with e < 1, none of these impacts was the last."""
+    text = """
+coordinates: [y, z]
+T: 0.01/2*y'^2 + 5*z'^2/2
+V: 9.81*(0.01*y + 5*z)
+constraints:
+  floor: {expr: y >= 0, restitution: 0.6}
+  above: {expr: z >= y, restitution: 0.6}
+initial: {y: 0, z: 1e-12, y': 0, z': -3}
+simulation: {t_end: 1}
+"""
+    for law in LAWS:
+        run, log = simulate(text, impacts=law)
+        assert_admissible(run, log, {"floor": 1, "above": 1}, 0.0, 25.0)
+        assert run.q[-1] == pytest.approx(0.0, abs=1e-9)
+        # all but e^2 of the energy at most is lost, and what is lost at first is momentum
+        assert log.impulse[:, 0].max() > 0.0
+
+
+def test_an_elastic_ball_between_a_block_and_a_wall() -> None:
+    """G. Galperin 2003: a block 100^n times as heavy makes 3, 31, 314 collisions with e = 1."""
+    text = """
+coordinates: [x, z]
+parameters: {M: 1}
+T: x'^2/2 + M*z'^2/2
+V: 0
+constraints:
+  wall: {expr: x >= 0, restitution: 1}
+  block: {expr: z >= x, restitution: 1}
+initial: {x: 1, z: 2, x': 0, z': -1}
+simulation: {t_end: 10}
+"""
+    for power, count in enumerate((3, 31, 314)):
+        model = text.replace("M: 1}", f"M: {100**power}}}")
+        for law in LAWS:
+            _, log = simulate(model, impacts=law)
+            assert log.kinds.count("impact") == count
+            assert log.loss.sum() == pytest.approx(0.0, abs=1e-10 * 100**power)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_ropes_rest_where_a_finer_tolerance_finds_it(seed: int) -> None:
+    text, *_ = ropes(seed)
+    coarse, fine = (simulate(text, closed=closed)[1].rests() for closed in (1e-9, 1e-12))
+    assert [x.name for x in coarse] == [x.name for x in fine]
+    assert [x.time for x in coarse] == pytest.approx([x.time for x in fine], rel=1e-9)
