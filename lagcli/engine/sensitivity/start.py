@@ -21,6 +21,9 @@ from lagcli.engine.state import State
 
 #: Residuals of the linearized constraints above this part of their scale are contradictions.
 _REACHED = 1e-7
+#: Residuals below this part of what derivatives of their largest size would give are rounding
+#: errors: so is the scale of a constraint whose coordinates do not change.
+_ROUNDING = 1e-12
 
 
 class StartDerivatives(NamedTuple):
@@ -114,13 +117,19 @@ def start_derivatives(
                     part, residual[k], mass[np.ix_(free, free)], rank, sizes=sizes[free]
                 )
 
+    def rounding(rows: list[int], values: Array) -> Array:
+        """Return the scales below which residuals are rounding errors, (n, rows)."""
+        largest = np.abs(values / sizes).max(axis=1)
+        lengths = np.abs(jacobian[rows] * sizes).sum(axis=1)
+        return np.asarray(_ROUNDING / _REACHED * np.outer(largest, lengths))
+
     if holonomic:
         correct(holonomic, s, residuals()[0], fixed_q)
         position, _, scale, _ = residuals()
-        _check(position, scale, holonomic, "position")
+        _check(position, np.maximum(scale, rounding(holonomic, s)), holonomic, "position")
     correct(held, u, residuals()[1], fixed_v)
     _, velocity, _, scale = residuals()
-    _check(velocity, scale, held, "velocity")
+    _check(velocity, np.maximum(scale, rounding(held, u)), held, "velocity")
     return StartDerivatives(s, u)
 
 

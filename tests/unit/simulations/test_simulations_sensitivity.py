@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.sensitivity import Sensitivity
 from lagcli.simulations.simulation import Simulation, prepare
 
+FOUND = Path(__file__).parents[2] / "found"
 CIRCLE = """
 coordinates: [x, y]
 parameters: {{l: 2, F: 1}}
@@ -64,6 +67,28 @@ def test_fixed_values_that_hold_for_one_value_alone() -> None:
     with pytest.raises(ModelError) as error:
         derivatives(("x", "y"), x="1.6")
     assert "name other quantities than `" in error.value.diagnostics[0].help
+
+
+@pytest.mark.parametrize("name", ["l4", "l2", "e3"])
+def test_a_constraint_that_does_not_change_with_a_parameter(name: str) -> None:
+    """Neither `O` nor its coordinates depend on the last bars: only rounding errors do."""
+    text = (FOUND / "press.yaml").read_text(encoding="utf-8")
+    model = lagcli.load_text(text)
+    found = lagcli.simulate(model, t_end=0.01, samples=2, sensitivity=(name,))
+    assert found.dq is not None
+    assert found.dv is not None
+    value, step = model.parameters[name].value, 1e-5
+    beside = [
+        prepare(lagcli.load_text(text, set={name: f"{value + h!r} m"})).start.state
+        for h in (-step, step)
+    ]
+    for derivative, (low, high) in (
+        (found.dq[0, :, 0], [x.q for x in beside]),
+        (found.dv[0, :, 0], [x.v for x in beside]),
+    ):
+        exact = (high - low) / (2 * step)
+        # differences of second order with steps of 1e-5/0.4
+        np.testing.assert_allclose(derivative, exact, rtol=0, atol=1e-7 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize(
