@@ -300,6 +300,7 @@ def test_a_million_samples_take_seconds_and_keep_their_peaks(tmp_path: Path) -> 
         (["slider_crank.h5", "--size", "big"], 2, "is not a size"),
         (["slider_crank.h5", "--size", "0.1x3"], 2, "a side of a plot"),
         (["slider_crank.h5", "--dpi", "0"], 2, "out of range"),
+        (["slider_crank.h5", "--dpi", "nan"], 2, "out of range"),
         (["slider_crank.h5", "--size", "50x50", "--dpi", "1000"], 2, "pixels"),
         (["missing.h5"], 4, "no such file"),
     ],

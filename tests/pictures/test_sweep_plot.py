@@ -275,3 +275,20 @@ def test_varied_quantities_are_typeset(tmp_path: Path, monkeypatch: pytest.Monke
     (ax,) = panels(figure_of(monkeypatch, tmp_path, "rates.h5"))
     assert ax.get_xlabel() == r"$\dot{\varphi}$ [rad/s]"
     assert ax.get_ylabel() == r"$\theta_{0}$ [rad]"
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
+@pytest.mark.parametrize("dpi", ["0", "nan", "1e9", "-1"])
+def test_resolutions_out_of_range(
+    sweeps: Path, capsys: pytest.CaptureFixture[str], dpi: str, suffix: str
+) -> None:
+    for name, of in (("grid", ("m:l:peak",)), ("kept", ("phi",))):
+        target = str(sweeps / f"resolution.{suffix}")
+        assert run(["plot", str(sweeps / f"{name}.h5"), *of, "-o", target, "--dpi", dpi]) == 2
+        assert "out of range" in capsys.readouterr().err
+
+
+def test_sweeps_have_no_bands(sweeps: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [str(sweeps / "grid.h5"), "m:l:peak", "-o", str(sweeps / "band.svg")]
+    assert run(["plot", *arguments, "--band", "l=5%"]) == 2
+    assert "--band is for runs that were simulated with --sensitivity" in capsys.readouterr().err

@@ -70,10 +70,21 @@ def _initial(run: RunFile) -> dict[str, float]:
 def half_widths(
     run: RunFile, curves: Iterable[Curve], spreads: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return the half-widths of the bands of curves, by name; others have none."""
+    """Return the half-widths of the bands of curves, by name; others have none.
+
+    Raises
+    ------
+    UsageError
+        None of the curves has derivatives.
+    """
     if not spreads:
         return {}
     wanted = {c.name: c for c in curves if c.field in _DERIVED}
+    if not wanted:
+        raise UsageError(
+            "--band: bands are drawn around coordinates, velocities and multipliers over time, and"
+            " none of the curves is one; name some of these, or omit --band"
+        )
     fields = run.columns({_DERIVED[c.field] for c in wanted.values()})
     weights = np.array([spreads.get(name, 0.0) for name in run.sensitivity])
     return {

@@ -64,11 +64,14 @@ def size_of(text: str) -> tuple[float, float]:
     return width, height
 
 
-def check_resolution(size: tuple[float, float], dpi: float) -> None:
-    """Raise an error unless a picture of this size, in inches, can have this resolution."""
+def check_resolution(size: tuple[float, float], dpi: float, in_pixels: bool = True) -> None:
+    """Raise an error unless a picture of this size, in inches, can have this resolution.
+
+    The number of pixels is limited only for formats that consist of them.
+    """
     if not 10 <= dpi <= 2400:
         raise UsageError(f"--dpi {dpi:g} is out of range: 100 suits screens, 300 print")
-    if max(size) * dpi > _MOST:
+    if in_pixels and max(size) * dpi > _MOST:
         raise UsageError(
             f"{size[0]:g} by {size[1]:g} inches at {dpi:g} dpi are more than {_MOST} pixels;"
             " choose a smaller --size or --dpi, or write svg or pdf"
@@ -157,7 +160,7 @@ class FigureFile(NamedTuple):
         """
         size = self.size or size
         title = title if self.title is None else self.title
-        check_resolution(size, self.dpi if self.kind == "png" else 10)
+        check_resolution(size, self.dpi, in_pixels=self.kind == "png")
         with new_figure(size, self.dpi) as figure:
             yield figure
             if title:

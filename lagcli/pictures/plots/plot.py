@@ -76,10 +76,11 @@ def plot(
     kinds = [(source, file_kind(source)) for source in sources]
     file, what = next(((str(x), of) for x, of in kinds if of != KIND), ("", KIND))
     if what == KIND:
-        plot_runs([RunFile(source, model) for source in sources], names, target, bands)
-        return ()
+        return plot_runs([RunFile(source, model) for source in sources], names, target, bands)
     if len(sources) > 1:
         raise UsageError(f"{file} ({what}) cannot share a figure; plot it separately")
+    if bands and what != "sweep":
+        raise _no_band(file, what)
     if what == "sweep":
         return _plot_sweep(file, names, target, model, bands)
     if what == "fit":
@@ -92,6 +93,14 @@ def plot(
 
     plot_analysis(read_analysis(file), names, target, _units(file))
     return ()
+
+
+def _no_band(file: str, kind: str) -> UsageError:
+    """Return the error of bands in a plot of an analysis."""
+    return UsageError(
+        f"--band is for runs that were simulated with --sensitivity; {file} is the file of"
+        f" {'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+    )
 
 
 def _units(file: str) -> dict[str, str]:
@@ -112,12 +121,14 @@ def _plot_sweep(
 ) -> tuple[str, ...]:
     table = PlottedTable(file)
     if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
+        if bands:
+            raise _no_band(file, "sweep")
         plot_table(table, names, target)
         return ()
     rows = Rows(file, model)
-    plot_runs(rows.runs, names, target, bands)
+    notes = plot_runs(rows.runs, names, target, bands)
     drawn = len(rows.runs)
-    return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
+    return (*notes, f"{drawn} of {rows.good} rows are drawn") if drawn < rows.good else notes
 
 
 def file_kind(source: Source) -> str:

@@ -25,7 +25,7 @@ from lagcli.trajectory.samples import ENDED
 WIDTH = 7.0  # inches
 _TIME, _PHASE = 1.7, 4.2  # heights of panels, inches
 _LISTED = 10  # largest number of curves in a legend
-_NAMED = 4  # largest number of curves in the label of an axis
+_NAMED = 4  # largest number of curves in the label of an axis, and in a note
 #: Resolution of vector formats, for thinning.
 _PRINTED = 300
 #: Number of time intervals for thinning a curve that is not a function of time.
@@ -39,7 +39,7 @@ Values = Mapping[str, Array]
 
 def plot_runs(
     runs: Sequence[RunFile], names: Sequence[str], target: FigureTarget, bands: Sequence[str] = ()
-) -> None:
+) -> tuple[str, ...]:
     """Plot runs to a file.
 
     Parameters
@@ -54,6 +54,11 @@ def plot_runs(
     bands : sequence of str
         As for `lagcli.plot`.
 
+    Returns
+    -------
+    tuple of str
+        Notes for the reader of the picture.
+
     Raises
     ------
     UsageError
@@ -66,9 +71,10 @@ def plot_runs(
     _check(runs, panels)
     drawn = [{curve for p in own for curve in (*p.curves, *p.over)} for own in panels]
     values = [read_curves(run, curves) for run, curves in zip(runs, drawn, strict=True)]
+    over_time = [{curve for p in own if not p.over for curve in p.curves} for own in panels]
     widths = [
         half_widths(run, curves, read_bands(run, bands))
-        for run, curves in zip(runs, drawn, strict=True)
+        for run, curves in zip(runs, over_time, strict=True)
     ]
     largest = _largest(values)
     panels = [split_by_scale(own, largest) for own in panels]
@@ -77,6 +83,15 @@ def plot_runs(
         dpi = target.dpi if target.kind == "png" else _PRINTED
         columns = int(figure.get_figwidth() * dpi)
         PanelDrawing(figure, runs, values, columns, widths).draw(panels, heights)
+    without = {curve.name for curve in drawn[0]} - widths[0].keys()
+    if not bands or not names or not without:
+        return ()
+    shown = ", ".join(f"`{name}`" for name in sorted(without)[:_NAMED])
+    more = f" and {len(without) - _NAMED} more" if len(without) > _NAMED else ""
+    return (
+        f"no bands around {shown}{more}: they are drawn around coordinates, velocities and"
+        " multipliers over time",
+    )
 
 
 def _largest(values: Sequence[Values]) -> dict[str, float]:

@@ -39,3 +39,18 @@ def test_derivatives_are_curves() -> None:
 def test_mistakes(text: str) -> None:
     with pytest.raises(UsageError, match="--band"):
         read_bands(RunFile(RUN), [text])
+
+
+@pytest.mark.parametrize(
+    "name", ["energy_total", "phi_ddot", "Qc.phi", "residual_position.guide", "slider", "phi:psi"]
+)
+def test_curves_without_derivatives_have_no_band(name: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="around coordinates, velocities and multipliers"):
+        lagcli.plot(RUN, tmp_path / "a.svg", [name], bands=["l=2%"])
+    # beside one that has a band, with a note
+    notes = lagcli.plot(RUN, tmp_path / "a.svg", [name, "psi_dot"], bands=["l=2%"])
+    missing = sorted(name.split(":"))
+    assert len(notes) == 1
+    assert notes[0].startswith(f"no bands around {', '.join(f'`{x}`' for x in missing)}:")
+    assert lagcli.plot(RUN, tmp_path / "a.svg", ["psi"], bands=["l=2%"], force=True) == ()
+    assert lagcli.plot(RUN, tmp_path / "a.svg", bands=["l=2%"], force=True) == ()
