@@ -103,7 +103,7 @@ def row_lengths(jacobian: Array, sizes: Array, terms: Array, reach: Array | floa
     return usable(np.maximum(lengths_of_rows(jacobian, sizes), floor))
 
 
-def lengths_of_rows(jacobian: Array, sizes: Array) -> Array:
+def lengths_of_rows(jacobian: Array, sizes: Array | float) -> Array:
     """Return the lengths of the rows of B times sizes, (n,)."""
     scaled = jacobian * sizes
     return np.asarray(np.sqrt((scaled * scaled).sum(axis=1)))

@@ -179,7 +179,7 @@ def _model(
         energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
         used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
-    positions, velocities = read_initial(draft, constants, initial_overrides)
+    positions, velocities, spins = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
     outputs = smooth.of_forces(outputs)
     events: tuple[ModelEvent, ...] = ()
@@ -228,6 +228,7 @@ def _model(
         constraints=constraints,
         initial_positions=positions,
         initial_velocities=velocities,
+        spins=spins,
         outputs=outputs,
         output_units=output_units,
         settings=settings,

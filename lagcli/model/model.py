@@ -333,7 +333,8 @@ class Model:
     ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
     quantities, as they follow from the text. ``closed`` are the contacts that the initial values
     state to be closed, ``left_out`` the components of vector constraints that hold for all values
-    of the coordinates, ``view_errors`` the errors of a view that is left out.
+    of the coordinates, ``view_errors`` the errors of a view that is left out. ``spins`` states by
+    quaternion which components of its initial angular velocity are fixed, where this is given.
     """
 
     name: str
@@ -367,6 +368,7 @@ class Model:
     events: tuple[ModelEvent, ...] = ()
     closed: frozenset[str] = frozenset()
     left_out: tuple[str, ...] = ()
+    spins: Mapping[str, tuple[bool, bool, bool]] = field(default_factory=dict)
     inputs: Mapping[str, Input] = field(default_factory=dict)
 
     @property

@@ -5,14 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.engine.constraints.initial import ConsistentState, consistent_state
+from lagcli.engine.constraints.spins import (
+    Spin,
+    along,
+    free_directions,
+    rates_of_spin,
+    spin_of,
+)
 from lagcli.engine.contract import IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.scales import lengths_of_rows, usable
 from lagcli.engine.sensitivity.integration import Derivatives, Sink, TangentProblem
 from lagcli.engine.sensitivity.start import (
     ContradictingStart,
@@ -27,6 +36,7 @@ from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
 from lagcli.simulations.directions import Directions
+from lagcli.simulations.start import spins_of
 
 if TYPE_CHECKING:
     from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
@@ -209,6 +219,8 @@ class Sensitivity:
                 given,
                 fixed_q,
                 fixed_v,
+                self.spins,
+                self.directions.state(start.state.t, values),
             )
         except ContradictingStart as error:
             raise self._contradiction(error) from None
@@ -248,8 +260,15 @@ class Sensitivity:
         if near is not None and self.determined(near):
             fixed_q, fixed_v = self.directions.fixed
             q = np.where(fixed_q, given.q, near.state.q)
-            given = State(given.t, q, np.where(fixed_v, given.v, near.state.v), given.p)
-        return consistent_state(self.system, given, *self.directions.fixed, self._evaluator)
+            v = np.where(fixed_v, given.v, near.state.v)
+            for spin in self.spins:  # at the orientation from which the search begins
+                places = list(spin.places)
+                turn = spin_of(given.q[places], given.v[places])
+                v[places] = rates_of_spin(q[places]) @ turn
+            given = State(given.t, q, v, given.p)
+        return consistent_state(
+            self.system, given, *self.directions.fixed, self._evaluator, self.spins
+        )
 
     def determined(self, start: ConsistentState) -> bool:
         """Return whether the constraints determine the initial values that are not fixed.
@@ -267,13 +286,20 @@ class Sensitivity:
         jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
         sizes = evaluator.sizes(state.t, state.q, state.v)
         held = list(system.held_at_start)
-        rows = (jacobian[[i for i in system.holonomic if i in set(held)]], jacobian[held])
-        for part, fixed in zip(rows, self.directions.fixed, strict=True):
-            free = ~fixed
-            count = int(free.sum())
-            if count and dense.count_rank(part[:, free], sizes=sizes[free]) < count:
+        fixed_q, fixed_v = self.directions.fixed
+        holonomic = jacobian[[i for i in system.holonomic if i in set(held)]]
+        positions = np.eye(len(sizes))[:, ~fixed_q]
+        velocities = free_directions(self.spins, fixed_v, state.q)
+        for rows, free in ((holonomic, positions), (jacobian[held], velocities)):
+            own = 1 / usable(lengths_of_rows(free.T, 1 / sizes))
+            if dense.count_rank(along(rows, free), sizes=own) < free.shape[1]:
                 return False
         return True
+
+    @cached_property
+    def spins(self) -> tuple[Spin, ...]:
+        """The quaternions whose initial angular velocities are given."""
+        return spins_of(self.equations.model, self.directions.names)
 
     def _differences(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
         """Return the derivatives of the computed initial state, by differences of sixth order."""

@@ -18,6 +18,7 @@ from lagcli.engine.constraints.initial import (
     consistent_state,
 )
 from lagcli.engine.constraints.redundancy import dependent_sets
+from lagcli.engine.constraints.spins import Spin
 from lagcli.engine.contract import Outcome
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.lowering import lower
@@ -66,7 +67,7 @@ def find_start(
     v, fixed_v = _initial(model, model.initial_velocities)
     given = State(t, q, v, tuple(model.parameter_values.values()))
     try:
-        start = consistent_state(system, given, fixed_q, fixed_v)
+        start = consistent_state(system, given, fixed_q, fixed_v, spins=spins_of(model))
     except UndefinedStart as error:
         raise _undefined_start(equations, error.state) from None
     except NoConsistentState as error:
@@ -167,6 +168,25 @@ def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
     return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
 
 
+def spins_of(model: Model, named: Sequence[str] = ()) -> tuple[Spin, ...]:
+    """Return the quaternions whose initial angular velocities are given.
+
+    Parameters
+    ----------
+    model : Model
+    named : sequence of str, optional
+        Initial values that count as fixed: a quaternion with rates among them is left out.
+    """
+    place = {name: i for i, name in enumerate(model.coordinate_names)}
+    found = []
+    for name, fixed in model.spins.items():
+        parts = [f"{name}.{k}" for k in range(4)]
+        if not any(f"{part}'" in named for part in parts):
+            a, b, c, d = (place[part] for part in parts)
+            found.append(Spin(name, (a, b, c, d), fixed))
+    return tuple(found)
+
+
 def undefined_at(equations: Equations, state: State) -> UndefinedExpression:
     """Return which expression of the model is not finite at a state."""
     from lagcli.simulations.undefined import undefined_expression
@@ -212,8 +232,14 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
     if error.contradiction and error.stuck:
         freed = error.stuck[0]
         base = freed.rstrip("'")
-        table = model.initial_velocities if freed.endswith("'") else model.initial_positions
-        entry = table[base]
+        spinning = base.partition("omega(")[2].partition(").")[0]
+        if spinning:
+            entry = model.initial_velocities[f"{spinning}.0"]
+            example = f"write that component of `{spinning}'` as `{{guess: …}}`"
+        else:
+            table = model.initial_velocities if freed.endswith("'") else model.initial_positions
+            entry = table[base]
+            example = f"`{freed}: {{guess: {entry.value:.6g}}}`"
         return ModelError(
             [
                 Diagnostic(
@@ -226,8 +252,7 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
                         if len(error.stuck) == 1
                         else f"free one of {', '.join(error.stuck)},"
                     )
-                    + " for instance"
-                    f" `{freed}: {{guess: {entry.value:.6g}}}`",
+                    + f" for instance {example}",
                 )
             ]
         )

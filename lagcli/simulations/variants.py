@@ -11,6 +11,7 @@ import numpy as np
 import symengine as se
 
 from lagcli.arrays import Array, Flags
+from lagcli.engine.constraints.spins import Spin
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
@@ -26,7 +27,7 @@ from lagcli.model.names.propagation import dependent_values
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation, ready
-from lagcli.simulations.start import find_start
+from lagcli.simulations.start import find_start, spins_of
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
@@ -42,6 +43,8 @@ class Values(NamedTuple):
         Given values: fixed ones and guesses, not yet consistent.
     fixed_q, fixed_v : (nq,) arrays of bool
         Which initial values are fixed.
+    spins : tuple of Spin
+        The quaternions whose initial angular velocities are given.
     """
 
     parameters: Array
@@ -49,6 +52,7 @@ class Values(NamedTuple):
     v: Array
     fixed_q: Flags
     fixed_v: Flags
+    spins: tuple[Spin, ...] = ()
 
 
 class Variants:
@@ -195,6 +199,7 @@ class Variants:
             columns({f"{q}'": x.value for q, x in velocities.items()}),
             np.array([x.fixed or q in names for q, x in positions.items()]),
             np.array([x.fixed or f"{q}'" in names for q, x in velocities.items()]),
+            spins_of(model, names),
         )
 
     def _following(self, names: Sequence[str]) -> _Followers:

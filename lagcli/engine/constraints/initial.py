@@ -8,6 +8,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.constraints.spins import (
+    Spin,
+    along,
+    free_directions,
+    rates_of_spin,
+    spin_of,
+    with_given_spins,
+)
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
@@ -30,6 +38,7 @@ REGULAR = 1e-6  # smallest pivot of a regular matrix with entries of order one
 #: If all terms of the guess must vanish, residuals are compared with this part of the guess's
 #: scale.
 OF_GUESS = 1e-5
+_ROUNDING = 1e-14  # of an angular velocity, of its largest component
 LONGEST = 2.0  # of the coordinates' size: longest step
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: displacements of a guess without a solution
 
@@ -47,7 +56,8 @@ class ConsistentState(NamedTuple):
         then has full rank and no admissible motion is without inertia. B contains the rows of
         ``System.held_at_start``.
     moved : mapping of str to (float, float)
-        Adjusted coordinates and velocities (``phi'``), with the values before and after.
+        Adjusted coordinates and velocities (``phi'``, ``omega(e).z``), with the values before and
+        after.
     """
 
     state: State
@@ -104,6 +114,7 @@ def consistent_state(
     fixed_q: Flags,
     fixed_v: Flags,
     evaluator: Evaluator | None = None,
+    spins: Sequence[Spin] = (),
 ) -> ConsistentState:
     """Solve for an initial state that satisfies φ = 0 and ψ = 0.
 
@@ -118,6 +129,9 @@ def consistent_state(
     fixed_q, fixed_v : (nq,) arrays of bool
     evaluator : Evaluator, optional
         Evaluator of the System, for any values of its parameters; created if not given.
+    spins : sequence of Spin, optional
+        Quaternions whose angular velocities are given, by their rates at the given orientation:
+        ``fixed_v`` does not apply to them.
 
     Returns
     -------
@@ -133,7 +147,9 @@ def consistent_state(
         A constraint holds only at points where its gradient vanishes.
     """
     known = Evaluator(system, given.p) if evaluator is None else evaluator
-    search = ConsistentSearch(known.with_parameters(given.p), given.t, fixed_q, fixed_v)
+    search = ConsistentSearch(
+        known.with_parameters(given.p), given.t, fixed_q, fixed_v, spins=spins
+    )
     return search.solve(given.q, given.v)
 
 
@@ -161,6 +177,8 @@ class ConsistentSearch:
     fixed_q, fixed_v : (nq,) arrays of bool
     held : sequence of int, optional
         The constraints that hold; by default those at the start.
+    spins : sequence of Spin, optional
+        See `consistent_state`.
     """
 
     def __init__(
@@ -170,7 +188,9 @@ class ConsistentSearch:
         fixed_q: Flags,
         fixed_v: Flags,
         held: Sequence[int] | None = None,
+        spins: Sequence[Spin] = (),
     ):
+        self.spins = tuple(spins)
         self.evaluator, self.system, self.t = evaluator, evaluator.system, t
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.held = list(self.system.held_at_start if held is None else held)
@@ -182,7 +202,7 @@ class ConsistentSearch:
     def solve(self, q: Array, v: Array) -> ConsistentState:
         """Return the state, with the rank of B."""
         new_q = self.positions(q.copy(), v)
-        new_v = self.velocities(new_q, v)
+        new_v = self.velocities(new_q, with_given_spins(self.spins, q, v, new_q))
         c = self.evaluator.constraints(self.t, new_q, new_v)
         elimination = self.elimination(new_q, new_v)
         rank = len(self.held)
@@ -192,16 +212,32 @@ class ConsistentSearch:
             rank = dense.count_rank(c.jacobian[self.held], scale=lengths, sizes=sizes)
         if rank == len(self.held):
             self.check_gradients(c, new_q, new_v)
-        names = self.system.coordinates
-        moved = {}
-        for labels, before, after in (
-            (names, q, new_q),
-            ([f"{name}'" for name in names], v, new_v),
-        ):
-            for label, x, y in zip(labels, before, after, strict=True):
-                if x != y:
-                    moved[label] = (float(x), float(y))
+        moved = self.moved(q, v, new_q, new_v)
         return ConsistentState(self.evaluator.state(self.t, new_q, new_v), rank, elimination, moved)
+
+    def moved(
+        self, q: Array, v: Array, new_q: Array, new_v: Array
+    ) -> dict[str, tuple[float, float]]:
+        """Return the adjusted values by name, as in `ConsistentState`."""
+        names = self.system.coordinates
+        found = dict[str, tuple[float, float]]()
+        for name, x, y in zip(names, q.tolist(), new_q.tolist(), strict=True):
+            if x != y:
+                found[name] = x, y
+        turning = {place for spin in self.spins for place in spin.places}
+        for i, (x, y) in enumerate(zip(v.tolist(), new_v.tolist(), strict=True)):
+            if x != y and i not in turning:
+                found[f"{names[i]}'"] = x, y
+        for spin in self.spins:
+            places = list(spin.places)
+            if not q[places].any():
+                continue
+            before, after = spin_of(q[places], v[places]), spin_of(new_q[places], new_v[places])
+            rounding = _ROUNDING * np.abs([before, after]).max()
+            for label, x, y in zip(spin.labels(), before.tolist(), after.tolist(), strict=True):
+                if abs(x - y) > rounding:
+                    found[label] = x, y
+        return found
 
     def elimination(self, q: Array, v: Array) -> Elimination | None:
         """Return a sparse elimination that proves a large system to be regular, or None.
@@ -247,7 +283,7 @@ class ConsistentSearch:
                 first = found
         phi, scale, jacobian = self.residual(first, v)
         sizes = self.evaluator.sizes(self.t, first, v)
-        raise self.failure("position", phi, scale, jacobian * sizes, self.fixed_q)
+        raise self.failure("position", first, phi, scale, jacobian, sizes)
 
     def check_gradients(self, c: Constraints, q: Array, v: Array) -> None:
         """Raise an error if the gradient of a constraint has no direction.
@@ -353,7 +389,7 @@ class ConsistentSearch:
             found, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
         if np.abs(residual / scale).max() > ACCEPTED:
             sizes = self.evaluator.sizes(self.t, q, v)
-            raise self.failure("velocity", residual, scale, jacobian * sizes, self.fixed_v)
+            raise self.failure("velocity", q, residual, scale, jacobian, sizes)
         return found
 
     def least_velocities(
@@ -364,7 +400,7 @@ class ConsistentSearch:
         With ``hardly``, free velocities do not change rows by which they are multiplied with less
         than this part of the row.
         """
-        free = np.flatnonzero(~self.fixed_v)
+        free = free_directions(self.spins, self.fixed_v, q)
         # linear, except for a few constraints: the later steps remove rounding errors
         steps = _ITERATIONS if self.system.nonlinear else 4
         of_guess: Array | None = None
@@ -378,16 +414,17 @@ class ConsistentSearch:
             if of_guess is None:
                 of_guess = OF_GUESS * scale
             scale = usable(np.maximum(scale, of_guess))
-            if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
+            if np.abs(psi / scale).max() <= REACHED or not free.shape[1] or not left:
                 break
-            part = jacobian[:, free]
+            part = along(jacobian, free)
             sizes, lengths = self.evaluator.sizes(self.t, q, v), None
             if hardly is not None:
                 lengths = usable(lengths_of_rows(jacobian, sizes))
-            sizes = sizes[free]
-            rank = dense.count_rank(part, hardly or dense.RANK_TOLERANCE, lengths, sizes)
-            weight = self.weight(q, v, free)
-            v[free] += dense.least_change(part, psi, weight, rank, lengths, sizes)
+            own = 1 / usable(lengths_of_rows(free.T, 1 / sizes))
+            rank = dense.count_rank(part, hardly or dense.RANK_TOLERANCE, lengths, own)
+            mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
+            weight = free.T @ mass @ free if np.isfinite(mass).all() else None
+            v += free @ dense.least_change(part, psi, weight, rank, lengths, own)
         return v, psi, scale, jacobian
 
     def hardly(self, q: Array, given: Array, found: Array) -> bool:
@@ -396,7 +433,7 @@ class ConsistentSearch:
         In x² + y² = l² at x = l, where y = 0 is known to 1e-8, another x' than 0 would need
         y' = -1e8 x'.
         """
-        if not self.fixed_v.any():
+        if not self.fixed_v.any() and not any(any(spin.fixed) for spin in self.spins):
             return False
         c = self.evaluator.constraints(self.t, q, given)
         sizes = self.evaluator.sizes(self.t, q, given)
@@ -405,35 +442,41 @@ class ConsistentSearch:
         return largest(found, sizes) > before / _HARDLY
 
     def failure(
-        self,
-        level: Level,
-        residual: Array,
-        scale: Array,
-        jacobian: Array,
-        fixed: Flags,
+        self, level: Level, q: Array, residual: Array, scale: Array, jacobian: Array, sizes: Array
     ) -> NoConsistentState:
-        """Return the violated constraints and the cause, at the state nearest to the constraints.
-
-        The Jacobian is scaled by the sizes of the coordinates.
-        """
+        """Return the violated constraints and the cause, at the nearest state."""
         relative = np.abs(residual / scale)
         bad = np.flatnonzero(relative > ACCEPTED)
         position = level == "position"
-        names = [self.system.constraints[i] for i in self.holonomic]
-        if not position:
-            names = [self.system.constraints[i] for i in self.held]
+        rows = self.holonomic if position else self.held
+        names = [self.system.constraints[i] for i in rows]
         violations = [Violation(names[i], float(residual[i]), float(relative[i])) for i in bad]
-        touched = (jacobian[bad] != 0.0).any(axis=0)
-        stuck = [
-            name + ("" if position else "'")
-            for name, is_fixed, is_touched in zip(
-                self.system.coordinates, fixed, touched, strict=True
-            )
-            if is_fixed and is_touched
-        ]
+        fixed = self.fixed_q if position else self.fixed_v
+        free = np.eye(len(q))[:, ~fixed]
+        if not position:
+            free = free_directions(self.spins, fixed, q)
         # the free entries are at a least-squares solution and cannot be improved
+        jacobian, free = jacobian * sizes, free / sizes[:, None]
         length = dense.row_scale(jacobian)
         scaled = residual / length
-        slope = (scaled @ (jacobian / length[:, None]))[~fixed]
+        slope = (
+            scaled @ (jacobian / length[:, None]) @ (free / usable(lengths_of_rows(free.T, 1.0)))
+        )
         contradiction = bool(np.abs(slope).max(initial=0.0) <= 1e-3 * np.abs(scaled).max())
+        stuck = self.stuck(q, jacobian[bad] / sizes, position)
         return NoConsistentState(level, violations, stuck, contradiction)
+
+    def stuck(self, q: Array, jacobian: Array, position: bool) -> list[str]:
+        """Return the fixed entries among the unknowns of some rows of B."""
+        touched, names = (jacobian != 0.0).any(axis=0), self.system.coordinates
+        if position:
+            return [names[i] for i in np.flatnonzero(self.fixed_q & touched)]
+        turning = [list(spin.places) for spin in self.spins]
+        plain = self.fixed_v & touched
+        plain[[i for places in turning for i in places]] = False
+        found = [f"{names[i]}'" for i in np.flatnonzero(plain)]
+        for spin, places in zip(self.spins, turning, strict=True):
+            turns = (along(jacobian[:, places], rates_of_spin(q[places])) != 0.0).any(axis=0)
+            labels = zip(spin.labels(), spin.fixed, turns.tolist(), strict=True)
+            found += [label for label, is_fixed, is_touched in labels if is_fixed and is_touched]
+        return found

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
+from lagcli.engine.constraints.spins import Spin
 from lagcli.engine.core import binding
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.program.program import assemble
@@ -59,7 +61,14 @@ class StartSearch:
         )
 
     def __call__(
-        self, t: float, parameters: Array, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
+        self,
+        t: float,
+        parameters: Array,
+        q: Array,
+        v: Array,
+        fixed_q: Flags,
+        fixed_v: Flags,
+        spins: Sequence[Spin] = (),
     ) -> Starts:
         """Compute the initial states of n runs.
 
@@ -71,6 +80,9 @@ class StartSearch:
         q, v : (n, nq) arrays
             Fixed values and guesses; a row that is not finite is not found.
         fixed_q, fixed_v : (nq,) arrays of bool
+        spins : sequence of Spin, optional
+            As for `initial.consistent_state`. Unless an orientation is fixed, and all components of
+            its angular velocity are either fixed or guesses, no row is found.
         """
         system = self.system
         search = _StartSearch(
@@ -79,6 +91,9 @@ class StartSearch:
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
         found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
         found &= not (system.switching or system.nonlinear)
+        found &= all(
+            fixed_q[list(spin.places)].all() and len(set(spin.fixed)) == 1 for spin in spins
+        )
         together = max(1, _NUMBERS // (len(system.coordinates) + len(system.constraints) + 1) ** 2)
         for first in range(0, len(q), together):
             rows = first + np.flatnonzero(found[first : first + together])

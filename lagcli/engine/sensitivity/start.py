@@ -9,13 +9,23 @@ by the smallest change in the metric of M, as in `lagcli.engine.constraints.init
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Flags
+from lagcli.engine.constraints.spins import (
+    Spin,
+    along,
+    free_directions,
+    rates_of_spin,
+    spin_derivative,
+    spin_of,
+)
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.scales import largest, lengths_of_rows, usable
 from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.state import State
 
@@ -60,6 +70,8 @@ def start_derivatives(
     given: StartDerivatives,
     fixed_q: Flags,
     fixed_v: Flags,
+    spins: Sequence[Spin] = (),
+    before: State | None = None,
 ) -> StartDerivatives:
     """Return the derivatives of a consistent initial state.
 
@@ -73,6 +85,10 @@ def start_derivatives(
     given : StartDerivatives
         Derivatives of the given initial values, fixed ones and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool
+    spins : sequence of Spin, optional
+        As for `consistent_state`.
+    before : State, optional
+        The given initial values; needed for spins.
 
     Returns
     -------
@@ -107,29 +123,39 @@ def start_derivatives(
             out[third:].reshape(n, nc)[:, held],
         )
 
-    def correct(rows: list[int], values: Array, residual: Array, fixed: Flags) -> None:
-        free = np.flatnonzero(~fixed)
-        part = jacobian[rows][:, free]
-        rank = dense.count_rank(part, sizes=sizes[free])
+    def correct(rows: list[int], values: Array, residual: Array, free: Array) -> None:
+        part, own = along(jacobian[rows], free), 1 / usable(lengths_of_rows(free.T, 1 / sizes))
+        rank = dense.count_rank(part, sizes=own)
         for k in range(n):
-            if len(free) and np.abs(residual[k]).max() > 0:
-                values[k, free] += dense.least_change(
-                    part, residual[k], mass[np.ix_(free, free)], rank, sizes=sizes[free]
-                )
+            if free.shape[1] and np.abs(residual[k]).max() > 0:
+                weight = free.T @ mass @ free
+                values[k] += free @ dense.least_change(part, residual[k], weight, rank, sizes=own)
 
-    def rounding(rows: list[int], values: Array) -> Array:
+    def rounding(rows: list[int], *values: Array) -> Array:
         """Return the scales below which residuals are rounding errors, (n, rows)."""
-        largest = np.abs(values / sizes).max(axis=1)
+        most = np.max([np.abs(x / sizes).max(axis=1) for x in values], axis=0)
         lengths = np.abs(jacobian[rows] * sizes).sum(axis=1)
-        return np.asarray(_ROUNDING / _REACHED * np.outer(largest, lengths))
+        return np.asarray(_ROUNDING / _REACHED * np.outer(most, lengths))
 
     if holonomic:
-        correct(holonomic, s, residuals()[0], fixed_q)
+        correct(holonomic, s, residuals()[0], np.eye(len(q))[:, ~fixed_q])
         position, _, scale, _ = residuals()
-        _check(position, np.maximum(scale, rounding(holonomic, s)), holonomic, "position")
-    correct(held, u, residuals()[1], fixed_v)
+        scale = np.maximum(scale, rounding(holonomic, s, given.q))
+        _check(position, scale, holonomic, "position")
+    for spin in spins:
+        assert before is not None
+        places = list(spin.places)
+        e, rates = before.q[places], before.v[places]
+        for k in range(n):
+            turn = spin_derivative(e, rates, given.q[k, places], given.v[k, places])
+            turn = rates_of_spin(q[places]) @ turn
+            u[k, places] = turn + rates_of_spin(s[k, places]) @ spin_of(e, rates)
+    correct(held, u, residuals()[1], free_directions(spins, fixed_v, q))
     _, velocity, _, scale = residuals()
-    _check(velocity, np.maximum(scale, rounding(held, u)), held, "velocity")
+    # the change of the rates by one of the configuration
+    turning = given.q * (largest(v, sizes) / (largest(q, sizes) or 1.0))
+    scale = np.maximum(scale, rounding(held, u, given.v, turning))
+    _check(velocity, scale, held, "velocity")
     return StartDerivatives(s, u)
 
 

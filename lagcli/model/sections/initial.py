@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft
+from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tokens import without_dots
 from lagcli.model.expression.trees import NumberExpr
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from lagcli.model.vectors.initial import VectorReader
 
     Reader = InitialReader | VectorReader
+
+Spins = dict[str, tuple[bool, bool, bool]]
 
 _SHOWN = 12  # largest number of missing entries in a message
 Values = dict[str, InitialValue]
@@ -62,8 +64,8 @@ def _states_closed(draft: Draft, name: str, node: YamlNode) -> bool:
 
 def read_initial(
     draft: Draft, constants: Symbols, overrides: Mapping[str, object]
-) -> tuple[Values, Values]:
-    """Return the initial coordinates and velocities, by coordinate."""
+) -> tuple[Values, Values, Spins]:
+    """Return the initial coordinates and velocities, by coordinate, and which ω are fixed."""
     names = draft.names
     entries = draft.entries("initial")
     given = _overriding(draft, overrides)
@@ -96,7 +98,20 @@ def read_initial(
         _report_missing(draft, jobs.keys())
     positions = {q: values[q] for q in names.coordinates if q in values}
     velocities = {q: values[f"{q}'"] for q in names.coordinates if f"{q}'" in values}
-    return positions, velocities
+    return positions, velocities, _spins(jobs)
+
+
+def _spins(jobs: Mapping[str, tuple[Reader, Indices]]) -> Spins:
+    """Return by quaternion which components of its angular velocity are fixed."""
+    found: Spins = {}
+    readers = {name: reader for name, (reader, _) in jobs.items()}
+    for name, reader in readers.items():
+        base, _, part = name.removesuffix("'").rpartition(".")
+        turning = getattr(reader, "turning", False)
+        parts = [f"{base}.{k}'" for k in KINDS["quaternion"].parts]
+        if turning and part == "0" and all(readers.get(x) is reader for x in parts):
+            found[base] = reader.fixed_spin  # type: ignore[union-attr]
+    return found
 
 
 def _values(

@@ -137,6 +137,12 @@ class VectorReader:
         message = f"{self.what} must be {wanted}, not {found}"
         self.draft.report.add("shape", message, node.location, help_)
 
+    @property
+    def fixed_spin(self) -> tuple[bool, bool, bool]:
+        """Which components of an angular velocity are fixed."""
+        x, y, z = (axis in self.cells and self.cells[axis].fixed for axis in _AXES)
+        return x, y, z
+
     def read(self, canonical: str, indices: Indices, values: Values) -> None:
         """Evaluate one component, ``r.x``, ``e.0`` or ``e.0'``."""
         base, _, part = canonical.rstrip("'").rpartition(".")

@@ -12,6 +12,7 @@ import symengine as se
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState, NoStart, consistent_state
 from lagcli.engine.constraints.nearest import nearest_position
+from lagcli.engine.constraints.spins import with_given_spins
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.state import State
@@ -21,6 +22,7 @@ from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME, Model, View, coordinate
 from lagcli.simulations.simulation import Simulation
+from lagcli.simulations.start import spins_of
 
 #: Units of coordinates that may return to the same configuration after a turn.
 _ANGLES = ("rad", "deg", "°")
@@ -155,12 +157,14 @@ class Drag:
         """Return the initial state with the current configuration, and consistent velocities."""
         model, state = self._simulation.model, self._state
         entries = model.initial_velocities.values()
-        given = State(state.t, self._q, np.array([x.value for x in entries]), state.p)
+        spins, q = spins_of(model), np.array([x.value for x in model.initial_positions.values()])
+        v = with_given_spins(spins, q, np.array([x.value for x in entries]), self._q)
+        given = State(state.t, self._q, v, state.p)
         fixed, free = np.ones(len(self._q), bool), np.zeros(len(self._q), bool)
         as_given = np.array([x.fixed for x in entries])
         system = self._simulation.system
         try:
-            found = consistent_state(system, given, fixed, as_given, self._evaluator)
+            found = consistent_state(system, given, fixed, as_given, self._evaluator, spins)
         except NoStart:
             found = consistent_state(system, given, fixed, free, self._evaluator)
         return found

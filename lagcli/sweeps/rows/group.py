@@ -338,6 +338,7 @@ class RowGroup:
             },
             initial_positions=_initial(model.initial_positions, values.q[place], values.fixed_q),
             initial_velocities=_initial(model.initial_velocities, values.v[place], values.fixed_v),
+            spins={spin.name: spin.fixed for spin in values.spins},
         )
 
     def _explained(self, given: Array) -> Simulation:
