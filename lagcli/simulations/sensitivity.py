@@ -67,11 +67,6 @@ class SensitivityRun:
         return self.sensitivity.directions.names
 
     @property
-    def engine(self) -> str:
-        """The engine that takes the steps."""
-        return self.sensitivity.problem.engine(self.sensitivity.settings)
-
-    @property
     def no_derivatives(self) -> Derivatives:
         """Derivatives of an empty block of samples."""
         nq, nc, n = *self.sensitivity.system.counts[:2], len(self.names)

@@ -156,6 +156,10 @@ def ready(
         Monitor of the conserved quantities.
     """
     began = time.perf_counter()
+    if settings.engine != "compiled":
+        from lagcli.simulations.switching.switching_engine import check_engine_switches
+
+        check_engine_switches(equations.model, system, settings)
     if equations.model.inputs:
         from lagcli.simulations.inputs.input_range import check_input_range
 
@@ -351,8 +355,6 @@ class Simulation:
         options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
         if run.methods:
             options["method"] = ", ".join(run.methods)  # the methods that `auto` selected
-        if self.sensitivity is not None:
-            options["engine"] = self.sensitivity.engine
         reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()
         tolerances = dict(zip(self.initial, reached, strict=bool(reached)))
         log: EventLog | None = None

@@ -2,14 +2,14 @@
 
     python -m tests.benchmark.contact_convergence [FIGURE]
 
-Each case of tests/benchmark/contact runs with rtol from 1e-3 to 1e-13 on both engines; an error is
+Each case of tests/benchmark/contact runs with rtol from 1e-3 to 1e-13; an error is
 the distance of an event's time from its closed form. Prints the table and writes the figure.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -60,7 +60,7 @@ def error(event: TimedEvent, found: ContactRun, reference: float) -> float:
     return abs(entries[event.place].time - reference) if len(entries) > event.place else np.nan
 
 
-def errors(engine: str, tolerances: Sequence[float], say: Callable[[str], None]) -> Array:
+def errors(tolerances: Sequence[float], say: Callable[[str], None]) -> Array:
     """Return the errors of all events, (tolerances, events), s."""
     found = np.full((len(tolerances), len(EVENTS)), np.nan)
     cases = dict.fromkeys(event.case for event in EVENTS)
@@ -68,31 +68,29 @@ def errors(engine: str, tolerances: Sequence[float], say: Callable[[str], None])
         described = read_case(case)
         for i, rtol in enumerate(tolerances):
             # few samples: they do not limit the steps
-            done = run_contact(contact_model(case, simulation={"samples": 2}), engine, rtol=rtol)
+            done = run_contact(contact_model(case, simulation={"samples": 2}), rtol=rtol)
             for k, event in enumerate(EVENTS):
                 if event.case == case:
                     found[i, k] = error(event, done, described["reference"][event.quantity])
-        say(f"{engine}: {case}")
+        say(case)
     return found
 
 
-def draw(found: Mapping[str, Array], path: Path) -> None:
-    """Write the figure: one panel for each engine."""
+def draw(values: Array, path: Path) -> None:
+    """Write the figure."""
     with mpl.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
-        figure = Figure(figsize=(9, 4), layout="constrained")
-        panels = figure.subplots(1, len(found), sharey=True)
-        for panel, (engine, values) in zip(panels, found.items(), strict=True):
-            for k, event in enumerate(EVENTS):
-                style, color = ("o-", "s--")[k // len(PALETTE)], PALETTE[k % len(PALETTE)]
-                shown = np.fmax(values[:, k], LEAST)
-                panel.loglog(TOLERANCES, shown, style, c=color, ms=3.5, lw=1.2, label=event.label)
-            panel.loglog(TOLERANCES, TOLERANCES, ":", color="#777777", lw=1, label="rtol · 1 s")
-            panel.set_title(engine, loc="left")
-            panel.set_xlabel("rtol")
-            panel.invert_xaxis()
-            panel.grid(alpha=0.25)
-        panels[0].set_ylabel("error of the event's time, s")
-        lines, labels = panels[0].get_legend_handles_labels()
+        figure = Figure(figsize=(7, 4), layout="constrained")
+        panel = figure.subplots()
+        for k, event in enumerate(EVENTS):
+            style, color = ("o-", "s--")[k // len(PALETTE)], PALETTE[k % len(PALETTE)]
+            shown = np.fmax(values[:, k], LEAST)
+            panel.loglog(TOLERANCES, shown, style, c=color, ms=3.5, lw=1.2, label=event.label)
+        panel.loglog(TOLERANCES, TOLERANCES, ":", color="#777777", lw=1, label="rtol · 1 s")
+        panel.set_xlabel("rtol")
+        panel.invert_xaxis()
+        panel.grid(alpha=0.25)
+        panel.set_ylabel("error of the event's time, s")
+        lines, labels = panel.get_legend_handles_labels()
         figure.legend(lines, labels, loc="outside right center", frameon=False)
         figure.savefig(path, dpi=110)
 
@@ -100,12 +98,10 @@ def draw(found: Mapping[str, Array], path: Path) -> None:
 def main() -> None:
     """Print the errors, and write the figure."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else FIGURE
-    found = {}
-    for engine, title in (("compiled", "compiled engine"), ("scipy", "reference engine")):
-        found[title] = errors(engine, TOLERANCES, lambda text: print(text, file=sys.stderr))
-        print(f"{title}\n{'rtol':32}" + "".join(f"{rtol:9.0e}" for rtol in TOLERANCES))
-        for k, event in enumerate(EVENTS):
-            print(f"{event.label:32}" + "".join(f"{x:9.1e}" for x in found[title][:, k]))
+    found = errors(TOLERANCES, lambda text: print(text, file=sys.stderr))
+    print(f"{'rtol':32}" + "".join(f"{rtol:9.0e}" for rtol in TOLERANCES))
+    for k, event in enumerate(EVENTS):
+        print(f"{event.label:32}" + "".join(f"{x:9.1e}" for x in found[:, k]))
     draw(found, path)
 
 

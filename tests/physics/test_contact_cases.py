@@ -1,4 +1,4 @@
-"""The cases of tests/benchmark/contact: contact, impacts, friction and events, on each engine.
+"""The cases of tests/benchmark/contact: contact, impacts, friction and events.
 
 References are closed forms to 20 digits, or two independent programs to the digits given. Event
 times agree to 1e-9 and better with rtol = 1e-12; the end of an infinite sequence of impacts, which
@@ -17,23 +17,6 @@ from lagcli.engine.switching.switching import RowMode
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, contact_model, read_case, run_contact
 
-#: Cases that take the reference engine more than a second: the compiled engine runs them, and the
-#: reference engine all others.
-LONG_FOR_SCIPY = (
-    "test_coulomb_oscillator",
-    "test_crank_with_friction_in_its_guide",
-    "test_rocking_block",
-    "test_woodpecker",
-)
-
-
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run every test by each engine."""
-    slow = [pytest.mark.slow] if metafunc.function.__name__ in LONG_FOR_SCIPY else []
-    reference = pytest.param("scipy", marks=slow)
-    metafunc.parametrize("engine", [reference, "compiled"])
-
-
 #: s, and of the size of everything else.
 TIME, VALUE = 1e-9, 1e-9
 
@@ -44,8 +27,8 @@ def reference(name: str) -> dict[str, float]:
     return values
 
 
-def run(name: str, engine: str, **changes: Any) -> ContactRun:
-    found = run_contact(contact_model(name, **changes), engine)
+def run(name: str, **changes: Any) -> ContactRun:
+    found = run_contact(contact_model(name, **changes))
     assert found.outcome.status in ("completed", "stopped-by-event"), found.outcome.message
     return found
 
@@ -69,8 +52,8 @@ def check_balance(found: ContactRun, scale: float) -> None:
     assert np.abs(balance).max() <= 1e-9 * scale
 
 
-def test_bouncing_ball(engine: str) -> None:
-    found = run("bouncing_ball", engine, **sampled(1, 2, 3, 4, 5))
+def test_bouncing_ball() -> None:
+    found = run("bouncing_ball", **sampled(1, 2, 3, 4, 5))
     impacts = found.entries("impact", "floor")
     for k in (1, 2, 10):
         near(impacts[k - 1].time, "bouncing_ball", f"t of impact {k}")
@@ -89,9 +72,9 @@ def test_bouncing_ball(engine: str) -> None:
     check_balance(found, 19.62)
 
 
-def test_a_sample_at_an_impact_is_the_one_after_it(engine: str) -> None:
+def test_a_sample_at_an_impact_is_the_one_after_it() -> None:
     first = np.sqrt(2 / 9.81)
-    found = run("bouncing_ball", engine, simulation={"times": [0, 0.4, 1]})
+    found = run("bouncing_ball", simulation={"times": [0, 0.4, 1]})
     assert found.at(0.4, "y'") < 0
     impact = found.entries("impact")[0]
     assert impact.time == pytest.approx(first, abs=1e-12)
@@ -99,9 +82,9 @@ def test_a_sample_at_an_impact_is_the_one_after_it(engine: str) -> None:
     assert found.value(impact, "y'") == pytest.approx(0.8 * 9.81 * first)
 
 
-def test_rope_pendulum(engine: str) -> None:
+def test_rope_pendulum() -> None:
     name = "rope_pendulum"
-    found = run(name, engine, **sampled(4))
+    found = run(name, **sampled(4))
     (opens,), (impact,) = found.entries("opens", "rope"), found.entries("impact", "rope")
     near(opens.time, name, "t of opening.rope")
     near(found.value(opens, "x"), name, "x there")
@@ -117,9 +100,9 @@ def test_rope_pendulum(engine: str) -> None:
     check_balance(found, 0.5 * 4 * 9.81)
 
 
-def test_sliding_ladder(engine: str) -> None:
+def test_sliding_ladder() -> None:
     name = "sliding_ladder"
-    found = run(name, engine, **sampled(0.5, 3))
+    found = run(name, **sampled(0.5, 3))
     near(found.at(0.0, "lambda.wall"), name, "lambda.wall at t = 0")
     near(found.at(0.0, "lambda.floor"), name, "lambda.floor at t = 0")
     (opens,), (flat,) = found.entries("opens", "wall"), found.entries("event", "flat")
@@ -133,9 +116,9 @@ def test_sliding_ladder(engine: str) -> None:
     assert "`flat`" in found.outcome.message
 
 
-def test_block_on_shaken_incline(engine: str) -> None:
+def test_block_on_shaken_incline() -> None:
     name = "block_on_shaken_incline"
-    found = run(name, engine, **sampled(0.05, 0.6))
+    found = run(name, **sampled(0.05, 0.6))
     kinds = {"sticks": found.entries("sticks"), "slips": found.entries("slips")}
     entries = sorted([*kinds["sticks"], *kinds["slips"]], key=lambda x: x.time)
     for k, entry in enumerate(entries[:6], start=1):
@@ -147,9 +130,9 @@ def test_block_on_shaken_incline(engine: str) -> None:
     check_balance(found, 0.5 * 0.3**2)
 
 
-def test_bowling_ball(engine: str) -> None:
+def test_bowling_ball() -> None:
     name = "bowling_ball"
-    found = run(name, engine, **sampled(1, 3))
+    found = run(name, **sampled(1, 3))
     (sticks,) = found.entries("sticks", "lane.slip")
     near(sticks.time, name, "t of rolling")
     near(found.value(sticks, "x'"), name, "x' then")
@@ -160,9 +143,9 @@ def test_bowling_ball(engine: str) -> None:
     check_balance(found, 0.5 * 6 * 64)
 
 
-def test_box_on_two_corners(engine: str) -> None:
+def test_box_on_two_corners() -> None:
     name = "box_on_two_corners"
-    found = run(name, engine, **sampled(1))
+    found = run(name, **sampled(1))
     left, right = found.at(1.0, "lambda.left"), found.at(1.0, "lambda.right")
     near(left, name, "lambda.left at rest")
     near(right, name, "lambda.right at rest")
@@ -173,9 +156,9 @@ def test_box_on_two_corners(engine: str) -> None:
     assert not found.outcome.events
 
 
-def test_redundant_friction_is_shared_within_the_cones(engine: str) -> None:
+def test_redundant_friction_is_shared_within_the_cones() -> None:
     """Half of the friction each is more than mu lambda.left bears on a steeper slope."""
-    found = run("box_on_two_corners", engine, alpha="20 deg", **sampled(1))
+    found = run("box_on_two_corners", alpha="20 deg", **sampled(1))
     slope, b, h, mu, weight = np.radians(20), 0.2, 0.3, 0.4, 98.1
     left = weight * np.cos(slope) / 2 * (1 - h / b * np.tan(slope))
     assert found.at(1.0, "lambda.left") == pytest.approx(left, rel=1e-9)
@@ -184,18 +167,18 @@ def test_redundant_friction_is_shared_within_the_cones(engine: str) -> None:
     assert found.at(1.0, "lambda.right.slip") == pytest.approx(along, rel=1e-9)
 
 
-def test_box_that_slides(engine: str) -> None:
+def test_box_that_slides() -> None:
     name = "box_on_two_corners"
-    found = run(name, engine, alpha="25 deg", **sampled(0.1))
+    found = run(name, alpha="25 deg", **sampled(0.1))
     acceleration = float(found.block.a[0, 0])
     near(acceleration, name, "alpha = 25 deg: x''")
     near(found.at(0.0, "lambda.left"), name, "alpha = 25 deg: lambda.left")
     near(found.at(0.0, "lambda.right"), name, "alpha = 25 deg: lambda.right")
 
 
-def test_box_that_tips(engine: str) -> None:
+def test_box_that_tips() -> None:
     name = "box_on_two_corners"
-    found = run(name, engine, alpha="36 deg", mu=0.9, **sampled(0.1))
+    found = run(name, alpha="36 deg", mu=0.9, **sampled(0.1))
     near(
         float(found.block.a[0, 2]),
         name,
@@ -204,16 +187,16 @@ def test_box_that_tips(engine: str) -> None:
 
 
 @pytest.mark.parametrize(("alpha", "slides"), [(21.8, False), (21.81, True)])
-def test_least_angle_of_sliding(engine: str, alpha: float, slides: bool) -> None:
+def test_least_angle_of_sliding(alpha: float, slides: bool) -> None:
     """atan 0.4 = 21.8014°."""
-    found = run("box_on_two_corners", engine, alpha=f"{alpha} deg", **sampled(0.1))
+    found = run("box_on_two_corners", alpha=f"{alpha} deg", **sampled(0.1))
     assert (RowMode.HOLDS not in found.outcome.modes[1::2]) == slides
     assert (abs(found.block.v[-1, 0]) > 1e-6) == slides
 
 
-def test_coulomb_oscillator(engine: str) -> None:
+def test_coulomb_oscillator() -> None:
     name = "coulomb_oscillator"
-    found = run(name, engine, **sampled(0.5, 1, 3))
+    found = run(name, **sampled(0.5, 1, 3))
     turns, (sticks,) = found.entries("slips"), found.entries("sticks")
     near(turns[0].time, name, "t of turning 1")
     near(found.value(turns[0], "x"), name, "x there")
@@ -228,9 +211,9 @@ def test_coulomb_oscillator(engine: str) -> None:
     check_balance(found, 55)
 
 
-def test_clutch(engine: str) -> None:
+def test_clutch() -> None:
     name = "clutch"
-    found = run(name, engine, **sampled(1, 2, 4))
+    found = run(name, **sampled(1, 2, 4))
     (close,), (sticks,) = found.entries("event", "close"), found.entries("sticks", "clutch")
     assert close.time == 0.5  # exactly
     near(found.value(close, "a'"), name, "a' when it closes")
@@ -246,9 +229,9 @@ def test_clutch(engine: str) -> None:
     check_balance(found, 0.5 * 0.5 * 120**2)
 
 
-def test_crank_with_friction_in_its_guide(engine: str) -> None:
+def test_crank_with_friction_in_its_guide() -> None:
     name = "crank_guide_friction"
-    found = run(name, engine, **sampled(0.5, 1, 2))
+    found = run(name, **sampled(0.5, 1, 2))
     turns = [x.time for x in found.entries("slips", "guide.slip")]
     near(turns[0], name, "t of dead centre 1", 1e-10)
     near(turns[4], name, "t of dead centre 5", 1e-9)
@@ -259,9 +242,9 @@ def test_crank_with_friction_in_its_guide(engine: str) -> None:
     check_balance(found, 10)
 
 
-def test_painleve_s_rod(engine: str) -> None:
+def test_painleve_s_rod() -> None:
     name = "painleve_rod"
-    found = run(name, engine, **sampled(0.1, 2))
+    found = run(name, **sampled(0.1, 2))
     entries = [x for x in found.outcome.events if x.occurrence in ("sticks", "slips", "event")]
     for k, entry in enumerate(entries, start=1):
         kind = {"sticks": "stick", "slips": "slip", "event": "flat"}[entry.occurrence]
@@ -271,17 +254,17 @@ def test_painleve_s_rod(engine: str) -> None:
     assert len(entries) == 5
 
 
-def test_klein_s_guides(engine: str) -> None:
+def test_klein_s_guides() -> None:
     name = "painleve_klein"
-    found = run(name, engine, **sampled(0.2))
+    found = run(name, **sampled(0.2))
     near(float(found.block.a[0, 0]), name, "x1'' at the start")
     near(found.at(0.0, "lambda.rough"), name, "lambda.rough at the start")
     near(found.at(0.2, "x1'"), name, "x1' at t = 0.2")
 
 
-def test_kane_and_levinson_s_pendulum(engine: str) -> None:
+def test_kane_and_levinson_s_pendulum() -> None:
     name = "kane_levinson"
-    found = run(name, engine, **sampled(0.01))
+    found = run(name, **sampled(0.01))
     (impact,) = found.entries("impact", "floor")
     assert impact.time == 0.0
     near(found.value(impact, "q1'"), name, "poisson: q1' after")
@@ -300,17 +283,17 @@ def test_kane_and_levinson_s_pendulum(engine: str) -> None:
     ("law", "label"),
     [("newton", "simultaneous"), ("poisson", "poisson"), ("sequential", "sequential")],
 )
-def test_newton_s_cradle(engine: str, balls: int, law: str, label: str) -> None:
-    found = run("newtons_cradle", engine, N=balls, simulation={"times": [0, 0.6], "impacts": law})
+def test_newton_s_cradle(balls: int, law: str, label: str) -> None:
+    found = run("newtons_cradle", N=balls, simulation={"times": [0, 0.6], "impacts": law})
     after = found.block.v[-1]
     for i in range(balls):
         near(float(after[i]), "newtons_cradle", f"N = {balls}, {label}: x[{i + 1}]' after")
     assert abs(sum(x.loss for x in found.outcome.events)) < 1e-12
 
 
-def test_rocking_block(engine: str) -> None:
+def test_rocking_block() -> None:
     name = "rocking_block"
-    found = run(name, engine, simulation={"times": [0, 3]})
+    found = run(name, simulation={"times": [0, 3]})
     impacts = found.entries("impact")
     first = impacts[0]
     near(first.time, name, "t of impact 1 (right)")
@@ -326,10 +309,10 @@ def test_rocking_block(engine: str) -> None:
     check_balance(found, 9.81 * 0.31)
 
 
-def test_backlash(engine: str) -> None:
+def test_backlash() -> None:
     name = "backlash"
     # the second sequence ends where the gap closes ever more slowly
-    found = run(name, engine, simulation={"times": [0, 1.6], "closed": 1e-12})
+    found = run(name, simulation={"times": [0, 1.6], "closed": 1e-12})
     impacts = found.entries("impact")
     for k in (1, 2, 5):
         near(impacts[k - 1].time, name, f"t of impact {k} (front)")
@@ -345,9 +328,9 @@ def test_backlash(engine: str) -> None:
     check_balance(found, 1)
 
 
-def test_woodpecker(engine: str) -> None:
+def test_woodpecker() -> None:
     name = "woodpecker"
-    found = run(name, engine, simulation={"times": [0, 0.23]})
+    found = run(name, simulation={"times": [0, 0.23]})
     names = found.system.constraints
     events = [
         (x, names[x.which].removesuffix(".slip"))
@@ -367,9 +350,9 @@ def test_woodpecker(engine: str) -> None:
     check_balance(found, 1e-3)
 
 
-def test_appell_and_hamel_s_problem(engine: str) -> None:
+def test_appell_and_hamel_s_problem() -> None:
     name = "appell_hamel"
-    found = run(name, engine, **sampled(1))
+    found = run(name, **sampled(1))
     for quantity in ("x", "y", "z", "z'", "x'"):
         near(found.at(1.0, quantity), name, f"{quantity} at t = 1")
     for t in (0.0, 1.0):
@@ -377,9 +360,9 @@ def test_appell_and_hamel_s_problem(engine: str) -> None:
     near(float(found.block.a[0, 2]), name, "z''")
 
 
-def test_motion_of_constant_speed(engine: str) -> None:
+def test_motion_of_constant_speed() -> None:
     name = "constant_speed"
-    found = run(name, engine, **sampled(1))
+    found = run(name, **sampled(1))
     for quantity in ("x", "y", "x'", "y'"):
         near(found.at(1.0, quantity), name, f"{quantity} at t = 1")
     for t in (0.0, 1.0):
@@ -406,18 +389,18 @@ simulation: {times: [0, 2.2]}
 """
 
 
-def test_a_box_that_is_pushed_slides(engine: str) -> None:
+def test_a_box_that_is_pushed_slides() -> None:
     """Its friction is redundant; it sticks while some distribution of it does: 20 t < mu m g."""
-    found = run_contact(load_text(PUSHED), engine)
+    found = run_contact(load_text(PUSHED))
     assert [x.occurrence for x in found.outcome.events] == ["slips", "slips"]
     for entry in found.outcome.events:
         assert entry.time == pytest.approx(2.0, abs=1e-12)
     assert found.at(2.2, "x'") == pytest.approx(0.04, rel=1e-9)  # ∫ 2 (t − 2) dt
 
 
-def test_a_box_that_is_pushed_tips(engine: str) -> None:
+def test_a_box_that_is_pushed_tips() -> None:
     """A higher one, where 20 t h = b m g; it turns about its right corner, which sticks."""
-    found = run_contact(load_text(PUSHED, set={"h": 0.7}), engine)
+    found = run_contact(load_text(PUSHED, set={"h": 0.7}))
     (opens,) = found.outcome.events
     assert (opens.occurrence, opens.which) == ("opens", 0)
     assert opens.time == pytest.approx(0.2 * 100 / (20 * 0.7), abs=1e-12)
@@ -440,9 +423,9 @@ simulation: {times: [0, 1, 1.3]}
 """
 
 
-def test_a_table_of_four_legs_tips(engine: str) -> None:
+def test_a_table_of_four_legs_tips() -> None:
     """Where the load reaches an edge, 2 W t = b m g; by least norm a leg would let go before."""
-    found = run_contact(load_text(TABLE_OF_FOUR_LEGS), engine)
+    found = run_contact(load_text(TABLE_OF_FOUR_LEGS))
     names = [found.system.constraints[x.which] for x in found.outcome.events]
     assert [x.occurrence for x in found.outcome.events] == ["opens", "opens"]
     assert names == ["one", "four"]
@@ -469,9 +452,9 @@ simulation: {times: [0, 1, 1.2]}
 """
 
 
-def test_a_table_of_four_legs_tips_as_it_slides(engine: str) -> None:
+def test_a_table_of_four_legs_tips_as_it_slides() -> None:
     """Friction turns it, too: 2 W t + h mu m g = b m g."""
-    found = run_contact(load_text(SLIDING_TABLE), engine)
+    found = run_contact(load_text(SLIDING_TABLE))
     names = [found.system.constraints[x.which] for x in found.outcome.events]
     assert [x.occurrence for x in found.outcome.events] == ["opens", "opens"]
     assert names == ["one", "four"]
@@ -484,14 +467,14 @@ def test_a_table_of_four_legs_tips_as_it_slides(engine: str) -> None:
 
 
 @pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
-def test_many_bounces(engine: str, count: int) -> None:
+def test_many_bounces(count: int) -> None:
     """t_{k+1} − t_k = 2 e^k v/g, with e = 1 − 1/count."""
     e, g = 1 - 1 / count, 9.81
     v = np.sqrt(2 * g)
     times = v / g + np.concatenate([[0], np.cumsum(2 * e ** np.arange(1, count) * v / g)])
     end = float(times[-1]) + 0.01
     simulation = {"times": [0, end], "t_end": end}
-    found = run("bouncing_ball", engine, e=e, simulation=simulation)
+    found = run("bouncing_ball", e=e, simulation=simulation)
     impacts = [x.time for x in found.entries("impact")]
     # each impact adds the rounding of its time
     np.testing.assert_allclose(impacts, times, rtol=1e-11)
@@ -510,9 +493,9 @@ simulation: {t_end: 3, samples: 31}
 """
 
 
-def test_a_ball_on_a_shaken_table(engine: str) -> None:
+def test_a_ball_on_a_shaken_table() -> None:
     """It is thrown where A w² sin(w t) = g, and what the table supplies and takes is its energy."""
-    found = run_contact(load_text(TABLE), engine)
+    found = run_contact(load_text(TABLE))
     assert found.outcome.status == "completed", found.outcome.message
     opens = found.entries("opens")[0]
     assert opens.time == pytest.approx(np.arcsin(9.81 / 20) / 20, abs=1e-11)
@@ -540,9 +523,9 @@ simulation: {times: [0, 1]}
 """
 
 
-def test_a_rod_that_snaps(engine: str) -> None:
+def test_a_rod_that_snaps() -> None:
     """The tension is 3 m g sin, so it is F where y = -F/(3 m g); then a parabola."""
-    found = run_contact(load_text(SNAP), engine)
+    found = run_contact(load_text(SNAP))
     (snap,) = found.entries("event", "snap")
     depth = 20 / (3 * 9.81)
     assert found.value(snap, "y") == pytest.approx(-depth, rel=1e-10)

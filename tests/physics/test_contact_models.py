@@ -20,12 +20,11 @@ from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models" / "contact"
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
-ENGINE = "compiled"
 
 
 @cache
 def run(name: str) -> Trajectory:
-    return lagcli.simulate(lagcli.load(name), engine=ENGINE)
+    return lagcli.simulate(lagcli.load(name))
 
 
 def last(name: str, column: str) -> float:
@@ -58,12 +57,11 @@ def test_contact_model_is_derived_in_all_formats(name: str) -> None:
         assert render(equations, format_)
 
 
-@pytest.mark.parametrize("engine", ["compiled", pytest.param("scipy", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
-def test_contact_model_completes_and_its_energy_balances(name: str, engine: str) -> None:
+def test_contact_model_completes_and_its_energy_balances(name: str) -> None:
     """Through impacts, sticking, engagement and events: to 1e-9 of the energy's scale."""
     # the tolerances of one SciPy step are met less closely
-    settings = SettingsOverrides(engine=engine, rtol=1e-9 if engine == "compiled" else 1e-10)
+    settings = SettingsOverrides(rtol=1e-9)
     trajectory = lagcli.simulate(lagcli.load(name), settings)
     stopped = name in ("sliding_ladder", "particle_on_sphere")
     expected = "stopped-by-event" if stopped else "completed"
@@ -77,8 +75,7 @@ def test_contact_model_completes_and_its_energy_balances(name: str, engine: str)
         assert log.loss.sum() > 0.01 * size
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_energy_balances_through_an_engagement(engine: str) -> None:
+def test_energy_balances_through_an_engagement() -> None:
     """Two masses are joined while one moves: half of the energy is lost at once."""
     model = lagcli.load_text("""
 coordinates: {x: m, y: m}
@@ -94,7 +91,7 @@ events:
 initial: {x: 0, x': 4, y: 0, y': 0}
 simulation: {t_end: 1, samples: 101}
 """)
-    trajectory = lagcli.simulate(model, SettingsOverrides(engine=engine, rtol=1e-11))
+    trajectory = lagcli.simulate(model, SettingsOverrides(rtol=1e-11))
     assert np.abs(trajectory.energy_balance).max() <= 1e-9 * 16
     log = trajectory.events
     assert log is not None
@@ -121,15 +118,14 @@ def test_the_block_stands_at_the_end() -> None:
 
 def test_the_belt_lets_go_at_static_friction() -> None:
     model = lagcli.load("stick_slip_belt")
-    trajectory = lagcli.simulate(model, times=[0, 0.39, 0.4], engine=ENGINE)
+    trajectory = lagcli.simulate(model, times=[0, 0.39, 0.4])
     np.testing.assert_allclose(trajectory.q[:, 0], [0, 0.078, 0.08], atol=1e-9)
     found = run("stick_slip_belt")
     assert found.multipliers.max() <= 8 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_an_event_that_only_records_lets_the_belt_slip_on(engine: str) -> None:
-    found = lagcli.simulate(lagcli.load("stick_slip_belt"), t_end=1.0, engine=engine)
+def test_an_event_that_only_records_lets_the_belt_slip_on() -> None:
+    found = lagcli.simulate(lagcli.load("stick_slip_belt"), t_end=1.0)
     assert found.status == "completed"
     counts = found.events.counts()
     assert counts["belt"]["slips"] == counts["slips"]["event"] == 1
@@ -142,7 +138,7 @@ def test_only_the_last_ball_leaves() -> None:
 def test_the_block_on_the_incline_sticks_and_slips() -> None:
     # roots of closed forms in 40 digits
     times = [0, 0.020635854861870856, 0.036910866090545188, 0.20231267409693817]
-    trajectory = lagcli.simulate(lagcli.load("block_on_incline"), times=times, engine=ENGINE)
+    trajectory = lagcli.simulate(lagcli.load("block_on_incline"), times=times)
     expected = [0, 0.0044949802502367365, 0.0057985247511570226, -0.014629593083626859]
     np.testing.assert_allclose(trajectory.q[:, 0], expected, rtol=1e-7)
 
@@ -190,9 +186,8 @@ def test_the_woodpecker_comes_down_step_by_step() -> None:
     assert math.isclose(fall, -0.019445379, rel_tol=1e-2)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_the_particle_leaves_the_sphere_at_two_thirds(engine: str) -> None:
-    trajectory = lagcli.simulate(lagcli.load("particle_on_sphere"), engine=engine)
+def test_the_particle_leaves_the_sphere_at_two_thirds() -> None:
+    trajectory = lagcli.simulate(lagcli.load("particle_on_sphere"))
     (r, theta), t = trajectory.q.T, trajectory.time
     touches = trajectory.multipliers[:, 0] > 0
     assert (touches == (np.cos(theta) > 2 / 3)).all()
@@ -221,13 +216,12 @@ def test_the_particle_leaves_the_sphere_at_two_thirds(engine: str) -> None:
     np.testing.assert_allclose((r * np.cos(theta))[~touches], z[~touches], atol=1e-7)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_slip_that_grows_from_rest_is_no_event_by_rounding(engine: str) -> None:
+def test_slip_that_grows_from_rest_is_no_event_by_rounding() -> None:
     """For some 1e-9 s the speed of a slip is as small as its rounding error."""
     model = lagcli.load(
         "block_on_incline",
         set={"mu": 0.28325771231896574, "v0": 0.8084373077513198},
         set_initial={"n": 0.1398398547380813},
     )
-    trajectory = lagcli.simulate(model, engine=engine)
+    trajectory = lagcli.simulate(model)
     assert trajectory.status == "completed", trajectory.message

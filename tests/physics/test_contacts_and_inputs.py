@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -41,13 +39,8 @@ simulation: {t_end: 2.9, samples: 30}
 """
 
 
-@pytest.fixture(params=["compiled", "scipy"])
-def engine(request: Any) -> str:
-    return str(request.param)
-
-
-def run(text: str, engine: str) -> tuple[Trajectory, EventLog]:
-    settings = SettingsOverrides(engine=engine, rtol=1e-11)
+def run(text: str) -> tuple[Trajectory, EventLog]:
+    settings = SettingsOverrides(rtol=1e-11)
     found = lagcli.simulate(lagcli.load_text(text), settings)
     assert found.status == "completed"
     assert found.events is not None
@@ -55,10 +48,10 @@ def run(text: str, engine: str) -> tuple[Trajectory, EventLog]:
     return found, found.events
 
 
-def test_a_block_that_is_pulled_slips_and_sticks_again(engine: str) -> None:
+def test_a_block_that_is_pulled_slips_and_sticks_again() -> None:
     """It slips at 10 t = μ m g, with v' = 10 t − 5 up to the knot and 15 − 10 t beyond it."""
     text = PULLED[: PULLED.index("events:")] + PULLED[PULLED.index("initial:") :]
-    found, log = run(text, engine)
+    found, log = run(text)
     assert log.kinds == ("slips", "sticks")
     # v(2) = 1.25 m/s, and friction alone is left from there on
     np.testing.assert_allclose(log.time, [0.5, 2.25], rtol=1e-9)
@@ -70,9 +63,9 @@ def test_a_block_that_is_pulled_slips_and_sticks_again(engine: str) -> None:
     np.testing.assert_allclose(found.multipliers[t < 0.5, 0], -10 * t[t < 0.5], atol=1e-9)
 
 
-def test_events_see_inputs_in_conditions_and_actions(engine: str) -> None:
+def test_events_see_inputs_in_conditions_and_actions() -> None:
     """At 8 N, t = 0.8 s, the velocity gains 0.8 m/s."""
-    _, log = run(PULLED, engine)
+    _, log = run(PULLED)
     (high,) = (i for i, name in enumerate(log.names) if name == "high")
     assert log.time[high] == pytest.approx(0.8, abs=1e-9)
     before, after = log.before[high, 0], log.after[high, 0]
@@ -83,20 +76,20 @@ def test_events_see_inputs_in_conditions_and_actions(engine: str) -> None:
     assert log.kinds[-1] == "sticks"
 
 
-def test_limits_may_be_inputs(engine: str) -> None:
+def test_limits_may_be_inputs() -> None:
     """A force of 4 N meets a limit of pull: it slips up to 0.4 s, and from 1.6 s on."""
     text = PULLED[: PULLED.index("events:")] + PULLED[PULLED.index("initial:") :]
     text = text.replace("Q: {x: pull}", "Q: {x: F_h/2}").replace("mu*m*g", "pull")
-    found, log = run(text.replace("t_end: 4", "t_end: 2"), engine)
+    found, log = run(text.replace("t_end: 4", "t_end: 2"))
     # v' = 4 − 10 t: from 0 up and back to 0 at t = 0.8, where the limit of 8 N holds it
     assert log.kinds == ("sticks", "slips")
     np.testing.assert_allclose(log.time, [0.8, 1.6], rtol=1e-9)
     assert found.q[-1, 0] == pytest.approx(4 * 0.8**2 / 2 - 10 * 0.8**3 / 6 + 10 * 0.4**3 / 6)
 
 
-def test_a_ball_on_a_floor_that_rises(engine: str) -> None:
+def test_a_ball_on_a_floor_that_rises() -> None:
     """1 − 5 t² = t/2 at t = 0.4; relative to the floor, it bounces as on one at rest."""
-    found, log = run(RISING, engine)
+    found, log = run(RISING)
     impacts = log.time[[kind == "impact" for kind in log.kinds]]
     flights = 2 * 4.5 * 0.5 ** np.arange(1, 4) / 10
     np.testing.assert_allclose(impacts[:4], 0.4 + np.append(0, np.cumsum(flights)), rtol=1e-9)

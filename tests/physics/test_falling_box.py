@@ -86,13 +86,3 @@ def test_boxes_come_to_rest_however_they_fall() -> None:
             np.round(random.uniform(-180, 180, 3), 3).tolist(),
             np.round(random.uniform(-8, 8, 3), 3).tolist(),
         )
-
-
-@pytest.mark.slow
-def test_box_on_the_reference_engine() -> None:
-    """It may rest on three corners: the fourth lies within the tolerance of closed contacts."""
-    text = BOX.format(restitution=0.3, rotation=[20, 35, 0], spin=[1, 2, 3])
-    found = lagcli.simulate(lagcli.load_text(text), t_end=1.5, samples=16, engine="scipy")
-    assert found.status == "completed", found.message
-    assert found.multipliers[-1, :8].sum() == pytest.approx(MASS * G, rel=1e-6)
-    assert found.q[-1, 2] == pytest.approx(0.06, abs=1e-9)

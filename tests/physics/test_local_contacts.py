@@ -278,8 +278,7 @@ def test_sliding_friction_takes_part_with_its_normal_force() -> None:
     assert np.abs(finite.imag).max() == pytest.approx(math.sqrt((80 - 0.3 * 60) / 2), rel=1e-8)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_small_simulated_motions_are_those_of_the_linear_model(engine: str) -> None:
+def test_small_simulated_motions_are_those_of_the_linear_model() -> None:
     """Beside the sliding equilibrium, on both engines: friction follows the normal force."""
     at = 0.3 * 2 * 9.81 / (80 - 0.3 * 60)
     small = 1e-4
@@ -288,7 +287,7 @@ def test_small_simulated_motions_are_those_of_the_linear_model(engine: str) -> N
     from scipy.linalg import expm
 
     times = np.linspace(0, 1, 21)
-    run = lagcli.simulate(model, t_end=1, samples=21, engine=engine)
+    run = lagcli.simulate(model, t_end=1, samples=21)
     assert run.events is not None
     assert not set(run.events.kinds) & {"sticks", "opens"}
     expected = [(expm(linear.A * t) @ [small, 0])[0] for t in times]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory, joined
 
 CONTACT = Path(__file__).parents[2] / "models" / "contact"
+SAVED = json.loads((Path(__file__).parent / "sensitivities_through_events.json").read_text("utf-8"))
 Array = NDArray[np.float64]
 
 BLOCK = """
@@ -93,6 +96,22 @@ def test_central_differences_of_runs(
             assert np.isfinite(x).all()
             scale = max(float(np.abs(y).max(initial=0.0)), 1e-6)
             np.testing.assert_allclose(x, y, atol=1e-7 * scale, err_msg=f"{name} {which}")
+
+
+@pytest.mark.parametrize("case", SAVED["cases"], ids=lambda case: case["model"])
+def test_saved_derivatives_of_an_independent_program(case: dict[str, Any]) -> None:
+    """See the file for their source; each is relative to the largest of its kind."""
+    model = lagcli.load(CONTACT / f"{case['model']}.yaml")
+    found = lagcli.simulate(
+        model, rtol=1e-11, t_end=case["end"], samples=5, sensitivity=tuple(case["names"])
+    )
+    assert found.warnings == ()
+    assert found.events is not None
+    np.testing.assert_allclose(found.events.time, case["events"], rtol=1e-9)
+    own = {key: getattr(found, key) for key in ("dq", "dv", "dmultipliers")}
+    for key, x in {**own, "dtime": found.events.dtime}.items():
+        y = np.array(case[key]).reshape(x.shape)
+        np.testing.assert_allclose(x, y, atol=1e-7 * max(np.abs(y).max(), 1e-6), err_msg=key)
 
 
 def test_times_and_heights_of_a_bouncing_ball_in_closed_form() -> None:
@@ -312,13 +331,3 @@ initial: {x: 0, y: 0, x': 1, y': 0}
     assert "derivatives by `y` end at t = 0" in note
     assert "`floor` holds there only for this value" in note
     np.testing.assert_allclose(found.dq[-1, :, 0], [1, 0], atol=1e-12)  # type: ignore[index]
-
-
-def test_contact_models_have_the_derivatives_of_either_engine() -> None:
-    model = lagcli.load(CONTACT / "clutch.yaml")
-    one, other = (
-        lagcli.simulate(model, samples=5, sensitivity=("M_c",), engine=engine)
-        for engine in ("compiled", "scipy")
-    )
-    assert one.options["engine"] == other.options["engine"] == "scipy"
-    np.testing.assert_array_equal(one.dq, other.dq)

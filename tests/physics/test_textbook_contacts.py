@@ -14,16 +14,8 @@ from lagcli.trajectory.trajectory import Trajectory
 G = 9.81
 
 
-@pytest.fixture(params=["compiled", "scipy"])
-def engine(request: pytest.FixtureRequest) -> str:
-    name: str = request.param
-    return name
-
-
-def run(text: str, engine: str, **settings: object) -> Trajectory:
-    found = lagcli.simulate(
-        lagcli.load_text(text), SettingsOverrides(engine=engine, rtol=1e-11, **settings)
-    )
+def run(text: str, **settings: object) -> Trajectory:
+    found = lagcli.simulate(lagcli.load_text(text), SettingsOverrides(rtol=1e-11, **settings))
     assert found.status in ("completed", "stopped-by-event"), found.message
     assert np.abs(found.energy_balance).max() < 1e-9 * np.abs(found.energy_total).max()
     return found
@@ -54,9 +46,9 @@ simulation: {t_end: 3}
 """
 
 
-def test_a_rod_in_a_corner_leaves_the_wall(engine: str) -> None:
+def test_a_rod_in_a_corner_leaves_the_wall() -> None:
     """At two thirds of the height of its start, with ω² = g sin θ0/l; then x' stays."""
-    found = run(ROD, engine)
+    found = run(ROD)
     log = found.events
     (leaves,), (flat,) = happened(found, "wall", "opens"), happened(found, "flat", "event")
     height = sin(radians(60))
@@ -84,9 +76,9 @@ simulation: {t_end: 0.3}
 """
 
 
-def test_a_dimer_bounces_on_one_bead(engine: str) -> None:
+def test_a_dimer_bounces_on_one_bead() -> None:
     """Two beads on a massless rod: the mass at the bead is 2 m/(1 + cos² φ)."""
-    found = run(DIMER, engine)
+    found = run(DIMER)
     log = found.events
     first = happened(found, "bead_1", "impact")[0]
     assert log.time[first] == 0
@@ -116,9 +108,9 @@ simulation: {times: [0, 0.3, 1.2]}
 """
 
 
-def test_a_yoyo_s_string_slackens_and_tightens(engine: str) -> None:
+def test_a_yoyo_s_string_slackens_and_tightens() -> None:
     """Struck from below it flies for 2 P/(m g) while it spins on; then the string jerks."""
-    found = run(YOYO, engine)
+    found = run(YOYO)
     log = found.events
     m, r, p, wheel = 0.05, 0.005, 0.02, 0.05 * 0.03**2 / 2
     turning = wheel / r**2  # inertia of the wheel as a mass on the string
@@ -149,9 +141,9 @@ simulation: {t_end: 5}
 """
 
 
-def test_a_bead_on_a_rough_wire_comes_back_slower(engine: str) -> None:
+def test_a_bead_on_a_rough_wire_comes_back_slower() -> None:
     """Up with g (sin α + μ cos α), down with g (sin α − μ cos α)."""
-    found = run(WIRE, engine)
+    found = run(WIRE)
     log = found.events
     up, down = (G * (sin(pi / 6) + sign * 0.4 * cos(pi / 6)) for sign in (1, -1))
     top = 16 / (2 * up)
@@ -162,9 +154,9 @@ def test_a_bead_on_a_rough_wire_comes_back_slower(engine: str) -> None:
     assert log.after[back][0] == pytest.approx(-sqrt(2 * down * top) * cos(pi / 6), rel=1e-10)
 
 
-def test_a_bead_on_a_rougher_wire_stays(engine: str) -> None:
+def test_a_bead_on_a_rougher_wire_stays() -> None:
     assert tan(pi / 6) < 0.7
-    found = run(WIRE.replace("mu: 0.4", "mu: 0.7"), engine)
+    found = run(WIRE.replace("mu: 0.4", "mu: 0.7"))
     (sticks,) = happened(found, "wire.slip", "sticks")
     up = G * (sin(pi / 6) + 0.7 * cos(pi / 6))
     assert found.events.time[sticks] == pytest.approx(4 / up, abs=1e-10)
@@ -186,9 +178,9 @@ simulation: {t_end: 3}
 
 
 @pytest.mark.parametrize("spin", [0.0, 60.0, -300.0])  # plain, follow, draw
-def test_a_billiard_ball_slides_then_rolls(engine: str, spin: float) -> None:
+def test_a_billiard_ball_slides_then_rolls(spin: float) -> None:
     """Rolls at 5/7 v0 + 2/7 r ω0; a draw shot comes back."""
-    found = run(BILLIARD.replace("w: 0", f"w: {spin}"), engine)
+    found = run(BILLIARD.replace("w: 0", f"w: {spin}"))
     log = found.events
     (rolls,) = happened(found, "table.slip", "sticks")
     surface = 0.0286 * spin

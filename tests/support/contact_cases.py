@@ -1,4 +1,4 @@
-"""The cases of contact, friction and events in tests/benchmark/contact, run on an engine."""
+"""The cases of contact, friction and events in tests/benchmark/contact, run by the core."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import yaml
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block, EventEntry, Occurrence, Outcome
-from lagcli.engine.integrate.engines import engine_named
+from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.system import System
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
@@ -49,7 +49,7 @@ def contact_model(name: str, **changes: Any) -> Model:
 
 @dataclass
 class ContactRun:
-    """What an engine makes of a model: its samples, its entries, and how it ended."""
+    """The run of a model: its samples, its entries, and how it ended."""
 
     model: Model
     system: System
@@ -92,12 +92,12 @@ class ContactRun:
         return float(entry.impulse[self.row(name)])
 
 
-def run_contact(model: Model, engine: str, **settings: Any) -> ContactRun:
-    """Run a model on an engine, with DOP853."""
-    given = SettingsOverrides(**{"engine": engine, "method": "DOP853", "rtol": 1e-12, **settings})
+def run_contact(model: Model, **settings: Any) -> ContactRun:
+    """Run a model with DOP853."""
+    given = SettingsOverrides(**{"method": "DOP853", "rtol": 1e-12, **settings})
     simulation = prepare(model, given)
     blocks: list[Array] = []
-    outcome = engine_named(engine)(
+    outcome = compiled_engine.run(
         simulation.system, simulation.request, lambda x: blocks.append(np.column_stack(x))
     )
     width = simulation.system.sample_layout.size
@@ -105,6 +105,6 @@ def run_contact(model: Model, engine: str, **settings: Any) -> ContactRun:
     return ContactRun(model, simulation.system, outcome, rows)
 
 
-def run_case(name: str, engine: str, **settings: Any) -> ContactRun:
+def run_case(name: str, **settings: Any) -> ContactRun:
     """Run the model of a case as it is."""
-    return run_contact(contact_model(name), engine, **settings)
+    return run_contact(contact_model(name), **settings)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagcli.engine.switching.impacts import ImpactProblem
 from lagcli.engine.switching.problem import ContactLaw
+from tests.support.impact_laws import ImpactProblem
 
 
 def random_impact(rng: np.random.Generator, restitution: float | None = None) -> ImpactProblem:

@@ -59,6 +59,6 @@ initial: {q1: a, q2: b, q1': -0.1, q2': -0.2}
 
 def prepared(text: str = BLOCK) -> tuple[System, IntegrationRequest, Evaluator]:
     """Return the System of a model, the request of its run, and an evaluator at its parameters."""
-    simulation = prepare(load_text(text), SettingsOverrides(engine="scipy", method="DOP853"))
+    simulation = prepare(load_text(text), SettingsOverrides(method="DOP853"))
     request = simulation.request
     return simulation.system, request, Evaluator(simulation.system, request.state.p)

@@ -19,6 +19,7 @@ from lagcli.analysis.compare.reduced import (
 from lagcli.analysis.compare.rows import REDUCED, ComparedRow, reference_row, rows_of
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.engines import switches
 from lagcli.errors import NumericalError
 from lagcli.model.model import Model
 from lagcli.settings.resolve import resolve
@@ -133,6 +134,8 @@ def compare(
 def _run(simulation: Simulation, row: ComparedRow) -> ComparedRun:
     if row.formulation in REDUCED:
         return _run_reduced(simulation, row)
+    if row.engine == "scipy" and switches(simulation.system):
+        return ComparedRun(row, "not available", "not for contacts, events and kinks")
     blocks: list[Samples] = []
     record, seconds = _timed(lambda: _with(simulation, row).run(blocks.append))
     return _measured(row, joined(blocks), record, seconds)

@@ -100,14 +100,6 @@ def simulate(
             " the reference engine, which is slower",
             file=sys.stderr,
         )
-    asked = settings.engine or loaded.settings.engine
-    steps_by = None if simulation.sensitivity is None else simulation.sensitivity.engine
-    if asked == "compiled" and steps_by == "scipy" and not quiet:
-        print(
-            "note: the reference engine takes the steps: the compiled engine, which was requested,"
-            " has no derivatives through contacts, events and jumps of forces",
-            file=sys.stderr,
-        )
     extremes = Extremes(loaded.constraint_names, simulation.monitor.names)
     writing = 0.0
     with (

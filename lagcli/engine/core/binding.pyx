@@ -80,6 +80,8 @@ cdef class Integrator:
         Samples kept before they are passed on.
     extra : int
         Numbers at the end of each sample: multipliers of rows that switch.
+    changes : (n, 2 nq) array, optional
+        Derivatives of q and v at the start, in each direction.
     """
 
     cdef lag_run *run
@@ -92,7 +94,7 @@ cdef class Integrator:
         self, system, constraint, state, double t_end, times, sizes, lengths,
         plain_lengths, int rank, double rtol, atol, kinds, double h_max, bint projecting,
         int watching, double alpha, double beta, bint baumgarte, bint detecting, bint refinable,
-        long block_rows, int extra=0,
+        long block_rows, int extra=0, changes=None,
     ):
         cdef _Arguments arguments = _Arguments()
         cdef lag_equations equations = arguments.equations(system, constraint)
@@ -100,7 +102,10 @@ cdef class Integrator:
         self.system, self.times = system, len(times)
         self.nq, self.nc, self.n = equations.nq, equations.nc, 2 * equations.nq + 1
         s.t_start, s.t_end, s.h_max, s.rtol = state.t, t_end, h_max, rtol
-        s.y, s.atol = arguments.doubles(state.y), arguments.doubles(atol)
+        carried = [] if changes is None else changes
+        s.directions, wide = len(carried), 3 * self.nq + self.nc + extra
+        y = state.y if changes is None else np.concatenate([state.y, np.ravel(carried)])
+        s.y, s.atol = arguments.doubles(y), arguments.doubles(atol)
         s.parameters = arguments.doubles(system.held_at(state.t, state.p))
         s.kind, s.rank = arguments.integers(kinds), rank
         s.sizes, s.lengths = arguments.doubles(sizes), arguments.doubles(lengths)
@@ -109,7 +114,8 @@ cdef class Integrator:
         s.baumgarte, s.alpha, s.beta = baumgarte, alpha, beta
         s.detecting, s.refinable = detecting, refinable
         s.times, s.times_count = arguments.doubles(times), len(times)
-        self.block = np.empty((block_rows, SampleLayout(Counts(self.nq, self.nc)).size + extra))
+        width = SampleLayout(Counts(self.nq, self.nc)).size + extra + s.directions * wide
+        self.block = np.empty((block_rows, width))
         cdef double[:, ::1] block = self.block
         s.block, s.block_rows, s.extra = &block[0, 0], block_rows, extra
         self.run = lag_create(&_MEMORY, &equations, &s)

@@ -26,6 +26,7 @@ cdef extern from "contact/contact.h" nogil:
         const double *restitution
         const double *friction
         const double *rounding
+        void *phase
 
     ctypedef struct lag_impact_result:
         double *impulse
@@ -132,6 +133,7 @@ def solve_impact(matrix, before, laws, restitution, friction, int law):
     cdef int n = len(before)
     cdef lag_impact impact
     impact.n, impact.matrix, impact.rounding = n, arguments.doubles(matrix), NULL
+    impact.phase = NULL
     impact.before, impact.law = arguments.doubles(before), arguments.integers(laws)
     impact.restitution, impact.friction = arguments.doubles(restitution), arguments.doubles(friction)
     reals = np.zeros((3, n + 1))

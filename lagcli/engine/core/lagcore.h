@@ -78,6 +78,8 @@ typedef struct {
     double *block;                     /* block_rows rows of t, q, v, a, lambda, W */
     long block_rows;
     int extra;                         /* numbers at the end of each row: the multipliers of rows that switch */
+    int directions;                    /* in which a motion that switches is differentiated: their changes of q and v
+                                        * follow y, and those of q, v, a, lambda (of all constraints) each row */
 } lag_settings;
 
 /* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
@@ -306,11 +308,49 @@ void lag_place(lag_run *run, const double *y);
 void lag_activate(lag_run *run, int row, int active);
 void lag_set_parameters(lag_run *run, const double *parameters);
 
-/* Apply a generalized impulse (nq). Returns LAG_RUNNING or LAG_UNDEFINED. */
-int lag_push(lag_run *run, const double *impulse);
+/* Apply a generalized impulse (nq); with derivatives, its changes (directions * nq), or NULL. Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_push(lag_run *run, const double *impulse, const double *changes);
 
 /* Return the entries of the log, and empty it. */
 long lag_take_log(lag_run *run);
+
+/*
+ * Derivatives of a motion that switches: derivatives/derivatives.h. Programs are the derivatives of those with the
+ * same name along a direction, of (t, q, v, delta t, delta q, delta v, delta p, p), or of (t, q, v, a, lambda,
+ * delta t, ..., delta lambda, delta p, p); programs of what there is none of are empty. After lag_use_switching. With
+ * them, DOP853 takes the steps, and each entry of the log ends with the changes of its time.
+ */
+typedef struct {
+    int parameters;                    /* whose changes are given: the first ones */
+    const double *p;                   /* directions * parameters: changes at the start */
+    const int32_t *decides;            /* conditions: whether an event with actions depends on it */
+    lag_program dynamics;              /* entries of M, f, entries of B, gamma */
+    lag_program constraint;            /* phi, entries of B, b_0 */
+    lag_program functions;             /* of the rows: phi, entries of B, b_0, gamma */
+    lag_program limits, impact, forces;
+    lag_program conditions, force_conditions;
+    lag_program kinks;
+    lag_program kink_rates;            /* of (t, q, v, their rates, delta t, ..., delta p, delta v, delta a, p): the
+                                        * rates of the functions, their changes */
+} lag_directions;
+
+int lag_use_directions(lag_run *run, const lag_directions *directions);
+
+/* Why a direction has no derivatives: a lag_reason, and watched functions by their kind and number. */
+typedef struct {
+    int lost, reason, count;
+    double t;
+    const int *what, *which;
+} lag_loss_report;
+lag_loss_report lag_loss_of(const lag_run *run, int direction);
+
+/* Changes of the state at an instant (directions * 2 nq, parameters), of a and lambda of all constraints (nq + nc), and
+ * of the instant's time, or that of a condition (-1: none). */
+int lag_read_changes(lag_run *run, double *of_state, double *of_parameters, double *of_forces);
+const double *lag_change_of_time(const lag_run *run, int condition);
+
+/* Set them where an action has changed the state. */
+void lag_set_changes(lag_run *run, const double *of_state, const double *of_parameters);
 
 /* Continue with another method from here. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, const lag_method *method);

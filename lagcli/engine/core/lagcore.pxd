@@ -52,7 +52,7 @@ cdef extern from "lagcore.h" nogil:
         long times_count
         double *block
         long block_rows
-        int extra
+        int extra, directions
 
     ctypedef struct lag_elimination:
         int n
@@ -198,6 +198,19 @@ cdef extern from "lagcore.h" nogil:
         const int *kinks
         const double *branches
 
+    ctypedef struct lag_directions:
+        int parameters
+        const double *p
+        const int32_t *decides
+        lag_program dynamics, constraint, functions, limits, impact, forces
+        lag_program conditions, force_conditions, kinks, kink_rates
+
+    ctypedef struct lag_loss_report:
+        int lost, reason, count
+        double t
+        const int *what
+        const int *which
+
     ctypedef struct lag_contact_report:
         int n
         const int *row
@@ -223,7 +236,14 @@ cdef extern from "lagcore.h" nogil:
     void lag_place(lag_run *run, const double *y)
     void lag_activate(lag_run *run, int row, int active)
     void lag_set_parameters(lag_run *run, const double *parameters)
-    int lag_push(lag_run *run, const double *impulse)
+    int lag_push(lag_run *run, const double *impulse, const double *changes)
+    int lag_use_directions(lag_run *run, const lag_directions *directions)
+    lag_loss_report lag_loss_of(const lag_run *run, int direction)
+    int lag_read_changes(
+        lag_run *run, double *of_state, double *of_parameters, double *of_forces)
+    const double *lag_change_of_time(const lag_run *run, int condition)
+    void lag_set_changes(
+        lag_run *run, const double *of_state, const double *of_parameters)
     long lag_take_log(lag_run *run)
     const double *lag_matrix(const lag_run *run)
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)

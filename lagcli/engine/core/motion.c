@@ -3,13 +3,14 @@
 #include <math.h>
 #include <string.h>
 
+#include "derivatives/changes.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
 #include "tape/vectors.h"
 
 int lag_size(const lag_system *s)
 {
-    return 2 * s->nq + 1;
+    return 2 * s->nq + 1 + s->carried;
 }
 
 /* Whether n numbers are bitwise equal. */
@@ -217,11 +218,11 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     const int nq = s->nq;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
     if (lag_solving_by(run) != LAG_BY_TAPE || run->baumgarte.active || run->solver.refining
-        || run->switching.acting || (s->blocks > 1 && !s->complete)) {
+        || run->switching.acting || (s->blocks > 1 && !s->complete) || run->derivatives.n) {
         if (lag_accelerate(run, t, y, run->solver.refining, f + 2 * nq))
             return 1;
         memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
-        return 0;
+        return run->derivatives.n && lag_rates_of_changes(run, t, y, f) ? failed(run, t, y) : 0;
     }
     /* directly from the unrolled tape; without lambda there is no a */
     ++run->step.evaluations;

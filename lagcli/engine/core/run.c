@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "breaks.h"
+#include "derivatives/changes.h"
 #include "methods/control.h"
 #include "events.h"
 #include "methods/dop853.h"
@@ -106,6 +107,8 @@ static int finish(lag_run *run)
         const int off = lag_return(run, run->step.t, run->step.y);
         if (off != LAG_RUNNING)
             return off;
+        if (run->derivatives.n && lag_project_changes(run, run->step.t, run->step.y))
+            return LAG_UNDEFINED;
         lag_measure(run);
         lag_sizes_update(run);
         if (!run->method->uses_slope)

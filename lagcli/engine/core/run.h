@@ -7,6 +7,7 @@
 #ifndef LAGCLI_RUN_H
 #define LAGCLI_RUN_H
 
+#include "derivatives/derivatives.h"
 #include "memory.h"
 #include "series/series.h"
 #include "switching/switching.h"
@@ -184,6 +185,7 @@ struct lag_run {
     lag_events events;
     lag_breaks breaks;
     lag_switching switching;
+    lag_derivatives derivatives;
     lag_series series;                 /* data of Taylor's method */
     struct lag_implicit *implicit;     /* data of implicit methods; NULL until they are allowed */
     lag_failure failure;

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "derivatives/changes.h"
 #include "motion.h"
 #include "project.h"
 #include "step.h"
@@ -21,6 +22,8 @@ static int write_row(lag_run *run, double t, double *y, double *row)
         if (status != LAG_RUNNING)
             return status;
     }
+    if (run->derivatives.n && lag_project_changes(run, t, y))
+        return LAG_UNDEFINED;
     const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU
                         || run->solver.inaccuracy > FINE * run->tolerances.rtol;
     if (lag_accelerate(run, t, y, refined, &power))
@@ -36,13 +39,15 @@ static int write_row(lag_run *run, double t, double *y, double *row)
         const lag_switching *sw = &run->switching;
         row[lag_sample_size(s) + i] = sw->mode[i] == LAG_OPEN ? 0.0 : sw->sign[i] * sw->force[i];
     }
+    if (run->derivatives.n && lag_write_changes(run, t, y, row + lag_sample_size(s) + run->samples.extra))
+        return LAG_UNDEFINED;
     return LAG_RUNNING;
 }
 
 /* Store the sample at a time. */
 static int sample(lag_run *run, double t, double *y)
 {
-    const long width = lag_sample_size(&run->system) + run->samples.extra;
+    const long width = lag_sample_size(&run->system) + run->samples.extra + lag_width_of_changes(run);
     const int status = write_row(run, t, y, run->samples.block + run->samples.used * width);
     if (status != LAG_RUNNING)
         return status;

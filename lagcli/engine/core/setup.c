@@ -4,6 +4,7 @@
 
 #include "methods/implicit.h"
 #include "bind.h"
+#include "motion.h"
 #include "memory.h"
 #include "methods/method.h"
 #include "run.h"
@@ -41,14 +42,17 @@ static void copy_settings(lag_run *run, const lag_settings *given)
 {
     lag_pool *pool = &run->pool;
     const int nq = run->system.nq, nc = run->system.nc, n = 2 * nq + 1;
+    run->system.carried = 2 * nq * given->directions;
     run->parameters = lag_copy_doubles(pool, given->parameters, run->np);
     run->step.t = run->step.t_start = given->t_start;
     run->step.t_end = run->step.t_stop = given->t_end;
     run->step.h_max = given->h_max;
-    run->step.y = lag_copy_doubles(pool, given->y, n);
+    run->step.y = lag_copy_doubles(pool, given->y, lag_size(&run->system));
     run->tolerances.rtol = given->rtol;
     run->tolerances.given = lag_copy_doubles(pool, given->atol, n);
-    run->tolerances.atol = lag_copy_doubles(pool, given->atol, n);
+    run->tolerances.atol = lag_doubles(pool, lag_size(&run->system));
+    if (!pool->failed)
+        memcpy(run->tolerances.atol, given->atol, (size_t)n * sizeof(double));
     run->tolerances.kind = lag_copy_integers(pool, given->kind, nq);
     for (int i = 0; i < nq; ++i)
         if (run->tolerances.kinds <= given->kind[i])
@@ -76,7 +80,7 @@ static void copy_settings(lag_run *run, const lag_settings *given)
 static void allocate(lag_run *run)
 {
     lag_pool *pool = &run->pool;
-    const int nq = run->system.nq, nc = run->system.nc, n = 2 * nq + 1, rank = run->rows.rank;
+    const int nq = run->system.nq, nc = run->system.nc, n = lag_size(&run->system), rank = run->rows.rank;
     const int size = nq + 2 * nc - rank, kinds = run->tolerances.kinds;
     lag_step *step = &run->step;
     step->f = lag_doubles(pool, n);
@@ -313,7 +317,7 @@ int lag_use_events(lag_run *run, const lag_program *functions)
     events->time = NAN;
     events->sign = lag_copy_integers(&run->pool, NULL, events->count);
     events->after = lag_copy_integers(&run->pool, NULL, events->count);
-    events->y = lag_doubles(&run->pool, 2 * run->system.nq + 1);
+    events->y = lag_doubles(&run->pool, lag_size(&run->system));
     return lag_bind(run, &run->pool, &events->tape, functions);
 }
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "derivatives/changes.h"
 #include "methods/control.h"
 #include "motion.h"
 
@@ -142,6 +143,8 @@ void lag_sizes_update(lag_run *run)
     size[2 * nq] = fmax(size[2 * nq], fabs(run->step.y[2 * nq]));
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
                                                  : FOLLOWING * run->tolerances.rtol * size[2 * nq] + NO_SIZE;
+    if (run->derivatives.n)
+        lag_sizes_of_changes(run);
 }
 
 void lag_first_step(lag_run *run, double order)
@@ -158,7 +161,7 @@ void lag_first_step(lag_run *run, double order)
     };
     lag_sizes_update(run);
     const double h = lag_trial_step(&rule);
-    for (int i = 0; i <= n; ++i)
+    for (int i = 0; i < lag_size(&run->system); ++i)
         run->step.y_new[i] = y[i] + h * f[i];
     if (lag_derivative(run, run->step.t + h, run->step.y_new, change)) {
         run->step.h = h;

@@ -17,17 +17,22 @@ cdef class SwitchingIntegrator(Integrator):
         Entries of the log that are kept before they are passed on.
     clocks : sequence of (Ticks, int)
         Clocks of events, and the largest number of their ticks, 0 without a limit.
+    changes : (n, 2 nq) array or None
+        Derivatives of q and v at the start, in n directions.
     arguments
         Of `Integrator`, for ``split.fixed``.
     """
 
     cdef object split, log
-    cdef int rows, conditions, clocks, kinks, first_branch
+    cdef int rows, conditions, clocks, kinks, first_branch, directions
 
-    def __init__(self, split, frozen, int impacts, double closed, long log_rows, clocks, *arguments):
+    def __init__(
+        self, split, frozen, int impacts, double closed, long log_rows, clocks, changes, *arguments
+    ):
         from lagcli.engine.switching.problem import ContactLaw
 
-        super().__init__(*arguments, len(split.rows))
+        super().__init__(*arguments, len(split.rows), changes)
+        self.directions = 0 if changes is None else len(changes)
         cdef _Arguments given = _Arguments()
         cdef lag_switching_rules r
         system, switching, pattern = split.system, split.switching, split.pattern
@@ -102,7 +107,7 @@ cdef class SwitchingIntegrator(Integrator):
         r.of_time = given.integers([x.timed for x in kinks])
         r.kink_functions = given.program(split.program(frozen.functions)) if frozen else empty
         r.law_of_impact, r.closed = impacts, closed
-        width = 6 + r.exported + 3 * self.nq + r.nc
+        width = 6 + r.exported + 3 * self.nq + r.nc + self.directions
         self.log = np.empty((max(log_rows, 8 * self.rows + 8), width))
         cdef double[:, ::1] log = self.log
         r.log, r.log_rows = &log[0, 0], len(self.log)
@@ -220,10 +225,69 @@ cdef class SwitchingIntegrator(Integrator):
         cdef lag_instant_report report = lag_instant_of(self.run)
         return [i for i in range(self.kinks) if report.kinks[i]]
 
-    def push(self, impulse):
-        """Apply a generalized impulse."""
+    def push(self, impulse, changes=None):
+        """Apply a generalized impulse, whose derivatives are ``changes``, (n, nq)."""
         cdef _Arguments given = _Arguments()
-        return lag_push(self.run, given.doubles(impulse))
+        if changes is None:
+            return lag_push(self.run, given.doubles(impulse), NULL)
+        return lag_push(self.run, given.doubles(impulse), given.doubles(changes))
+
+    def use_directions(self, directions):
+        """Differentiate the motion.
+
+        Parameters
+        ----------
+        directions : DirectionalPrograms
+        """
+        cdef _Arguments given = _Arguments()
+        cdef lag_directions d
+        d.parameters, d.p = directions.parameters.shape[1], given.doubles(directions.parameters)
+        d.decides = given.integers(directions.decides)
+        d.dynamics = given.program(directions.dynamics)
+        d.constraint = given.program(directions.constraint)
+        d.functions = given.program(directions.functions)
+        d.limits = given.program(directions.limits)
+        d.impact = given.program(directions.impact)
+        d.forces = given.program(directions.forces)
+        d.conditions = given.program(directions.conditions)
+        d.force_conditions = given.program(directions.force_conditions)
+        d.kinks = given.program(directions.kinks)
+        d.kink_rates = given.program(directions.kink_rates)
+        _checked(lag_use_directions(self.run, &d))
+
+    def changes(self, int parameters):
+        """Return derivatives at an instant: of the state, of the parameters, and of a and λ."""
+        constraints = len(self.split.system.constraints)
+        state = np.empty((self.directions, 2 * self.nq))
+        forces = np.empty((self.directions, self.nq + constraints))
+        cdef double[:, ::1] of_state = state
+        p = np.empty((self.directions, max(parameters, 1)))
+        cdef double[:, ::1] of_p = p
+        cdef double[:, ::1] of_forces = forces
+        lag_read_changes(self.run, &of_state[0, 0], &of_p[0, 0], &of_forces[0, 0])
+        return state, p[:, :parameters], forces
+
+    def set_changes(self, state, parameters):
+        """Set derivatives where an action has changed the state or the parameters."""
+        cdef _Arguments given = _Arguments()
+        lag_set_changes(self.run, given.doubles(state), given.doubles(parameters))
+
+    def change_of_time(self, condition=None):
+        """Return the derivatives of the time of the instant, or of that of a condition."""
+        which = -1 if condition is None else condition
+        return _copy(lag_change_of_time(self.run, which), self.directions)
+
+    @property
+    def losses(self):
+        """Of each direction without derivatives: its number, since when, why, and of what."""
+        cdef lag_loss_report r
+        found = []
+        for k in range(self.directions):
+            r = lag_loss_of(self.run, k)
+            if r.lost:
+                culprits = [(r.what[i], r.which[i]) for i in range(r.count)]
+                found.append((k, r.t, r.reason, culprits))
+        return found
 
     @property
     def begun(self):

@@ -17,6 +17,7 @@ typedef struct {
     int blocks;                        /* the motion, and its derivatives in each direction */
     int complete;                      /* whether the unrolled dynamics contain the solution of all blocks */
     lag_tape tangent;                  /* f and gamma of the derivatives, if any */
+    int carried;                       /* numbers after W in the state: changes, derivatives/derivatives.h */
 } lag_system;
 
 #include "layout.h"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lagcli.engine.contract import Engine
+from lagcli.engine.system import System
 
 
 def engine_named(name: str) -> Engine:
@@ -14,3 +15,15 @@ def engine_named(name: str) -> Engine:
     from lagcli.engine.integrate import scipy_engine
 
     return scipy_engine.run
+
+
+def switches(system: System) -> bool:
+    """Return whether a System switches, which only the compiled engine supports.
+
+    Contacts, limits and events of the model do, and branches of forces.
+    """
+    if system.switching is not None or not system.has_kinks:
+        return system.switching is not None
+    from lagcli.engine.switching.kinks import frozen_of
+
+    return frozen_of(system) is not None

@@ -1,4 +1,4 @@
-"""The reference engine, which integrates with SciPy."""
+"""The SciPy engine, for Systems that do not switch."""
 
 from __future__ import annotations
 
@@ -17,29 +17,13 @@ def run(
     sink: Callable[[Block], None],
     progress: Callable[[float], None] | None = None,
 ) -> Outcome:
-    """Integrate a System; see the contract in `lagcli.engine.contract`."""
-    kind = ScipyIntegration
-    switches = system.switching is not None
-    if system.has_kinks and request.on_event is None and not switches:
-        from lagcli.engine.switching.kinks import frozen_of
-
-        switches = frozen_of(system) is not None
-    if switches:
-        from lagcli.engine.integrate.switched_integration import SwitchedIntegration
-
-        kind = SwitchedIntegration
-    return run_integration(kind(system, request, sink, progress))
-
-
-def run_integration(integration: ScipyIntegration) -> Outcome:
-    """Integrate, and return how the run ended and what it took."""
+    """Integrate a System without ``switching``; see the contract in `lagcli.engine.contract`."""
+    assert system.switching is None, "only the compiled engine has contacts and events"
+    integration = ScipyIntegration(system, request, sink, progress)
     # numbers that overflow are seen by what becomes of them
     with np.errstate(all="ignore"):
         found = outcome(integration.integrate)
         integration.emit()
-    found.events, found.modes = integration.entries, integration.start_modes
-    found.limits = integration.limits_of_events
-    found.kinks = integration.kinks
     found.steps, found.rejected = integration.steps, integration.rejected
     found.evaluations = integration.motion.evaluations
     found.tolerances = integration.sizes.tolerances if integration.sizes else None

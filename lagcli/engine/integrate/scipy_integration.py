@@ -21,10 +21,8 @@ from lagcli.engine.constraints.singular import Ahead, RankWatch
 from lagcli.engine.contract import (
     Block,
     Event,
-    EventEntry,
     IntegrationRequest,
     Limits,
-    OneSidedLimits,
     Stop,
     Stopped,
     Undefined,
@@ -66,10 +64,6 @@ class ScipyIntegration:
         self.waiting: list[Array] = []  # t, q, v, a, λ, W
         self.sampled = 0
         self.limits = Limits(self.settings)
-        self.entries: list[EventEntry] = []
-        self.limits_of_events: list[OneSidedLimits] = []
-        self.start_modes: tuple[int, ...] = ()
-        self.kinks = 0
         self.breaks = breaks_of(system, request)
         if self.settings.formulation == "baumgarte":
             self.damp(1.0 if self.settings.alpha is None else self.settings.alpha)
@@ -80,15 +74,11 @@ class ScipyIntegration:
         self.projection = Projection(evaluator, self.request.rank)
         self.watch = RankWatch(self.motion)
 
-    def begin_run(self, t: float, y: Array) -> Array:
-        """Return the initial state of the run."""
-        return self.begin(t, y)
-
     def integrate(self) -> None:
         """Integrate to the end; raise `Stop` to end early."""
         request = self.request
         t = request.state.t
-        y = self.begin_run(t, request.state.y)
+        y = self.begin(t, request.state.y)
         self.watch.check_start(t, *self.motion.split(y), self.projection)
         self.check_redundancy(t, y)
         for at in self.due(t):
@@ -135,18 +125,14 @@ class ScipyIntegration:
 
     def consistent(self, t: float, y: Array) -> Array:
         """Return the nearest consistent state, with y' as it is from now on."""
-        self.stop = self.next_stop(t)
+        after, end = int(np.searchsorted(self.breaks, t, side="right")), self.settings.t_end
+        self.stop = min(float(self.breaks[after]), end) if after < len(self.breaks) else end
         self.motion.evaluator.hold(t)
         self.motion.measure(t, *self.motion.split(y))
         y = self.project(t, y)
         if not np.isfinite(self.motion.rate(t, y)).all():
             raise Undefined(self.motion.state(t, y))
         return y
-
-    def next_stop(self, t: float) -> float:
-        """Return the next time at which a step must end: a break, or the end."""
-        after, end = int(np.searchsorted(self.breaks, t, side="right")), self.settings.t_end
-        return min(float(self.breaks[after]), end) if after < len(self.breaks) else end
 
     def at_break(self, t: float) -> bool:
         """Return whether a time is one at which y' is not smooth."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.constraints.adjustment import (
+    HeldRows,
     adjusted,
     held_during,
     impulse_of,
@@ -61,6 +62,7 @@ class Actions:
         switched = {row.row for row in rows}
         self.base = [k for k in range(len(system.constraints)) if k not in switched]
         self.fixed = np.zeros((2, self.nq), dtype=bool)
+        self.rows = HeldRows((), (), {})
         self.notes: dict[str, str] = {}
 
     # made when needed: events may never happen
@@ -115,10 +117,10 @@ class Actions:
         y, energy = core.state, self._energy(core.state)
         after, impulse = y.copy(), np.zeros(len(self.system.constraints))
         if self._values is not None and (rule.targets or rule.impulses):
-            found = self._values(self._inputs(y))
+            found = self._values(self.inputs(y))
             count = len(rule.targets)
             values = found[rule.first : rule.first + count]
-            after, impulse = self._set(rule, y, values)
+            after, impulse = self.set(rule, y, values)
             if any(what == "p" for what, _ in rule.targets):
                 core.set_parameters(self._held)
             core.place(after)
@@ -129,7 +131,7 @@ class Actions:
         if rule.targets or rule.impulses:
             change = self._energy(after) - energy
             if impulse.any():
-                drift = self._evaluator.constraints(core.t, *self._split(after)).drift
+                drift = self.evaluator.constraints(core.t, *self._split(after)).drift
                 supplied = -float(impulse @ drift)
             work = change - supplied
             after[-1] = y[-1] + change
@@ -137,19 +139,20 @@ class Actions:
         entries = [self._entry("event", number, y, after, work, supplied, impulse)]
         rows = [row.row for row in self.switching.rows]
         for constraint in rule.release:
-            self._activate(rows.index(constraint), False)
+            self.activate(rows.index(constraint), False)
             entries.append(self._entry("releases", constraint, after, after))
         for constraint in rule.engage:
             self._check_gap(constraint, after)
-            self._activate(rows.index(constraint), True)
+            self.activate(rows.index(constraint), True)
             entries.append(self._entry("engages", constraint, after, after))
         return entries
 
-    def _activate(self, row: int, active: bool) -> None:
+    def activate(self, row: int, active: bool) -> None:
+        """Release or engage a row."""
         self.core.activate(row, active)
         self.active[row] = active
 
-    def _set(self, rule: EventRule, y: Array, values: Sequence[float]) -> tuple[Array, Array]:
+    def set(self, rule: EventRule, y: Array, values: Sequence[float]) -> tuple[Array, Array]:
         """Return the state with the values that an event sets, and the impulse of constraints.
 
         The other coordinates and velocities follow on the constraints.
@@ -165,9 +168,9 @@ class Actions:
                 (q if what == "q" else v)[index] = value
                 self.fixed[int(what == "v"), index] = True
         core, count = self.core, len(self.system.constraints)
-        rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
+        self.rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
         try:
-            found = adjusted(self._evaluator, core.t, q, v, self.fixed, rows)
+            found = adjusted(self.evaluator, core.t, q, v, self.fixed, self.rows)
         except UndefinedStart as error:
             raise Undefined(error.state) from None
         except NoConsistentState as error:
@@ -181,18 +184,22 @@ class Actions:
         core, t, push = self.core, self.core.t, np.zeros(self.nq)
         push[list(rule.impulses)] = values
         before = core.state
-        if core.push(push) != Status.RUNNING:
+        if self.push(push) != Status.RUNNING:
             raise Stop(f"{rule.name}: the impulse is not defined at t = {t:.9g} s")
         after: Array = core.state
         (q, v), free = self._split(after), np.ones(self.nq, dtype=bool)
         change = v - self._split(before)[1]
-        impulse += impulse_of(self._evaluator, t, q, v, change, self.base, free, push)
+        impulse += impulse_of(self.evaluator, t, q, v, change, self.base, free, push)
         self.fixed[1] = False
         return after
 
+    def push(self, impulse: Array) -> int:
+        """Apply a generalized impulse; return a status of the core."""
+        return int(self.core.push(impulse))
+
     def _note(self, rule: EventRule, given: Array, q: Array) -> None:
         """Note which coordinates an event has moved besides those that it sets."""
-        sizes = self._evaluator.sizes(self.core.t, q, np.zeros(self.nq))
+        sizes = self.evaluator.sizes(self.core.t, q, np.zeros(self.nq))
         noticed = _NOTICED * np.abs(q / sizes).max(initial=0.0) * sizes
         moved = np.flatnonzero(np.abs(q - given) > noticed)
         if not len(moved) or rule.name in self.notes:
@@ -211,7 +218,7 @@ class Actions:
         return y[: self.nq], y[self.nq : 2 * self.nq]
 
     @property
-    def _evaluator(self) -> Evaluator:
+    def evaluator(self) -> Evaluator:
         """The equations with the present values of the parameters."""
         return self._equations.with_parameters(tuple(self.p))
 
@@ -244,7 +251,7 @@ class Actions:
             modes=np.array(modes, dtype=int),
         )
 
-    def _inputs(self, y: Array) -> tuple[float, ...]:
+    def inputs(self, y: Array) -> tuple[float, ...]:
         """Return (t, q, v, a, λ, p)."""
         _, a, multipliers = self.core.motion
         return (self.core.t, *y[:-1].tolist(), *a.tolist(), *multipliers.tolist(), *self.p)

@@ -150,8 +150,19 @@ class SwitchingIntegration(Integration):
         self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
         ticks = [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
         return binding.SwitchingIntegrator(
-            self.split_system, self.frozen, law, settings.closed, _LOG_ROWS, ticks, *arguments
+            self.split_system,
+            self.frozen,
+            law,
+            settings.closed,
+            _LOG_ROWS,
+            ticks,
+            self.start_changes(),
+            *arguments,
         )
+
+    def start_changes(self) -> Array | None:
+        """Return the derivatives of q and v at the start, (n, 2 nq), if there are any."""
+        return None
 
     def run(self) -> Outcome:
         """Integrate, once."""

@@ -17,7 +17,6 @@ from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.state import State
 from lagcli.engine.system import System
-from lagcli.settings.settings import Settings
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
@@ -72,10 +71,6 @@ class TangentProblem:
         self.blocks = Blocks(system.counts, tangent.directions)
         self.whole = with_derivatives(system, tangent, names)
         self._prepared: Prepared | None = None
-
-    def engine(self, settings: Settings) -> str:
-        """Return the engine that takes the steps."""
-        return settings.engine
 
     def integrate(
         self,

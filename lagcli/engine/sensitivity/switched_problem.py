@@ -4,27 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from lagcli.arrays import Array
 from lagcli.engine.contract import IntegrationRequest, Outcome
-from lagcli.engine.integrate.scipy_engine import run_integration
 from lagcli.engine.sensitivity.integration import Sink
 from lagcli.engine.sensitivity.start import StartDerivatives
-from lagcli.engine.sensitivity.switched_tangent import SwitchedTangent
 from lagcli.engine.system import System
-from lagcli.settings.methods import METHODS
-from lagcli.settings.settings import Settings
-
-#: Methods of the reference engine, and the substitute for others.
-_OWN = tuple(name for name, method in METHODS.items() if "scipy" in method.formulations)
-_METHOD = "DOP853"
 
 
 class SwitchedProblem:
     """A System and the directions in which its motion is differentiated, for many runs.
 
-    The reference engine takes the steps, regardless of the settings.
+    DOP853 takes the steps, regardless of the settings.
 
     Parameters
     ----------
@@ -37,10 +27,6 @@ class SwitchedProblem:
 
     def __init__(self, system: System, names: Sequence[str], scales: Array):
         self.system, self.names, self.scales = system, tuple(names), scales
-
-    def engine(self, settings: Settings) -> str:
-        """Return the engine that takes the steps."""
-        return "scipy"
 
     def integrate(
         self,
@@ -64,15 +50,8 @@ class SwitchedProblem:
         progress : callable, optional
             As in `lagcli.engine.contract.Engine`.
         """
-        settings = request.settings
-        if settings.engine != "scipy":
-            method = settings.method if settings.method in _OWN else _METHOD
-            request = request._replace(settings=settings.replace(engine="scipy", method=method))
-        run = SwitchedTangent(
+        from lagcli.engine.sensitivity.switched_run import DifferentiatedIntegration
+
+        return DifferentiatedIntegration(
             self.system, request, start, parameters, self.names, self.scales, sink, progress
-        )
-        found = run_integration(run)
-        found.methods = (request.settings.method,)
-        found.event_changes = np.array(run.times).reshape(len(run.times), len(self.scales))
-        found.notes = tuple(run.notes)
-        return found
+        ).run()

@@ -27,7 +27,7 @@ simulation: {t_end: 2, samples: 41}
 @pytest.fixture(scope="module")
 def run() -> Trajectory:
     """A ball that falls for 0.5 s, and slides with 2 m/s² from 0.5 m/s to rest at 0.75 s."""
-    return lagcli.simulate(load_text(BALL), engine="scipy", method="DOP853", rtol=1e-11)
+    return lagcli.simulate(load_text(BALL), method="DOP853", rtol=1e-11)
 
 
 def test_open_contacts_have_no_residual(run: Trajectory) -> None:
@@ -70,7 +70,7 @@ initial: {x: 0, y: 0, x': 1.5, y': 0}
 simulation: {t_end: 1, samples: 5}
 """
     )
-    run = lagcli.simulate(load_text(text), engine="scipy", method="DOP853")
+    run = lagcli.simulate(load_text(text), method="DOP853")
     np.testing.assert_allclose(run.a[:, 0], -1.0)
     assert run.residual_equation.max() < 1e-14
     assert np.abs(run.energy_balance).max() < 1e-12

@@ -122,10 +122,9 @@ def test_jumps_in_a_constraint() -> None:
     np.testing.assert_allclose(y, x**2, atol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_a_constraint_that_jumps_ends_the_run(engine: str) -> None:
+def test_a_constraint_that_jumps_ends_the_run() -> None:
     """At x = 0 the stairs go down by 1 m: nothing after that belongs to the motion before."""
-    trajectory = simulate(load(FOUND / "floor_constraint.yaml"), engine=engine)
+    trajectory = simulate(load(FOUND / "floor_constraint.yaml"))
     assert trajectory.status == "failed"
     assert "the constraints jump at" in trajectory.message
     assert "differs by 1 in `y`" in trajectory.message
@@ -429,7 +428,7 @@ def test_every_key_is_derived(every_key: Path, form: str, option: str, capsys) -
 
 @pytest.mark.parametrize(
     "options",
-    [["--engine", "scipy"], ["--method", "Radau"], ["--engine", "scipy", "--method", "Radau"]],
+    [["--method", "DOP853"], ["--method", "Radau"]],
     ids=" ".join,
 )
 def test_every_key_is_simulated_alike(every_key: Path, options: list[str], tmp_path: Path) -> None:

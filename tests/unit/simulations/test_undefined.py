@@ -104,10 +104,9 @@ def test_a_run_that_reaches_an_undefined_value_names_the_line() -> None:
     assert "**" not in message
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_a_run_with_branches_names_the_line_too(engine: str) -> None:
+def test_a_run_with_branches_names_the_line_too() -> None:
     text = HEAD + "T: (x'^2 + y'^2)/2\nV: 0\nQ: {x: \"abs(x) + sqrt(0.5 - t)\"}\n" + TAIL
-    found = lagcli.simulate(load_text(text), t_end=1, engine=engine)
+    found = lagcli.simulate(load_text(text), t_end=1)
     assert found.status == "failed"
     assert "`sqrt(0.5 - t)` in the force on `x` has no finite value at t = 0.5" in found.message
 

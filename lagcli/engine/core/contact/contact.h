@@ -74,6 +74,9 @@ size_t lag_contact_memory(int n);
 /* Laws of impact. */
 enum { LAG_POISSON, LAG_NEWTON, LAG_SEQUENTIAL };
 
+/* Phases of an impact. */
+enum { LAG_COMPRESSION, LAG_EXPANSION, LAG_NEWTON_PHASE };
+
 /*
  * An impact: velocities before, of the rows that take part: contacts that are closed and approach or
  * rest, their friction, and bilateral rows that limit friction. The limit of row k is
@@ -87,6 +90,10 @@ typedef struct lag_impact {
     const double *restitution; /* n, read of unilateral rows */
     const double *friction;    /* n * n, read of limited rows */
     const double *rounding;    /* n, errors that `before` may have; or NULL */
+    /* What is called after each phase, in order; or NULL. It has `count` rows, `row` of the impact's (NULL: all). force:
+     * its impulses, in an expansion beyond those that compression returns. */
+    void (*phase)(void *context, int part, int count, const int *row, const int *mode, const double *force);
+    void *context;
 } lag_impact;
 
 /* What an impact does; n entries each. The losses, -impulse (before + after) / 2, or the sum of these

@@ -70,6 +70,14 @@ static int phase(phases *p, const lag_impact *of, const double *limit, const dou
     return lag_solve_contacts(&problem, NULL, p->memory, &p->first, &p->second);
 }
 
+/* Pass on a phase that has been solved. `of` is the whole impact, or that of the gathered rows. */
+static void pass_on(const phases *p, const lag_impact *of, int part)
+{
+    const lag_impact *whole = p->impact;
+    if (whole->phase)
+        whole->phase(whole->context, part, of->n, of == whole ? NULL : p->row, p->first.mode, p->first.force);
+}
+
 static int worse(int a, int b)
 {
     return a == LAG_NO_MOTION || b == LAG_NO_MOTION ? LAG_NO_MOTION : a > b ? a : b;
@@ -83,6 +91,8 @@ static int newton(phases *p, const lag_impact *of, double *impulse, double *afte
         p->offset[i] = of->before[i] + (bounces ? of->restitution[i] * of->before[i] : 0.0);
     }
     const int found = phase(p, of, p->none, p->none);
+    if (found != LAG_NO_MOTION)
+        pass_on(p, of, LAG_NEWTON_PHASE);
     if (found != LAG_NO_MOTION)
         for (int i = 0; i < of->n; ++i) {
             impulse[i] = p->first.force[i];
@@ -99,6 +109,7 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
     int found = phase(p, of, p->none, p->none), expands = 0;
     if (found == LAG_NO_MOTION)
         return found;
+    pass_on(p, of, LAG_COMPRESSION);
     memcpy(impulse, p->first.force, n * sizeof *impulse);
     memcpy(after, p->first.motion, n * sizeof *after);
     memcpy(p->offset, after, n * sizeof *after);
@@ -121,6 +132,7 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
     found = worse(found, phase(p, of, p->limit, impulse));
     if (found == LAG_NO_MOTION)
         return found;
+    pass_on(p, of, LAG_EXPANSION);
     for (int i = 0; i < n; ++i)
         impulse[i] += p->first.force[i];
     memcpy(after, p->first.motion, n * sizeof *after);
@@ -163,7 +175,7 @@ static int add(phases *p, int count, lag_impact_result *result)
         }
     }
     const lag_impact part = {
-        count, p->matrix, p->before, p->law, p->restitution, p->slope, p->error};
+        count, p->matrix, p->before, p->law, p->restitution, p->slope, p->error, NULL, NULL};
     const int found = poisson(p, &part, p->taken, p->changed);
     if (found == LAG_NO_MOTION)
         return found;

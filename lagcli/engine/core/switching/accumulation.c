@@ -261,7 +261,7 @@ static int strike_once(patch *p)
     copy(p, p->matrix, p->part_matrix);
     copy(p, p->friction, p->part_friction);
     const lag_impact impact = {p->m, p->part_matrix, p->offset, p->part_law, p->part_restitution, p->part_friction,
-                               NULL};
+                               NULL, NULL, NULL};
     lag_impact_result result = {p->force[0], p->motion[0], p->loss};
     if (lag_solve_impact(&impact, p->law_of_impact, p->memory, &result) == LAG_NO_MOTION)
         return 0;

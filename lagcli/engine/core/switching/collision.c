@@ -75,6 +75,9 @@ static int end_impacts(lag_run *run, const lag_impact_report *report)
     if (found < 0 || found == LAG_NO_MOTION)
         return found;
     sw->remainder += lost;
+    for (int i = 0; i < sw->rows; ++i)
+        if (sw->rests[i])
+            run->derivatives.rested = i;
     memset(sw->ends, 0, (size_t)sw->rows * sizeof(int));
     for (int i = 0; i < sw->rows; ++i) {
         if (!sw->rests[i] || sw->ends[i])

@@ -54,48 +54,59 @@ static void superpose(const lag_run *run, const acting_forces *f)
     lag_gather_multipliers(run, f->a + nq, f->all, f->multipliers);
 }
 
-/* The laws' residual at z, and its derivatives to the LU matrix. */
-static void linearize(lag_run *run, double t, const double *y, const acting_forces *f)
+void lag_laws_matrix(lag_run *run, double t, const double *y, const double *a, const double *multipliers, int n,
+                     const int *acts, double *matrix)
 {
     lag_switching *sw = &run->switching;
-    const int n = f->n;
-    double *jacobian = sw->lu;
     int slips = 0;
-    superpose(run, f);
-    memset(jacobian, 0, (size_t)n * n * sizeof(double));
+    memset(matrix, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < n; ++i)
-        slips |= f->acts[i] < sw->rows && lag_row_slips(sw, f->acts[i]);
+        slips |= acts[i] < sw->rows && lag_row_slips(sw, acts[i]);
     if (slips)
-        lag_evaluate_forces(run, &sw->limits, t, y, f->a, f->multipliers);
+        lag_evaluate_forces(run, &sw->limits, t, y, a, multipliers);
     if (sw->nf)
-        lag_evaluate_forces(run, &sw->forces, t, y, f->a, f->multipliers);
+        lag_evaluate_forces(run, &sw->forces, t, y, a, multipliers);
     for (int i = 0; i < n; ++i) {
-        const int k = f->acts[i];
-        double *row = jacobian + i * n;
+        const int k = acts[i];
+        double *row = matrix + i * n;
         if (k >= sw->rows) {
-            f->residual[i] = f->z[i] - OUT(&sw->forces, k - sw->rows);
             row[i] += 1.0;
             for (int p = 0; p < sw->force_count; ++p)
                 if (sw->force_row[p] == k - sw->rows)
                     for (int j = 0; j < n; ++j)
-                        row[j] -= OUT(&sw->forces, sw->nf + p)
-                                  * answer(run, sw->force_constraint[p], f->acts[j]);
+                        row[j] -= OUT(&sw->forces, sw->nf + p) * answer(run, sw->force_constraint[p], acts[j]);
         } else if (lag_row_slips(sw, k)) {
             const double direction = lag_row_slips(sw, k);
-            const int kinetic = sw->nl + sw->limit[k], slopes = 2 * sw->nl + sw->pattern_count;
-            f->residual[i] = f->z[i] + direction * OUT(&sw->limits, kinetic);
+            const int slopes = 2 * sw->nl + sw->pattern_count;
             row[i] += 1.0;
             for (int p = 0; p < sw->pattern_count; ++p)
                 if (sw->pattern_limit[p] == sw->limit[k])
                     for (int j = 0; j < n; ++j)
                         row[j] += direction * OUT(&sw->limits, slopes + p)
-                                  * answer(run, sw->constraint[sw->pattern_row[p]], f->acts[j]);
+                                  * answer(run, sw->constraint[sw->pattern_row[p]], acts[j]);
+        } else {
+            for (int j = 0; j < n; ++j)
+                row[j] = lag_along(run, k, response_of(run, acts[j]));
+        }
+    }
+}
+
+/* The laws' residual at z, and its derivatives to the LU matrix. */
+static void linearize(lag_run *run, double t, const double *y, const acting_forces *f)
+{
+    lag_switching *sw = &run->switching;
+    superpose(run, f);
+    lag_laws_matrix(run, t, y, f->a, f->multipliers, f->n, f->acts, sw->lu);
+    for (int i = 0; i < f->n; ++i) {
+        const int k = f->acts[i];
+        if (k >= sw->rows) {
+            f->residual[i] = f->z[i] - OUT(&sw->forces, k - sw->rows);
+        } else if (lag_row_slips(sw, k)) {
+            f->residual[i] = f->z[i] + lag_row_slips(sw, k) * OUT(&sw->limits, sw->nl + sw->limit[k]);
         } else {
             f->residual[i] = f->offset[i];
-            for (int j = 0; j < n; ++j) {
-                row[j] = lag_along(run, k, response_of(run, f->acts[j]));
-                f->residual[i] += row[j] * f->z[j];
-            }
+            for (int j = 0; j < f->n; ++j)
+                f->residual[i] += sw->lu[i * f->n + j] * f->z[j];
         }
     }
 }

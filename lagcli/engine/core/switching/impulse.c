@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "derivatives/jumps.h"
 #include "motion.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
@@ -119,8 +120,13 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
                 friction[i * n + j] = friction_of(sw, row);
     }
     report->alike = !(least < most);
-    const lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
-                               .restitution = restitution, .friction = friction, .rounding = p.rounding};
+    lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
+                         .restitution = restitution, .friction = friction, .rounding = p.rounding};
+    if (run->derivatives.n) {
+        lag_begin_impact(run, t, y, n, p.rows, report->together);
+        impact.phase = lag_impact_phase;
+        impact.context = run;
+    }
     lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};
     const int law = report->together ? LAG_POISSON : sw->law_of_impact;
     const int found = lag_solve_impact(&impact, law, sw->memory, &result);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "breaks.h"
+#include "derivatives/jumps.h"
 #include "methods/control.h"
 #include "methods/method.h"
 #include "motion.h"
@@ -130,6 +131,8 @@ int lag_look_for_instant(lag_run *run)
     sw->due = 1;
     sw->settled = 0;
     sw->told = NOTHING_TOLD;
+    if (run->derivatives.n && lag_begin_jump(run))
+        return LAG_UNDEFINED;
     return note_ends(run);
 }
 
@@ -304,6 +307,8 @@ int lag_do_instant(lag_run *run)
         return LAG_HAPPENED;
     }
     sw->due = 0;
+    if (run->derivatives.n && sw->told != RESOLVED_TOLD && lag_end_jump(run, sw->begun))
+        return LAG_UNDEFINED;
     if (!sw->begun) {
         sw->begun = 1;
         sw->told = NOTHING_TOLD;
@@ -330,6 +335,8 @@ int lag_begin_modes(lag_run *run)
         sw->rounds = sw->impacts = 0;
         sw->last = run->step.t;
         memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+        if (run->derivatives.n)
+            lag_begin_first_jump(run);
     }
     return sw->due ? lag_do_instant(run) : LAG_RUNNING;
 }

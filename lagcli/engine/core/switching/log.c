@@ -15,7 +15,10 @@ void lag_log(lag_run *run, double t, enum lag_occurrence what, int row, const do
 {
     lag_switching *sw = &run->switching;
     const size_t nq = (size_t)run->system.nq, nc = (size_t)sw->nc, modes = (size_t)sw->exported;
-    double *entry = sw->log + (size_t)sw->log_used++ * (HEAD + modes + 3 * nq + nc);
+    const size_t width = HEAD + modes + 3 * nq + nc;
+    double *entry = sw->log + (size_t)sw->log_used++ * (width + (size_t)run->derivatives.n);
+    if (run->derivatives.n)
+        memcpy(entry + width, run->derivatives.time, (size_t)run->derivatives.n * sizeof(double));
     const double head[HEAD] = {t, what, sw->constraint[row], loss, supplied, 0.0};
     memcpy(entry, head, sizeof head);
     entry += HEAD + modes;
@@ -31,7 +34,7 @@ void lag_log(lag_run *run, double t, enum lag_occurrence what, int row, const do
 void lag_log_modes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
-    const int width = HEAD + sw->exported + 3 * run->system.nq + sw->nc;
+    const int width = HEAD + sw->exported + 3 * run->system.nq + sw->nc + run->derivatives.n;
     for (; sw->log_open < sw->log_used; ++sw->log_open)
         for (int i = 0; i < sw->exported; ++i)
             sw->log[sw->log_open * width + HEAD + i] = sw->mode[i];

@@ -41,6 +41,11 @@ void lag_gather_multipliers(const lag_run *run, const double *of_system, const d
  * Returns A's rank. */
 int lag_least_norm(int n, const double *matrix, const double *b, double *x, double *memory);
 
+/* The derivatives of the laws of n acting forces by these forces, n by n: rows that hold, B U; the others, what is
+ * left of z - Phi(lambda). Their responses are available. Evaluates the tapes of limits and forces. */
+void lag_laws_matrix(lag_run *run, double t, const double *y, const double *a, const double *multipliers, int n,
+                     const int *acts, double *matrix);
+
 /* Add what the rows that act and the forces that depend on multipliers do to a and lambda, as they have
  * been found without; and to the power. Returns 0, or 1 where that is undefined. */
 int lag_add_forces(lag_run *run, double t, const double *y, double *power);

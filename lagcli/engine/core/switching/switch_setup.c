@@ -5,6 +5,7 @@
 
 #include "bind.h"
 #include "breaks.h"
+#include "derivatives/jumps.h"
 #include "motion.h"
 #include "switching/accumulation.h"
 #include "switching/crossing.h"
@@ -17,7 +18,7 @@ static void allocate(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     lag_pool *pool = &run->pool;
-    const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = 2 * nq + 1;
+    const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = lag_size(&run->system);
     const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
     const int watched = 2 * rows + 2 + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
@@ -164,7 +165,7 @@ void lag_activate(lag_run *run, int row, int active)
         sw->mode[row] = sw->mode_before[row] = LAG_OPEN;
 }
 
-int lag_push(lag_run *run, const double *impulse)
+int lag_push(lag_run *run, const double *impulse, const double *changes)
 {
     const int nq = run->system.nq;
     double *y = run->step.y, *work = run->switching.response, sum = 0.0;
@@ -173,6 +174,8 @@ int lag_push(lag_run *run, const double *impulse)
     if (lag_factor(run, run->step.t, y))
         return LAG_UNDEFINED;
     lag_respond(run, impulse, work);
+    if (run->derivatives.n && changes)
+        lag_jump_by_push(run, work, changes);
     for (int i = 0; i < nq; ++i)
         sum += impulse[i] * (y[nq + i] + 0.5 * work[i]);
     for (int i = 0; i < nq; ++i)

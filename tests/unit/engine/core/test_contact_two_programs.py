@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from random_impacts import random_impact
 
-from lagcli.engine.switching.contacts import contact_motions
-from lagcli.engine.switching.impacts import ImpactLaw, ImpactProblem, resolve_impact
 from lagcli.engine.switching.problem import ContactProblem
+from tests.support.contact_problems import contact_motions
+from tests.support.impact_laws import ImpactLaw, ImpactProblem, resolve_impact
 
 binding = pytest.importorskip("lagcli.engine.core.binding")
 

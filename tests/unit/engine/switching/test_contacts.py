@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lagcli.arrays import Array
-from lagcli.engine.switching.contacts import contact_motions, solve_contacts
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem
 from lagcli.engine.switching.switching import RowMode
+from tests.support.contact_problems import contact_motions, solve_contacts
 
 U, L, F = ContactLaw.UNILATERAL, ContactLaw.LIMITED, ContactLaw.FREE
 

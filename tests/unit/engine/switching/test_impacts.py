@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.impacts import ImpactLaw, ImpactProblem, resolve_impact
 from lagcli.engine.switching.problem import ContactLaw
+from tests.support.impact_laws import ImpactLaw, ImpactProblem, resolve_impact
 from tests.support.random_impacts import random_impact
 
 

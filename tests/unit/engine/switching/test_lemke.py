@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.lemke import lemke
+from tests.support.lemke import lemke
 
 
 @pytest.mark.parametrize("n", [1, 5, 40])

@@ -4,11 +4,11 @@ import numpy as np
 
 from lagcli.engine.lowering import lower
 from lagcli.engine.switching import stops
-from lagcli.engine.switching.contacts import contact_motions
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import SwitchedRow
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.model.loader import load_text
+from tests.support.contact_problems import contact_motions
 from tests.support.switching_models import BALL
 from tests.unit.engine.switching.test_contacts import klein, painleve
 

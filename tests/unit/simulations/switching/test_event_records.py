@@ -1,9 +1,8 @@
-"""What events record, from both sides of their instants: against closed forms, on both engines."""
+"""What events record, from both sides of their instants: against closed forms."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,13 +47,8 @@ simulation: {t_end: 1, samples: 3}
 """
 
 
-@pytest.fixture(params=["compiled", "scipy"])
-def engine(request: Any) -> str:
-    return str(request.param)
-
-
-def run(text: str, engine: str) -> tuple[Trajectory, EventLog]:
-    settings = SettingsOverrides(engine=engine, rtol=1e-11)
+def run(text: str) -> tuple[Trajectory, EventLog]:
+    settings = SettingsOverrides(rtol=1e-11)
     found = lagcli.simulate(lagcli.load_text(text), settings)
     assert found.events is not None
     found.events.check()
@@ -68,9 +62,9 @@ def values(log: EventLog, column: str, event: str) -> tuple[np.ndarray, np.ndarr
     return before[of], after[of]
 
 
-def test_a_ball_that_bounces(engine: str) -> None:
+def test_a_ball_that_bounces() -> None:
     """Speeds halve at t = √(2h/g), 2 of these and 5/2 of these, and energy is lost with them."""
-    found, log = run(BALL, engine)
+    found, log = run(BALL)
     fall = np.sqrt(0.2)
     np.testing.assert_allclose(
         log.time[[n == "hit" for n in log.names]], fall * np.array([1, 2, 2.5]), rtol=1e-9
@@ -90,8 +84,8 @@ def test_a_ball_that_bounces(engine: str) -> None:
     assert found.time[-1] == 1.2
 
 
-def test_an_event_without_the_key_records_all_columns(engine: str) -> None:
-    _, log = run(BALL, engine)
+def test_an_event_without_the_key_records_all_columns() -> None:
+    _, log = run(BALL)
     records = log.records
     kept = {log.names[entry]: records.of(i) for i, entry in enumerate(records.entry)}
     assert set(kept) == {"hit", "stiffer", "end"}
@@ -107,9 +101,9 @@ def test_an_event_without_the_key_records_all_columns(engine: str) -> None:
     assert after - before == pytest.approx(1.5 * x**2, rel=1e-9)
 
 
-def test_columns_follow_parameters_that_events_set(engine: str) -> None:
+def test_columns_follow_parameters_that_events_set() -> None:
     """The energies of samples after `set` are those of the new values."""
-    found, log = run(BALL, engine)
+    found, log = run(BALL)
     assert np.abs(found.energy_balance).max() < 1e-8 * 21.5
     np.testing.assert_allclose(
         np.diff(values(log, "energy_total", "stiffer"), axis=0).ravel(),
@@ -118,15 +112,15 @@ def test_columns_follow_parameters_that_events_set(engine: str) -> None:
     )
 
 
-def test_a_sample_at_the_instant_is_the_limit_from_the_right(engine: str) -> None:
-    found, log = run(BALL, engine)
+def test_a_sample_at_the_instant_is_the_limit_from_the_right() -> None:
+    found, log = run(BALL)
     at = int(np.flatnonzero(found.time == 0.7)[0])
     assert values(log, "x_ddot", "stiffer")[1] == pytest.approx(found.a[at, :1], rel=1e-12)
 
 
-def test_a_rod_that_is_cut(engine: str) -> None:
+def test_a_rod_that_is_cut() -> None:
     """λ = −m (g cos θ + v²/l)/(2 l) before it is cut, 0 after; no impulse."""
-    _, log = run(ROD, engine)
+    _, log = run(ROD)
     before, after = values(log, "lambda.rod", "cut")
     y, vx, vy = (values(log, name, "cut")[0] for name in ("y", "x_dot", "y_dot"))
     assert before == pytest.approx((10 * y / 5 - (vx**2 + vy**2) / 5) / 5, rel=1e-9)
@@ -137,23 +131,9 @@ def test_a_rod_that_is_cut(engine: str) -> None:
     assert log.modes[cut].tolist() == [0]  # right after the instant
 
 
-def test_both_engines_record_the_same() -> None:
-    for text in (BALL, ROD):
-        one, other = (run(text, engine)[1] for engine in ("compiled", "scipy"))
-        assert one.names == other.names
-        assert one.kinds == other.kinds
-        assert one.modes.tolist() == other.modes.tolist()
-        assert one.records.columns == other.records.columns
-        for side in ("before", "after"):
-            for i, column in enumerate(one.records.columns):
-                if not column.startswith(("residual", "energy_balance")):
-                    a, b = (getattr(log.records, side)[:, i] for log in (one, other))
-                    np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-8, err_msg=column)
-
-
-def test_an_impact_at_the_start_has_no_forces_before(engine: str) -> None:
+def test_an_impact_at_the_start_has_no_forces_before() -> None:
     text = BALL.replace("y: 1,", "y: 0,").replace("y': 0}", "y': -1}")
-    _, log = run(text, engine)
+    _, log = run(text)
     before, after = values(log, "y_dot", "hit")
     assert (before[0], after[0]) == (-1, 0.5)
     before, after = values(log, "y_ddot", "hit")
@@ -162,7 +142,7 @@ def test_an_impact_at_the_start_has_no_forces_before(engine: str) -> None:
 
 
 def test_records_go_round_in_every_format(tmp_path: Path) -> None:
-    found, log = run(BALL, "compiled")
+    found, log = run(BALL)
     for name in ("run.h5", "run.csv"):
         lagcli.write(found, tmp_path / name)
         read = lagcli.read(tmp_path / name).events

@@ -18,9 +18,9 @@ import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.switching.cones import least_norm_within
-from lagcli.engine.switching.lemke import lemke
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import RowMode
+from tests.support.lemke import lemke
 
 #: Largest number of rows for which all modes are tried, with friction and without.
 _MOST_WITH_FRICTION, _MOST_WITHOUT = 6, 10

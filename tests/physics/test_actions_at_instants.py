@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from lagcli.engine.integrate.instants import InstantResolution
-from lagcli.engine.integrate.phases import Phases
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, run_contact
-from tests.support.switching_models import prepared
+from tests.support.switching_models import BLOCK
 
 BALL: dict[str, Any] = {
     "coordinates": {"x": "m", "y": "m"},
@@ -28,15 +26,13 @@ def ball(events: dict[str, Any], **changes: Any) -> ContactRun:
     model = {**BALL, "events": events}
     for key, value in changes.items():
         model[key] = {**model[key], **value}
-    return run_contact(load_text(yaml.safe_dump(model, sort_keys=False)), "scipy")
+    return run_contact(load_text(yaml.safe_dump(model, sort_keys=False)))
 
 
 def test_a_start_at_rest_on_the_floor() -> None:
-    _, request, full = prepared()
-    phases = Phases(full, request)
-    found = InstantResolution(phases, 0.0, request.state.y).resolve((), started=False)
-    assert list(found.modes) == [1, 2]  # closed, and slips forwards
-    assert phases.entries == []
+    found = run_contact(load_text(BLOCK), t_end=0.05, times=(0, 0.05))
+    assert list(found.outcome.modes) == [1, 2]  # closed, and slips forwards
+    assert found.outcome.events == []
 
 
 def test_a_kick_as_the_contact_is_hit() -> None:

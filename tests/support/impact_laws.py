@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.switching.contacts import solve_contacts
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
+from tests.support.contact_problems import solve_contacts
 
 ImpactLaw = Literal["poisson", "newton", "sequential"]
 

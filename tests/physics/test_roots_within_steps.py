@@ -1,13 +1,10 @@
-"""The reference engine on systems that switch."""
+"""Events and impacts within a step: roots of polynomials, grazing impacts, given times."""
 
 import numpy as np
 import pytest
 
-from lagcli.engine.integrate.switched_integration import SwitchedIntegration
-from lagcli.engine.switching.switching import RowMode
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, run_contact
-from tests.support.switching_models import prepared
 
 CUBIC = """
 coordinates: {x: m}
@@ -32,7 +29,7 @@ simulation: {times: [0, 2]}
 
 
 def run(text: str, **settings: object) -> ContactRun:
-    return run_contact(load_text(text), "scipy", **settings)
+    return run_contact(load_text(text), **settings)
 
 
 def test_all_three_roots_of_a_cubic_within_a_step() -> None:
@@ -49,28 +46,20 @@ def test_all_three_roots_of_a_cubic_within_a_step() -> None:
 def test_grazing_impacts(depth: float) -> None:
     """A particle that passes over a parabola too low by so little."""
     model = load_text(GRAZING, set={"depth": depth})
-    found = run_contact(model, "scipy")
+    found = run_contact(model)
     (impact,) = found.entries("impact")
     root = np.sqrt(depth)
     # the condition of the root is 1/(2 √depth)
     assert impact.time == pytest.approx(1 - root, abs=1e-14 / root + 1e-12)
     model = load_text(GRAZING, set={"depth": -depth})
-    assert run_contact(model, "scipy").outcome.events == []
+    assert run_contact(model).outcome.events == []
 
 
 def test_times_are_landed_on_exactly() -> None:
     text = CUBIC.replace("zero: {when: x = 0}", "at: {when: t >= 0.7}")
     (event,) = run(text).entries("event", "at")
     assert event.time == 0.7
-    assert event.q[0] == pytest.approx((0.7 - 1) * (0.7 - 2) * (0.7 - 3), abs=1e-14)
-
-
-def test_modes_at_the_start_are_those_of_the_state() -> None:
-    system, request, _ = prepared()
-    integration = SwitchedIntegration(system, request, lambda block: None, None)
-    y = integration.begin_run(request.state.t, request.state.y)
-    assert integration.start_modes == (RowMode.HOLDS, RowMode.FORWARD)
-    assert y.tolist() == request.state.y.tolist()
+    assert event.q[0] == pytest.approx((0.7 - 1) * (0.7 - 2) * (0.7 - 3), abs=1e-13)
 
 
 def test_a_model_without_contacts_is_not_switched() -> None:

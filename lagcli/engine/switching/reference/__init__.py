@@ -1,1 +1,0 @@
-"""Modes, instants and event functions of the reference engine."""
