@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from lagcli.errors import Diagnostic
-from lagcli.model.dimensions.reporting import unit_diagnostics
+from lagcli.errors import Diagnostic, SourceLocation
+from lagcli.model.dimensions.reporting import TakenUnit, taken_units, unit_diagnostics
 from lagcli.model.expression.units import si_notation, to_si
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of, format_members
@@ -32,6 +32,8 @@ class UnitReport:
         nonholonomic constraints; ``forces`` are generalized forces by coordinate.
     converted : mapping of str to str
         Parameters and initial values that are given in a unit other than SI: both values.
+    numbers : tuple of TakenUnit
+        Numbers in expressions that have taken a unit.
     findings : tuple of Diagnostic
         What disagrees as far as units are known; warnings, because a model with all units and a
         mistake cannot be loaded.
@@ -48,6 +50,7 @@ class UnitReport:
     forces: Mapping[str, str | None]
     outputs: Mapping[str, str | None]
     converted: Mapping[str, str]
+    numbers: tuple[TakenUnit, ...]
     findings: tuple[Diagnostic, ...]
 
     @property
@@ -72,6 +75,9 @@ class UnitReport:
             "missing": list(self.missing),
             **{group: dict(getattr(self, group)) for group in (*groups, "forces", "outputs")},
             "converted": dict(self.converted),
+            "numbers": [
+                {"text": x.text, "unit": x.unit, "place": _place(x.location)} for x in self.numbers
+            ],
             "findings": [_json(d) for d in self.findings],
         }
 
@@ -91,6 +97,9 @@ class UnitReport:
             if by_unit:
                 listed = (f"{_names(names)} in {unit}" for unit, names in by_unit.items())
                 yield f"{title}: {'; '.join(listed)}."
+        if self.numbers:
+            shown = [f"`{x.text}` in {x.unit} ({_where(x.location)})" for x in self.numbers]
+            yield f"Numbers that took a unit: {'; '.join(shown)}."
         if self.converted:
             shown = [f"{name} = {text}" for name, text in self.converted.items()]
             yield f"Converted to SI: {'; '.join(shown[:_LISTED])}{'; …' * (len(shown) > _LISTED)}."
@@ -123,6 +132,7 @@ def report_units(model: Model) -> UnitReport:
         forces={name: units.of_force(name) for name in model.coordinate_names},
         outputs={name: units.of_output(name) for name in model.outputs},
         converted=dict(_converted(model)),
+        numbers=tuple(taken_units(model)),
         findings=tuple(unit_diagnostics(model, units, "warning")),
     )
 
@@ -156,9 +166,17 @@ def _json(d: Diagnostic) -> dict[str, Any]:
     return {
         "message": d.message,
         "help": d.help,
-        "places": [
-            {"file": x.path, "line": x.line, "column": x.column, "length": x.length}
-            for x in places
-            if x is not None
-        ],
+        "places": [_place(x) for x in places if x is not None],
     }
+
+
+def _place(x: SourceLocation | None) -> dict[str, Any] | None:
+    if x is None:
+        return None
+    return {"file": x.path, "line": x.line, "column": x.column, "length": x.length}
+
+
+def _where(x: SourceLocation | None) -> str:
+    if x is None:
+        return "not in the file"
+    return f"line {x.line}, column {x.column}" if x.line else x.path

@@ -375,6 +375,7 @@ class Simulation:
             events=log,
             tolerances=tolerances,
             warnings=(
+                *self.model.units.warnings,
                 *warnings,
                 *negative_inertia(self.system, self.start.state, self.start.rank),
                 *trust.warnings(self.settings, run.steps, columns),

@@ -15,6 +15,7 @@ from lagcli.model.dimensions.dimension import (
     Scalar,
 )
 from lagcli.model.dimensions.evaluation import Disagreement
+from lagcli.model.dimensions.free_numbers import is_constant
 from lagcli.model.dimensions.model_units import (
     ModelUnits,
     UnitFinding,
@@ -27,7 +28,6 @@ from lagcli.model.dimensions.named import NamedDimensions
 from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
-    NumberExpr,
     SumExpr,
     Tree,
     VectorExpr,
@@ -62,16 +62,28 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
     if not known.stated:
         return ModelUnits(missing=tuple(known.missing))
     statements = _Statements(model, known)
+    settled = known.numbers.settled
+
+    def all_settled(values: Mapping[str, Value]) -> dict[str, Value]:
+        return {name: settled(value) for name, value in values.items()}
+
+    def finding(f: UnitFinding) -> UnitFinding:
+        found, expected = settled(f.disagreement.found), settled(f.disagreement.expected)
+        assert not isinstance(found, TensorDimension)
+        assert not isinstance(expected, TensorDimension)
+        return f._replace(disagreement=f.disagreement._replace(found=found, expected=expected))
+
     return ModelUnits(
         stated=True,
         throughout=known.throughout,
         missing=tuple(known.missing),
-        names=known.names,
-        constraints=statements.constraints,
-        multipliers=known.multipliers,
-        outputs=statements.outputs,
+        names=all_settled(known.names),
+        constraints=all_settled(statements.constraints),
+        multipliers=all_settled(known.multipliers),
+        outputs=all_settled(statements.outputs),
         written=known.written,
-        findings=tuple(known.findings),
+        findings=tuple(map(finding, known.findings)),
+        numbers=tuple(known.numbers.taken()),
     )
 
 
@@ -92,9 +104,10 @@ def expression_unit(
         return None
     known = NamedDimensions(model, {})
     known.multipliers.update(model.units.multipliers)
+    known.names.update(model.units.names)
     known.names.update(model.units.outputs)
     known.names.update(more or {})
-    return text_of(known.evaluated(tree, ""))
+    return text_of(known.numbers.settled(known.evaluated(tree, "")))
 
 
 class _Statements:
@@ -140,7 +153,7 @@ class _Statements:
             value = self.known.evaluated(term, block, name)
             if not self.known.fits(value, expected):
                 bad.append((term, value))
-            elif good is None and isinstance(value, Dimension):
+            elif good is None and isinstance(value, Dimension) and not value.numbers:
                 good = term
         for term, value in bad:
             for part, found, wanted in _entries(term, value, expected):
@@ -215,8 +228,8 @@ class _Statements:
             coordinate = name.rstrip("'")
             rate = len(name) - len(coordinate)
             written = given.written
-            if written is None or (given.unit is None and isinstance(written.tree, NumberExpr)):
-                continue  # a plain number is in SI
+            if written is None or (given.unit is None and is_constant(written.tree)):
+                continue  # a number alone is in SI
             key = id(written.tree), family_of(coordinate)
             if key in seen and not self.known.varied:
                 continue
@@ -228,7 +241,6 @@ class _Statements:
             else:
                 where = ("initial", name, written.indices, given.location)
                 value = self.known.evaluated(written.tree, *where)
-            # an expression of numbers is in SI too
             if value is not NUMBER and not self.known.fits(value, expected):
                 assert not isinstance(value, TensorDimension)
                 assert not isinstance(expected, TensorDimension)

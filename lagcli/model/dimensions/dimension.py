@@ -16,6 +16,8 @@ class Dimension(NamedTuple):
 
     A radian is the number 1: dimensions that differ only in ``rad`` are equal (`same`). Its
     exponent is kept to write rad/s for a rate of rotation and N*m for a torque, which is J/rad.
+    ``numbers`` are the exponents of numbers in an expression whose dimension is not known yet
+    (`FreeNumbers`).
     """
 
     kg: Exponent = 0
@@ -26,6 +28,7 @@ class Dimension(NamedTuple):
     mol: Exponent = 0
     cd: Exponent = 0
     rad: Exponent = 0
+    numbers: tuple[tuple[int, Exponent], ...] = ()
 
 
 class Special:
@@ -78,7 +81,11 @@ def product(a: Scalar, b: Scalar, exponent: Exponent = 1) -> Scalar:
         return a
     if not isinstance(a, Dimension):
         a = ONE
-    return Dimension(*(whole(x + y * exponent) for x, y in zip(a, b, strict=True)))
+    exponents = [whole(x + y * exponent) for x, y in zip(a[:8], b[:8], strict=True)]
+    numbers = dict(a.numbers)
+    for number, x in b.numbers:
+        numbers[number] = whole(numbers.get(number, 0) + x * exponent)
+    return Dimension._make([*exponents, tuple(sorted((n, x) for n, x in numbers.items() if x))])
 
 
 @cache
@@ -107,7 +114,7 @@ _NAMES: dict[tuple[Exponent, ...], str] = {
     (1, 0, -2, -1): "T",
     (1, 2, -2, -1): "Wb",
 }
-_BASES = Dimension._fields
+_BASES = Dimension._fields[:8]
 
 
 @cache
@@ -117,14 +124,16 @@ def unit_of(dimension: Dimension) -> str:
     Uses N, J, W and the electrical units where they are shorter than base units. An energy per
     angle is written N*m; the angle is written only alone or per time.
     """
-    exponents = dict(zip(_BASES, dimension, strict=True))
+    exponents = dict(zip(_BASES, dimension[:8], strict=True))
     angle = exponents.pop("rad")
     if not any(x for name, x in exponents.items() if name != "s"):
         return _written({"rad": 1, **exponents} if angle == 1 else exponents)
     if dimension[4:_RAD] == (0, 0, 0):
         name = _NAMES.get(dimension[:4])
+        if name == "kg*m^2/s" and angle < 0:
+            return "N*m*s"  # of a rotational damper, not an angular momentum
         if name is not None:
-            return "N*m" if name == "J" and angle % 2 == 1 else name
+            return "N*m" if name == "J" and (angle < 0 or angle % 2 == 1) else name
     # F = m a: a force takes the place of the mass, if that leaves fewer factors
     mass = exponents.pop("kg")
     force = {"N": mass, **exponents, "m": exponents["m"] - mass, "s": exponents["s"] + 2 * mass}

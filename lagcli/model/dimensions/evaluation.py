@@ -19,9 +19,9 @@ from lagcli.model.dimensions.dimension import (
     Special,
     power,
     product,
-    same,
     whole,
 )
+from lagcli.model.dimensions.free_numbers import FreeNumbers, is_constant, is_small, is_zero
 from lagcli.model.dimensions.tensor_dimension import (
     ROTATION,
     TensorDimension,
@@ -109,8 +109,10 @@ class DimensionEvaluator:
     ----------
     names : Lookup
     strict : bool
-        Whether a number in an expression has no unit. Otherwise it may stand for a quantity: 0.3
-        for one of any dimension, 2 and 1/2 next to a quantity for one in the same unit.
+        Whether numbers take the unit with which their places are right (`FreeNumbers`), if they
+        are terms, or factors other than small integers and their fractions. Otherwise a number may
+        stand for a quantity: 0.3 for one of any dimension, 2 and 1/2 next to a quantity for one in
+        the same unit.
 
     Attributes
     ----------
@@ -121,10 +123,24 @@ class DimensionEvaluator:
     def __init__(self, names: Lookup, strict: bool):
         self.names, self.strict = names, strict
         self.found: list[Disagreement] = []
+        self.numbers = FreeNumbers()
 
     def value(self, tree: Tree) -> Value:
-        """Return the dimension of a tree."""
+        """Return the dimension of a tree, where it stands as a factor or an argument."""
+        if self.strict and is_constant(tree) and not is_zero(tree):
+            return NUMBER if is_small(tree) else self.numbers.unknown(tree)
         return _RULES[type(tree)](self, tree)
+
+    def term(self, tree: Tree) -> Value:
+        """Return the dimension of a tree, where it is a term, a side or a whole expression."""
+        if self.strict:
+            if is_constant(tree) and not is_zero(tree):
+                return self.numbers.unknown(tree)
+            if isinstance(tree, VectorExpr):
+                return self._entries([self.term(item) for item in tree.items])
+            if isinstance(tree, CallExpr) and tree.function == "diag":
+                return self._diagonal([self.term(x) for x in tree.arguments])
+        return self.value(tree)
 
     def scalar(self, tree: Tree) -> Scalar:
         """Return the dimension of a tree that is a scalar."""
@@ -134,9 +150,9 @@ class DimensionEvaluator:
     def alike(self, parts: Iterable[Tree], reason: str) -> Value:
         """Return the common dimension of parts; report the first that differs."""
         first, *others = parts
-        total, shown = self.value(first), first
+        total, shown = self.term(first), first
         for part in others:
-            value = self.value(part)
+            value = self.term(part)
             joined = self.join(total, value)
             if joined is None:
                 a, b = differing(total, value)
@@ -163,12 +179,12 @@ class DimensionEvaluator:
         if a is NUMBER or b is NUMBER:
             other = b if a is NUMBER else a
             assert isinstance(other, Dimension)
-            return other if not self.strict or same(other, ONE) else None
+            return other if not self.strict or self.numbers.agree(other, ONE) else None
         assert isinstance(a, Dimension)
         assert isinstance(b, Dimension)
-        if not same(a, b):
+        if not self.numbers.agree(a, b):
             return None
-        return a if a.rad else b
+        return a if a.rad or b.numbers else b
 
     def _join_entries(self, a: Value, b: Value) -> Value | None:
         if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
@@ -283,7 +299,7 @@ class DimensionEvaluator:
         number = self.number(exponent_tree)
         if number is not None:
             return power(base, whole(number))
-        if same(base, ONE):
+        if self.numbers.agree(base, ONE):
             return ONE
         if isinstance(exponent, Dimension):  # not an index, and without errors
             self.found.append(Disagreement("exponent", base_tree, base, ONE, exponent_tree))
@@ -320,12 +336,12 @@ class DimensionEvaluator:
                 self.dimensionless(part, f"the argument of `{name}`")
             return ROTATION
         if name == "diag":
-            x, y, z = map(self.scalar, arguments)
-            return TensorDimension(((x, ZERO, ZERO), (ZERO, y, ZERO), (ZERO, ZERO, z)))
+            return self._diagonal([self.value(x) for x in arguments])
         if name == "omega":
             self.dimensionless(arguments[0], "a rotation")
             return TensorDimension(((scalar_rate(ANGLE, 1),),) * 3)
-        values = [self.value(a) for a in arguments]
+        each = self.term if name == "norm" else self.value
+        values = [each(a) for a in arguments]
         first = values[0]
         if not all(isinstance(v, TensorDimension) for v in values):
             return TensorDimension(((UNKNOWN,),) * 3) if name == "cross" else UNKNOWN
@@ -352,7 +368,7 @@ class DimensionEvaluator:
         """Return the dimension of a part that must be a number or an angle; report any other."""
         value = self.value(tree)
         for x in value.flat if isinstance(value, TensorDimension) else (value,):
-            if isinstance(x, Dimension) and not same(x, ONE):
+            if isinstance(x, Dimension) and not self.numbers.agree(x, ONE):
                 self.found.append(Disagreement("number", tree, x, ONE, role=role))
                 return UNKNOWN
         return value
@@ -385,7 +401,15 @@ class DimensionEvaluator:
         return rate_of(self.value(tree.operand), tree.order)
 
     def _vector(self, tree: VectorExpr) -> Value:
-        values = [self.value(item) for item in tree.items]
+        # an entry beside others that are not numbers counts as a term
+        each = self.value if all(map(is_constant, tree.items)) else self.term
+        return self._entries([each(item) for item in tree.items])
+
+    def _diagonal(self, values: list[Value]) -> TensorDimension:
+        x, y, z = (UNKNOWN if isinstance(v, TensorDimension) else v for v in values)
+        return TensorDimension(((x, ZERO, ZERO), (ZERO, y, ZERO), (ZERO, ZERO, z)))
+
+    def _entries(self, values: list[Value]) -> TensorDimension:
         rows = tuple(v.flat if isinstance(v, TensorDimension) else (v,) for v in values)
         made = TensorDimension(rows)
         if self.strict or {NUMBER, ZERO}.issuperset(made.flat):

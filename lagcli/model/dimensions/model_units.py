@@ -20,6 +20,7 @@ from lagcli.model.dimensions.dimension import (
     unit_of,
 )
 from lagcli.model.dimensions.evaluation import Disagreement
+from lagcli.model.dimensions.free_numbers import FreeNumber
 from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value
 from lagcli.model.names.members import family_of
 
@@ -56,7 +57,7 @@ class ModelUnits(NamedTuple):
         Whether the model gives any unit; if not, nothing is derived.
     throughout : bool
         Whether all coordinates and parameters have a unit, at least one of them. Then a number in
-        an expression has no unit, and disagreements are errors.
+        an expression is pure or takes the unit that its place needs, and disagreements are errors.
     missing : tuple of str
         Coordinates and parameters without a unit.
     names : mapping of str to dimension
@@ -70,6 +71,8 @@ class ModelUnits(NamedTuple):
         Units given by the model for coordinates, parameters and outputs, in SI.
     findings : tuple of UnitFinding
         Disagreements, in the order of the blocks.
+    numbers : tuple of FreeNumber
+        Numbers in expressions that have taken a unit.
     """
 
     stated: bool = False
@@ -81,6 +84,16 @@ class ModelUnits(NamedTuple):
     outputs: Mapping[str, Value] = MappingProxyType({})
     written: Mapping[str, str] = MappingProxyType({})
     findings: tuple[UnitFinding, ...] = ()
+    numbers: tuple[FreeNumber, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The warning of runs if numbers have taken a unit."""
+        count = len(self.numbers)
+        if not count:
+            return ()
+        taken = f"{count} numbers took a unit" if count > 1 else "a number took a unit"
+        return (f"{taken} (lagcli check)",)
 
     def of(self, name: str) -> str | None:
         """Return the SI unit of a coordinate, parameter or definition; None if it is unknown.

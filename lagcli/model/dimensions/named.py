@@ -17,6 +17,7 @@ from lagcli.model.dimensions.dimension import (
     same,
 )
 from lagcli.model.dimensions.evaluation import DimensionEvaluator, Disagreement, is_measured
+from lagcli.model.dimensions.free_numbers import EntryPlace, is_constant
 from lagcli.model.dimensions.model_units import (
     UnitFinding,
     conjugate,
@@ -84,6 +85,7 @@ class NamedDimensions:
         self._indices: dict[str, int] = {}
         self._index = Indices(self._indices, self._whole)
         self.evaluator = DimensionEvaluator(self, strict=True)
+        self.numbers = self.evaluator.numbers
         self._coordinates()
         self._inputs()
         computed = self._stated_parameters()
@@ -147,8 +149,11 @@ class NamedDimensions:
         except ExpressionError:
             yield
             return
+        member = self.numbers.member
         for self._indices[tree.index] in span:
+            self.numbers.member = (*member, self._indices[tree.index])
             yield
+        self.numbers.member = member
         self._indices.pop(tree.index, None)
 
     def _whole(self, name: Name) -> int:
@@ -191,7 +196,7 @@ class NamedDimensions:
         """Return the common dimension of values; None if they differ."""
         total: Value = ZERO
         for value in values:
-            joined = self.evaluator.join(total, value)
+            joined = None if _open(total, value) else self.evaluator.join(total, value)
             if joined is None:
                 return None
             total = joined
@@ -208,7 +213,9 @@ class NamedDimensions:
         """Return the dimension of an expression; record disagreements in it."""
         self._indices.clear()
         self._indices.update(indices)
-        value = self.evaluator.value(tree)
+        self.numbers.place = EntryPlace(block, name, location)
+        self.numbers.member = tuple(indices.items()) if self.varied else ()
+        value = self.evaluator.term(tree)
         if self.evaluator.found:
             found = self.evaluator.found
             self.findings += [UnitFinding(d, block, name, location) for d in found]
@@ -223,8 +230,8 @@ class NamedDimensions:
         if not isinstance(expected, Dimension):
             return True
         if value is NUMBER:
-            return same(expected, ONE) or not self.evaluator.strict
-        return not isinstance(value, Dimension) or same(value, expected)
+            return not self.evaluator.strict or self.numbers.agree(expected, ONE)
+        return not isinstance(value, Dimension) or self.numbers.agree(value, expected)
 
     # coordinates, parameters and definitions
 
@@ -297,12 +304,17 @@ class NamedDimensions:
 
     def _check_stated(self, p: Parameter, unit: str, written: Written) -> None:
         """Check an expression with a unit: a number in that unit, or a value in SI."""
+        if is_constant(written.tree):
+            return
         numbers = (x for x in walk(written.tree) if isinstance(x, NumberExpr))
-        if any(map(is_measured, numbers)):
+        if not self.throughout and any(map(is_measured, numbers)):
             return  # a number may be in SI units
         value, stated = self._evaluated_parameter(p, written), read_unit(unit)
-        if isinstance(value, Dimension) and not same(value, ONE):
-            if not same(value, stated.dimension):
+        pure = self.numbers.settled(value)
+        if isinstance(value, Dimension) and isinstance(pure, Dimension) and not same(pure, ONE):
+            if value.numbers and stated.factor != 1 and self.numbers.agree(value, ONE):
+                return  # a number in the stated unit
+            if not self.numbers.agree(value, stated.dimension):
                 self._require(p, value, stated.dimension)
             elif stated.factor != 1:
                 found = Disagreement("scaled", written.tree, value, stated.dimension)
@@ -351,3 +363,13 @@ class NamedDimensions:
         role = f"the unit of `{p.name}`"
         wrong = Disagreement("required", p.written.tree, found, expected, role=role)
         self.findings.append(UnitFinding(wrong, "parameters", p.name, p.location))
+
+
+def _open(a: Value, b: Value) -> bool:
+    """Whether values may differ because of their numbers: members of a family need not agree.
+
+    A member that is a number takes the unit of the others.
+    """
+    if not isinstance(a, Dimension) or not isinstance(b, Dimension) or a == b:
+        return False
+    return any(x.numbers and x != Dimension(numbers=x.numbers) for x in (a, b))

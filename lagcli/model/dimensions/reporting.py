@@ -18,7 +18,7 @@ from lagcli.model.dimensions.dimension import (
     same,
     unit_of,
 )
-from lagcli.model.dimensions.evaluation import Disagreement, is_measured
+from lagcli.model.dimensions.evaluation import Disagreement
 from lagcli.model.dimensions.model_units import ModelUnits, UnitFinding
 from lagcli.model.expression.quantities import unit_of as unit_of_node
 from lagcli.model.expression.trees import Name, NumberExpr, ProductExpr, Tree, walk
@@ -31,6 +31,7 @@ from lagcli.model.yaml.source import Scalar as ScalarNode
 
 KIND = "units"
 _SHOWN = 6  # largest number of names whose units a message lists
+_USUAL = (1, 2, 3, 4, 6)  # factors that are hardly quantities
 _TRIED = 60  # largest number of names whose units are varied to find the error
 _REASONS = {
     "sum": "cannot be added",
@@ -79,6 +80,31 @@ def unit_diagnostics(model: Model, units: ModelUnits, severity: str = "error") -
         diagnostic = _Message(model, units, places, finding).diagnostic(suspects, severity)
         found.setdefault((diagnostic.message, diagnostic.location), diagnostic)
     return sorted(found.values(), key=_position)
+
+
+class TakenUnit(NamedTuple):
+    """A number without a unit, as written, the unit that it takes, and its location."""
+
+    text: str
+    unit: str
+    location: SourceLocation | None
+
+
+def taken_units(model: Model) -> list[TakenUnit]:
+    """Return the numbers of a model that take a unit, in the order of the file."""
+    if not model.units.numbers:
+        return []
+    places = ExpressionLocations(model)
+    found: dict[tuple[str, str, SourceLocation | None], TakenUnit] = {}
+    for number in model.units.numbers:
+        node = _entry(places, *number.place)
+        where = places.location(node, number.tree) or number.place.location
+        unit = unit_of(number.dimension)
+        taken = TakenUnit(places.text(node, number.tree) or "a number", unit, where)
+        found.setdefault((taken.text, unit, where), taken)
+    return sorted(
+        found.values(), key=lambda x: (x.location.line, x.location.column) if x.location else (0, 0)
+    )
 
 
 def _position(diagnostic: Diagnostic) -> tuple[int, int]:
@@ -169,12 +195,12 @@ class _Message:
             return f"they differ by a factor in {unit_of(ratio)}"
         if self.finding.block == "initial":
             return f"give it in {_unit(d.expected)}, or in another unit of that dimension"
-        number = next(filter(is_measured, _factors(d.part)), None)
+        number = next((x for x in _factors(d.part) if x.value not in _USUAL), None)
         shown = self.places.text(self.node, number) if number is not None else None
         if shown:
             return (
-                f"`{shown}` counts as a number without a unit; if it is a quantity, give it a name"
-                f" and a unit under `parameters`: `name: {shown} {unit_of(ratio)}`"
+                f"`{shown}` counts as a pure number; if it is a quantity, give it a name and a unit"
+                f" under `parameters`: `name: {shown} {unit_of(ratio)}`"
             )
         return f"a factor in {unit_of(ratio)} is missing, or a unit under `parameters` is wrong"
 
@@ -217,9 +243,15 @@ class _Message:
 
 def _node(places: ExpressionLocations, finding: UnitFinding) -> YamlNode | None:
     """Return the node of the expression; None if it is not in the file."""
-    node = places.entry(finding.block, finding.name)
-    if finding.location is not None:
-        node = places.at(finding.block, finding.location)
+    return _entry(places, finding.block, finding.name, finding.location)
+
+
+def _entry(
+    places: ExpressionLocations, block: str, name: str | None, location: SourceLocation | None
+) -> YamlNode | None:
+    node = places.entry(block, name)
+    if location is not None:
+        node = places.at(block, location)
     if isinstance(node, Mapping) and "guess" in node.entries:
         node = node.entries["guess"][1]
     return node if isinstance(node, (ScalarNode, Sequence)) else None

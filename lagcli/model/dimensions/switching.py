@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from lagcli.model.dimensions.dimension import ONE, SECOND, UNKNOWN, Dimension, product
 from lagcli.model.dimensions.evaluation import Disagreement, TensorDimension, Value, rate_of
+from lagcli.model.dimensions.free_numbers import is_constant
 from lagcli.model.dimensions.model_units import UnitFinding, conjugate, find
-from lagcli.model.expression.trees import Comparison, NumberExpr, Tree, walk
+from lagcli.model.expression.trees import Comparison, Tree, walk
 from lagcli.model.model import Model, ModelEvent
 
 if TYPE_CHECKING:
@@ -47,12 +48,12 @@ def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
     """
     for entry, field, name, tree in _fields(model):
         expected: Value = find(known.multipliers, entry) if field == "limit" else ONE
-        if not isinstance(tree, NumberExpr):  # a plain number is in SI
+        if not is_constant(tree):  # a number alone is in SI
             terms(tree, expected, "constraints", name, f"`{field}` of `{entry}`")
     _conditions(model, known)
     for key, tree in model.trees.items():
         block, _, name = key.partition(".")
-        if isinstance(tree, NumberExpr):
+        if is_constant(tree):
             continue
         if block == "events" and (found := _ACTION.fullmatch(name)):
             target = found["target"]
@@ -75,7 +76,7 @@ def _of_target(known: NamedDimensions, target: str, field: str) -> Value:
 
 
 def _conditions(model: Model, known: NamedDimensions) -> None:
-    """Check that the sides of comparisons agree; a plain number is in SI."""
+    """Check that the sides of comparisons agree."""
     seen: set[int] = set()
     for event in model.events:
         if not event.sides or id(event.sides[0]) in seen:

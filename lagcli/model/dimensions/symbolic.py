@@ -59,7 +59,10 @@ def _evaluated(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Sc
     if (read := read_input(expression)) is not None:
         return _symbol(model, read[0] + "'" * read[1])
     if not expression.free_symbols:
-        return ZERO if expression == 0 else NUMBER
+        if expression == 0:
+            return ZERO
+        # a number may have taken a unit
+        return NUMBER if not model.units.numbers or _is_small(expression) else UNKNOWN
     parts = expression.args
     if isinstance(expression, se.Mul):
         total: Scalar = NUMBER
@@ -79,6 +82,10 @@ def _evaluated(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Sc
         known = [x for x in terms if isinstance(x, Dimension)]
         return next((x for x in known if x.rad), known[0] if known else terms[0])
     return ANGLE if isinstance(expression, _ANGLES) else ONE
+
+
+def _is_small(number: Basic) -> bool:
+    return isinstance(number, se.Rational) and max(map(abs, map(int, number.get_num_den()))) <= 12
 
 
 def _symbol(model: Model, name: str) -> Scalar:

@@ -197,7 +197,7 @@ class RowGroup:
         assert isinstance(run, Outcome)
         variants, p = self.variants, tuple(ended.parameters[i].tolist())
         about = (variants.system, p, variants.settings, ended.rank, ended.samples[i], run.steps)
-        return warnings_of(*about, ended.changes)
+        return (*variants.model.units.warnings, *warnings_of(*about, ended.changes))
 
     # in batches
 

@@ -10,6 +10,7 @@ import symengine as se
 
 from lagcli.errors import ModelError
 from lagcli.model.dimensions.deriving import expression_unit
+from lagcli.model.dimensions.dimension import unit_of
 from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load, load_text
@@ -117,13 +118,18 @@ def test_coordinates_with_units_alone_are_labels() -> None:
     assert not model.units.throughout
 
 
-def test_numbers_in_expressions_count_as_numbers() -> None:
+def test_small_integers_and_their_fractions_are_pure_as_factors() -> None:
     good = text("x: m", "m: 1 kg, g: 9.81 m/s^2").replace("V: 0", "V: m*g*x/2 + 0")
-    assert load_text(good).units.throughout
-    with pytest.raises(ModelError, match=r"`V` must be an energy, in J, but `m\*9.81\*x`"):
-        load_text(good.replace("m*g*x/2", "m*9.81*x"))
-    with pytest.raises(ModelError, match=r"`x`, in m, and `0.5`, a number, cannot be added"):
-        load_text(good.replace("m*g*x/2", "m*g*(x - 0.5)"))
+    assert load_text(good).units.numbers == ()
+    for factor in ("2", "10", "12", "0.5", "1/12", "2.5", "3/4", "(1 + 2)", "sqrt(2)", "2*6"):
+        with pytest.raises(ModelError, match=r"`V` must be an energy, in J, but `m\*"):
+            load_text(good.replace("m*g*x/2", f"m*{factor}*x"))
+        assert load_text(good.replace("m*g*x/2", f"m*g*{factor}*x")).units.numbers == ()
+    for factor in ("9.81", "13", "0.3", "100", "sqrt(0.3)", "(1 + 0.3)", "1.5e3"):
+        (taken,) = load_text(good.replace("m*g*x/2", f"m*{factor}*x")).units.numbers
+        assert unit_of(taken.dimension) == "m/s^2"
+        assert load_text(good.replace("m*g*x/2", f"m*g*{factor}*x")).units.numbers == ()
+    assert load_text(good.replace("m*g*x/2", "m*g*(x - 1)")).units.numbers[0].dimension.m == 1
 
 
 def test_numbers_may_denote_quantities_where_units_are_missing() -> None:
