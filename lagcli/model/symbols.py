@@ -49,6 +49,8 @@ class Symbols:
         Functions that return the numeric value of a parameter, for use in indices.
     families : dict of str to set of str
         Names of families, as ``x[]``, and the kinds of their members: coordinate, definition.
+    broken_constraints : set of str
+        Constraints that have an error, so that their components are not known.
     constraint_families : set of str
         Families of constraints.
     lines : mapping of str to (str, int)
@@ -81,6 +83,7 @@ class Symbols:
     inputs: Mapping[str, int] = field(default_factory=dict)
     families: dict[str, set[str]] = field(default_factory=dict)
     constraint_families: set[str] = field(default_factory=set)
+    broken_constraints: set[str] = field(default_factory=set)
     lines: dict[str, tuple[str, int]] = field(default_factory=dict)
     locations: dict[str, SourceLocation] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
@@ -91,6 +94,10 @@ class Symbols:
     incomplete: bool = False
     smooth: bool = True
     rates: dict[Basic, Basic] = field(default_factory=dict, init=False, repr=False)
+
+    def may_be_constraint(self, text: str) -> bool:
+        """Whether an undeclared name may be a component of a constraint that has an error."""
+        return self.incomplete or text.rpartition(".")[0] in self.broken_constraints
 
     def declared(self, text: str) -> bool:
         """Whether a name or a family is declared."""

@@ -94,3 +94,56 @@ def test_a_wrong_unit_ends_a_command_with_status_2(
         text = capsys.readouterr().err
         assert "error[units]: `r`, in m, and `R`, in s, cannot be equal" in text
         assert "all units fit with `R` in m" in text
+
+
+NUMBERS = """\
+coordinates: {x: m}
+parameters: {m: 1 kg}
+T: m/2*x'^2
+Q: {x: -0.05*x' - 20*x}
+events: {a: {when: t >= 0.5, set: {x: -0.3}}}
+initial: {x: -0.3, x': 1}
+simulation: {t_end: 1, samples: 3}
+"""
+
+
+def test_numbers_that_took_a_unit_are_a_warning_which_strict_refuses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "numbers.yaml"
+    path.write_text(NUMBERS)
+    assert run(["simulate", str(path), "--quiet"]) == 0
+    assert "warning: 3 numbers took a unit (lagcli check)" in capsys.readouterr().err
+    assert run(["simulate", str(path), "--quiet", "--strict"]) == 3
+    assert "error: 3 numbers took a unit (lagcli check)" in capsys.readouterr().err
+    assert run(["check", str(path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Numbers that took a unit: `0.05` in N*s/m (line 4, column 9); `20` in N/m" in text
+    sweep = ["sweep", str(path), "--vary", "m=1,2 kg", "--measure", "max(x)", "--quiet"]
+    assert run([*sweep, "-o", str(tmp_path / "a.h5")]) == 0
+    assert run([*sweep, "-o", str(tmp_path / "b.h5"), "--strict"]) == 3
+    capsys.readouterr()
+    named = NUMBERS.replace("1 kg", "1 kg, c: 0.05 Ns/m, k: 20 N/m, T: 0.5 s")
+    path.write_text(named.replace("0.05*", "c*").replace("20*", "k*").replace(">= 0.5", ">= T"))
+    assert run(["simulate", str(path), "--quiet", "--strict"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_torque_in_nm_and_a_table_in_nm(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "torque.csv").write_text("t [ms],M [kNm]\n0,0.005\n1000,0.005\n")
+    model = """\
+coordinates: {phi: rad}
+parameters: {J: 0.1, M: 5 Nm}
+inputs: {u: {file: torque.csv, time: t, column: M, extend: hold}}
+T: J/2*phi'^2
+Q: {phi: M + u}
+initial: {phi: 0, phi': 0}
+simulation: {t_end: 1, samples: 2}
+"""
+    path = tmp_path / "torque.yaml"
+    path.write_text(model)
+    assert run(["simulate", str(path), "-o", str(tmp_path / "a.csv"), "--quiet"]) == 0
+    end = (tmp_path / "a.csv").read_text().splitlines()[-1].split(",")
+    assert float(end[1]) == pytest.approx(50.0, rel=1e-9)  # phi'' = 100 rad/s^2

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from fractions import Fraction
 
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, Token
-from lagcli.model.expression.units import is_unit
+from lagcli.model.expression.units import is_unit, to_si
 
 #: Keywords of conditionals in other languages.
 _CHOICE = frozenset({"if", "when", "then", "else", "otherwise"})
@@ -16,7 +17,7 @@ _PARTS = (
     re.compile(r"if (?P<condition>.+?) then (?P<a>.+?) else (?P<b>.+)"),
 )
 _VELOCITY = re.compile(r"[^\W\d][\w.\[\],]*'+$")
-_ENDS = re.compile(r"\s*(?:$|[<>=,)])")
+_TERM = re.compile(r"[^<>=,+-]+")
 _LONGEST = 60  # maximum number of characters of a conditional that is rewritten
 
 
@@ -98,9 +99,27 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
             help_ = f"write a function as `{left}({right})`"
         elif velocity and token.kind == "number":
             help_ = f"write a power as `{left}^{right}`, a product as `{left}*{right}`"
-        elif before.kind == "number" and _ENDS.match(text, token.end) and is_unit(right):
-            help_ += ";\na value with a unit needs a name under `parameters`"
+        elif before.kind == "number" and (unit := _unit_at(text, token.start)):
+            help_ = _without_unit(before.text, unit, help_)
     return ExpressionError("syntax", message, before.start, token.end, help_)
+
+
+def _unit_at(text: str, start: int) -> str | None:
+    """Return the unit from a position to the end of a term; None if it is not a unit."""
+    found = _TERM.match(text, start)
+    unit = found[0].strip() if found else ""
+    return unit if is_unit(unit) else None
+
+
+def _without_unit(number: str, unit: str, product: str) -> str:
+    """Return how to write a number with a unit in an expression."""
+    factor, value = to_si(unit), Fraction(number)
+    exact = float(value * factor) if isinstance(factor, Fraction) else float(value) * factor
+    si = number if factor == 1 else f"{exact:.15g}"
+    return (
+        f"numbers in expressions are in SI: write {number} {unit} as `{si}`, or give it a name and"
+        f" its unit under `parameters`;\n{product}"
+    )
 
 
 def _stray_comma(before: Token, token: Token, after: Token) -> ExpressionError:

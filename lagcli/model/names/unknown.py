@@ -165,6 +165,8 @@ def unknown_part(
     base = part.partition("[")[0]
     if base in names.suspects or names.incomplete or f"{base}[]" in names.broken:
         raise Broken
+    if what == "constraint" and names.may_be_constraint(part):
+        raise Broken
     known = list(names.constraints if what == "constraint" else names.coordinates)
     members = [k for k in known if k.startswith(f"{base}[")]
     close = nearest(_shown(part), known) or known[:3]

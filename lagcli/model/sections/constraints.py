@@ -62,7 +62,10 @@ def read_constraints(
     found: dict[tuple[int, str], list[Constraint]] = {}
     for name, member in members.items():
         d = member.declaration
-        for c in readers[id(d)].constraints(name, member.indices):
+        built = list(readers[id(d)].constraints(name, member.indices))
+        if not built:
+            draft.names.broken_constraints.add(name)
+        for c in built:
             part = ""
             if c.name not in draft.names.constraints:  # a component
                 part = family_of(c.name)

@@ -37,7 +37,7 @@ def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
     if any(part in draft.names.constraints for part in components_of(text, known)):
         return text
     base = text.partition("[")[0]
-    if base in draft.names.suspects or draft.names.incomplete:
+    if base in draft.names.suspects or draft.names.may_be_constraint(text):
         raise Broken
     members = [name for name in known if name.startswith(f"{base}[")]
     help_ = f"the members are {format_members(base, members)}" if members else None

@@ -81,3 +81,30 @@ initial: {phi: 90°, phi': 0}
     (line,) = [x for x in report.sentences() if x.startswith("Converted")]
     assert line.startswith("Converted to SI: J = 100 gcm² = 1e-05 kg*m^2; M = 5 kNm = 5000 N*m; ")
     assert report.to_mapping()["converted"]["M"] == "5 kNm = 5000 N*m"
+
+
+def test_numbers_that_took_a_unit_are_listed_with_their_places() -> None:
+    text = """\
+coordinates: {x: m}
+parameters: {m: 1 kg, k: 2 N/m}
+functions: {damp(v): -0.3*v}
+T: m/2*x'^2
+V: >
+  k/2*(x - 1)^2
+Q: {x: damp(x') + 40*sin(30*x)}
+initial: {x: -0.3, x': 0}
+events: {a: {when: x <= -0.5, set: {x': -0.3}}}
+"""
+    report = report_units(load_text(text, "f.yaml"))
+    found = [(x.text, x.unit, x.location.line, x.location.column) for x in report.numbers]
+    assert found == [
+        ("1", "m", 6, 12),
+        ("damp(x')", "N*s/m", 7, 8),
+        ("40", "N", 7, 19),
+        ("30", "1/m", 7, 26),
+        ("-0.5", "m", 9, 25),
+    ]
+    (line,) = [x for x in report.sentences() if x.startswith("Numbers")]
+    assert line.startswith("Numbers that took a unit: `1` in m (line 6, column 12); `damp(x')` in")
+    numbers = json.loads(json.dumps(report.to_mapping()))["numbers"]
+    assert numbers[2]["place"] == {"file": "f.yaml", "line": 7, "column": 19, "length": 2}

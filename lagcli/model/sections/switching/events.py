@@ -377,7 +377,7 @@ class _EventReader:
                 yield text
                 if text + SLIP in constraints:
                     yield text + SLIP
-            elif not self.draft.names.incomplete:
+            elif not self.draft.names.may_be_constraint(text):
                 self.fault(
                     node,
                     "unknown-name",

@@ -3,6 +3,7 @@
 import pytest
 
 import lagcli
+from lagcli.errors import ModelError
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
@@ -99,3 +100,25 @@ def test_unknown_parts(names: Symbols, part: str, what: str, message: str, help_
 )
 def test_derivatives_that_are_meant(names: Symbols, text: str, meant: str | None) -> None:
     assert meant_derivative(names, text) == meant
+
+
+VECTOR = """
+coordinates: {x: m, y: m, phi: rad}
+parameters: {m: 1 kg, l: 1 UNIT}
+definitions: {A: "[x, y]", B: "[l*cos(phi), l*sin(phi)]"}
+T: m/2*(x'^2 + y'^2 + l^2*phi'^2)
+constraints: {D: A = B, E: phi = 0}
+initial: {x: {guess: 1}, y: {guess: 0}, phi: 0, x': 0, y': 0, phi': 0}
+outputs: {f: lambda.D.x, g: Qc.D.x, h: USED}
+"""
+
+
+def test_components_of_a_constraint_with_an_error_are_not_reported() -> None:
+    with pytest.raises(ModelError) as caught:
+        lagcli.load_text(VECTOR.replace("UNIT", "foo").replace("USED", "lambda.D.y"))
+    (found,) = caught.value.diagnostics
+    assert found.kind == "unknown-unit"
+    assert lagcli.load_text(VECTOR.replace("UNIT", "m").replace("USED", "lambda.D.y"))
+    with pytest.raises(ModelError) as caught:
+        lagcli.load_text(VECTOR.replace("UNIT", "foo").replace("USED", "lambda.E.x"))
+    assert any("no constraint `E.x`" in d.message for d in caught.value.diagnostics)
