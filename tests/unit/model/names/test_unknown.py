@@ -109,7 +109,7 @@ definitions: {A: "[x, y]", B: "[l*cos(phi), l*sin(phi)]"}
 T: m/2*(x'^2 + y'^2 + l^2*phi'^2)
 constraints: {D: A = B, E: phi = 0}
 initial: {x: {guess: 1}, y: {guess: 0}, phi: 0, x': 0, y': 0, phi': 0}
-outputs: {f: lambda.D.x, g: Qc.D.x, h: USED}
+outputs: {f: lambda.D.x, h: USED}
 """
 
 
