@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import Equations, Row
 
 
+#: Number of coordinates from which forward differentiation of the equations is faster.
+_MANY = 20
+
+
 class Point(NamedTuple):
     """A point t, q, v, a, λ with the parameters' values, at which expressions are evaluated.
 
@@ -172,6 +176,68 @@ class MotionJacobianTape:
         times = np.array(numbers[start:])
         by_q, by_v, rates_by_q, rates_by_v = found
         return MotionJacobians(by_q, by_v, rates_by_q, rates_by_v, times[:nq], times[nq : nq + nc])
+
+
+class ForwardJacobians:
+    """The same Jacobians by forward differentiation along all coordinates at once.
+
+    For many coordinates, compiling the derivatives takes several times as long as compiling the
+    equations; one tape for a derivative along any direction takes twice as long. Each evaluation
+    takes longer, by operations on arrays.
+
+    Parameters
+    ----------
+    equations : Equations
+    """
+
+    def __init__(self, equations: Equations):
+        import symengine as se
+
+        from lagcli.engine.inputs.tables import input_functions
+        from lagcli.engine.tape.compiler import compile_tape
+        from lagcli.engine.tape.differentiation import directional
+        from lagcli.equations.derivation.jacobians import defects
+        from lagcli.model.model import TIME
+
+        eq = equations
+        self.nq = len(eq.q)
+        force, rhs = defects(eq)
+        self._tape = directional(
+            compile_tape(
+                [se.Add(*terms) for terms in (*force, *rhs)],
+                [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
+                [se.Symbol(name) for name in eq.model.parameters],
+                input_functions(eq.model),
+            )
+        )
+
+    def at(self, point: Point) -> MotionJacobians:
+        """Return the Jacobians at a point."""
+        from lagcli.engine.tape.interpreter import run_arrays
+
+        nq, inputs = self.nq, point.inputs()
+        directions = np.eye(1 + 2 * nq)  # of t, q and v; the other inputs are fixed
+        slopes: list[Array | float] = [*directions, *[0.0] * (len(inputs) - len(directions))]
+        found = run_arrays(self._tape, [*inputs, *slopes], len(directions))
+        force, rhs = found[:nq], found[nq:]
+        by_q, by_v = slice(1, 1 + nq), slice(1 + nq, None)
+        return MotionJacobians(
+            force[:, by_q], force[:, by_v], rhs[:, by_q], rhs[:, by_v], force[:, 0], rhs[:, 0]
+        )
+
+
+def motion_jacobians(equations: Equations, system: System) -> MotionJacobianTape | ForwardJacobians:
+    """Return what evaluates the Jacobians of the equations of motion.
+
+    Parameters
+    ----------
+    equations : Equations
+    system : System
+        Their System.
+    """
+    if len(equations.q) < _MANY:
+        return MotionJacobianTape(system)
+    return ForwardJacobians(equations)
 
 
 def _filled(shape: tuple[int, int], pattern: Pattern, numbers: Sequence[float]) -> Array:

@@ -12,9 +12,9 @@ from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths, tur
 from lagcli.analysis.local.gradients import (
     Gradients,
     MotionJacobians,
-    MotionJacobianTape,
     Point,
     Reactive,
+    motion_jacobians,
 )
 from lagcli.analysis.local.tangent import Indices, Response, Tangent, tangent_of
 from lagcli.arrays import Array, Flags
@@ -58,7 +58,7 @@ class LocalEquations:
         #: The equations of all modes: those of a model that does not switch.
         self.whole: Equations = self.equations
         self.system: System = lower(self.equations)
-        self.jacobian_tape = MotionJacobianTape(self.system)
+        self.jacobian_tape = motion_jacobians(self.equations, self.system)
         self.p = tuple(model.parameter_values.values())
         self.t = model.settings.t_start or 0.0
         self.evaluator_of = lru_cache(maxsize=4)(lambda p: Evaluator(self.system, p))
