@@ -47,18 +47,26 @@ for extension in extensions:
     extension.optional = "LAGCLI_REQUIRE_CORE" not in os.environ
 
 
-class BuildWithModels(build_py):
-    """Puts the shipped models into the package; an editable install uses those of the checkout."""
+#: What is copied into the package from beside it: folders there, and the files by folder here.
+COPIED = {
+    "models": (Path("models"), ("yaml", "csv")),
+    "schemas": (Path("docs") / "schemas", ("json",)),
+}
+
+
+class BuildWithData(build_py):
+    """Puts the shipped models and the schemas of JSON into the package; an editable install uses
+    those of the checkout."""
 
     def run(self) -> None:
-        """Build the package, and copy the models into it."""
+        """Build the package, and copy the files into it."""
         super().run()
         if not self.editable_mode:
-            folder = Path(self.build_lib) / "lagcli" / "models"
-            self.mkpath(str(folder))
-            files = (path for kind in ("yaml", "csv") for path in Path("models").rglob(f"*.{kind}"))
-            for path in sorted(files):
-                self.copy_file(str(path), str(folder / path.name))
+            for name, (source, kinds) in COPIED.items():
+                folder = Path(self.build_lib) / "lagcli" / name
+                self.mkpath(str(folder))
+                for path in sorted(path for kind in kinds for path in source.rglob(f"*.{kind}")):
+                    self.copy_file(str(path), str(folder / path.name))
 
 
-setup(ext_modules=extensions, cmdclass={"build_py": BuildWithModels})
+setup(ext_modules=extensions, cmdclass={"build_py": BuildWithData})

@@ -24,6 +24,11 @@ def check_analysis_target(path: str, suffixes: tuple[str, ...], force: bool) -> 
         As `check_writable`.
     """
     stem, suffix = os.path.splitext(path)
+    if path == "-":
+        raise UsageError(
+            "-: an analysis is not written to standard output; --json prints it, and -o writes a"
+            f" file that ends in {' or '.join(suffixes)}"
+        )
     if suffix.lower() not in suffixes:
         raise UsageError(
             f"{path}: the suffix {suffix or '(none)'} is not a format for this; use"

@@ -128,7 +128,7 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
     Parameters
     ----------
     path : str or path
-        A file name; ``-`` has no format.
+        A file name; ``-``, standard output, has no format.
 
     Returns
     -------
@@ -140,8 +140,11 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
         The suffix, in any case, is unknown.
     """
     stem, suffix = os.path.splitext(os.fspath(path))
-    if stem == "-":
-        raise UsageError("results cannot be read from standard input; save them to a file first")
+    if os.fspath(path) == "-":
+        raise UsageError(
+            "-: only a single run can be written to standard output; give a file name that ends in"
+            f" {SUFFIX_NAMES}"
+        )
     for found in FORMATS:
         if suffix.lower() in found.suffixes:
             return found
@@ -165,7 +168,9 @@ def format_read(path: str | os.PathLike[str]) -> ResultFormat:
             f"{os.fspath(path)} is a model file, not a result;"
             f" `lagcli simulate {os.fspath(path)} -o {stem}.h5` makes one"
         )
-    if not suffix and stem != "-":
+    if stem == "-" and not suffix:
+        raise UsageError("results cannot be read from standard input; save them to a file first")
+    if not suffix:
         raise UsageError(
             f"{stem} is not the name of a result, which ends in {SUFFIX_NAMES}; of a model,"
             f" `lagcli simulate {stem} -o {stem}.h5` makes one"

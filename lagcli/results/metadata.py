@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, STATUSES, Record
+from lagcli.json_schema import check_json, published_schema
+from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, Record
 
 #: The kind of the file, which distinguishes it from other lagcli files.
 KIND = "trajectory"
@@ -91,24 +92,42 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
         A value has a type that `to_metadata` does not write, or the digest of the model's text does
         not match.
     """
-    fields: dict[str, Any] = {}
-    for name in TEXTS:
-        fields[name] = of_type(str, metadata.get(name, ""), name)
-    for name in MAPPINGS:
-        fields[name] = dict(of_type(Mapping, metadata.get(name, {}), name))
+    empty = {**dict.fromkeys(TEXTS, ""), **{name: {} for name in MAPPINGS}, WARNINGS: []}
+    fields = {name: metadata.get(name, default) for name, default in empty.items()}
+    check_described("trajectory", fields)
+    of_type(str, fields["model"], "model")
+    for name, formula in of_type(dict, fields["conserved_formulas"], "conserved_formulas").items():
+        of_type(str, formula, f"conserved_formulas.{name}")
     for name in ("parameters", "seconds", "tolerances"):
         fields[name] = {k: from_number(v) for k, v in fields[name].items()}
-    kinds = {"units": str, "counts": int, "initial_correction": list, "conserved_formulas": str}
-    for name, kind in kinds.items():
-        for key, value in fields[name].items():
-            of_type(kind, value, f"{name} of {key}")
-    fields["initial_correction"] = {k: _pair(v) for k, v in fields["initial_correction"].items()}
-    warnings = of_type(list, metadata.get(WARNINGS, []), WARNINGS)
-    fields[WARNINGS] = tuple(of_type(str, text, WARNINGS) for text in warnings)
-    if fields["status"] not in ("", *STATUSES):
-        raise ValueError(f"status is {shortened(fields['status'])}")
+    correction = fields["initial_correction"].items()
+    fields["initial_correction"] = {k: (from_number(a), from_number(b)) for k, (a, b) in correction}
+    fields[WARNINGS] = tuple(fields[WARNINGS])
     check_model(fields["model"], fields["model_sha256"])
     return fields
+
+
+def check_described(kind: str, attributes: Mapping[str, Any]) -> None:
+    """Check attributes of a file that ``lagcli info --json`` prints unchanged.
+
+    Parameters
+    ----------
+    kind : str
+        The kind of the file, ``trajectory`` or ``sweep``.
+    attributes : mapping
+        Parsed attributes by name; those that are not printed are not checked.
+
+    Raises
+    ------
+    ValueError
+        A value does not have the schema that ``docs/schemas/info.json`` gives.
+    """
+    options = published_schema("info")["oneOf"]
+    properties = next(x for x in options if x["properties"]["kind"].get("const") == kind)[
+        "properties"
+    ]
+    for name, value in attributes.items():
+        check_json(value, properties.get(name, {}), name)
 
 
 def check_times(time: Array, after: float = -math.inf) -> None:
@@ -136,12 +155,6 @@ def of_type(kind: type | tuple[type, ...], value: Any, name: str) -> Any:
     if not isinstance(value, kind) or isinstance(value, bool):
         raise ValueError(f"{name} is {shortened(value)}")
     return value
-
-
-def _pair(values: list[Any]) -> tuple[float, float]:
-    if len(values) != 2:
-        raise ValueError(f"initial_correction has {shortened(values)}")
-    return from_number(values[0]), from_number(values[1])
 
 
 def to_json(value: object, indent: int | None = None) -> str:

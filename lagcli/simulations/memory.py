@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
 _GROUP = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current"))
 _SYSTEM, _PROCESS = Path("/proc/meminfo"), Path("/proc/self/status")
 #: Address space needed by imports and a small run, bytes: below it, libraries abort the process.
-_LEAST = 220_000_000
+_LEAST = 260_000_000
+#: Address space that libraries need beyond that, bytes. OpenBLAS ends the process, or never
+#: returns, if it cannot allocate its buffers when SciPy is imported.
+_LIBRARIES = {"scipy": 230_000_000}
 
 
 def available() -> int | None:
@@ -53,13 +57,31 @@ def check_fits(needed: int, what: str, remedy: str) -> None:
 
 
 def check_address_space() -> None:
-    """Raise NumericalError if the limit of the process is too low for the libraries."""
+    """Raise NumericalError if the limit of the process is too low for the libraries.
+
+    Those that only some runs need are checked when they are imported.
+    """
     limit = _address_space()
-    if limit is not None and limit < _LEAST:
+    if limit is None:
+        return
+    if limit < _LEAST:
         raise NumericalError(
             f"the memory of this process is limited to {_size(limit)} (ulimit -v), and lagcli needs"
             f" {_size(_LEAST)}; raise the limit"
         )
+    if _CheckedImports not in sys.meta_path:
+        sys.meta_path.insert(0, _CheckedImports)
+
+
+class _CheckedImports:
+    """Finder of modules that finds none, but checks that a library fits before it is loaded."""
+
+    @staticmethod
+    def find_spec(fullname: str, path: object, target: object = None) -> None:
+        """Raise NumericalError if a library needs more memory than available."""
+        if fullname in _LIBRARIES:
+            remedy = "close other programs, or raise the limit (ulimit -v)"
+            check_fits(_LIBRARIES[fullname], f"loading {fullname}", remedy)
 
 
 def _limits() -> Iterator[int]:

@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from threading import Lock
 
 #: Environment variables of BLAS libraries, read once, when NumPy is first imported.
 VARIABLES = (
@@ -20,6 +21,8 @@ VARIABLES = (
 )
 #: Whether this thread is inside `one_thread`: finding the libraries takes longer than a short run.
 _limited: ContextVar[bool] = ContextVar("_limited", default=False)
+#: Held by the thread that has set the limit.
+_limiting = Lock()
 
 
 def limit_process() -> None:
@@ -35,24 +38,29 @@ def limit_process() -> None:
 def one_thread() -> Iterator[None]:
     """Context manager that limits BLAS to one thread, unless the environment sets a number.
 
-    The limit applies to the process: if several threads are inside at once, it ends with the first
-    one.
+    The limit applies to the process: if several threads are inside at once, it ends with the one
+    that came first.
     """
-    if _set() or _limited.get():
+    # a second limit would restore, at its end, the number that the first has set
+    if _set() or _limited.get() or not _limiting.acquire(blocking=False):
         yield
         return
     try:
         # imported on demand: the command line sets the environment instead
         from threadpoolctl import threadpool_limits
     except ImportError:  # affects only speed
+        _limiting.release()
         yield
         return
-    with threadpool_limits(1, "blas"):
-        token = _limited.set(True)
-        try:
-            yield
-        finally:
-            _limited.reset(token)
+    try:
+        with threadpool_limits(1, "blas"):
+            token = _limited.set(True)
+            try:
+                yield
+            finally:
+                _limited.reset(token)
+    finally:
+        _limiting.release()
 
 
 def _set() -> bool:

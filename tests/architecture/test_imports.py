@@ -39,6 +39,7 @@ FOREIGN = {
     "files": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "column_units": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},

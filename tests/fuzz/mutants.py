@@ -218,6 +218,134 @@ def changed_structure(path: Path, r: random.Random, outside: str) -> bool:
     return True
 
 
+# contents
+
+_VALUES: tuple[Any, ...] = (
+    *(None, True, False, 0, 1, -1, 7, 2**40, 10**400, 0.5, -0.5, 1e308, -1e308, 5e-324),
+    *(float("nan"), float("inf"), "", "x", "1", "inf", "\u03c6", "$x_{", "\u202e", "<b>"),
+    *([], {}, [None], [1.0], [[]], [[1.0, 2.0]], ["x"], [1, "x"], {"a": 1}, {"a": [1]}, {"": None}),
+)
+
+
+def _places(value: Any) -> list[Any]:
+    """Return all lists and objects with items within a JSON value."""
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    found = [value] if isinstance(value, dict | list) and value else []
+    for item in items:
+        found += _places(item)
+    return found
+
+
+def changed_json(value: Any, r: random.Random) -> str:
+    """Return a JSON value as text, with one item anywhere in it changed."""
+    value = json.loads(json.dumps(value))
+    # the outer ones are few, and matter most
+    places = sorted(_places(value), key=lambda x: -len(json.dumps(x)))
+    if not places:
+        return json.dumps(r.choice(_VALUES))
+    place = r.choice(places[:8] if r.random() < 0.5 else places)
+    key = r.choice(list(place) if isinstance(place, dict) else range(len(place)))
+    match r.randrange(8):
+        case 0:
+            del place[key]
+        case 1 if isinstance(place, dict):
+            place[r.choice(("x", "", "\u03c6", f"{key}2", str(key)[:-1]))] = place.pop(key)
+        case 1 | 2 if isinstance(place, list):
+            place.insert(key, place[key] if r.random() < 0.5 else r.choice(_VALUES))
+        case 2:
+            other = r.choice(list(place))
+            place[key], place[other] = place[other], place[key]
+        case 3:
+            place[key] = r.choice(r.choice(places) and _items(r.choice(places)))
+        case 4 if isinstance(place[key], int | float):
+            place[key] = r.choice((-place[key], place[key] * 1e9, float(place[key]), 0, str(place)))
+        case _:
+            place[key] = r.choice(_VALUES)
+    return json.dumps(value)
+
+
+def _items(place: Any) -> list[Any]:
+    return list(place.values()) if isinstance(place, dict) else place
+
+
+def _change_array(parent: h5py.Group, name: str, r: random.Random) -> None:
+    """Change shape, type or values of a dataset."""
+    data = parent[name][()]
+    values = np.asarray(data)
+    match r.randrange(7):
+        case 0 if values.ndim and len(values):
+            new = values[: r.randrange(len(values))]
+        case 1 if values.ndim and len(values):
+            new = np.concatenate([values, values[:1]])
+        case 2:
+            new = r.choice((values[..., None], values.reshape(-1), values.T, np.zeros((2, 2))))
+        case 3:
+            kind = r.choice(("<f4", ">f8", "<i4", "<i8", "i1", "S8", "?"))
+            with np.errstate(all="ignore"):
+                new = (
+                    np.zeros(values.shape, kind)
+                    if values.dtype.kind == "S"
+                    else values.astype(kind)
+                )
+        case 4 if values.dtype.kind == "S" and values.size:
+            new = values.astype(f"S{max(4, values.dtype.itemsize)}")
+            new[r.randrange(len(new))] = r.choice((b"", b"x", b"\xff", new[0], b"$_{", b"a b"))
+        case _ if values.dtype.kind in "fi" and values.size:
+            new = values.copy()
+            small = (
+                (0, 1, -1, 7, 100)
+                if values.dtype.itemsize == 1
+                else (0, 1, -1, 2**31 - 1, -(2**31))
+            )
+            floats = (np.nan, np.inf, -np.inf, 1e308, -1e308, 0.0, -1.0, 5e-324)
+            value = r.choice(floats if values.dtype.kind == "f" else small)
+            if r.random() < 0.3:
+                new[...] = value
+            else:
+                new[tuple(r.randrange(n) for n in new.shape)] = value
+        case _:
+            new = values[:0] if values.ndim else values.reshape(1)
+    del parent[name]
+    parent.create_dataset(name, data=new)
+
+
+def changed_content(path: Path, r: random.Random) -> str:
+    """Change what an HDF5 file says: its attributes, as JSON where they are that, or an array.
+
+    Returns
+    -------
+    str
+        Where; empty if it could not be done.
+    """
+    try:
+        with h5py.File(path, "a") as root:
+            arrays = [name for name in _names(root) if isinstance(root[name], h5py.Dataset)]
+            texts = [name for name in root.attrs if isinstance(root.attrs[name], bytes)]
+            if arrays and r.random() < (0.2 if "content" in texts else 0.5):
+                name = r.choice(arrays)
+                place, _, last = name.rpartition("/")
+                if r.random() < 0.15:
+                    del root[name]
+                elif r.random() < 0.1:
+                    root.move(name, f"{name}2")
+                else:
+                    _change_array(root[place or "/"], last, r)
+                return name
+            name = "content" if "content" in texts and r.random() < 0.8 else r.choice(texts)
+            text = root.attrs[name].decode()
+            if r.random() < 0.05:
+                del root.attrs[name]
+                return name
+            try:
+                new = changed_json(json.loads(text), r)
+            except ValueError:
+                new = r.choice((text[: len(text) // 2], "x", "", text * 2, text.replace("1", "")))
+            root.attrs.create(name, np.bytes_(new.encode() or b"\0"))
+            return name
+    except (OSError, ValueError, TypeError, KeyError, RuntimeError, OverflowError):
+        return ""
+
+
 # CSV
 
 _CELLS = (

@@ -9,23 +9,20 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import faulthandler
-import io
 import os
 import random
 import shutil
 import signal
-import warnings
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
+from answers import answer
 from mutants import changed_bytes, changed_structure, changed_table
 from trajectories import make_log
 
 import lagcli
-from lagcli.cli.app import run
 from lagcli.errors import LagcliError
 from lagcli.results.hdf5 import layout1, opening, seal
 
@@ -34,26 +31,7 @@ MODEL = ROOT / "models" / "slider_crank.yaml"
 LAYOUT_1 = ROOT / "tests" / "found" / "layout1"
 #: Mutants of each kind in the normal suite.
 FEW = 12
-#: Seconds after which a mutant that is not read to its end stops the test.
-HANGS = 120
 SECRET = b"the contents of another file"
-
-
-def answer(*arguments: str) -> tuple[int, str]:
-    """Return the status of a command and what it prints."""
-    out, err = io.StringIO(), io.StringIO()
-    faulthandler.dump_traceback_later(HANGS, exit=True)
-    try:
-        with (
-            contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(err),
-            warnings.catch_warnings(),
-        ):
-            warnings.simplefilter("error")  # a warning is a stray line on standard error
-            status = run(list(arguments))
-    finally:
-        faulthandler.cancel_dump_traceback_later()
-    return status, out.getvalue() + err.getvalue()
 
 
 def commands(name: str, folder: Path) -> list[list[str]]:

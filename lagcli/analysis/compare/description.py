@@ -150,7 +150,7 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
         f" rtol {reference['rtol']:.0e}",
         "",
         f"  {'formulation':<11} {'method':<7} {'engine':<8} {'rtol':>5}"
-        f" {'φ':>5} {'ψ':>5} {'E':>5} {'Δq':>5} {'Δλ':>5} {'steps':>6} {'CPU s':>6}",
+        f" {'pos.':>5} {'vel.':>5} {'E':>5} {'Δq':>5} {'Δλ':>5} {'steps':>6} {'CPU s':>6}",
     ]
     notes = []
     for run in content["runs"]:
@@ -182,10 +182,9 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
     if not content["unique_multipliers"]:
         notes.append("the constraints are redundant: λ is not unique and not compared")
     notes.append(
-        "largest values of: φ and ψ, residuals relative to the terms of the constraints; E, the"
-        " error of the energy balance relative to the energy; Δq and Δλ, differences relative to"
-        " the largest"
-        " value of the same unit"
+        "largest values of: pos. and vel., residuals of position and of velocity constraints"
+        " relative to their terms; E, the error of the energy balance relative to the energy; Δq"
+        " and Δλ, differences relative to the largest value of the same unit"
     )
     for note in notes:
         lines += wrapped(f"note: {note}", WIDTH, "  ", " " * 8)
@@ -211,8 +210,8 @@ def _two_models(content: Mapping[str, Any]) -> list[str]:
             lines += wrapped(text.lstrip(), WIDTH, "  ", " " * 26)
     if any(x.get("explained") for x in content["multipliers"]):
         said = (
-            "explained: the Lagrangians differ by a multiple of the constraint, φ F, which does not"
-            " change the motion but reduces λ by F"
+            "explained: the Lagrangians differ by F times the constraint, which does not change the"
+            " motion but reduces λ by F"
         )
         lines += wrapped(said, WIDTH, "  ", "  ")
     for number, names in enumerate((content["only_first"], content["only_second"])):

@@ -6,16 +6,19 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from typing import Any
 
+import h5py
 import numpy as np
 
 from lagcli.analysis.fit.result import FitResult, FittedData
 from lagcli.analysis.fit.uncertainty import ParameterCombination
+from lagcli.json_schema import check_json
 from lagcli.results.hdf5.analysis_file import new_analysis_file, opened_analysis
 from lagcli.results.hdf5.container import add_array, add_texts, attach_axes, make_axis, set_text
-from lagcli.results.hdf5.structure import group, numbers, read_texts, text_attribute
-from lagcli.results.metadata import check_model, storable
+from lagcli.results.hdf5.structure import group, read_arrays, read_texts, text_attribute
+from lagcli.results.metadata import check_model, check_times, storable
 from lagcli.version import __version__
 
 #: Datasets along ``parameter``, and their descriptions.
@@ -33,6 +36,25 @@ _BY_START = {
     "starts": "where searches began",
     "ends": "where searches ended",
     "costs": "chi-square at the ends",
+}
+#: The axes of all datasets: of the file, and of each experiment.
+_LAYOUT: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(_BY_PARAMETER, ("parameter",)),
+    **dict.fromkeys(_MATRICES, ("parameter", "parameter")),
+    **dict.fromkeys(("starts", "ends"), ("searches", "parameter")),
+    "costs": ("searches",),
+}
+_DATA = {
+    "time": ("time",),
+    "measured": ("time", "observed"),
+    "model": ("time", "observed"),
+    "sigmas": ("observed",),
+}
+#: Attributes with mappings.
+_JSON: dict[str, dict[str, Any]] = {
+    "units": {"type": "object", "additionalProperties": {"type": "string"}},
+    "parameters": {"type": "object", "additionalProperties": {"type": "number"}},
+    "options": {"type": "object"},
 }
 _FACTS = ("model", "model_sha256", "units", "parameters", "options")
 #: Fields of a result that have the same name in the content.
@@ -105,28 +127,30 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
         The file is missing, damaged, or does not contain a fit.
     """
     with opened_analysis(path, "fit") as (root, content):
-        fields: dict[str, Any] = {
-            name: np.asarray(numbers(root, name)[()], dtype=np.float64)
-            for name in (*_BY_PARAMETER, *_MATRICES, *_BY_START)
-        }
+        names, observed = read_texts(root, "parameter"), read_texts(root, "observed")
+        _check_names(content, names, observed)
+        lengths = {"parameter": len(names), "observed": len(observed)}
+        fields: dict[str, Any] = dict(read_arrays(root, _LAYOUT, lengths))
+        for name in ("values", "start", "starts", "ends"):
+            if not np.isfinite(fields[name]).all():
+                raise ValueError(f"{name} has values that are not finite")
         text, digest = (text_attribute(root, name) or "" for name in ("model", "model_sha256"))
         check_model(text, digest)
-        for name in ("units", "parameters", "options"):
+        for name, schema in _JSON.items():
             fields[name] = json.loads(text_attribute(root, name) or "{}")
+            check_json(fields[name], schema, name)
         for name in _IN_CONTENT:
             fields[name] = content[name]
-        data: list[FittedData] = []
-        while f"data_{len(data)}" in root:
-            folder = group(root, f"data_{len(data)}")
-            parts = [numbers(folder, x)[()] for x in ("time", "measured", "model", "sigmas")]
-            data.append(FittedData(text_attribute(folder, "path") or "", *parts))
+        if content["probability"] is None:
+            fields["probability"] = np.nan
+        folders = [f"data_{number}" for number in range(len(content["data"]))]
         return FitResult(
             model_name=content["model"],
             model=text,
             model_sha256=digest,
-            names=read_texts(root, "parameter"),
-            observed=read_texts(root, "observed"),
-            data=tuple(data),
+            names=names,
+            observed=observed,
+            data=tuple(_read_data(group(root, name), lengths) for name in folders),
             active=tuple(x["active_bound"] or "" for x in content["parameters"].values()),
             combinations=tuple(
                 ParameterCombination(tuple(x), tuple(x.values())) for x in content["unidentified"]
@@ -136,3 +160,26 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
             failures=content["failed_runs"],
             **fields,
         )
+
+
+def _check_names(
+    content: Mapping[str, Any], names: tuple[str, ...], observed: tuple[str, ...]
+) -> None:
+    """Raise ValueError unless the axes have the names of the content, and at least one."""
+    if not names or tuple(content["parameters"]) != names:
+        raise ValueError("parameter does not have the names of content.parameters")
+    if not observed or len(set(observed)) < len(observed):
+        raise ValueError("observed does not have one or more different names")
+    for combination in content["unidentified"]:
+        if not set(combination) <= set(names):
+            raise ValueError("content.unidentified has other names than parameter")
+
+
+def _read_data(folder: h5py.Group, lengths: Mapping[str, int]) -> FittedData:
+    """Return an experiment of an open file."""
+    found = read_arrays(folder, _DATA, {"observed": lengths["observed"]})
+    check_times(found["time"])
+    if (found["sigmas"] < 0).any():
+        raise ValueError(f"{folder.name}/sigmas has negative values")
+    path = text_attribute(folder, "path") or ""
+    return FittedData(path, *(found[name] for name in ("time", "measured", "model", "sigmas")))

@@ -35,8 +35,9 @@ class FittedData(NamedTuple):
 
     @property
     def residuals(self) -> Array:
-        """(model − measured) / sigma, (n, m)."""
-        return np.asarray((self.model - self.measured) / self.sigmas)
+        """(model − measured) / sigma, (n, m); NaN or infinite where it is not defined."""
+        with np.errstate(all="ignore"):
+            return np.asarray((self.model - self.measured) / self.sigmas)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -100,7 +100,7 @@ def _number(value: float, error: float) -> str:
         return "-"
     digits = 6
     if math.isfinite(error) and error > 0 and value:
-        digits = min(12, max(3, math.floor(math.log10(abs(value) / error)) + 3))
+        digits = min(12, max(3, math.floor(math.log10(abs(value)) - math.log10(error)) + 3))
     return f"{value:.{digits}g}"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
+from lagcli.results.hdf5.opening import damage
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.trajectory.samples import Record
@@ -103,10 +104,12 @@ def stored_mode_motion(
     model = load_text(given.text, given.path, given.set, given.set_initial)
     _check_number(number, _stored(content), model.name)
     held = content["operating_point"]
+    _check_names(path, "q", held["q"], model.coordinate_names)
     q, v = (np.array([held[part][name] for name in model.coordinate_names]) for part in "qv")
     p = tuple(model.parameter_values.values())
     local = equations_of(model, State(held["time"], q, v, p), held.get("contacts", ()))
     constraints = local.system.constraints
+    _check_names(path, "multipliers", held["multipliers"], constraints)
     rank = np.linalg.matrix_rank(local.evaluator(local.p).constraints(held["time"], q, v).jacobian)
     point = local.moving(State(held["time"], q, v, local.p), int(rank))
     multipliers = np.array([held["multipliers"][name] for name in constraints])
@@ -124,6 +127,17 @@ def stored_mode_motion(
     )
     point = point._replace(multipliers=multipliers)
     return _motion(local, point, mode, number, held["name"], amplitude)
+
+
+def _check_names(
+    path: str | os.PathLike[str], part: str, found: Iterable[str], names: Sequence[str]
+) -> None:
+    """Raise FileError unless a part of the operating point has the names of the model."""
+    if set(found) != set(names):
+        what = f"content.operating_point.{part} has {', '.join(found) or 'no names'}"
+        raise damage(
+            os.fspath(path), ValueError(f"{what}, and the model {', '.join(names) or 'none'}")
+        )
 
 
 def no_mode_chosen(path: str | os.PathLike[str]) -> UsageError:

@@ -35,7 +35,7 @@ def contact_lines(contacts: Sequence[Mapping[str, Any]], indent: int) -> list[st
 def _text(contact: Mapping[str, Any]) -> str:
     text = f"{contact['name']} {contact['state']}"
     if contact["state"] == "open" and contact["gap"] is not None:
-        return f"{text} (φ = {contact['gap']:.6g})"
+        return f"{text} (gap {contact['gap']:.6g})"
     if contact["state"] in ("open", "released", "touches"):
         return text
     text += f" (λ = {contact['multiplier']:.6g}"

@@ -22,6 +22,9 @@ MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
 # While YAML parses the text, placeholders replace the brackets after a name. An index contains no
 # quotes, and a prime only after a name, so that brackets in two quoted texts are not paired.
 _INDEX = re.compile(r"""(?<=[\w)\]*/+=(-])\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
+# Likewise, YAML ends a value at a comma, which in parentheses separates arguments: f(u, v). A quote
+# that is no prime, a brace, a comment or the line's end leaves parentheses open.
+_PARENTHESIS = re.compile(r"""[()"#{}\n]|(?<![\w)'\ufdd1])'""")
 _BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
 _COLON = re.compile(r"\s*:")
 _HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")
@@ -39,7 +42,7 @@ def _hidden(match: re.Match[str]) -> str:
 
 def _with_hidden_brackets(text: str) -> str:
     """Return a text for YAML's parser, with brackets only for lists."""
-    text = _INDEX.sub(_hidden, text)
+    text = _with_hidden_commas(_INDEX.sub(_hidden, text))
     parts, done = [], 0
     for start in (match.end() for match in _VECTOR.finditer(text)):
         if start < done:
@@ -49,6 +52,23 @@ def _with_hidden_brackets(text: str) -> str:
             end = _end_of_value(text, start)
             parts += [text[done:start], text[start:end].translate(_HIDE)]
             done = end
+    return "".join([*parts, text[done:]])
+
+
+def _with_hidden_commas(text: str) -> str:
+    """Return a text for YAML's parser, with commas only outside of parentheses."""
+    parts, done, start, depth = [], 0, 0, 0
+    for match in _PARENTHESIS.finditer(text):
+        if match[0] == "(":
+            start = start if depth else match.start()
+            depth += 1
+        elif match[0] != ")":
+            depth = 0
+        elif depth:
+            depth -= 1
+            if not depth:
+                parts += [text[done:start], text[start : match.end()].translate(_HIDE)]
+                done = match.end()
     return "".join([*parts, text[done:]])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from itertools import islice
 from pathlib import Path
 
 from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation
@@ -12,7 +13,10 @@ from lagcli.model.spelling import nearest, shorten
 from lagcli.model.yaml.source import Source
 
 MAX_BYTES = 10_000_000
+#: Words, numbers and signs of a file. Reading one takes some 10 µs.
+MAX_WORDS = 1_000_000
 
+_WORD = re.compile(r"[\w.]+|[^\w\s]")
 _NOT_TEXT = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IS_IT = "is it a model file at all?"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -116,12 +120,19 @@ def _decode(data: bytes, name: str) -> str:
 
 
 def check_text(source: Source) -> None:
-    """Reject control characters and others that YAML does not allow.
+    """Reject control characters and others that YAML does not allow, and texts that are too long.
 
     Raises
     ------
     ModelError
     """
+    if len(source.text) > MAX_WORDS:
+        beyond = next(islice(_WORD.finditer(source.text), MAX_WORDS, None), None)
+        if beyond is not None:
+            message = f"the model has more than {MAX_WORDS:,} words, numbers and signs"
+            help_ = "write what repeats as a family, x[i = 1..N], and its sums as sum(…, i = 1..N)"
+            location = SourceLocation(shorten(source.path, 200), 1, 1)
+            raise ModelError([Diagnostic("too-large", message, location, help_)])
     found = _NOT_TEXT.search(source.text)
     if found is None:
         return

@@ -181,6 +181,8 @@ def animate(
 
 def _suffix(output: str) -> str:
     stem, suffix = os.path.splitext(output)
+    if output == "-":
+        raise UsageError("an animation is written to a file; name one: -o animation.html")
     if suffix.lower() not in SUFFIXES:
         raise UsageError(
             f"{output}: the suffix {suffix or '(none)'} is not an animation format; use"

@@ -34,6 +34,8 @@ def check_picture(path: str, force: bool) -> str:
         As `check_writable`.
     """
     stem, suffix = os.path.splitext(path)
+    if path == "-":
+        raise UsageError("a plot is written to a file; name one: -o plot.png")
     kind = suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         raise UsageError(
@@ -106,6 +108,8 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
     with matplotlib.rc_context(style.settings()), warnings.catch_warnings():
         # a missing letter is drawn as a box, so the warning is redundant
         warnings.filterwarnings("ignore", r"Glyph .* missing from")
+        # an axis of values near the largest double
+        warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
         yield Figure(figsize=size, dpi=dpi)
 
 

@@ -303,8 +303,8 @@ def _special(point: Mapping[str, Any]) -> str:
 def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
     reference, head = content["reference"], ["Formulation", "Method", "Engine", "rtol", "Status"]
     head += [
-        "Drift of φ",
-        "Drift of ψ",
+        "Position residual",
+        "Velocity residual",
         "Error of the energy balance [J]",
         "Largest Δq",
         "Largest Δλ",
@@ -342,7 +342,7 @@ def _two_models(content: Mapping[str, Any], units: Mapping[str, str]) -> list[An
         for x in content[part]:
             name = prefix + x["name"]
             relative = number(x["difference"] / x["size"], 2) if x["size"] else ""
-            explained = "explained by φ F" if x.get("explained") else ""
+            explained = "explained: see below" if x.get("explained") else ""
             rows.append(
                 [
                     _named(name), number(x["difference"], 3), _unit_of(name, units),
@@ -356,8 +356,8 @@ def _two_models(content: Mapping[str, Any], units: Mapping[str, str]) -> list[An
     body = f'<p class="status bad">{escape(", ".join(content["status"]))}</p>' * bool(ended) + body
     if any(x["explained"] for x in content["multipliers"]):
         body += (
-            '<p class="note">The Lagrangians differ by a multiple of the constraint, φ F, which'
-            " changes no motion and takes F from λ.</p>"
+            '<p class="note">Explained: the Lagrangians differ by F times the constraint, which'
+            " does not change the motion but reduces λ by F.</p>"
         )
     for name, key in zip(names, ("only_first", "only_second"), strict=True):
         if content[key]:

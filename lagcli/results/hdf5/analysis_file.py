@@ -13,11 +13,18 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.errors import FileError
+from lagcli.json_schema import check_json, published_schema
+from lagcli.json_values import json_values
 from lagcli.results.hdf5.container import add_array, new_file, set_text
 from lagcli.results.hdf5.opening import open_verified
 from lagcli.results.hdf5.structure import text_attribute
-from lagcli.results.metadata import storable, to_json
+from lagcli.results.metadata import check_model, shortened, storable, to_json
 from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
+
+#: The schema of values that replace those of a model.
+_VALUES = {"type": "object", "additionalProperties": {"type": "string"}}
+#: Commands that write analysis files; each has a schema, which its content has, too.
+ANALYSES = ("compare", "equilibrium", "fit", "linearize", "modes")
 
 
 @contextmanager
@@ -51,7 +58,7 @@ def new_analysis_file(
         "schema_version": SCHEMA_VERSION,
         "sign_convention": SIGN_CONVENTION,
         **facts,
-        "content": content,
+        "content": json_values(content),
     }
     with new_file(path, force) as (root, sink):
         for name, value in texts.items():
@@ -102,9 +109,11 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
         text, origin, given, initial = (text_attribute(opened.root, name) for name in names)
         if text is None:
             raise FileError(f"{os.fspath(path)} contains no model")
-        return ModelText(
-            text, origin or os.fspath(path), json.loads(given or "{}"), json.loads(initial or "{}")
-        )
+        check_model(text, text_attribute(opened.root, "model_sha256") or "")
+        changed = {"set": json.loads(given or "{}"), "set_initial": json.loads(initial or "{}")}
+        for name, values in changed.items():
+            check_json(values, _VALUES, name)
+        return ModelText(text, origin or os.fspath(path), **changed)
 
 
 def analysis_kind(path: str | os.PathLike[str]) -> str | None:
@@ -146,9 +155,11 @@ def opened_analysis(
         if text is None or (command and opened.kind != command):
             made = f"lagcli {command}" if command else "an analysis"
             raise FileError(f"cannot read {os.fspath(path)}: it is not a file of {made}")
-        content = json.loads(text)
-        if not isinstance(content, dict) or content.get("command") != opened.kind:
-            raise ValueError("the content is not that of an analysis")
+        # numbers that JSON lacks are null; fit files had them once
+        content = json.loads(text, parse_constant=lambda _: None)
+        if opened.kind not in ANALYSES:
+            raise ValueError(f"kind is {shortened(opened.kind)}, which this version does not have")
+        check_json(content, published_schema(opened.kind), "content")
         yield opened.root, content
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import h5py
@@ -83,6 +83,39 @@ def read_quantity(
     if dataset.shape != expected:
         raise ValueError(f"{quantity.name} has shape {dataset.shape}, not {expected}")
     return np.asarray(dataset[rows], dtype=np.float64)
+
+
+def read_arrays(
+    parent: h5py.Group, layout: Mapping[str, Sequence[str]], lengths: dict[str, int]
+) -> dict[str, Array]:
+    """Return arrays of numbers, by name.
+
+    Parameters
+    ----------
+    parent : h5py.Group
+    layout : mapping of str to sequence of str
+        The axes of each dataset.
+    lengths : dict of str to int
+        Lengths of axes by name; those that it lacks are added, as the first dataset has them.
+
+    Raises
+    ------
+    ValueError
+        As `numbers`; also if the shape of a dataset does not match its axes.
+    """
+    found = {}
+    for name, axes in layout.items():
+        dataset = numbers(parent, name)
+        shape = dataset.shape
+        if len(shape) == len(axes):
+            for axis, length in zip(axes, shape, strict=True):
+                lengths.setdefault(axis, length)
+        expected = tuple(lengths.get(axis, "any") for axis in axes)
+        if shape != expected:
+            where = f"{parent.name}/{name}".lstrip("/")
+            raise ValueError(f"{where} has shape {shape}, not {expected} ({', '.join(axes)})")
+        found[name] = np.asarray(dataset[()], dtype=np.float64)
+    return found
 
 
 def texts(parent: h5py.Group, name: str) -> h5py.Dataset:

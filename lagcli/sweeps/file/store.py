@@ -14,6 +14,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.errors import FileError
+from lagcli.json_schema import check_json
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
@@ -22,7 +23,13 @@ from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
 from lagcli.results.layout import shared_unit, unit
-from lagcli.results.metadata import check_model, check_times, of_type, shortened, storable, to_json
+from lagcli.results.metadata import (
+    check_described,
+    check_model,
+    check_times,
+    storable,
+    to_json,
+)
 from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.sweeps.columns import COUNTS, KEPT, KIND, SCHEMA_VERSION, Column, kept_layout
 from lagcli.sweeps.row_results import STATUSES, Results
@@ -38,12 +45,12 @@ _SHORT, _MESSAGES = 64, 1 << 16
 #: Number of rows that are read at once.
 SLAB = 1 << 14
 _OUTPUTS = "outputs/"
-#: The root attributes that are read, and their types.
-_FACTS: dict[str, type] = {
-    **dict.fromkeys(("lagcli_version", "model", "model_sha256", "model_path"), str),
-    **dict.fromkeys(("sweep", "parameters", "options", "rows", "failures", "seconds"), dict),
-    **dict.fromkeys(("columns", "measures"), list),
-}
+#: The root attributes that are read: texts, and JSON.
+_TEXTS = ("lagcli_version", "model", "model_sha256", "model_path")
+_JSON = (
+    *("sweep", "parameters", "options", "rows", "failures", "seconds"),
+    *("columns", "measures"),
+)
 
 
 def write_sweep(
@@ -248,21 +255,14 @@ class SweepFile:
         self.root, self.layout = opened.root, opened.layout
         self.length = len(numbers(self.root, "run", "<i8"))
         self.facts = {name: self._fact(name) for name in self.root.attrs}
+        _check_facts(self.facts)
         check_model(self.facts["model"], self.facts["model_sha256"])
         self.inputs = read_inputs(self.root)
-        for name, kind in _FACTS.items():
-            of_type(kind, self.facts[name], name)
-        for name in ("rows", "failures"):
-            for key, count in self.facts[name].items():
-                of_type(int, count, f"{name} of {key}")
-        for name in ("parameters", "seconds"):
-            self.facts[name] = {
-                k: float(of_type((int, float), v, f"{name} of {k}"))
-                for k, v in self.facts[name].items()
-            }
-        _check_plan(self.facts["sweep"])
-        self.columns = [_column(x) for x in self.facts["columns"]]
-        self.measures = [_column(x) for x in self.facts["measures"]]
+        self.columns, self.measures = (
+            [Column(**{name: column[name] for name in Column._fields}) for column in self.facts[x]]
+            for x in ("columns", "measures")
+        )
+        self._varied = {column.dataset for column in self.columns}
         self.kept = "time" in self.root  # whether the samples of each row are stored
         self.outputs: tuple[str, ...] = ()
         if self.kept:
@@ -296,7 +296,10 @@ class SweepFile:
         kind = "i1" if dataset == "status" else "<i8" if dataset in COUNTS else "<f8"
         found = numbers(self.root, dataset, kind)
         self._check_length(dataset, found.shape)
-        return found[rows]
+        values = found[rows]
+        if dataset in self._varied and not np.isfinite(values).all():
+            raise ValueError(f"{dataset} has varied values that are not finite")
+        return values
 
     def _check_length(self, name: str, shape: tuple[int, ...]) -> None:
         lengths = [self.length, len(self.times)] if len(shape) > 1 else [self.length]
@@ -347,29 +350,47 @@ class SweepFile:
         """Return a root attribute, parsed if it is JSON."""
         text = text_attribute(self.root, name)
         assert text is not None
-        return json.loads(text) if name in _FACTS and _FACTS[name] is not str else text
+        return json.loads(text) if name in _JSON else text
 
 
-def _check_plan(sweep: dict[str, Any]) -> None:
-    """Raise ValueError unless a stored plan has all fields."""
-    plan = of_type(dict, sweep.get("plan"), "the plan")
-    for text in of_type(list, plan.get("vary"), "vary"):
-        of_type(str, text, "vary")
-    for names, drawn in of_type(dict, plan.get("sample"), "sample").items():
-        missing = {"points", "kind", "seed"} - set(of_type(dict, drawn, f"sample of {names}"))
-        if missing:
-            raise ValueError(f"the sample of {names} has no {', '.join(sorted(missing))}")
-    if not isinstance(plan.get("zip"), bool):
-        raise ValueError(f"zip is {shortened(plan.get('zip'))}")
+#: What the attributes have that ``lagcli info --json`` prints in another form.
+_TEXT = {"type": "string"}
+_TEXTS_BY_NAME = {"type": "object", "additionalProperties": _TEXT}
+_COLUMNS = {
+    "type": "array",
+    "items": {
+        "type": "object",
+        "required": list(Column._fields),
+        "properties": dict.fromkeys(Column._fields, _TEXT),
+    },
+}
+_SCHEMA = {
+    "type": "object",
+    "required": [*_TEXTS, *_JSON],
+    "properties": {
+        "model": _TEXT,
+        "columns": _COLUMNS,
+        "measures": _COLUMNS,
+        "sweep": {
+            "type": "object",
+            "required": ["plan", "set", "set_initial"],
+            "properties": {
+                "plan": {"type": "object", "required": ["vary", "sample", "zip"]},
+                "set": _TEXTS_BY_NAME,
+                "set_initial": _TEXTS_BY_NAME,
+            },
+        },
+    },
+}
 
 
-def _column(value: Any) -> Column:
-    """Return a column from its JSON description."""
-    if not isinstance(value, dict) or set(value) != set(Column._fields):
-        raise ValueError(f"a column is {shortened(value)}")
-    if not all(isinstance(x, str) for x in value.values()):
-        raise ValueError(f"a column is {shortened(value)}")
-    return Column(**value)
+def _check_facts(facts: dict[str, Any]) -> None:
+    """Raise ValueError unless the root attributes are those of a sweep."""
+    check_json(facts, _SCHEMA, "attributes")
+    described = {name: x for name, x in facts.items() if name not in ("columns", "measures")}
+    check_described(KIND, described)
+    plan = facts["sweep"]["plan"]
+    check_described(KIND, {name: plan[name] for name in ("vary", "sample", "zip")})
 
 
 @contextmanager

@@ -31,9 +31,10 @@ def run() -> Trajectory:
 
 
 def test_open_contacts_have_no_residual(run: Trajectory) -> None:
-    falls = run.time < 0.5
+    # a sample is at 0.5 s, before or after the impact, as rounding has it
+    falls, slides = run.time < 0.49, run.time > 0.51
     assert np.isnan(run.residual_position[falls, 0]).all()
-    assert np.abs(run.residual_position[~falls, 0]).max() < 1e-15
+    assert np.abs(run.residual_position[slides, 0]).max() < 1e-15
     assert (run.multipliers[falls] == 0).all()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from pathlib import Path
 
@@ -274,6 +275,49 @@ def test_a_hundred_thousand_keys() -> None:
     began = time.process_time()
     assert "too-many" in diagnostics(text)[-1]
     assert time.process_time() - began < 5  # 1.5 s alone; must not be quadratic
+
+
+def calls_to_read(text: str) -> int:
+    """Return how many functions of Python are called to read a text, valid or not."""
+    count = 0
+
+    def counted(frame: object, event: str, argument: object) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(counted)
+    try:
+        load_text(text)
+    except ModelError:
+        pass
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize("term", ["x", "x^2", "3*x*sin(x)"])
+def test_the_work_is_proportional_to_the_number_of_terms(term: str) -> None:
+    """Counts of calls are the same on every machine; a second measures what they hide."""
+
+    def text(terms: int) -> str:
+        sum_ = " + ".join([term] * terms)
+        return f"coordinates: [x]\ninitial: {{x: 0, x': 0}}\nT: x'^2/2\nV: {sum_}\n"
+
+    few, many = calls_to_read(text(500)), calls_to_read(text(4000))
+    assert many < 8.2 * few
+    began = time.process_time()
+    load_text(text(8000))
+    assert time.process_time() - began < 4  # 0.4 s alone
+
+
+@pytest.mark.parametrize("term", ["x", "x^2", "3*x"])
+def test_a_million_terms_are_rejected_before_they_are_read(term: str) -> None:
+    text = f"coordinates: [x]\nT: x'^2/2\nV: {' + '.join([term] * 10**6)}\n"
+    (found,) = diagnostics(text)
+    assert "too-large: the model has more than 1,000,000 words" in found
+    assert calls_to_read(text) < 1000
+    lines = "".join(f"  a{i}: {'+'.join([term] * 100)}\n" for i in range(10_000))
+    assert "too-large" in diagnostics(f"coordinates: [x]\nT: x'^2/2\noutputs:\n{lines}")[0]
 
 
 def test_a_constraint_that_is_expensive_to_expand() -> None:

@@ -45,6 +45,10 @@ def test_the_limits_of_the_system_are_known() -> None:
     [
         (600, ("simulate", str(MODEL), "--samples", "100000000"), "samples needs about"),
         (150, ("info", "run.h5"), "ulimit -v"),
+        # without these, OpenBLAS ends the process with status 1, or never returns
+        (235, ("simulate", str(MODEL), "--t-end", "0.1"), "ulimit -v"),
+        (280, ("modes", str(MODEL)), "loading scipy needs about"),
+        (350, ("compare", str(MODEL), "--t-end", "0.1"), "loading scipy needs about"),
         (270, ("plot", "run.h5", "-o", "run.png"), "drawing a plot needs about"),
     ],
 )

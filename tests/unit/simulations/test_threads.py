@@ -112,8 +112,9 @@ def test_a_number_in_the_environment_stays(free, monkeypatch):
         assert blas() == free
 
 
-def test_runs_in_threads_that_overlap_leave_no_limit(free):
-    first_inside, second_inside = Barrier(2), Barrier(2)
+@pytest.mark.parametrize("ends", ["first", "second"])
+def test_runs_in_threads_that_overlap_leave_no_limit(ends, free):
+    first_inside, second_inside, one_outside = Barrier(2), Barrier(2), Barrier(2)
     seen = []
 
     def first():
@@ -121,12 +122,20 @@ def test_runs_in_threads_that_overlap_leave_no_limit(free):
             seen.append(blas())
             first_inside.wait(10)
             second_inside.wait(10)
+            if ends == "second":
+                one_outside.wait(10)
+        if ends == "first":
+            one_outside.wait(10)
 
     def second():
         first_inside.wait(10)
         with one_thread():
             seen.append(blas())
             second_inside.wait(10)
+            if ends == "first":
+                one_outside.wait(10)
+        if ends == "second":
+            one_outside.wait(10)
 
     with ThreadPoolExecutor(2) as pool:
         for done in [pool.submit(f) for f in (first, second)]:

@@ -9,7 +9,7 @@ from lagcli.analysis.local.contact_text import acting, contact_lines, describe_c
 @pytest.mark.parametrize(
     ("contact", "text"),
     [
-        (ContactStatus("floor", "open", 0.25, 0.0, None), "floor open (φ = 0.25)"),
+        (ContactStatus("floor", "open", 0.25, 0.0, None), "floor open (gap 0.25)"),
         (ContactStatus("floor", "touches", 0.0, 0.0, None), "floor touches"),
         (ContactStatus("floor", "closed", 0.0, 19.62, None), "floor closed (λ = 19.62)"),
         (ContactStatus("wheel", "sticks", None, 1.5, 6.0), "wheel sticks (λ = 1.5, limit 6)"),

@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 from lagcli.errors import Diagnostic, ModelError, SourceLocation
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.composing import MAX_DEPTH, compose
-from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, character_positions
+from lagcli.model.yaml.source import (
+    Mapping,
+    Scalar,
+    Sequence,
+    Source,
+    YamlNode,
+    character_positions,
+)
 
 
 def value(text: str, key: str = "a") -> Scalar:
@@ -162,14 +169,43 @@ def test_yaml_errors(text: str, words: list[str]) -> None:
 
 
 def test_a_comma_in_braces_is_explained_and_mended() -> None:
-    root, diagnostics = compose(Source("a: {b: x, y, and z, c: max(1, 2)}", "f"))
+    root, diagnostics = compose(Source("a: {b: x, y, and z, c: 1, 2}", "f"))
     assert [d.kind for d in diagnostics] == ["comma", "comma"]
     assert '`b: "x, y, and z"`' in diagnostics[0].render()
     inner = root.entries["a"][1]
     assert isinstance(inner, Mapping)
     assert {k: v.value for k, _, v in inner if isinstance(v, Scalar)} == {
         "b": "x, y, and z",
-        "c": "max(1, 2)",
+        "c": "1, 2",
+    }
+
+
+def test_commas_in_parentheses_separate_arguments() -> None:
+    text = """functions: {hinge(u, v, w): "u*v + w", g(a, b): a - b}
+a: {b: max(x, hypot(x', 2*(y + min(1, (2))))), c: 3, d: length (of a, b)}
+e: [f(x[1, 2]', y), 4]
+h: {i: a's (b, c), j: 1}
+k: (a, b
+l: {m: 1, n: 2}  # (o, p
+"""
+    root, diagnostics = compose(Source(text, "f"))
+    assert diagnostics == []
+
+    def plain(node: YamlNode) -> object:
+        if isinstance(node, Mapping):
+            return {key: plain(item) for key, _, item in node}
+        if isinstance(node, Sequence):
+            return [plain(item) for item in node.items]
+        assert isinstance(node, Scalar)
+        return node.value
+
+    assert plain(root) == {
+        "functions": {"hinge(u, v, w)": "u*v + w", "g(a, b)": "a - b"},
+        "a": {"b": "max(x, hypot(x', 2*(y + min(1, (2)))))", "c": "3", "d": "length (of a, b)"},
+        "e": ["f(x[1, 2]', y)", "4"],
+        "h": {"i": "a's (b, c)", "j": "1"},
+        "k": "(a, b",
+        "l": {"m": "1", "n": "2"},
     }
 
 

@@ -11,7 +11,14 @@ import pytest
 from lagcli.errors import FileError
 from lagcli.results.hdf5.analysis_file import analysis_kind, read_analysis, write_analysis
 
-CONTENT = {"command": "modes", "model": "péndulo", "modes": [{"number": 1, "x": [0.1, None]}]}
+POINT = {
+    **{"name": "the start", "steady": True, "time": 0.0, "q": {"φ": 0.1}, "v": {"φ": 0.0}},
+    **{"multipliers": {}, "contacts": []},
+}
+CONTENT = {
+    **{"command": "modes", "model": "péndulo", "operating_point": POINT, "undamped": True},
+    **{"degrees_of_freedom": 1, "modes": [], "notes": []},
+}
 
 
 def test_content_and_arrays_come_back(tmp_path: Path) -> None:
@@ -25,6 +32,25 @@ def test_content_and_arrays_come_back(tmp_path: Path) -> None:
     with h5py.File(path) as root:
         assert root["a"][1, 2] == 5.0
         assert root.attrs["model"] == b"x: 1"
+
+
+def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
+    path = str(tmp_path / "a.h5")
+    write_analysis(path, {**CONTENT, "x": [float("nan"), 1.0]}, {}, {})
+    assert read_analysis(path)["x"] == [None, 1.0]
+
+
+def test_contents_that_are_not_those_of_the_command_are_rejected(tmp_path: Path) -> None:
+    cases = [
+        ({**CONTENT, "notes": None}, "content.notes is null and not an array"),
+        ({**CONTENT, "operating_point": {**POINT, "v": {}}}, "point.v has no keys, but .*keys φ"),
+        ({**CONTENT, "command": "../check"}, r'kind is "?\'../check\'.*this version does not have'),
+    ]
+    for i, (content, said) in enumerate(cases):
+        path = str(tmp_path / f"{i}.h5")
+        write_analysis(path, content, {}, {})
+        with pytest.raises(FileError, match=rf"{i}\.h5: .*{said}"):
+            read_analysis(path)
 
 
 def test_other_files_and_damage_are_rejected(tmp_path: Path) -> None:

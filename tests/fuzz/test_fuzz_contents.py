@@ -1,0 +1,175 @@
+"""Files with a right checksum and wrong contents: read, or rejected, never with a traceback.
+
+A mutant has changed attributes or arrays, and a new checksum, as another program would write it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from answers import answer
+from mutants import changed_content
+
+import lagcli
+from lagcli.errors import LagcliError
+from lagcli.results.hdf5 import seal
+
+#: Mutants of each file in the normal suite.
+FEW = 15
+
+SPRING = """
+name: spring
+coordinates: {x: m}
+parameters: {m: 1 kg, k: {value: 10, unit: N/m}, c: 0.1}
+T: m*x'^2/2
+V: k*x^2/2
+Q: {x: -c*x'}
+initial: {x: 10 cm, x': 0}
+fit:
+  data: [{file: run.csv}, {file: run.csv}]
+  observe: {x: {column: x, sigma: 0.1}}
+  parameters: {k: {min: 1}, c: {min: 0}, x: }
+"""
+
+#: How each file is made: the arguments of the command, before ``-o``.
+FILES = {
+    "run": ["simulate", "slider_crank", "--t-end", "0.5", "--samples", "21"],
+    "bounces": ["simulate", "bouncing_ball", "--samples", "31", "--sensitivity", "g,e"],
+    "road": ["simulate", "car_on_road", "--t-end", "0.2", "--samples", "9"],
+    "sweep": [
+        *("sweep", "slider_crank", "--vary", "l=0.2,0.3", "--vary", "m=1,2", "--t-end", "0.1"),
+        *("--samples", "5", "--jobs", "1", "--measure", "peak=max(phi)", "--keep", "trajectories"),
+    ],
+    "drawn": [
+        *("sweep", "slider_crank", "--vary", "l=0.2..0.3", "--vary", "m=1..2"),
+        *("--sample", "sobol:4", "--measure", "peak=max(phi)", "--t-end", "0.1", "--jobs", "1"),
+    ],
+    "modes": ["modes", "chain", "--set", "N=3"],
+    "rolling": ["modes", "slider_crank"],
+    "linear": ["linearize", "slider_crank"],
+    "equilibria": ["equilibrium", "slider_crank", "--all"],
+    "resting": ["equilibrium", "bouncing_ball"],
+    "branches": [
+        *("equilibrium", "bead_on_rotating_hoop", "--along", "Omega=1 rad/s:6 rad/s"),
+        "--branches",
+    ],
+    "formulations": ["compare", "slider_crank", "--t-end", "0.1"],
+    "models": ["compare", "slider_crank", "slider_crank", "--t-end", "0.1"],
+    "fit": ["fit", "spring.yaml", "--starts", "2"],
+}
+
+
+def commands(kind: str, folder: Path) -> list[list[str]]:
+    """Return the commands that read files of a kind, with ``FILE`` for the file."""
+    page, picture, table = (str(folder / f"out.{x}") for x in ("html", "svg", "csv"))
+    found = [
+        ["info", "FILE"],
+        ["info", "FILE", "--json"],
+        ["report", "FILE", "-o", page, "--force", "--quiet"],
+    ]
+    if kind not in ("linear", "equilibria", "resting"):
+        found.append(["plot", "FILE", "-o", picture, "--force"])
+    if kind in ("modes", "rolling"):
+        found.append(["animate", "FILE", "--mode", "1", "-o", page, "--force", "--quiet"])
+    if kind in ("run", "bounces", "road"):
+        found.append(["animate", "FILE", "-o", page, "--force", "--quiet"])
+    if kind == "bounces":
+        found.append(["plot", "FILE", "y", "--band", "g=1%", "-o", picture, "--force"])
+    if kind in ("sweep", "drawn"):
+        found.append(["export-csv", "FILE", "-o", table, "--force"])
+        found.append(["plot", "FILE", "tornado:peak", "-o", picture, "--force"])
+        found.append([*FILES[kind], "-o", "FILE", "--resume", "--quiet"])
+    return found
+
+
+@pytest.fixture(scope="module")
+def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Return a file of each kind."""
+    folder = tmp_path_factory.mktemp("originals")
+    with contextlib.chdir(folder):
+        Path("spring.yaml").write_text(SPRING, encoding="utf-8")
+        status, said = answer("simulate", "spring.yaml", "-o", "run.csv", "--t-end", "1")
+        assert status == 0, said
+        for kind, arguments in FILES.items():
+            status, said = answer(*arguments, "-o", f"{kind}.h5")
+            assert status == 0, f"{kind}: {said}"
+        return {kind: Path(f"{kind}.h5").read_bytes() for kind in FILES}
+
+
+def try_mutants(kind: str, original: bytes, folder: Path, count: int) -> Counter[str]:
+    """Read mutants of a file by all commands that read such files."""
+    path, r = folder / f"{kind}.h5", random.Random(kind)
+    # what a picture or a run of the model needs may be missing in a mutant: status 2 or 3
+    readers = [[str(path) if x == "FILE" else x for x in c] for c in commands(kind, folder)]
+    path.write_bytes(original)
+    for arguments in readers:
+        status, said = answer(*arguments)
+        assert status == 0, (arguments, said)
+    counts: Counter[str] = Counter()
+    while counts["mutants"] < count:
+        path.write_bytes(original)
+        if not (place := changed_content(path, r)):
+            continue
+        with path.open("r+b") as file:
+            seal.seal(file)
+        counts["mutants"] += 1
+        for arguments in (readers[0], r.choice(readers[1:])):
+            status, said = answer(*arguments)
+            allowed = (0, 4) if arguments[0] == "info" else (0, 2, 3, 4)
+            wrong = status not in allowed or "Traceback" in said or "Warning" in said
+            if status == 4 and "--resume" not in arguments:
+                wrong = wrong or path.name not in said
+            if wrong:
+                kept = folder / f"mutant_{counts['mutants']}_{path.name}"
+                shutil.copy(path, kept)
+                raise AssertionError(f"{place}: {arguments}: status {status}: {said} ({kept})")
+            counts[f"status {status}"] += 1
+        if r.random() < 0.1:
+            with contextlib.suppress(LagcliError):
+                lagcli.open(path)
+    return counts
+
+
+#: Files that ended with tracebacks, and what `info` and `report` say; empty where they read it.
+FOUND = {
+    "mut_cmp_5_1": ("content.model is 1e+300 and not a text",) * 2,
+    "mut_eq_5_2": ("content.parameter is [] and not a text",) * 2,
+    "mut_eq_5_3": ("content.special_points is 1000000",) * 2,
+    "mut_fit_2_19": ("correlation has shape",) * 2,
+    "mut_fit_5_7": ("parameters.c is [[[]]] and not a finite number",) * 2,
+    "mut_fit_5_9": ("content.degrees_of_freedom is null and not an integer",) * 2,
+    "mut_lin_5_5": ("content.inputs is",) * 2,
+    "mut_lin_5_9": ("", "set is 2.5 and not an object"),
+    "mut_modes_5_1": ("content.model is true and not a text",) * 2,
+    "mut_run_5_11": ("freedom has no constraints",) * 2,
+    "mut_sw_5_2": ("attributes.sweep has no set_initial",) * 2,
+}
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_files_that_ended_with_tracebacks(tmp_path: Path, name: str) -> None:
+    path = Path(__file__).parents[1] / "found" / "contents" / f"{name}.h5"
+    page = ["-o", str(tmp_path / "out.html")]
+    for command, said in zip((["info"], ["report", *page]), FOUND[name], strict=True):
+        status, text = answer(*command, str(path))
+        assert (status, text.count("\n") == 1) == ((4, True) if said else (0, False)), text
+        assert f"cannot read {path}: " in text or not said
+        assert said in text
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_few_wrong_contents(tmp_path: Path, originals: dict[str, bytes], kind: str) -> None:
+    try_mutants(kind, originals[kind], tmp_path, FEW)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kind", FILES)
+def test_many_wrong_contents(
+    tmp_path: Path, originals: dict[str, bytes], kind: str, fuzz_count: int
+) -> None:
+    print(f"{kind}: {dict(try_mutants(kind, originals[kind], tmp_path, fuzz_count))}")
