@@ -60,15 +60,27 @@ def _open_hdf5(name: str) -> Any:
     from lagcli.trajectory.samples import SCHEMA_VERSION
 
     with open_verified(name, SCHEMA_VERSION) as opened:
-        kind, analysed = opened.kind, "content" in opened.root.attrs
-    if analysed:
-        return read_analysis(name)
-    if kind == "sweep":
-        try:
-            import xarray
-        except ImportError as error:
-            raise FileError(
-                f"{name} is a sweep, which opens in xarray: pip install xarray h5netcdf"
-            ) from error
+        analysed = "content" in opened.root.attrs
+        swept = opened.kind == "sweep" and not analysed
+    if swept:
+        return _open_sweep(name)
+    return read_analysis(name) if analysed else read(name)
+
+
+def _open_sweep(name: str) -> Any:
+    """Return a sweep as an xarray.Dataset, after a check of its contents."""
+    from lagcli.results.hdf5.opening import DAMAGE, damage
+    from lagcli.sweeps.file.store import open_sweep
+
+    try:
+        import xarray
+    except ImportError as error:
+        raise FileError(
+            f"{name} is a sweep, which opens in xarray: pip install xarray h5netcdf"
+        ) from error
+    with open_sweep(name):
+        pass
+    try:
         return xarray.load_dataset(name, engine="h5netcdf")
-    return read(name)
+    except DAMAGE as error:
+        raise damage(name, error) from error

@@ -30,7 +30,7 @@ _SUPERBLOCK = struct.Struct("<8sB19xQ")
 _SECONDS, _RATE = 20.0, 1 << 21
 
 #: Errors by which h5py, and the interpretation of the contents, report damage.
-_DAMAGE = (
+DAMAGE = (
     *(OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError),
     *(ArithmeticError, MemoryError),
 )
@@ -87,7 +87,7 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
             if found != version:
                 raise _other_version(path, found, version, text_attribute(root, "lagcli_version"))
             yield Opened(root, text_attribute(root, "kind") or "", layout)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise damage(path, error) from error
 
 
