@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,8 +25,9 @@ Steady = Annotated[
     list[str] | None,
     typer.Option(
         "--steady",
-        metavar="VELOCITY=VALUE",
-        help='At the steady motion with this velocity, e.g. "phi\'=10". Repeatable.',
+        metavar="NAME=VALUE",
+        help='At the steady motion with this velocity, e.g. "phi\'=10", rate of a symmetry or'
+        " expression; see lagcli equilibrium. Repeatable.",
     ),
 ]
 
@@ -45,10 +47,11 @@ def load_steady(
     set: Iterable[str] | None,
     set_initial: Iterable[str] | None,
     steady: Iterable[str] | None,
-) -> tuple[Model, dict[str, float]]:
-    """Load a model, and parse prescribed velocities, in SI.
+) -> tuple[Model, dict[str, float | None]]:
+    """Load a model, and parse what a steady motion has: velocities and other values, in SI.
 
-    Values are parsed as initial values: with units and parameters.
+    Values are parsed as initial values: with units and parameters. A name without a value is an
+    unknown speed.
 
     Raises
     ------
@@ -56,19 +59,34 @@ def load_steady(
         As `lagcli.load`; or a name is not a velocity of the model.
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.analysis.local.steady_terms import is_velocity
+    from lagcli.model.given_expression import given_value
     from lagcli.model.loader import load, load_text
 
     parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
     loaded = load(model, parameters, initial)
-    held = assignments("--steady", steady)
-    if not held:
-        return loaded, {}
-    names = {text: velocity_coordinate(loaded.coordinate_names, text) for text in held}
-    # as guesses: the analysis reports constraints that determine them
-    velocities = {f"{names[text]}'": f"{{guess: {value}}}" for text, value in held.items()}
-    given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
-    again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities}, loaded.data)
-    return again, {f"{name}'": again.initial_velocities[name].value for name in names.values()}
+    items = list(steady or ())
+    unknown = [item.strip() for item in items if "=" not in item and item.strip()]
+    held = assignments("--steady", [item for item in items if item.strip() not in unknown])
+    names = {
+        text: velocity_coordinate(loaded.coordinate_names, text)
+        for text in held
+        if is_velocity(loaded.coordinate_names, text)
+    }
+    found: dict[str, float | None] = {
+        text: given_value(loaded, "--steady", text, value)
+        for text, value in held.items()
+        if text not in names
+    }
+    again = loaded
+    if names:
+        # as guesses: the analysis reports constraints that determine them
+        velocities = {f"{name}'": f"{{guess: {held[text]}}}" for text, name in names.items()}
+        given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
+        initial = {**given, **velocities}
+        again = load_text(loaded.text, loaded.path, parameters, initial, loaded.data)
+    values = {f"{name}'": again.initial_velocities[name].value for name in names.values()}
+    return again, {**values, **found, **dict.fromkeys(unknown)}
 
 
 def print_analysis(
@@ -94,7 +112,7 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     -------
     model : Model
     name : str
-        The parameter, or a velocity (``phi'``).
+        The parameter, a velocity (``phi'``), or another value of a steady motion.
     start, end : float
         The ends, SI.
 
@@ -104,6 +122,8 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
         The text does not have this form, or there is no such parameter or velocity.
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.analysis.local.steady_terms import is_velocity
+    from lagcli.model.given_expression import given_value
     from lagcli.model.loader import load_text
     from lagcli.model.spelling import did_you_mean, nearest
 
@@ -112,7 +132,10 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     name, ends = name.strip(), (first.strip(), last.strip())
     if not (equals and colon and name and all(ends)) or ":" in last:
         raise UsageError(f"--along {along!r} is not of the form NAME=START:END, as in P=0:3")
-    if name not in model.parameters and not name.endswith(("'", "_dot")):
+    unknown = name.isidentifier() and not name.endswith("_dot")
+    momentum = re.fullmatch(r"J_\d+|p_.*", name)
+    held = name in model.coordinate_names or momentum or not name.isidentifier()
+    if name not in model.parameters and unknown and not held:
         known = list(model.parameters)
         listed = f"its parameters are {', '.join(known[:20])}" if known else "it has none"
         raise UsageError(
@@ -128,6 +151,9 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
         ]
         start, end = (m.parameters[name].value for m in models)
         return models[0], name, start, end
+    if not is_velocity(model.coordinate_names, name):
+        values = [given_value(model, "--along", name, end) for end in ends]
+        return model, name, values[0], values[1]
     coordinate = velocity_coordinate(model.coordinate_names, name)
     given = {k: x for k, x in model.set_initial.items() if k not in (name, f"{coordinate}'")}
     models = [

@@ -163,3 +163,65 @@ def test_linear_models_state_their_contacts(
     assert run(["modes", cradle]) == 3
     assert "newtons_cradle.yaml:" in (said := capsys.readouterr().err)
     assert "`hit[3]` touches without a force, and closes or opens" in said
+
+
+CONICAL = """
+coordinates: {x: m, y: m, z: m}
+parameters: {m: 2 kg, l: 0.5 m, g: 9.81 m/s^2}
+T: m/2*(x'^2 + y'^2 + z'^2)
+V: m*g*z
+constraints: {rod: x^2 + y^2 + z^2 = l^2}
+initial: {x: 0.3 m, y: 0 m, z: -0.4 m, x': 0 m/s, y': 2 m/s, z': 0 m/s}
+"""
+
+
+def test_motions_along_symmetries_are_printed_and_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, file = tmp_path / "conical.yaml", str(tmp_path / "found.h5")
+    model.write_text(CONICAL, encoding="utf-8")
+    assert run(["equilibrium", str(model), "--steady", "z=-30 cm"]) == 0
+    said = capsys.readouterr().out
+    assert "speeds   rate(J_1) = 5.71839138" in said  # √(g/0.3 m)
+    assert "does not have initial velocities of the file:" in said
+    given = ["--steady", "rate(J_1)", "--steady", "J_1=1 kg*m^2/s"]
+    assert run(["equilibrium", str(model), *given, "--json"]) == 0
+    found = valid(capsys.readouterr().out)
+    assert found["steady"] == {"rate(J_1)": None, "J_1": 1.0}
+    assert run(["equilibrium", str(model)]) == 0
+    assert '--steady "y\'=2" finds a motion with it' in " ".join(capsys.readouterr().out.split())
+    along = ["--along", "rate(J_1)=5 rad/s:9 rad/s"]
+    assert run(["equilibrium", str(model), *along, "-o", file, "--json"]) == 0
+    assert valid(capsys.readouterr().out)["parameter"] == "rate(J_1)"
+    assert run(["info", file]) == 0
+    assert "rate(J_1) from 5 to 9" in capsys.readouterr().out
+    for command, suffix in (("plot", "svg"), ("report", "html")):
+        assert run([command, file, "-o", str(tmp_path / f"branch.{suffix}")]) == 0
+    capsys.readouterr()
+    assert run(["modes", str(model), "--steady", "rate(J_1)=6 rad/s"]) == 0
+    assert "axes that move along with the steady motion" in capsys.readouterr().out
+    for command in ("equilibrium", "modes"):
+        assert run([command, str(model), "--steady", "zz=1"]) == 2
+        assert "--steady zz: error[unknown-name]" in capsys.readouterr().err
+    assert run(["equilibrium", str(model), "--steady", "z=1 parsec7"]) == 2
+    assert "parsec7" in capsys.readouterr().err
+
+
+def test_lines_of_equilibria_take_few_lines(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "wire.yaml"
+    model.write_text(
+        "coordinates: {x: m, y: m}\n"
+        "parameters: {m: 1 kg, k: 0.8 1/m, g: 9.81 m/s^2, Omega: 3 rad/s}\n"
+        "T: m/2*(x'^2 + y'^2 + Omega^2*x^2)\nV: m*g*y\nconstraints: {wire: y = k*x^2}\n"
+        "initial: {x: {guess: 0.1}, y: {guess: 0}, x': 0, y': {guess: 0}}\n",
+        encoding="utf-8",
+    )
+    along = ["--along", "Omega=3 rad/s:5 rad/s", "--branches"]
+    assert run(["equilibrium", str(model), *along]) == 0
+    said = capsys.readouterr().out
+    assert len(said.splitlines()) < 25
+    assert "branch point (line of equilibria) on branch 0: Omega = 3.96181776461" in said
+    assert "all of it is a line of equilibria at Omega = 3.96181776461" in said
+    assert "stable 3 to 3.96182; unstable 3.96182 to 5" in said

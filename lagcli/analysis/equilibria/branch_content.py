@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.analysis.equilibria.description import shown_verdict
+from lagcli.analysis.equilibria.description import held_text, shown_verdict
 from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
 from lagcli.analysis.local.contact_text import contact_lines, describe_contacts
 from lagcli.analysis.text import entry, listed, without_rounding
@@ -80,7 +80,7 @@ def format_diagram(content: Mapping[str, Any]) -> str:
     name, branches = content["parameter"], content["branches"]
     low, high = content["limits"]
     count = f"{len(branches)} branch{'es' * (len(branches) != 1)}"
-    held = "".join(f", {k} = {x:.6g}" for k, x in content["steady"].items())
+    held = f", {held_text(content['steady'])}" if content["steady"] else ""
     lines = [f"{content['model']}: {count} of equilibria, {name} from {low:g} to {high:g}{held}"]
     lines += contact_lines(content.get("contacts", ()), 2)
     for number, branch in enumerate(branches):

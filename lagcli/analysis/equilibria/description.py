@@ -12,6 +12,7 @@ from lagcli.analysis.local.contact_text import contact_lines, describe_contacts
 from lagcli.analysis.text import entry, listed, without_rounding
 
 _EIGENVALUES = 6  # items per line
+_ROUNDING = 1e-12  # real parts below this part of the imaginary ones are not shown
 
 
 def describe_equilibria(found: Equilibria) -> dict[str, Any]:
@@ -22,6 +23,7 @@ def describe_equilibria(found: Equilibria) -> dict[str, Any]:
         "steady": dict(found.steady),
         "starts": found.starts,
         "equilibria": [_described(x, found) for x in found.equilibria],
+        "ignored": dict(found.ignored),
     }
 
 
@@ -34,6 +36,7 @@ def _described(one: Equilibrium, found: Equilibria) -> dict[str, Any]:
         "time": point.t,
         "q": _by_name(names, point.q),
         "v": _by_name(names, point.v),
+        "speeds": dict(one.speeds),
         "multipliers": _by_name(constraints, point.multipliers),
         "constraint_forces": {
             name: {q: float(x) for q, x in zip(names, row, strict=True) if x}
@@ -59,11 +62,14 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
     one, many = ("steady motion", "steady motions") if steady else ("equilibrium", "equilibria")
     count = f"{len(found)} {one if len(found) == 1 else many}"
     where = f" found from {starts} starts; there may be more" if starts > 1 else ""
-    held = ", ".join(f"{name} = {value:.6g}" for name, value in content["steady"].items())
+    held = held_text(content["steady"])
     lines = [f"{content['model']}: {count}{f' with {held}' if held else ''}{where}"]
     for number, x in enumerate(found, 1):
         lines.append(f"{number:>3}  {_verdict(x)}, V = {x['potential'] + 0.0:.6g} J")
         rates = {f"{name}'": value for name, value in x["v"].items() if value}
+        if x["speeds"]:
+            speeds = without_rounding(x["speeds"])
+            lines += entry("speeds", listed([f"{k} = {v:.9g}" for k, v in speeds.items()]), 5)
         values = without_rounding(x["q"])
         values |= {k: v for k, v in without_rounding(rates).items() if v}
         lines += entry("q", listed([f"{k} = {v:.6g}" for k, v in values.items()]), 5)
@@ -81,7 +87,21 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
             lines += entry(
                 "set", f"one of a set of dimension {x['dimension']} that differ in {free}", 5
             )
+    if content["ignored"]:
+        given = listed([f"{name} = {x:.6g}" for name, x in content["ignored"].items()], 6)
+        first, value = next(iter(content["ignored"].items()))
+        remedy = "" if steady else f'; --steady "{first}={value:.6g}" finds a motion with it'
+        what = "the steady motion does not have" if steady else "equilibria are at rest, without"
+        lines += entry("note", f"{what} initial velocities of the file: {given}{remedy}", 2)
     return "\n".join(lines)
+
+
+def held_text(steady: Mapping[str, float | None]) -> str:
+    """Return what is held, as text; of unknown speeds, the names."""
+    return ", ".join(
+        f"{name} unknown" if value is None else f"{name} = {value:.6g}"
+        for name, value in steady.items()
+    )
 
 
 def _verdict(x: Mapping[str, Any]) -> str:
@@ -121,7 +141,8 @@ def _eigenvalues(values: Sequence[Sequence[float]]) -> str:
     texts = []
     for real, imaginary in values:
         if imaginary:
-            texts.append(f"{real:.6g} ± {imaginary:.6g}i" if real else f"± {imaginary:.6g}i")
+            damped = abs(real) > _ROUNDING * imaginary
+            texts.append(f"{real:.6g} ± {imaginary:.6g}i" if damped else f"± {imaginary:.6g}i")
         else:
             texts.append(f"{real + 0.0:.6g}")
     return listed(texts, _EIGENVALUES) or "none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -9,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.analysis.equilibria.extended import (
+    ConditionValue,
     ExtendedProblem,
     HeldVelocity,
     ModelParameter,
@@ -27,14 +29,10 @@ from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.contact_status import ContactStatus
 from lagcli.analysis.local.determinate import check_determinate
 from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.nearest import check_switching
 from lagcli.analysis.local.parameter_path import ParameterPath
-from lagcli.analysis.local.steady import SteadyProblem
-from lagcli.analysis.local.steady_states import (
-    SteadyState,
-    held_velocities,
-    none_found,
-    velocity_coordinate,
-)
+from lagcli.analysis.local.steady_states import SteadyState, none_found, velocity_coordinate
+from lagcli.analysis.local.steady_terms import Given, SteadyTerms, is_velocity
 from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
@@ -151,7 +149,7 @@ class BifurcationDiagram:
     constraints: tuple[str, ...]
     parameter: str
     limits: tuple[float, float]
-    steady: Mapping[str, float]
+    steady: Mapping[str, float | None]
     branches: tuple[Branch, ...]
     special: tuple[SpecialPoint, ...]
     contacts: tuple[ContactStatus, ...] = ()
@@ -163,7 +161,7 @@ def follow_equilibria(
     start: float,
     end: float,
     *,
-    steady: Mapping[str, float] | None = None,
+    steady: Given | None = None,
     branches: bool = False,
 ) -> BifurcationDiagram:
     """Follow equilibria as a parameter varies, with their multipliers and stability.
@@ -179,7 +177,8 @@ def follow_equilibria(
     ----------
     model : Model
     parameter : str
-        A parameter of the model, or a velocity (``phi'``) for steady motions.
+        A parameter of the model, or what a steady motion has: a velocity (``phi'``), or another
+        value that `equilibrium` can hold.
     start, end : float
         Its range, SI; the branch begins at ``start``.
     steady : mapping of str to float, optional
@@ -207,19 +206,23 @@ def follow_equilibria(
     if not (np.isfinite(start) and np.isfinite(end)) or start == end:
         raise UsageError(f"--along {parameter}={start:g}:{end:g}: give two different finite values")
     names = model.coordinate_names
-    held = held_velocities(names, steady or {})
+    free = _is_parameter(model, parameter)
+    terms = SteadyTerms(model, {**(steady or {}), **({} if free else {parameter: start})})
     local, given = LocalEquations(model), None
     if model.switches:
-        given = _in_mode(model, parameter, start, held)
+        check_switching(model, terms)
+        given = _in_mode(model, parameter, start, terms.held)
         contacts = given.operating_point.contacts
         check_determinate(model, contacts, f"branch from {parameter} = {start:g} on")
         local = given.local
-    variable: ModelParameter | HeldVelocity
-    if _is_parameter(model, parameter):
+    base = terms.problem(local)
+    variable: ModelParameter | HeldVelocity | ConditionValue
+    if free:
         variable = ModelParameter(local, parameter)
-    else:
+    elif is_velocity(names, parameter) and not base.is_along_symmetries:
         variable = HeldVelocity(local, velocity_coordinate(names, parameter))
-    base = SteadyProblem(local, held)
+    else:
+        variable = ConditionValue(local, parameter, base.place_of(parameter))
     problem, p = variable.problem(base, start)
     root = problem.solve(local.start.state.q, p) if given is None else given.found
     if root is None:
@@ -238,7 +241,7 @@ def follow_equilibria(
         local.system.constraints,
         variable.name,
         (start, end),
-        {f"{name}'": value for name, value in held.items()},
+        {name: x for name, x in terms.named.items() if name != variable.name},
         tuple(found.branches),
         tuple(found.special),
         local.contacts(root.point),
@@ -246,8 +249,11 @@ def follow_equilibria(
 
 
 def _is_parameter(model: Model, name: str) -> bool:
-    """Whether a name is to be that of a parameter, and not of a velocity."""
-    return name in model.parameters or not name.endswith(("'", "_dot"))
+    """Whether a name is to be that of a parameter, and not of a value of a steady motion."""
+    known = name in model.coordinate_names or re.fullmatch(r"J_\d+|p_.*", name)
+    return name in model.parameters or (
+        name.isidentifier() and not name.endswith("_dot") and not known
+    )
 
 
 def _in_mode(model: Model, parameter: str, start: float, held: Mapping[str, float]) -> SteadyState:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from lagcli.analysis.equilibria.search import search_steady_states
 from lagcli.analysis.equilibria.stability import NO_LINEAR_MODEL, Stability, stability_of
 from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.nearest import nearest_steady_state
+from lagcli.analysis.local.nearest import check_switching, nearest_steady_state
 from lagcli.analysis.local.operating_point import OperatingPoint
-from lagcli.analysis.local.steady import SteadyProblem
-from lagcli.analysis.local.steady_states import SteadyState, held_velocities
+from lagcli.analysis.local.steady_states import SteadyState, ignored_velocities
+from lagcli.analysis.local.steady_terms import Given, SteadyTerms
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
@@ -42,6 +42,8 @@ class Equilibrium:
     stability : Stability
     neutral : (nq, dimension) array
         A basis of the tangent space of the set of equilibria.
+    speeds : mapping of str to float
+        Of a steady motion: unknown velocities (``phi'``), and rates of symmetries (``rate(J_1)``).
     """
 
     operating_point: OperatingPoint
@@ -50,6 +52,7 @@ class Equilibrium:
     potential: float
     stability: Stability
     neutral: Array
+    speeds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:
@@ -73,26 +76,29 @@ class Equilibria:
         Name of the model.
     coordinates, constraints : tuples of str
         All of the model.
-    steady : mapping of str to float
-        Prescribed velocities, by name (``phi'``).
+    steady : mapping of str to float or None
+        What is held, by name (``phi'``); None for what was looked for.
     starts : int
         Number of starting points of the search.
     equilibria : tuple of Equilibrium
         The equilibria, ordered by V.
+    ignored : mapping of str to float
+        Initial velocities that the model file gives and that the motion found does not have.
     """
 
     model: str
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
-    steady: Mapping[str, float]
+    steady: Mapping[str, float | None]
     starts: int
     equilibria: tuple[Equilibrium, ...]
+    ignored: Mapping[str, float] = field(default_factory=dict)
 
 
 def equilibrium(
     model: Model,
     *,
-    steady: Mapping[str, float] | None = None,
+    steady: Given | None = None,
     all: bool = False,
     starts: int = 64,
 ) -> Equilibria:
@@ -109,8 +115,11 @@ def equilibrium(
     Parameters
     ----------
     model : Model
-    steady : mapping of str to float, optional
-        Velocities, SI: ``{"phi'": 10}``.
+    steady : mapping of str to float or None, optional
+        Velocities, SI: ``{"phi'": 10}``. Motions along symmetries of the model have any expression
+        with a value, ``{"omega(e).z": 10}``, the rate of a symmetry that `lagcli.check` finds,
+        ``{"rate(J_1)": 10}``, or its momentum, ``{"J_1": 3}``. A velocity or a rate that is None
+        is an unknown: ``{"theta": 1, "phi'": None}``.
     all : bool
         Search for all of them, from points of a Sobol sequence, with deflation of the known ones.
         Coordinates with the period 2π are reduced to (−π, π].
@@ -140,21 +149,23 @@ def equilibrium(
     """
     if starts < 1:
         raise UsageError(f"--starts {starts}: give at least 1")
-    held = held_velocities(model.coordinate_names, steady or {})
+    terms = SteadyTerms(model, steady or {})
     if not all:
         states = [nearest_steady_state(model, steady or {})]
     elif model.switches:
-        states = search_in_all_modes(SwitchedModel(model), held, starts)
+        check_switching(model, terms)
+        states = search_in_all_modes(SwitchedModel(model), terms.held, starts)
     else:
-        states = search_steady_states(SteadyProblem(LocalEquations(model), held), starts)
+        states = search_steady_states(terms.problem(LocalEquations(model)), starts)
     found = sorted(map(described, states), key=_order)
     return Equilibria(
         model.name,
         model.coordinate_names,
         model.constraint_names,
-        {f"{name}'": value for name, value in held.items()},
+        terms.named,
         starts if all else 1,
         tuple(found),
+        ignored_velocities(model, found[0].operating_point.point),
     )
 
 
@@ -181,4 +192,5 @@ def described(state: SteadyState) -> Equilibrium:
         report[REPORTED.index("energy_potential")],
         stability,
         state.neutral,
+        state.speeds,
     )

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.analysis.local.conditions import Condition
 from lagcli.analysis.local.gradients import Gradients
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.parameter_path import ParameterPath
@@ -40,6 +41,7 @@ class ModelParameter:
         groups = (found.force, found.rhs, found.position, found.velocity)
         count = len(found.parameters)
         self._gradients = [Gradients(local.equations, rows, count) for rows in groups]
+        self._of_conditions: dict[str, Gradients] = {}
 
     def problem(self, base: SteadyProblem, value: float) -> tuple[SteadyProblem, tuple[float, ...]]:
         """Return the steady problem and the parameters for a value."""
@@ -50,10 +52,26 @@ class ModelParameter:
         along = self.path.slopes(value)
         force, rates, position, velocity = (g.at(found.point) @ along for g in self._gradients)
         jac = self.local.jacobians(found.point)
-        dv = problem.changed(found, -velocity[:, None])
-        da = problem.changed(found, rates[:, None] + jac.rhs_velocity @ dv)
+        dv, da = problem.by_parameter(found, jac, velocity, rates)
         force = force + (jac.force_velocity @ dv - found.dynamics.mass_matrix @ da)[:, 0]
-        return np.concatenate([force, position])
+        more = [
+            self._by_parameter(condition).at(found.point)[0] @ along
+            + condition.slopes(found.point, found.speeds)[1] @ dv[:, 0]
+            for condition in problem.conditions
+        ]
+        return np.concatenate([force, position, more])
+
+    def _by_parameter(self, condition: Condition) -> Gradients:
+        """Return the derivatives of a condition with respect to the parameters that change."""
+        import symengine as se
+
+        if condition.text not in self._of_conditions:
+            measured = condition.measured
+            expression = se.Integer(0) if measured is None else measured.expression
+            symbols = [se.Symbol(name) for name in self.path.followers]
+            found = Gradients.of(self.local.equations, [expression], symbols)
+            self._of_conditions[condition.text] = found
+        return self._of_conditions[condition.text]
 
 
 class HeldVelocity:
@@ -73,7 +91,10 @@ class HeldVelocity:
         """Return the steady problem and the parameters for a value."""
         names = self.local.system.coordinates
         held = {names[j]: x for j, x in base.held.items()}
-        return SteadyProblem(self.local, {**held, self.coordinate: value}), self.local.p
+        problem = SteadyProblem(
+            self.local, {**held, self.coordinate: value}, base.unknown, base.conditions
+        )
+        return problem, self.local.p
 
     def slope(self, problem: SteadyProblem, found: Residual, value: float) -> Array:
         """Return ∂R/∂s, (nq + nh,)."""
@@ -85,7 +106,33 @@ class HeldVelocity:
         dv = found.basis[:, [found.independent.index(self.index)]]
         da = problem.changed(found, jac.rhs_velocity @ dv)
         force = (jac.force_velocity @ dv - found.dynamics.mass_matrix @ da)[:, 0]
-        return np.concatenate([force, np.zeros(len(found.value) - len(force))])
+        slopes = [c.slopes(found.point, found.speeds)[1] @ dv[:, 0] for c in problem.conditions]
+        return np.concatenate([force, np.zeros(len(problem.holonomic)), slopes])
+
+
+class ConditionValue:
+    """The value of a condition on steady motions.
+
+    Parameters
+    ----------
+    local : LocalEquations
+    name : str
+    number : int
+        The place of the condition.
+    """
+
+    def __init__(self, local: LocalEquations, name: str, number: int):
+        self.local, self.name, self.number = local, name, number
+
+    def problem(self, base: SteadyProblem, value: float) -> tuple[SteadyProblem, tuple[float, ...]]:
+        """Return the steady problem and the parameters for a value."""
+        return base.with_target(self.number, value), self.local.p
+
+    def slope(self, problem: SteadyProblem, found: Residual, value: float) -> Array:
+        """Return ∂R/∂s, (nq + nh + conditions,)."""
+        slope = np.zeros(len(found.value))
+        slope[problem.nq + len(problem.holonomic) + self.number] = -1.0
+        return slope
 
 
 class Place(NamedTuple):
@@ -107,10 +154,12 @@ class Place(NamedTuple):
 class ExtendedProblem:
     """R(q, λ, s) = 0 with scaled unknowns and equations.
 
+    Unknown speeds are between λ and the parameter s.
+
     Parameters
     ----------
     base : SteadyProblem
-    parameter : ModelParameter or HeldVelocity
+    parameter : ModelParameter, HeldVelocity or ConditionValue
     width : float
         Scale of changes of s.
     first : Residual
@@ -122,7 +171,7 @@ class ExtendedProblem:
     def __init__(
         self,
         base: SteadyProblem,
-        parameter: ModelParameter | HeldVelocity,
+        parameter: ModelParameter | HeldVelocity | ConditionValue,
         width: float,
         first: Residual,
         value: float,
@@ -138,14 +187,18 @@ class ExtendedProblem:
             float(stiffness), float((rows * np.abs(first.point.multipliers)).max(initial=0))
         )
         force = force or 1.0
-        self.columns = np.concatenate([lengths, force / rows, [width]])
+        speeds = problem.speed_scales(first) if len(first.speeds) else np.empty(0)
+        self.columns = np.concatenate([lengths, force / rows, speeds, [width]])
         held = list(self.local.system.holonomic)
-        self.rows = np.concatenate([lengths / force, 1.0 / rows[held]])
+        more = np.abs(matrix[self.nq + len(held) :] * self.columns[:-1]).max(axis=1, initial=0.0)
+        more = 1.0 / np.where(more > 0.0, more, 1.0)
+        self.rows = np.concatenate([lengths / force, 1.0 / rows[held], more])
 
     def scaled(self, found: Residual, value: float) -> Array:
         """Return z of a root."""
         return np.asarray(
-            np.concatenate([found.point.q, found.point.multipliers, [value]]) / self.columns
+            np.concatenate([found.point.q, found.point.multipliers, found.speeds, [value]])
+            / self.columns
         )
 
     def value(self, z: Array) -> float:
@@ -156,8 +209,9 @@ class ExtendedProblem:
         """Return R at z, and the steady problem at its parameter."""
         unknowns = z * self.columns
         problem, p = self.parameter.problem(self.base, float(unknowns[-1]))
-        q, multipliers = unknowns[: self.nq], unknowns[self.nq : -1]
-        return problem, problem.residual(q, multipliers, p, self.chosen)
+        end = self.nq + len(self.local.system.constraints)
+        q, multipliers, speeds = unknowns[: self.nq], unknowns[self.nq : end], unknowns[end:-1]
+        return problem, problem.residual(q, multipliers, p, self.chosen, speeds)
 
     def place(self, z: Array) -> Place | None:
         """Return the matrix and residual at z; None where they are undefined."""

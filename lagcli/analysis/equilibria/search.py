@@ -182,10 +182,9 @@ def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual
     but not damped: undamped iterations find more roots than those that end at a minimum of |R|.
     """
     local = problem.local
-    found = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
+    found = problem.begun(q, local.p)
     if not np.isfinite(found.value).all():
         return None
-    found = problem.residual(q, problem.multipliers(found), local.p, found.independent)
     for _ in range(_STEPS):
         if found.relative <= _NEAR:
             return problem.polished(found)

@@ -85,6 +85,7 @@ def stability_of(
        doi:10.1007/978-1-4612-4046-4.
     """
     given = operating_point.tangent
+    dimension = max(dimension, operating_point.neutral)
     reached = local.reached(operating_point.point, given)
     operating_point = replace(operating_point, tangent=reached)
     dimension -= len(given.positions) - len(reached.positions)
@@ -105,12 +106,15 @@ def stability_of(
 
 
 def _rate(local: LocalEquations, operating_point: OperatingPoint) -> float:
-    """Return √(force/(mass·length)) of the largest forces and lengths, 1/s."""
+    """Return √(force/(mass·length)) of the largest forces and lengths, or the rate of turn, 1/s."""
     point = operating_point.point
     mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
     inertia = (np.abs(np.diag(mass)) * local.lengths**2).max(initial=0.0)
+    turning = 0.0
+    if operating_point.frame is not None:
+        turning = float(np.abs(np.linalg.eigvals(operating_point.frame)).max(initial=0.0))
     energy = (local.force_scale(point) * local.lengths).max(initial=0.0)
-    return float(np.sqrt(energy / inertia)) if inertia > 0.0 else 0.0
+    return max(float(np.sqrt(energy / inertia)) if inertia > 0.0 else 0.0, turning)
 
 
 def _verdict(found: Stability, states: ComplexArray, least: float, dimension: int) -> Verdict:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from lagcli.analysis.equilibria.extended import ExtendedProblem, Place
 from lagcli.analysis.equilibria.stability import Stability, Verdict, stability_of
 from lagcli.analysis.local.contact_status import ZERO, ContactEnd
-from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import RANK
 from lagcli.arrays import Array
 
@@ -145,12 +145,15 @@ class Tracer:
     def stability(self, point: Traced) -> Stability:
         """Return the stability of a point."""
         local, found = self.problem.local, point.place.found
-        tangent = local.tangent(found.point, found.independent)
-        if np.any(found.point.v) and not local.is_steady(found.point, tangent):
+        operating = self.problem.base.operating_point(found, "the equilibrium")
+        if (
+            operating.frame is None
+            and np.any(found.point.v)
+            and not local.is_steady(found.point, operating.tangent)
+        ):
             # a vehicle that turns: x' is held, but other velocities are constant
             constant = local.constant_velocities(found.point)
-            tangent = local.tangent(found.point, constant)
-        operating = OperatingPoint("the equilibrium", found.point, tangent, True)
+            operating = replace(operating, tangent=local.tangent(found.point, constant))
         # along a line of equilibria its tangent is neutral, too
         dimension = self.neutral + int(vertical(point))
         return stability_of(local, operating, dimension)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,6 +12,8 @@ from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.linear.signals import Inputs, Outputs
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.steady_states import ignored_velocities
+from lagcli.analysis.local.steady_terms import Given
 from lagcli.analysis.local.tangent import multipliers_of
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
@@ -80,7 +82,7 @@ def linearize(
     *,
     at: float | None = None,
     equilibrium: bool = False,
-    steady: Mapping[str, float] | None = None,
+    steady: Given | None = None,
     form: Form = "reduced",
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
@@ -169,7 +171,10 @@ def _reduced(
     dq = np.hstack([tangent.position_basis, np.zeros_like(tangent.velocity_basis)])
     dv = np.hstack([tangent.velocity_by_position, tangent.velocity_basis])
     da, multipliers, by_input = _accelerations(local, operating_point, inputs, dq, dv)
-    rates = np.vstack([dv[chosen], da[moving]])
+    relative, turned = dv, da
+    if operating_point.frame is not None:
+        relative, turned = dv - operating_point.frame @ dq, da - operating_point.frame @ dv
+    rates = np.vstack([relative[chosen], turned[moving]])
     driven = np.vstack([np.zeros((len(chosen), by_input[0].shape[1])), by_input[0][moving]])
     y_q, y_v, y_a, y_multipliers, y_u = outputs.at(point)
     names = local.system.coordinates
@@ -201,8 +206,12 @@ def _descriptor(
     mass[position, position] = np.eye(nq)
     mass[velocity, velocity] = d.mass_matrix
     matrix[position, velocity] = np.eye(nq)
+    if operating_point.frame is not None:
+        matrix[position, position] = -operating_point.frame
     reactions = local.reactions(point, d.jacobian)
     matrix[velocity] = np.hstack([jac.force_position, jac.force_velocity, reactions])
+    if operating_point.frame is not None:
+        matrix[velocity, velocity] -= d.mass_matrix @ operating_point.frame
     by_position, by_velocity = gradient.copy(), d.jacobian.copy()
     by_position[held], by_velocity[held] = d.jacobian[held], 0.0
     matrix[forces, position], matrix[forces, velocity] = by_position, by_velocity
@@ -261,11 +270,18 @@ def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -
             f"{name} is not an equilibrium or a steady motion: the matrices hold at this instant"
             " only; --equilibrium finds an equilibrium near the initial values"
         )
+    elif operating_point.frame is not None and operating_point.frame.any():
+        notes.append(f"deviations are in axes that move along with {name}")
     elif form == "descriptor" and turning:
         notes.append(
             f"velocities of dependent coordinates change along {name}: the matrices hold at this"
             " instant only, those of the reduced form at all times"
         )
+    if name in ("the equilibrium", "the steady motion"):
+        ignored = ignored_velocities(local.model, point)
+        if ignored:
+            given = ", ".join(f"{q} = {x:.6g}" for q, x in list(ignored.items())[:6])
+            notes.append(f"{name} does not have initial velocities of the file: {given}")
     nc, rank = len(point.multipliers), operating_point.tangent.decomposition.rank
     if rank < nc:
         notes.append(

@@ -13,6 +13,7 @@ from lagcli.analysis.linear.modes import Mode, modes_about
 from lagcli.analysis.linear.operating_points import equations_of, find_operating_point
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.steady_terms import Given
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block
@@ -44,7 +45,7 @@ def mode_motion(
     amplitude: float | None = None,
     at: float | None = None,
     equilibrium: bool = False,
-    steady: dict[str, float] | None = None,
+    steady: Given | None = None,
 ) -> Trajectory:
     """Return the motion q₀ + ε Re(δq e^(st)) of a mode, with λ₀ + ε Re(δλ e^(st)).
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -13,6 +12,7 @@ from lagcli.analysis.linear.linear_model import LinearModel, linear_model
 from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.steady_terms import Given
 from lagcli.analysis.local.tangent import least
 from lagcli.arrays import Array
 from lagcli.model.model import Model
@@ -113,7 +113,7 @@ def modes(
     *,
     at: float | None = None,
     equilibrium: bool = False,
-    steady: Mapping[str, float] | None = None,
+    steady: Given | None = None,
 ) -> ModalAnalysis:
     """Return the modes of small motions about an operating point.
 
@@ -238,6 +238,20 @@ def reduced_matrices(
         return np.asarray(basis.T @ forces)
 
     still = np.zeros_like(basis)
+    if operating_point.frame is not None:
+        # δq = Z x, δv = F Z x + Z ẋ, δa = F² Z x + 2 F Z ẋ + Z ẍ, which satisfy the constraints
+        frame = operating_point.frame
+        turned = frame @ basis
+        by_rate = jac.force_velocity @ basis - 2 * mass @ turned
+        by_place = jac.force_position @ basis + jac.force_velocity @ turned
+        by_place -= mass @ frame @ turned
+        scale = np.abs(jac.force_velocity) @ np.abs(basis) + 2 * np.abs(mass) @ np.abs(turned)
+        return ReducedMatrices(
+            basis.T @ mass @ basis,
+            -basis.T @ by_rate,
+            -basis.T @ by_place,
+            np.abs(basis).T @ scale,
+        )
     terms = np.abs(basis).T @ np.abs(jac.force_velocity) @ np.abs(basis)
     inertial = np.abs(least(d, np.abs(jac.rhs_velocity) @ np.abs(basis)))
     terms += np.abs(basis).T @ np.abs(mass) @ inertial
@@ -265,7 +279,13 @@ def eigenpairs(
     rate = np.sqrt(np.abs(linear.A[n:, :n]).max(initial=0.0)) or 1.0
     velocities = rate * sizes[list(tangent.velocities)]
     scale = np.concatenate([sizes[list(tangent.positions)], velocities])
-    return *general_eigenpairs(linear.A, scale), False
+    values, states = general_eigenpairs(linear.A, scale)
+    if operating_point.frame is not None:
+        # terms of the square of the frame's rate cancel
+        values[np.abs(values) < _ZERO * np.abs(np.linalg.eigvals(operating_point.frame)).max()] = (
+            0.0
+        )
+    return values, states, False
 
 
 def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, ComplexArray]:

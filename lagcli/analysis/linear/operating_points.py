@@ -13,6 +13,7 @@ from lagcli.analysis.local.determinate import check_determinate
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.nearest import nearest_steady_state
 from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.steady_terms import Given
 from lagcli.engine.state import State
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
@@ -37,7 +38,7 @@ def find_operating_point(
     *,
     at: float | None = None,
     equilibrium: bool = False,
-    steady: Mapping[str, float] | None = None,
+    steady: Given | None = None,
 ) -> Located:
     """Return the requested operating point, by default the initial state; see `linearize`.
 

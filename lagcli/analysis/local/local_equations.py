@@ -135,6 +135,16 @@ class LocalEquations:
         forces = np.abs(forcing) + np.abs(found.force_position) @ self.lengths
         return np.asarray(LEAST_PART * np.where(np.isfinite(forces), forces, 0.0))
 
+    @cached_property
+    def rate(self) -> float:
+        """A rate of the motion, √(stiffness/mass) over large changes of the coordinates, 1/s."""
+        state, lengths = self.start.state, self.lengths
+        zero = np.zeros(len(lengths))
+        mass = self.evaluator(self.p).dynamics(self.t, state.q, zero).mass_matrix
+        inertia = (np.abs(np.diag(mass)) * lengths**2).max(initial=0.0)
+        energy = float((self.least_forces / LEAST_PART * lengths).max(initial=0.0))
+        return float(np.sqrt(energy / inertia)) if inertia > 0.0 and energy > 0.0 else 1.0
+
     def evaluator(self, p: tuple[float, ...]) -> Evaluator:
         """Return the evaluator of M, f, B, γ, φ and ψ for values of the parameters."""
         return self.evaluator_of(p)
@@ -310,6 +320,10 @@ class LocalEquations:
         bound = by_force @ (np.abs(parts[0]).sum(axis=1) + rate * force)
         bound += by_rate @ np.abs(parts[1]).sum(axis=1)
         return jerk, _BALANCED * bound
+
+    def start_point(self, q: Array, v: Array, multipliers: Array, p: tuple[float, ...]) -> Point:
+        """Return a point at the start's time, without accelerations."""
+        return Point(self.t, q, v, np.zeros(len(q)), multipliers, p)
 
     def force_scale(self, point: Point, inertial: Array | None = None) -> Array:
         """Return sums of the magnitudes of the forces on the coordinates, (nq,)."""

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from lagcli.analysis.local.active_set import ActiveSet
 from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady import SteadyProblem
-from lagcli.analysis.local.steady_states import (
-    SteadyState,
-    completed,
-    held_velocities,
-    none_found,
-)
+from lagcli.analysis.local.steady_states import SteadyState, completed, none_found
+from lagcli.analysis.local.steady_terms import Given, SteadyTerms
+from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
 
 
-def nearest_steady_state(model: Model, steady: Mapping[str, float]) -> SteadyState:
+def nearest_steady_state(model: Model, steady: Given) -> SteadyState:
     """Return the equilibrium, or steady motion, to which Newton's method leads from the start.
 
-    With contacts, it is one that satisfies 0 ≤ φ ⊥ λ ≥ 0: see `ActiveSet`.
+    With contacts, it is one that satisfies 0 ≤ φ ⊥ λ ≥ 0: see `ActiveSet`. Velocities that no
+    motion with constant independent velocities has are those of a motion along symmetries.
 
     Raises
     ------
@@ -29,13 +25,37 @@ def nearest_steady_state(model: Model, steady: Mapping[str, float]) -> SteadySta
     ModelError, NumericalError
         There is no consistent start, or no equilibrium is found.
     """
-    held = held_velocities(model.coordinate_names, steady)
+    terms = SteadyTerms(model, steady)
     if model.switches:
-        return ActiveSet(SwitchedModel(model), held).nearest()
+        check_switching(model, terms)
+        return ActiveSet(SwitchedModel(model), terms.held).nearest()
     local = LocalEquations(model)
-    problem = SteadyProblem(local, held)
+    try:
+        return _solved(terms.problem(local))
+    except (NumericalError, UsageError) as error:
+        if not (terms.plain and terms.held):
+            raise
+        try:
+            return _solved(terms.relative(local))
+        except (NumericalError, UsageError):
+            raise error from None
+
+
+def _solved(problem: SteadyProblem) -> SteadyState:
+    """Return the solution from the start."""
+    local = problem.local
     q = local.start.state.q
     found = problem.solve(q, local.p)
     if found is None:
         raise none_found(local, problem, q)
     return completed(problem, found)
+
+
+def check_switching(model: Model, terms: SteadyTerms) -> None:
+    """Raise UsageError for what steady motions of models with contacts cannot hold."""
+    if not terms.plain:
+        name = next(n for n, x in terms.named.items() if n in terms.others or x is None)
+        raise UsageError(
+            f"--steady {name}: steady motions of models with contacts, friction or limits, as"
+            f' {model.name}, hold velocities of coordinates, as in --steady "phi\'=10"'
+        )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.analysis.local.gradients import Point
+from lagcli.analysis.local.conditions import Condition
+from lagcli.analysis.local.gradients import MotionJacobians, Point
 from lagcli.analysis.local.local_equations import LocalEquations, shared_scale
+from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.tangent import Indices, independent, least, multipliers_of
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics
@@ -49,6 +52,8 @@ class Residual(NamedTuple):
     basis : (nq, n) array
         Admissible velocities as functions of the independent ones.
     dynamics : Dynamics
+    speeds : (ns,) array
+        The values of unknown speeds.
     """
 
     point: Point
@@ -58,6 +63,7 @@ class Residual(NamedTuple):
     independent: Indices
     basis: Array
     dynamics: Dynamics
+    speeds: Array = np.empty(0)
 
     @property
     def relative(self) -> float:
@@ -78,6 +84,10 @@ class SteadyProblem:
     local : LocalEquations
     held : mapping of str to float
         Values of velocities by the name of their coordinate.
+    unknown : sequence of str
+        Coordinates whose velocities are constant but unknown: the speeds s, further unknowns.
+    conditions : sequence of Condition
+        Further equations.
 
     Raises
     ------
@@ -85,8 +95,15 @@ class SteadyProblem:
         A coordinate is unknown.
     """
 
-    def __init__(self, local: LocalEquations, held: Mapping[str, float] | None = None):
+    def __init__(
+        self,
+        local: LocalEquations,
+        held: Mapping[str, float] | None = None,
+        unknown: Sequence[str] = (),
+        conditions: Sequence[Condition] = (),
+    ):
         self.local, self.t = local, local.t
+        self.unknown, self.conditions = tuple(unknown), tuple(conditions)
         names = local.system.coordinates
         first_order = [c for c in local.system.constraints if c.endswith(RATE)]
         if first_order:
@@ -102,29 +119,68 @@ class SteadyProblem:
                 )
             )
         self.held = {names.index(name): value for name, value in (held or {}).items()}
+        self.sought = tuple(names.index(name) for name in self.unknown)
         self.nq, self.holonomic = len(names), list(local.system.holonomic)
+
+    def with_target(self, number: int, value: float) -> SteadyProblem:
+        """Return the problem with another value of a condition."""
+        found = copy(self)
+        conditions = list(self.conditions)
+        conditions[number] = conditions[number]._replace(target=value)
+        found.conditions = tuple(conditions)
+        return found
+
+    @property
+    def is_along_symmetries(self) -> bool:
+        """Whether velocities are those along symmetries."""
+        return False
+
+    def place_of(self, text: str) -> int:
+        """Return the place of a condition."""
+        return [condition.text for condition in self.conditions].index(text)
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether steady motions are looked for, not equilibria."""
+        return bool(self.held or self.unknown or self.conditions)
+
+    @property
+    def speed_names(self) -> tuple[str, ...]:
+        """The names of the unknown speeds."""
+        return tuple(f"{name}'" for name in self.unknown)
 
     # the residual
 
+    def first_speeds(self, q: Array, p: tuple[float, ...]) -> Array:
+        """Return values of the unknown speeds from which iterations start: those of the file."""
+        v = self.local.start.state.v[list(self.sought)]
+        lengths = self.local.lengths[list(self.sought)]
+        return np.where(np.abs(v) > 0.0, v, self.local.rate * lengths)
+
     def residual(
-        self, q: Array, multipliers: Array, p: tuple[float, ...], chosen: Indices | None = None
+        self,
+        q: Array,
+        multipliers: Array,
+        p: tuple[float, ...],
+        chosen: Indices | None = None,
+        speeds: Array | None = None,
     ) -> Residual:
-        """Return R(q, λ), with previously chosen independent velocities if given."""
+        """Return R(q, λ, s), with previously chosen independent velocities if given."""
+        speeds = self.first_speeds(q, p) if speeds is None else speeds
         evaluator = self.local.evaluator(p)
         zero = np.zeros(self.nq)
         c = evaluator.constraints(self.t, q, zero)
         sizes = evaluator.sizes(self.t, q, zero)
         if not (np.isfinite(c.jacobian).all() and np.isfinite(sizes).all()):
-            return self._undefined(q, multipliers, p)
+            return self._undefined(q, multipliers, p, speeds)
         d = self.local.decomposition(c, sizes, zero)
-        preferred = tuple(self.held) if chosen is None else chosen
+        preferred = (*self.held, *self.sought) if chosen is None else chosen
         free, basis = independent(d.null, sizes, preferred, self.local.entering)
-        target = np.array([self.held.get(j, 0.0) for j in free])
-        v = self._completed(d, -c.drift, free, basis) + basis @ target
+        v = self._velocity(q, speeds, d, c.drift, free, basis)
         dynamics = evaluator.dynamics(self.t, q, v)
         if not dynamics.finite or not np.isfinite(c.position).all():
-            return self._undefined(q, multipliers, p)
-        a = self._completed(d, dynamics.rhs, free, basis)
+            return self._undefined(q, multipliers, p, speeds)
+        a = self._acceleration(v, speeds, d, dynamics.rhs, free, basis)
         inertial = dynamics.mass_matrix @ a
         if self.local.reactive is not None:
             dynamics = self.local.dynamics(Point(self.t, q, v, a, multipliers, p))
@@ -135,24 +191,55 @@ class SteadyProblem:
         # all terms of a constraint may vanish at a root
         reach = np.abs(c.jacobian[self.holonomic]) @ self.local.lengths
         position = np.maximum(c.position_scale, LEAST_PART * reach)
+        point = Point(self.t, q, v, a, multipliers, p)
+        more = [x.residual(point, speeds, self.local) for x in self.conditions]
         return Residual(
-            Point(self.t, q, v, a, multipliers, p),
-            np.concatenate([balance, c.position]),
-            np.concatenate([shared_scale(scale, sizes), position]),
+            point,
+            np.concatenate([balance, c.position, [value for value, _ in more]]),
+            np.concatenate([shared_scale(scale, sizes), position, [size for _, size in more]]),
             d,
             free,
             basis,
             dynamics,
+            speeds,
         )
 
-    def _undefined(self, q: Array, multipliers: Array, p: tuple[float, ...]) -> Residual:
-        nan = np.full(self.nq + len(self.holonomic), np.nan)
+    def _velocity(
+        self,
+        q: Array,
+        speeds: Array,
+        d: dense.Decomposition,
+        drift: Array,
+        free: Indices,
+        basis: Array,
+    ) -> Array:
+        """Return v."""
+        given = {**self.held, **dict(zip(self.sought, speeds.tolist(), strict=True))}
+        target = np.array([given.get(j, 0.0) for j in free])
+        return self._completed(d, -drift, free, basis) + basis @ target
+
+    def _acceleration(
+        self,
+        v: Array,
+        speeds: Array,
+        d: dense.Decomposition,
+        rhs: Array,
+        free: Indices,
+        basis: Array,
+    ) -> Array:
+        """Return a."""
+        return self._completed(d, rhs, free, basis)
+
+    def _undefined(
+        self, q: Array, multipliers: Array, p: tuple[float, ...], speeds: Array
+    ) -> Residual:
+        nan = np.full(self.nq + len(self.holonomic) + len(self.conditions), np.nan)
         zero = np.zeros(self.nq)
         point = Point(self.t, q, zero, zero, multipliers, p)
         jacobian = np.zeros((len(multipliers), self.nq))
         empty = dense.decompose(jacobian, 0)
         dynamics = self.local.evaluator(p).dynamics(self.t, q, zero)
-        return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics)
+        return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics, speeds)
 
     @staticmethod
     def _completed(d: dense.Decomposition, rhs: Array, free: Indices, basis: Array) -> Array:
@@ -175,13 +262,43 @@ class SteadyProblem:
     # its Jacobian
 
     def jacobian(self, found: Residual) -> Array:
-        """Return ∂R/∂(q, λ), (nq + nh, nq + nc)."""
+        """Return ∂R/∂(q, λ, s), (nq + nh + conditions, nq + nc + ns)."""
         jac, d = self.local.jacobians(found.point), found.dynamics
-        dv = self.changed(found, -self.local.velocity_gradient(found.point))
-        da = self.changed(found, jac.rhs_position + jac.rhs_velocity @ dv)
+        dv, da = self._by_position(found, jac)
         force = jac.force_position + jac.force_velocity @ dv - d.mass_matrix @ da
         held, reactions = d.jacobian[self.holonomic], self.local.reactions(found.point, d.jacobian)
-        return np.block([[force, reactions], [held, np.zeros((len(held), len(d.jacobian)))]])
+        matrix = np.block([[force, reactions], [held, np.zeros((len(held), len(d.jacobian)))]])
+        if not (len(found.speeds) or self.conditions):
+            return matrix
+        by_speed, da_s = self.by_speeds(found, jac)
+        force = jac.force_velocity @ by_speed - d.mass_matrix @ da_s
+        matrix = np.hstack([matrix, np.vstack([force, np.zeros((len(held), force.shape[1]))])])
+        between = np.zeros(len(d.jacobian))
+        for condition in self.conditions:
+            by_q, by_v, by_s = condition.slopes(found.point, found.speeds)
+            row = np.concatenate([by_q + by_v @ dv, between, by_v @ by_speed + by_s])
+            matrix = np.vstack([matrix, row])
+        return matrix
+
+    def _by_position(self, found: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
+        """Return ∂v/∂q and ∂a/∂q, (nq, nq) each."""
+        dv = self.changed(found, -self.local.velocity_gradient(found.point))
+        return dv, self.changed(found, jac.rhs_position + jac.rhs_velocity @ dv)
+
+    def by_speeds(self, found: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
+        """Return ∂v/∂s and ∂a/∂s, (nq, ns) each."""
+        dv = np.zeros((self.nq, len(self.sought)))
+        for k, j in enumerate(self.sought):
+            if j in found.independent:
+                dv[:, k] = found.basis[:, found.independent.index(j)]
+        return dv, self.changed(found, jac.rhs_velocity @ dv)
+
+    def by_parameter(
+        self, found: Residual, jac: MotionJacobians, velocity: Array, rates: Array
+    ) -> tuple[Array, Array]:
+        """Return ∂v and ∂a for changes of ψ and of γ − B a by a parameter, (nq, 1) each."""
+        dv = self.changed(found, -velocity[:, None])
+        return dv, self.changed(found, rates[:, None] + jac.rhs_velocity @ dv)
 
     def changed(self, found: Residual, rhs: Array) -> Array:
         """Return the X with B X = rhs whose rows of the independent velocities are zero."""
@@ -196,10 +313,19 @@ class SteadyProblem:
         lengths = found.decomposition.scale
         stiffness = np.abs(matrix[:nq, :nq] * np.outer(sizes, sizes)).max(initial=0.0) or 1.0
         rows = np.concatenate([sizes / stiffness, 1.0 / lengths[self.holonomic]])
-        return rows, np.concatenate([sizes, stiffness / lengths])
+        columns = np.concatenate([sizes, stiffness / lengths])
+        if not (len(found.speeds) or self.conditions):
+            return rows, columns
+        columns = np.concatenate([columns, self.speed_scales(found)])
+        more = np.abs(matrix[len(rows) :] * columns).max(axis=1, initial=0.0)
+        return np.concatenate([rows, 1.0 / np.where(more > 0.0, more, 1.0)]), columns
+
+    def speed_scales(self, found: Residual) -> Array:
+        """Return scales of the unknown speeds, (ns,)."""
+        return np.asarray(self.local.rate * found.decomposition.sizes[list(self.sought)])
 
     def newton_step(self, found: Residual, inertia: float = 0.0) -> Array:
-        """Return the Newton step of least norm, (nq + nc,).
+        """Return the Newton step of least norm, (nq + nc + ns,).
 
         With inertia μ > 0 it is an implicit step 1/μ of M q̇ = f − M a + Bᵀλ on the constraints.
         """
@@ -243,7 +369,7 @@ class SteadyProblem:
         found = self.residual(q, given, p)
         if multipliers is not None or not np.isfinite(found.value).all():
             return found
-        return self.residual(q, self.multipliers(found), p, found.independent)
+        return self.residual(q, self.multipliers(found), p, found.independent, found.speeds)
 
     def polished(self, found: Residual) -> Residual | None:
         """Return the root found by damped Newton steps, with the least λ, or None."""
@@ -251,7 +377,7 @@ class SteadyProblem:
         if root is None or self._strained(root):
             return None
         q = np.where(np.abs(root.point.q) > _ROUNDING * self.local.lengths, root.point.q, 0.0)
-        return self.residual(q, self.multipliers(root), root.point.p, root.independent)
+        return self.residual(q, self.multipliers(root), root.point.p, root.independent, root.speeds)
 
     def _strained(self, root: Residual) -> bool:
         """Whether constraint forces are extremely large, as near singular configurations."""
@@ -262,13 +388,14 @@ class SteadyProblem:
         return bool(largest and reaction.max(initial=0.0) > _STRAINED * largest)
 
     def moved(self, found: Residual, step: Array) -> Residual:
-        """Return the residual after a step, (nq + nc,)."""
-        point = found.point
+        """Return the residual after a step, (nq + nc + ns,)."""
+        point, end = found.point, self.nq + len(found.point.multipliers)
         return self.residual(
             point.q + step[: self.nq],
-            point.multipliers + step[self.nq :],
+            point.multipliers + step[self.nq : end],
             point.p,
             found.independent,
+            found.speeds + step[end:],
         )
 
     def _newton(self, found: Residual) -> Residual | None:
@@ -350,7 +477,9 @@ class SteadyProblem:
         sizes, point = columns[: self.nq], found.point
         step = _BESIDE / np.abs(sizes * direction / self.local.lengths).max()
         beside = point.q + step * sizes * direction
-        root = self._newton(self.residual(beside, point.multipliers, point.p, found.independent))
+        root = self._newton(
+            self.residual(beside, point.multipliers, point.p, found.independent, found.speeds)
+        )
         if root is None:
             return False
         return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
@@ -366,3 +495,17 @@ class SteadyProblem:
                     + (" or ".join(f"{names[i]}'" for i in found.independent) or "none")
                     + " instead"
                 )
+        for j in self.sought:
+            if j not in found.independent:
+                raise UsageError(
+                    f"--steady {names[j]}': the constraints determine this velocity from the others"
+                )
+
+    def is_steady(self, found: Residual) -> bool:
+        """Whether a root is that of a motion that stays steady."""
+        return self.local.is_steady(found.point, self.local.tangent(found.point, found.independent))
+
+    def operating_point(self, found: Residual, name: str) -> OperatingPoint:
+        """Return a root as an operating point."""
+        tangent = self.local.tangent(found.point, found.independent)
+        return OperatingPoint(name, found.point, tangent, True, self.local.contacts(found.point))

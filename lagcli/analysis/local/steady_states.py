@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import Residual, SteadyProblem
 from lagcli.arrays import Array
 from lagcli.errors import NumericalError, UsageError
+from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
+
+#: Relative differences of velocities above rounding errors.
+_DIFFERENT = 1e-6
 
 
 class SteadyState(NamedTuple):
@@ -26,12 +32,15 @@ class SteadyState(NamedTuple):
     found : Residual
     neutral : (nq, dimension) array
         Changes of q that lead to other roots: the tangent space of a set of equilibria.
+    speeds : mapping of str to float
+        Unknown speeds, by name.
     """
 
     local: LocalEquations
     operating_point: OperatingPoint
     found: Residual
     neutral: Array
+    speeds: Mapping[str, float] = MappingProxyType({})
 
 
 def velocity_coordinate(names: Sequence[str], text: str) -> str:
@@ -79,23 +88,33 @@ def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
     """
     local = problem.local
     problem.check_held(found)
-    tangent = local.tangent(found.point, found.independent)
     name = "the steady motion" if np.any(found.point.v) else "the equilibrium"
-    if not local.is_steady(found.point, tangent):
-        what = "steady motion" if problem.held else "equilibrium"
+    if not problem.is_steady(found):
+        what = "steady motion" if problem.is_motion else "equilibrium"
         cause = "the time" if not np.any(found.point.v) else "the time, or on what moves"
         raise NumericalError(
             f"{local.model.name} has no {what} here: forces balance at t ="
             f" {found.point.t:g} s, but they depend on {cause}"
         )
-    point = OperatingPoint(name, found.point, tangent, True, local.contacts(found.point))
-    return SteadyState(local, point, found, problem.neutral(found))
+    point = problem.operating_point(found, name)
+    speeds = dict(zip(problem.speed_names, found.speeds.tolist(), strict=True))
+    return SteadyState(local, point, found, problem.neutral(found), speeds)
+
+
+def ignored_velocities(model: Model, point: Point) -> dict[str, float]:
+    """Return initial velocities that the file gives and that a motion does not have."""
+    found = dict(zip(model.coordinate_names, point.v.tolist(), strict=True))
+    return {
+        f"{name}'": given.value
+        for name, given in model.initial_velocities.items()
+        if given.value and abs(given.value - found[name]) > _DIFFERENT * abs(given.value)
+    }
 
 
 def none_found(local: LocalEquations, problem: SteadyProblem, q: Array) -> NumericalError:
     """Return the error of an unsuccessful search, with the unbalanced forces."""
     start = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
-    what = "steady motion" if problem.held else "equilibrium"
+    what = "steady motion" if problem.is_motion else "equilibrium"
     text = f"no {what} of {local.model.name} was found from its initial values"
     if np.isfinite(start.value).all():
         balanced = problem.residual(q, problem.multipliers(start), local.p)

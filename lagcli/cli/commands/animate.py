@@ -150,7 +150,7 @@ def _mode_motion(
     amplitude: float | None,
     at: float | None,
     equilibrium: bool,
-    loaded: "tuple[Model, dict[str, float]]",
+    loaded: "tuple[Model, dict[str, float | None]]",
 ) -> "Trajectory":
     """Return the motion of a mode of a model."""
     from lagcli.analysis.linear.mode_motion import mode_motion

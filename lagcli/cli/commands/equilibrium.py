@@ -21,8 +21,10 @@ def equilibrium(
         list[str] | None,
         typer.Option(
             "--steady",
-            metavar="VELOCITY=VALUE",
-            help='Find steady motions with this velocity, e.g. "phi\'=10". Repeatable.',
+            metavar="NAME[=VALUE]",
+            help='Find steady motions with this velocity, e.g. "phi\'=10", rate of a symmetry that'
+            ' lagcli check finds, "rate(J_1)=10", its momentum, "J_1=3", or expression,'
+            ' "omega(e).z=10". A velocity or rate without a value is looked for. Repeatable.',
         ),
     ] = None,
     along: Annotated[
@@ -30,9 +32,9 @@ def equilibrium(
         typer.Option(
             "--along",
             metavar="NAME=START:END",
-            help="Follow the equilibrium as a parameter varies, e.g. P=0:3, or a velocity of"
-            ' steady motions, e.g. "phi\'=1:10"; with folds, branch points, Hopf points'
-            " and changes of contacts.",
+            help="Follow the equilibrium as a parameter varies, e.g. P=0:3, or a value of steady"
+            ' motions, e.g. "phi\'=1:10"; with folds, branch points, Hopf points, and changes'
+            " of stability and contacts.",
         ),
     ] = None,
     branches: Annotated[

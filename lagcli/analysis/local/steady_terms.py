@@ -1,0 +1,264 @@
+"""What a steady motion holds: velocities, expressions, momenta and rates of symmetries."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from lagcli.analysis.local.conditions import Condition, MeasuredExpression
+from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.relative import RelativeProblem, SymmetryField
+from lagcli.analysis.local.steady import SteadyProblem
+from lagcli.analysis.local.steady_states import velocity_coordinate
+from lagcli.arrays import Array
+from lagcli.engine.constraints.initial import NoStart, consistent_state
+from lagcli.equations.symmetry.conserved import ConservedQuantity, conserved_quantities
+from lagcli.errors import UsageError
+from lagcli.model.given_expression import given_expression
+from lagcli.model.model import Model
+from lagcli.model.spelling import did_you_mean, nearest
+
+_RATE = re.compile(r"rate\(\s*([^()\s]+)\s*\)")
+_PROBES = 4  # number of states at which the rates that an expression measures are compared
+_SAME = 1e-9
+
+#: Values by text; None for a speed that is looked for.
+Given = Mapping[str, float | None]
+
+
+class SteadyTerms:
+    """What ``--steady`` gives, read for a model.
+
+    Parameters
+    ----------
+    model : Model
+    given : mapping of str to float or None
+        ``phi'``: a velocity; ``rate(J_1)``: the rate of a symmetry that `lagcli.check` finds;
+        ``J_1``: its momentum; or an expression in q and v. None for a velocity or a rate that is
+        looked for.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, or an expression has no value.
+    ModelError
+        An expression has an error.
+    """
+
+    def __init__(self, model: Model, given: Given):
+        self.model = model
+        self.velocities: dict[str, float | None] = {}
+        self.others: dict[str, float | None] = {}
+        for text, value in given.items():
+            if value is not None and not np.isfinite(value):
+                raise UsageError(f"--steady {text}={value}: give a finite value")
+            if is_velocity(model.coordinate_names, text):
+                self.velocities[velocity_coordinate(model.coordinate_names, text)] = value
+            else:
+                self.others[text] = value
+        for text, value in self.others.items():
+            if value is None and not _RATE.fullmatch(text):
+                raise UsageError(
+                    f'--steady `{text}` has no value; write --steady "{text}=1". Only velocities'
+                    " and rates of symmetries can be looked for"
+                )
+
+    @property
+    def held(self) -> dict[str, float]:
+        """The velocities with values, by coordinate."""
+        return {name: x for name, x in self.velocities.items() if x is not None}
+
+    @property
+    def plain(self) -> bool:
+        """Whether only velocities with values are given, or nothing."""
+        return not self.others and None not in self.velocities.values()
+
+    @property
+    def by_symmetry(self) -> bool:
+        """Whether the motion is one along symmetries: no velocity is looked for."""
+        return not self.plain and None not in self.velocities.values()
+
+    @property
+    def named(self) -> dict[str, float | None]:
+        """All values, by name."""
+        return {**{f"{name}'": x for name, x in self.velocities.items()}, **self.others}
+
+    def problem(self, local: LocalEquations) -> SteadyProblem:
+        """Return the problem of these motions."""
+        if self.plain:
+            return SteadyProblem(local, self.held)
+        if self.by_symmetry:
+            return self.relative(local)
+        rates = [text for text in self.others if _RATE.fullmatch(text)]
+        if rates:
+            name = next(name for name, x in self.velocities.items() if x is None)
+            raise UsageError(
+                f"--steady {rates[0]} is the rate of a symmetry; it cannot be combined with the"
+                f' unknown velocity --steady "{name}\'"'
+            )
+        unknown = [name for name, x in self.velocities.items() if x is None]
+        if len(unknown) > len(self.others):
+            raise UsageError(
+                f"--steady {unknown[0]}': to look for a velocity, give another value of the motion,"
+                f" such as that of a coordinate; or give its value, as in --steady"
+                f' "{unknown[0]}\'=10"'
+            )
+        conditions = [self._condition(local, text, value) for text, value in self.others.items()]
+        return SteadyProblem(local, self.held, unknown, conditions)
+
+    # motions along symmetries
+
+    def relative(self, local: LocalEquations) -> RelativeProblem:
+        """Return the problem of motions along the symmetries of the model.
+
+        If each value given is that of a rate, the other rates are zero; otherwise, those without a
+        value are looked for.
+
+        Raises
+        ------
+        UsageError
+            The model has no symmetry.
+        """
+        expressions = {
+            **{f"{name}'": x for name, x in self.velocities.items()},
+            **{text: x for text, x in self.others.items() if not _RATE.fullmatch(text)},
+        }
+        conditions = [
+            self._condition(local, text, x) for text, x in expressions.items() if x is not None
+        ]
+        every = [SymmetryField.of(local, x) for x in self._quantities(local)]
+        if not every:
+            first = next(iter(self.named))
+            raise UsageError(
+                f"--steady {first}: lagcli check finds no symmetry of {self.model.name} along which"
+                ' it can move steadily; give velocities of coordinates, as in --steady "phi\'=10"'
+            )
+        rates = {
+            self._place(every, text): x for text, x in self.others.items() if _RATE.fullmatch(text)
+        }
+        names = [*(c.text for c in conditions), *(every[k].name for k in rates)]
+        weights = None
+        if None not in rates.values():
+            weights = self._weights(local, every, conditions, list(rates))
+        fields = list(every)
+        if weights is not None:
+            fields = [_combined(n, every, x) for n, x in zip(names, weights.T, strict=True)]
+        conditions += [
+            Condition(every[k].name, x, None, k if weights is None else len(conditions) + place)
+            for place, (k, x) in enumerate(rates.items())
+            if x is not None
+        ]
+        return RelativeProblem(local, fields, conditions, every)
+
+    @cached_property
+    def _found(self) -> dict[int, list[ConservedQuantity]]:
+        return {}
+
+    def _quantities(self, local: LocalEquations) -> list[ConservedQuantity]:
+        key = id(local)
+        if key not in self._found:
+            found = conserved_quantities(local.equations).quantities
+            self._found[key] = [x for x in found if x.kind == "momentum"]
+        return self._found[key]
+
+    def _place(self, every: Sequence[SymmetryField], text: str) -> int:
+        match = _RATE.fullmatch(text)
+        assert match is not None
+        known = [field.name.removeprefix("rate(").removesuffix(")") for field in every]
+        if match[1] not in known:
+            remedy = did_you_mean(nearest(match[1], known)) or f"there are {', '.join(known)}"
+            raise UsageError(
+                f"--steady {text}: `{match[1]}` is not a momentum that lagcli check finds; {remedy}"
+            )
+        return known.index(match[1])
+
+    def _condition(self, local: LocalEquations, text: str, value: float | None) -> Condition:
+        assert value is not None
+        model = self.model
+        known = {*model.coordinate_names, *model.parameters, *model.definitions, *model.outputs}
+        momenta = {}
+        if _is_name(text) and text not in known:
+            momenta = {x.name: x.expression for x in self._quantities(local)}
+        if text in momenta:
+            return Condition(text, value, MeasuredExpression.of(local.equations, momenta[text]))
+        eq = local.equations
+        expression = eq.outputs.get(text)
+        if expression is None:
+            expression = given_expression(self.model, "--steady", text)
+        symbols = expression.free_symbols
+        if not symbols.isdisjoint({*eq.a, *eq.multipliers}):
+            raise UsageError(
+                f"--steady {text}: it depends on accelerations or multipliers; give an expression"
+                " in coordinates and velocities"
+            )
+        if symbols.isdisjoint({*local.equations.q, *local.equations.v}):
+            raise UsageError(f"--steady {text}: it does not depend on the motion")
+        return Condition(text, value, MeasuredExpression.of(local.equations, expression))
+
+    def _weights(
+        self,
+        local: LocalEquations,
+        every: Sequence[SymmetryField],
+        conditions: Sequence[Condition],
+        rates: Sequence[int],
+    ) -> Array | None:
+        """Return symmetries, as sums of all, each of which changes one given value alone, by 1.
+
+        The spin of a top about its axis is the rate of such a symmetry.
+
+        Returns
+        -------
+        (fields, conditions + rates) array or None
+            None if there are none: a value does not only depend on rates.
+        """
+        known, count = np.eye(len(every))[list(rates)], len(conditions) + len(rates)
+        rows = []
+        for q in _probes(local):
+            fields = np.array([field.at(q) for field in every]).T
+            point = local.start_point(
+                q, np.zeros(len(q)), np.zeros(len(local.system.constraints)), local.p
+            )
+            slopes = [c.slopes(point, np.empty(0)) for c in conditions]
+            if any(np.any(by_q) for by_q, _, _ in slopes):
+                return None
+            measured = np.array([by_v @ fields for _, by_v, _ in slopes])
+            rows.append(np.vstack([measured.reshape(-1, len(every)), known]))
+        target = np.tile(np.eye(count), (len(rows), 1))
+        matrix = np.vstack(rows)
+        weights = np.linalg.pinv(matrix, rcond=_SAME) @ target
+        exact = np.abs(matrix @ weights - target).max(initial=0.0) < _SAME
+        return np.where(np.abs(weights) > _SAME, weights, 0.0) if exact else None
+
+
+def is_velocity(names: Sequence[str], text: str) -> bool:
+    """Whether a text is the name of a velocity, or written as one."""
+    stem = text.removesuffix("'") if text.endswith("'") else text.removesuffix("_dot")
+    return stem != text and (stem in names or stem.isidentifier())
+
+
+def _combined(name: str, every: Sequence[SymmetryField], weights: Array) -> SymmetryField:
+    """Return the symmetry whose rate is a given value, and with it that of no other value."""
+    matrix = sum(x * field.matrix for x, field in zip(weights, every, strict=True))
+    shift = sum(x * field.shift for x, field in zip(weights, every, strict=True))
+    return SymmetryField(name, np.asarray(matrix), np.asarray(shift))
+
+
+def _is_name(text: str) -> bool:
+    return re.fullmatch(r"[^\W\d][\w\[\],.]*", text) is not None
+
+
+def _probes(local: LocalEquations) -> list[Array]:
+    """Return random positions on the constraints."""
+    random, q = np.random.default_rng(1), local.start.state.q
+    free, found = np.zeros(len(q), bool), []
+    for _ in range(_PROBES):
+        guess = q + 0.7 * local.lengths * random.standard_normal(len(q))
+        given = local.evaluator(local.p).state(local.t, guess, np.zeros(len(q)))
+        try:
+            found.append(consistent_state(local.system, given, free, free).state.q)
+        except NoStart:
+            continue
+    return found or [q]
