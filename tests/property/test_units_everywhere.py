@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import random
 import re
 from pathlib import Path
 
@@ -9,6 +11,8 @@ import numpy as np
 import pytest
 
 from lagcli.errors import LagcliError
+from lagcli.model.expression.unit_table import units
+from lagcli.model.expression.units import read_unit, si_notation
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.sweeps.plan.vary import Drawn, read_vary
@@ -117,3 +121,42 @@ def test_what_is_refused_is_refused_everywhere_with_the_reason(place: str, tmp_p
             if not re.search(reason, text):
                 wrong[unit] = text
     assert not wrong
+
+
+@pytest.mark.parametrize("seed", range(300))
+def test_random_products_and_quotients_in_any_notation(seed: int) -> None:
+    """Factors and dimensions are those of the parts, and SI notation is read as SI."""
+    rng = random.Random(seed)
+    names = [name for name in units() if name not in ("1", "lb", "oz", "pound", "pounds", "min")]
+    factor, exponents = 1.0, [0] * 7
+
+    def product(count: int, sign: int) -> str:
+        nonlocal factor, exponents
+        parts = []
+        for _ in range(count):
+            name, n = rng.choice(names), rng.choice([1, 1, 1, 2, 3, -1, -2])
+            unit = units()[name]
+            raised = [f"^{n}", f"**{n}", str(n).translate(_RAISED)]
+            if n > 1 and name[-1].isalpha():
+                raised.append(str(n))
+            parts.append(name + ("" if n == 1 else rng.choice(raised)))
+            factor *= float(unit.factor) ** (sign * n)
+            exponents = [
+                x + sign * n * y for x, y in zip(exponents, unit.dimension[:7], strict=True)
+            ]
+        return rng.choice(["*", "·", " "]).join(parts)
+
+    text = product(rng.randint(1, 3), 1)
+    if rng.random() < 0.5:
+        text += f"/({product(rng.randint(1, 2), -1)})"
+    if re.match(r"(°|deg(rees?)?)[ *·][CF]\b", text):
+        return  # a temperature, perhaps
+    found = read_unit(text)
+    assert math.isclose(found.factor, factor, rel_tol=1e-12)
+    assert list(found.dimension[:7]) == exponents
+    si = read_unit(si_notation(text))
+    assert si.factor == 1
+    assert list(si.dimension[:7]) == exponents
+
+
+_RAISED = str.maketrans("-123", "⁻¹²³")

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import pint
 import pytest
+import sympy
 
 from lagcli.errors import ModelError
 from lagcli.model.dimensions.dimension import Dimension, unit_of
@@ -182,6 +183,61 @@ def _registry() -> pint.UnitRegistry:
     if not _REGISTRIES:
         _REGISTRIES.append(pint.UnitRegistry(cache_folder=None))
     return _REGISTRIES[0]
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_shared_numbers_are_solved_as_linear_equations(seed: int) -> None:
+    """Two numbers in several terms: accepted if and only if the linear system has a solution."""
+    rng = random.Random(seed)
+    names = {"m": (1, 0, 0), "l": (0, 1, 0), "k": (1, 0, -2), "c": (1, 0, -1), "x": (0, 1, 0)}
+    known = rng.choice([True, False])
+    units = [tuple(rng.randint(-1, 1) for _ in range(3)) for _ in range(2)]
+    rows, rest, terms = [], [], []
+    for _ in range(rng.randint(1, 4)):
+        exponents = {n: rng.randint(-1, 2) for n in rng.sample(list(names), 2)}
+        a, b = rng.randint(-1, 2), rng.randint(-1, 2)
+        powers = {"h": a, "n": b}
+        if known:  # fill up to a force with the units that the numbers shall have
+            missing = [
+                due
+                - a * units[0][i]
+                - b * units[1][i]
+                - sum(e * names[n][i] for n, e in exponents.items())
+                for i, due in enumerate((1, 1, -2))
+            ]
+            for name, extra in (("m", missing[0]), ("l", missing[1]), ("s0", missing[2])):
+                exponents[name] = exponents.get(name, 0) + extra
+        dimension = [
+            sum(e * {**names, "s0": (0, 0, 1)}[n][i] for n, e in exponents.items())
+            for i in range(3)
+        ]
+        rows.append([a, b])
+        rest.append([due - d for due, d in zip((1, 1, -2), dimension, strict=True)])
+        factors = [f"{n}^({e})" for n, e in {**exponents, **powers}.items() if e]
+        terms.append("*".join(factors) or "1")
+    left, right = sympy.Matrix(rows), sympy.Matrix(rest)
+    solvable = left.rank() == left.row_join(right).rank() or "1" in terms
+    text = MODEL.format(
+        **{
+            **PLAIN,
+            "definitions": "h: 0.3, n: 7",
+            "Q": f'x: "{" + ".join(terms)}"',
+        }
+    ).replace("m: 1 kg", "m: 1 kg, s0: 1 s")
+    if "1" in terms:
+        return  # a bare 1 takes any unit
+    if not solvable:
+        assert not known
+        with pytest.raises(ModelError, match="error\\[units\\]"):
+            load_text(text)
+        return
+    found = load_text(text).units
+    if left.rank() == 2:
+        solution = (left.T * left).inv() * left.T * right
+        for name, row in (("h", 0), ("n", 1)):
+            dimension = found.names[name]
+            assert isinstance(dimension, Dimension)
+            assert [dimension.kg, dimension.m, dimension.s] == list(solution.row(row))
 
 
 def test_equations_between_unknown_dimensions_are_solved() -> None:
