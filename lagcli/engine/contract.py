@@ -49,10 +49,25 @@ class Event(NamedTuple):
 Reaction = Literal["go on", "stop"] | tuple[Array, Array]
 
 
-#: Kinds of log entries. "rest" ends a sequence of impacts that has a limit in time; "event" is one
+#: Kinds of log entries. "rest" ends a sequence of impacts that has a limit in time; "not unique":
+#: an impact has more than one solution; "redundant": from here on, a force is not unique, since
+#: other rows can bear parts of it; "two motions", "no motion" and "jams" end a run; "event" is one
 #: of the model's events.
 Occurrence = Literal[
-    "closes", "opens", "slips", "sticks", "impact", "rest", "releases", "engages", "event"
+    "closes",
+    "opens",
+    "slips",
+    "sticks",
+    "impact",
+    "rest",
+    "not unique",
+    "redundant",
+    "two motions",
+    "no motion",
+    "jams",
+    "releases",
+    "engages",
+    "event",
 ]
 #: Kinds of log entries by the changes of a contact named in events.
 CHANGES: dict[Occurrence, ContactChange] = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ MODES = ("open", "holds", "forward", "backward")
 #: Kinds of entries.
 KINDS = (
     *("closes", "opens", "slips", "sticks", "impact", "rest"),
+    *("not unique", "redundant", "two motions", "no motion", "jams"),
     *("releases", "engages", "event"),
 )
 
@@ -43,6 +44,50 @@ class Rest(NamedTuple):
     def __str__(self) -> str:
         impacts = f"{self.impacts} impact{'s' * (self.impacts != 1)}"
         return f"`{self.name}` came to rest at t = {self.time:.11g} s after {impacts}"
+
+
+#: Kinds of entries about forces and motions that are not unique, or do not exist, as sentences.
+_UNDETERMINED = {
+    "not unique": (
+        "more than one motion after the impact at {names} at t = {time:.9g} s satisfies the law;"
+        " the listed one was taken"
+    ),
+    "redundant": (
+        "from t = {time:.9g} s on, the forces of {names} are not unique (the motion is): those of"
+        " least norm within their laws were taken"
+    ),
+    "two motions": (
+        "at t = {time:.9g} s the motion at {names} is not unique; none was taken, and the run ends"
+    ),
+    "no motion": "at t = {time:.9g} s no motion at {names} satisfies its laws, and the run ends",
+    "jams": (
+        "at t = {time:.9g} s the force of {names} grows without bound while it slides, and the run"
+        " ends"
+    ),
+}
+
+
+class Undetermined(NamedTuple):
+    """An instant at which forces or the motion are not unique, or do not exist.
+
+    Parameters
+    ----------
+    time : float
+        s.
+    kind : str
+    names : tuple of str
+        Names of the constraints.
+    """
+
+    time: float
+    kind: str
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        names = [f"`{name}`" for name in self.names[:_LISTED]]
+        if len(self.names) > _LISTED:
+            names.append(f"{len(self.names) - _LISTED} more")
+        return _UNDETERMINED[self.kind].format(time=self.time, names=", ".join(names))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,7 +158,10 @@ class EventLog:
         Name of the constraint; for kind "event", name of the event.
     kinds : tuple of ne str
         One of `KINDS`. "rest" ends a sequence of impacts that has a limit in time, its ``time``;
-        its ``loss`` is that of the impacts before this time that are not listed.
+        its ``loss`` is that of the impacts before this time that are not listed. "not unique": an
+        impact has more than one solution, of which one was taken. "redundant": from here on, λ is
+        not unique, and that of least norm is taken. "two motions", "no motion" and "jams": the run
+        ends, since the motion is not unique, does not exist, or needs a force without bound.
     q, before, after : (ne, nq) arrays
         The coordinates, and the velocities before and after the instant.
     impulse : (ne, nc) array
@@ -229,6 +277,14 @@ class EventLog:
                 found.append(Rest(name, time, impacts.pop(name, 0)))
         return found
 
+    def undetermined(self) -> list[Undetermined]:
+        """Return the instants at which forces or motions are not unique, or do not exist."""
+        found: dict[tuple[float, str], list[str]] = {}
+        for time, name, kind in zip(self.time.tolist(), self.names, self.kinds, strict=True):
+            if kind in _UNDETERMINED:
+                found.setdefault((time, kind), []).append(name)
+        return [Undetermined(time, kind, tuple(names)) for (time, kind), names in found.items()]
+
     def total_impulse(self) -> Array:
         """Return the sum of the impulses of each constraint, (nc,).
 
@@ -243,6 +299,7 @@ class EventLog:
         """Return a summary of the log as JSON values.
 
         ``entries``, their number; ``counts`` by name and kind; ``rests`` (name, time, impacts);
+        ``undetermined`` (time, kind, names);
         ``loss``, ``supplied`` and ``work``, the sums; ``at_end``, the mode of each row that
         switches, of `MODES`; ``recorded`` by event: how many ``times``,
         how many ``columns``, and the ``last`` time and values, as {``time``, ``values``: column →
@@ -253,6 +310,7 @@ class EventLog:
             "entries": len(self),
             "counts": self.counts(),
             "rests": [rest._asdict() for rest in self.rests()],
+            "undetermined": [x._asdict() | {"names": list(x.names)} for x in self.undetermined()],
             "loss": float(self.loss.sum()),
             "supplied": float(self.supplied.sum()),
             "work": float(self.work.sum()),
@@ -321,6 +379,7 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
     sentences += rests[:_LISTED]
     if len(rests) > _LISTED:
         sentences.append(f"note: contacts came to rest {len(rests) - _LISTED} more times")
+    sentences += _undetermined(found["undetermined"])
     sentences += _at_end(found["at_end"])
     few = ((name, of) for name, of in found["recorded"].items() if of["last"] is not None)
     sentences += [_recorded(name, of) for name, of in few]
@@ -334,6 +393,17 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
         if found[name]
     ]
     return sentences + [", ".join(energy)] * bool(energy)
+
+
+def _undetermined(found: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return notes on forces and motions that are not unique, or do not exist, first by kind."""
+    sentences = []
+    for kind in dict.fromkeys(each["kind"] for each in found):
+        times = [each for each in found if each["kind"] == kind]
+        note = f"note: {Undetermined(**times[0])}"
+        more = len(times) - 1
+        sentences.append(note + (f"; {more} more time{'s' * (more != 1)}" if more else ""))
+    return sentences
 
 
 def _at_end(modes: Mapping[str, str]) -> list[str]:

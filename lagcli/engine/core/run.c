@@ -17,6 +17,7 @@
 #include "switching/clock.h"
 #include "switching/instant.h"
 #include "switching/kinks.h"
+#include "switching/log.h"
 #include "switching/watched.h"
 #include "watch.h"
 
@@ -81,6 +82,8 @@ int lag_start(lag_run *run)
     lag_first_step(run, run->method->order);
     if (run->switching.used && lag_watch_modes(run, run->step.t, run->step.y, run->step.f) != LAG_RUNNING)
         return LAG_UNDEFINED;
+    if (run->switching.used)
+        lag_log_redundant(run);
     int status = damp(run);
     if (status == LAG_RUNNING && run->switching.used)
         status = lag_begin_ticks(run);

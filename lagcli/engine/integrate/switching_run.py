@@ -40,7 +40,9 @@ from lagcli.engine.system import System
 
 #: Capacity of the core's log.
 _LOG_ROWS = 512
-_OCCURRENCES: tuple[Occurrence, ...] = ("closes", "opens", "slips", "sticks", "impact", "rest")
+_OCCURRENCES: tuple[Occurrence, ...] = (
+    *("closes", "opens", "slips", "sticks", "impact", "rest", "not unique", "redundant"),
+)
 #: Statuses of model events.
 _OF_EVENTS: tuple[Occurrence, ...] = ("event", "releases", "engages")
 #: Statuses that end a run at a contact.
@@ -202,6 +204,7 @@ class SwitchingIntegration(Integration):
                 self.split_system, status, core, self.settings.impacts, self.log, self.branches()
             )
             if stop is not None:
+                self.log_end(status)
                 raise stop
         if status in _AT_SURFACES:
             from lagcli.engine.switching.stops import at_surfaces
@@ -209,6 +212,22 @@ class SwitchingIntegration(Integration):
             self.collect()
             raise at_surfaces(status, core.t, self.branches())
         return super().handle_status(status)
+
+    def log_end(self, status: int) -> None:
+        """Add an entry on a run that ends where the motion is not unique, or does not exist."""
+        from lagcli.engine.switching.messages import ending
+
+        core = self.core
+        end = ending(self.split_system, status, core)
+        if end is None:
+            return
+        occurrence, constraint = end
+        q, v = np.split(core.state[:-1].copy(), 2)
+        modes = np.array(core.modes[: len(self.split_system.switching.rows)], dtype=int)
+        nothing = np.zeros(len(self.split_system.system.constraints))
+        self.log.append(
+            EventEntry(core.t, occurrence, constraint, q, v, v, nothing, 0.0, 0.0, 0.0, modes)
+        )
 
     def branches(self) -> list[tuple[str, ...]]:
         """Return the names on which each branch depends that changes at the instant."""
@@ -222,7 +241,7 @@ class SwitchingIntegration(Integration):
         core = self.core
         self.collect()
         since, self.waiting = self.waiting, []
-        changes = [(e.which, CHANGES[e.occurrence]) for e in since]
+        changes = [(e.which, CHANGES[e.occurrence]) for e in since if e.occurrence in CHANGES]
         if not self.instants.open:
             y, a, multipliers = core.motion
             if not core.begun:  # before the initial state is complete

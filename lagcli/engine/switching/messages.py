@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from lagcli.engine.contract import EventEntry, Stop
+from lagcli.engine.contract import EventEntry, Occurrence, Stop
 from lagcli.engine.core.status import Status
 from lagcli.engine.switching import stops
 from lagcli.engine.switching.splitting import SplitSystem
@@ -57,6 +57,23 @@ def refusal(
     taking, problem, motions = core.problem
     failure = stops.two_motions if motions else stops.no_motion
     return failure(t, [names[i] for i in taking], problem, motions)
+
+
+def ending(split: SplitSystem, status: int, core: Any) -> tuple[Occurrence, int] | None:
+    """Return the log's last entry for a run that ends at a contact: its kind, and the constraint.
+
+    None if the motion is unique, as where an impact would gain energy.
+    """
+    if status in (Status.JAMMED, Status.FLOOR):
+        rows = zip(split.switching.rows, core.modes, strict=False)
+        return "jams", stops.jammed([row for row, mode in rows if RowMode(mode).slips])
+    if status in (Status.NO_MODE, Status.TWO_MODES):
+        taking, problem, motions = core.problem
+        kind: Occurrence = "two motions" if motions else "no motion"
+        return kind, split.rows[taking[stops.bearing(problem)]]
+    if status == Status.NO_IMPACT:
+        return "no motion", split.rows[core.struck[0]]
+    return None
 
 
 def _slips(rows: Sequence[SwitchedRow], i: int) -> bool:

@@ -74,7 +74,7 @@ def no_motion(
     t: float, names: Sequence[str], problem: ContactProblem, motions: Sequence[ContactSolution]
 ) -> Stop:
     """Return the end of a run at a state without a motion that satisfies the laws of contact."""
-    row = _bearing(problem)
+    row = bearing(problem)
     return Stop(
         f"no motion is possible at `{names[row]}` at t = {t:.9g} s{_bound(problem, row)};"
         " reduce the friction, or give the bodies some compliance"
@@ -85,7 +85,7 @@ def two_motions(
     t: float, names: Sequence[str], problem: ContactProblem, motions: Sequence[ContactSolution]
 ) -> Stop:
     """Return the end of a run at a state with two motions that satisfy the laws of contact."""
-    row = _bearing(problem)
+    row = bearing(problem)
     undetermined = _dependent(problem)
     if undetermined:
         distribution = ", or ".join(
@@ -115,17 +115,22 @@ def jamming(margin: float, slipping: Sequence[SwitchedRow]) -> bool:
     return bool(slipping) and abs(margin) < _JAMMING
 
 
+def jammed(slipping: Sequence[SwitchedRow]) -> int:
+    """Return the constraint whose force grows without bound while rows slip."""
+    first = slipping[0]
+    return first.row if first.normal is None else first.normal
+
+
 def jams(t: float, system: System, slipping: Sequence[SwitchedRow]) -> Stop:
     """Return the end of a run in which a contact force grows without bound while rows slip."""
-    first = slipping[0]
-    name = system.constraints[first.row if first.normal is None else first.normal]
+    name = system.constraints[jammed(slipping)]
     return Stop(
         f"lambda.{name} grows without bound while it slides (dynamic jam) at t = {t:.9g} s; the"
         " motion beyond is not determined"
     )
 
 
-def _bearing(problem: ContactProblem) -> int:
+def bearing(problem: ContactProblem) -> int:
     """Return the row whose friction is closest to its bound."""
     carriers = np.flatnonzero((problem.kinetic_slopes != 0).any(axis=0))
     if not len(carriers):

@@ -125,6 +125,8 @@ int lag_do_collision(lag_run *run)
             if (sw->normal[j] == i)
                 loss += report.loss[j];
         lag_log(run, t, LAG_IMPACT, i, before + nq, y + nq, report.all, loss, supplied);
+        if (found == LAG_TWO_MOTIONS)
+            lag_log(run, t, LAG_NOT_UNIQUE, i, y + nq, y + nq, NULL, 0.0, 0.0);
         supplied = 0.0;
         sw->report |= sw->reported[5 * i + 4];
     }

@@ -234,7 +234,10 @@ static int restart(lag_run *run)
         change[nq + i] = run->step.h * (change[nq + i] + run->step.f[nq + i]);
     if (lag_scaled_norm(run, change, run->step.y, run->step.y) > 1.0 && run->step.t < run->step.t_end)
         lag_first_step(run, run->method->order);
-    return lag_watch_modes(run, run->step.t, run->step.y, run->step.f);
+    const int status = lag_watch_modes(run, run->step.t, run->step.y, run->step.f);
+    if (status == LAG_RUNNING)
+        lag_log_redundant(run);
+    return status;
 }
 
 /* Whether the projection at a kink has changed the velocities: a constraint has a corner there. */

@@ -1,5 +1,6 @@
 #include "switching/log.h"
 
+#include <math.h>
 #include <string.h>
 
 #define HEAD 6 /* numbers before the modes: time, occurrence, row, loss, supplied, work */
@@ -29,6 +30,19 @@ void lag_log(lag_run *run, double t, enum lag_occurrence what, int row, const do
         memcpy(entry + 3 * nq, impulse, nc * sizeof(double));
     else
         memset(entry + 3 * nq, 0, nc * sizeof(double));
+}
+
+void lag_log_redundant(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const double *v = run->step.y + run->system.nq;
+    for (int i = 0; i < sw->exported; ++i) {
+        const int shares = sw->acting && sw->redundant && sw->mode[i] != LAG_OPEN && isfinite(sw->slack[i]);
+        if (shares && !sw->shares[i] && sw->log_used < sw->log_rows)
+            lag_log(run, run->step.t, LAG_REDUNDANT, i, v, v, NULL, 0.0, 0.0);
+        sw->shares[i] = shares;
+    }
+    lag_log_modes(run);
 }
 
 void lag_log_modes(lag_run *run)

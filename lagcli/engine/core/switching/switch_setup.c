@@ -23,7 +23,7 @@ static void allocate(lag_run *run)
     const int watched = 2 * rows + 2 + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
                      &sw->takes_part, &sw->rests, &sw->ends, &sw->member, &sw->came_to_rest, &sw->first_mode,
-                     &sw->tight};
+                     &sw->tight, &sw->shares};
     double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed, &sw->tried,
                           &sw->stray, &sw->trial_force, &sw->slack, &sw->rest_time};
     double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,

@@ -133,6 +133,7 @@ typedef struct {
     int redundant;                     /* whether active rows are linearly dependent */
     double *slack;                     /* rows: of lag_share_contacts; infinity without redundancy */
     int *tight;                        /* rows, likewise */
+    int *shares;                       /* rows: whether the log has that the force is not unique */
     double margin;
     double strength;                   /* the largest force of a row so far */
     double *work;                      /* scratch of forces.c */
