@@ -115,6 +115,14 @@ simulation: {t_end: 1}
     assert any("`rough`" in x and "the run ends" in x for x in event_sentences(log.to_mapping()))
 
 
+def test_a_run_with_derivatives_ends_with_the_same_entry() -> None:
+    run, log = simulate(rod(math.atan(2), 2.0, 0.5, False, (1.0, 1.0)), sensitivity=("mu",))
+    assert run.status == "failed"
+    assert (log.names[-1], log.kinds[-1]) == ("tip", "no motion")
+    assert log.dtime.shape == (len(log), 1)
+    assert np.isnan(log.dtime[-1]).all()
+
+
 def test_redundant_contacts_are_told_once() -> None:
     """A beam on three supports: 3 forces, 2 equations; least norm of (1, 1, 1), without moment."""
     text = """

@@ -132,6 +132,11 @@ class DifferentiatedIntegration(SwitchingIntegration):
         self._times += [*rows[:, -n:]]
         return super().entries(rows[:, :-n])
 
+    def log_end(self, status: int) -> None:
+        """Add an entry on a run that ends at a contact; see the base class."""
+        super().log_end(status)
+        self._times += [np.full(len(self._scales), np.nan)] * (len(self.log) - len(self._times))
+
 
 class DifferentiatedActions(Actions):
     """Performs the actions of events, and differentiates them.

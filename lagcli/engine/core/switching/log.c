@@ -18,8 +18,8 @@ void lag_log(lag_run *run, double t, enum lag_occurrence what, int row, const do
     const size_t nq = (size_t)run->system.nq, nc = (size_t)sw->nc, modes = (size_t)sw->exported;
     const size_t width = HEAD + modes + 3 * nq + nc;
     double *entry = sw->log + (size_t)sw->log_used++ * (width + (size_t)run->derivatives.n);
-    if (run->derivatives.n)
-        memcpy(entry + width, run->derivatives.time, (size_t)run->derivatives.n * sizeof(double));
+    for (int i = 0; i < run->derivatives.n; ++i) /* the limit of impacts is not at this instant */
+        entry[width + (size_t)i] = what == LAG_REST ? NAN : run->derivatives.time[i];
     const double head[HEAD] = {t, what, sw->constraint[row], loss, supplied, 0.0};
     memcpy(entry, head, sizeof head);
     entry += HEAD + modes;
