@@ -263,6 +263,12 @@ cdef class Integrator:
         cdef lag_program program = arguments.program(assemble(tape))
         _checked(lag_use_events(self.run, &program))
 
+    def resolve_time(self, program):
+        """Limit steps so that they resolve functions that depend on t explicitly: their program."""
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_program functions = arguments.program(program)
+        _checked(lag_use_explicit_time(self.run, &functions))
+
     def end_steps_at(self, times):
         """End steps at times, which increase: the right side is not smooth there."""
         cdef _Arguments arguments = _Arguments()
@@ -385,3 +391,4 @@ include "switching.pxi"
 include "batch.pxi"
 include "contact.pxi"
 include "roots.pxi"
+include "jets.pxi"

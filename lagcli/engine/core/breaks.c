@@ -44,10 +44,13 @@ void lag_renew_tapes(lag_run *run)
                          run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
                          &sw->forces, &sw->condition_tape, &sw->force_condition_tape, &sw->kinks.tape,
                          &w->dynamics, &w->constraint, &w->functions, &w->limits, &w->impact, &w->forces,
-                         &w->conditions, &w->force_conditions, &w->kinks, &w->kink_rates};
+                         &w->conditions, &w->force_conditions, &w->kinks, &w->kink_rates, &run->resolution.tape};
     for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
         if (tapes[i] && tapes[i]->registers)
             lag_tape_set(tapes[i], run->np, run->parameters);
+    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
+        sw->enclosure.tapes[i].stale = 1;
+    run->resolution.jets.stale = 1;
     if (run->series.order)
         lag_series_invariant(&run->series);
 }

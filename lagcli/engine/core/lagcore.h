@@ -192,6 +192,9 @@ typedef struct {
     long log_rows;
 } lag_switching_rules;
 
+/* Functions whose sign may not be determined in a step. */
+enum lag_undetermined { LAG_OF_ROW, LAG_OF_KINK, LAG_OF_CONDITION };
+
 typedef struct {
     double t;
     const double *y;                   /* 2 nq + 1 */
@@ -209,6 +212,8 @@ typedef struct {
     long crossed, slid;                /* number of changes of branches, and of starts of sliding */
     const int *kinks;                  /* kinks: 1 if the function of a branch vanishes at the instant */
     const double *branches;            /* kinks */
+    enum lag_undetermined undetermined; /* after LAG_UNRESOLVED: the kind of function, ... */
+    int which;                         /* ... and the index of its row, kink or condition */
 } lag_instant_report;
 
 /* The last contact problem of a run, and its solutions: core/contact/contact.h. */
@@ -284,6 +289,9 @@ int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int co
 
 /* Detect sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
 int lag_use_events(lag_run *run, const lag_program *functions);
+
+/* Limit steps so that they resolve functions of (t, q, v, p) that depend on t explicitly. */
+int lag_use_explicit_time(lag_run *run, const lag_program *functions);
 
 /* End steps at these increasing times, at which the right side is not smooth. Samples there are taken after the
  * break. */

@@ -197,6 +197,7 @@ cdef extern from "lagcore.h" nogil:
         long crossed, slid
         const int *kinks
         const double *branches
+        int undetermined, which
 
     ctypedef struct lag_directions:
         int parameters
@@ -249,6 +250,7 @@ cdef extern from "lagcore.h" nogil:
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
     int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete)
     int lag_use_events(lag_run *run, const lag_program *functions)
+    int lag_use_explicit_time(lag_run *run, const lag_program *functions)
     int lag_use_breaks(lag_run *run, const double *times, long count)
     int lag_use_functions(lag_run *run, const lag_function *functions, int count)
     int lag_switch(lag_run *run, const lag_method *method)

@@ -146,6 +146,15 @@ typedef struct {
     int function_count;
 } lag_breaks;
 
+/* resolution.c: functions that depend on t explicitly. */
+typedef struct {
+    int count;                         /* 0: there are none */
+    lag_tape tape;                     /* of (t, q, v, p) */
+    lag_jet_tape jets;
+    double *scale;                     /* count: their largest values in the run; 0: unbounded */
+    double start, end, step;           /* steps up to this resolve them between these times */
+} lag_resolution;
+
 /* events.c: where a function of (t, q, v) changes its sign along the motion. */
 typedef struct {
     int count;                         /* 0: there are none */
@@ -183,6 +192,7 @@ struct lag_run {
     lag_watch watch;
     lag_samples samples;
     lag_events events;
+    lag_resolution resolution;
     lag_breaks breaks;
     lag_switching switching;
     lag_derivatives derivatives;

@@ -46,6 +46,7 @@ class Status(_Described):
     SURFACES = "the motion is pushed onto more than one surface at which forces jump"
     FORKED = "more than one motion leaves a surface at which forces jump"
     CORNER = "a constraint has a corner, at which the velocities jump"
+    UNRESOLVED = "the sign of a watched function cannot be determined in the last step"
 
 
 class LaneStatus(_Described):

@@ -6,13 +6,16 @@
 
 #include "methods/method.h"
 #include "motion.h"
+#include "resolution.h"
 #include "switching/rows.h"
 
 double lag_step_size(lag_run *run)
 {
-    const double h = run->step.h;
+    double h = run->step.h;
     if (run->switching.rows)
         lag_forget_speeds(run);
+    if (run->resolution.count)
+        h = lag_resolved_step(run, fmin(h, run->step.t_stop - run->step.t));
     if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
     return run->step.t + 1.01 * h >= run->step.t_stop ? run->step.t_stop - run->step.t : h;

@@ -160,6 +160,12 @@ cdef class SwitchingIntegrator(Integrator):
         return lag_instant_of(self.run).margin
 
     @property
+    def unresolved(self):
+        """The function whose sign is not determined: "row", "kink" or "condition", and its index."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return ("row", "kink", "condition")[report.undetermined], report.which
+
+    @property
     def struck(self):
         """The rows that take part in the last impact."""
         cdef lag_instant_report report = lag_instant_of(self.run)

@@ -36,11 +36,13 @@ from lagcli.engine.integrate.methods import Methods
 from lagcli.engine.integrate.prepared import (
     STEPS_TO_UNROLL,
     Prepared,
+    explicit_time,
     find_elimination,
     prepare,
     unrolled,
 )
 from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 
@@ -132,9 +134,16 @@ class Integration:
         self.methods = Methods(self.core, system, request, self.no_series)
         if request.on_event is not None and system.events is not None:
             self.core.watch_events(system.events)
+        explicit = self.explicit_time()
+        if explicit is not None:
+            self.core.resolve_time(explicit)
         breaks = breaks_of(system, request)
         if len(breaks):
             self.core.end_steps_at(breaks)
+
+    def explicit_time(self) -> Program | None:
+        """Return the program of the functions of time that steps resolve."""
+        return explicit_time(self.system)
 
     def integrator(self, *arguments: Any) -> binding.Integrator:
         """Return the core for the arguments of `binding.Integrator`."""

@@ -9,6 +9,7 @@ to come, and one with large fill never: its columns are long enough for the loop
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import NamedTuple, TypeGuard
 
 from lagcli.engine.constraints.rates import with_rates
@@ -19,6 +20,7 @@ from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.program.vectorize import LONG
 from lagcli.engine.state import State
 from lagcli.engine.system import System, without_numbers
+from lagcli.engine.tape.explicit_time import explicit_functions
 
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.
@@ -142,6 +144,20 @@ def _tangent(system: System) -> Program:
         [*families[:first], *found, *families[first:]],
         _LONG_OF_MEMBERS if members >= _MEMBERS else LONG,
     )
+
+
+@lru_cache(maxsize=4)
+def explicit_time(system: System) -> Program | None:
+    """Return the program of the functions that depend on time explicitly; None if there are none.
+
+    Cached for many runs.
+    """
+    tapes = [system.dynamics]
+    if system.switching is not None:
+        s = system.switching
+        tapes += [x for x in (s.limits, s.forces, s.force_conditions) if x is not None]
+    found = explicit_functions(tapes, 2 * len(system.coordinates))
+    return None if found is None else assemble(found)
 
 
 def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:

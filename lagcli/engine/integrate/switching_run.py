@@ -27,10 +27,11 @@ from lagcli.engine.core import binding
 from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.compiled_run import Integration
-from lagcli.engine.integrate.prepared import Prepared, prepare
+from lagcli.engine.integrate.prepared import Prepared, explicit_time, prepare
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination
+from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
 from lagcli.engine.switching.clocks import clocks_of, ticks_of
 from lagcli.engine.switching.kinks import frozen_of, no_switching
@@ -143,6 +144,10 @@ class SwitchingIntegration(Integration):
         self.common.prepared = prepare(self.system, order, self.common.prepared)
         return super().ready(order, self.common.prepared)
 
+    def explicit_time(self) -> Program | None:
+        """Return the program of the functions of time that steps resolve, with those of rows."""
+        return explicit_time(self.split_system.system)
+
     def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
         """Return a core whose rows switch."""
         settings = self.settings
@@ -206,6 +211,11 @@ class SwitchingIntegration(Integration):
             if stop is not None:
                 self.log_end(status)
                 raise stop
+        if status == Status.UNRESOLVED:
+            from lagcli.engine.switching.stops import unresolved
+
+            self.collect()
+            raise unresolved(*core.step, self.watched(*core.unresolved))
         if status in _AT_SURFACES:
             from lagcli.engine.switching.stops import at_surfaces
 
@@ -228,6 +238,18 @@ class SwitchingIntegration(Integration):
         self.log.append(
             EventEntry(core.t, occurrence, constraint, q, v, v, nothing, 0.0, 0.0, 0.0, modes)
         )
+
+    def watched(self, kind: str, which: int) -> str:
+        """Return a phrase for a function that the core watches."""
+        if kind == "condition":
+            rules = self.split_system.switching.events
+            names = [f"`{rule.name}`" for rule in rules if rule.condition == which]
+            return f"the condition of {', '.join(names)}"
+        if kind == "kink" and self.frozen is not None:
+            names = [f"`{name}`" for name in self.frozen.kinks[which].names]
+            return f"a branch of {', '.join(names) or 'time'}"
+        row = self.split_system.rows[which]
+        return f"`{self.split_system.system.constraints[row]}`"
 
     def branches(self) -> list[tuple[str, ...]]:
         """Return the names on which each branch depends that changes at the instant."""

@@ -209,6 +209,22 @@ def check_engagement(t: float, name: str, gap: float, row: SwitchedRow, none: fl
     )
 
 
+def unresolved(before: float, after: float, what: str) -> Stop:
+    """Return the end of a run in a step in which the sign of a function cannot be determined.
+
+    Parameters
+    ----------
+    before, after : float
+        The ends of the step, s.
+    what : str
+        A phrase for the function.
+    """
+    return Stop(
+        f"the sign of {what} cannot be determined between t = {before:.9g} and {after:.9g} s: it"
+        " stays within rounding errors of zero there, or changes too often"
+    )
+
+
 def sets_violation(t: float, name: str, depth: float, row: SwitchedRow) -> Stop:
     """Return the end of a run whose event moves a contact beyond its surface."""
     return Stop(

@@ -7,6 +7,7 @@
 #include "methods/dop853_tableau.h"
 #include "methods/method.h"
 #include "motion.h"
+#include "polynomial.h"
 #include "step.h"
 #include "tape/vectors.h"
 #include "watch.h"
@@ -163,12 +164,11 @@ static void dense(lag_run *run, double t, double *y)
     add_stages(run, run->step.y_old, run->step.stages, stage, DOP_ALL_STAGES, h, y);
 }
 
-/* By d_0 to d_6. */
-static void dense_often(lag_run *run, double t, double *y)
+/* d_0 to d_6. */
+static const double *dense_coefficients(lag_run *run)
 {
     const int n = lag_size(&run->system), s = apart(run);
-    const double h = run->step.h_old, x = (t - run->step.t_old) / h, rest = 1.0 - x;
-    const double *before = run->step.y_old, *stages = run->step.stages;
+    const double h = run->step.h_old, *stages = run->step.stages;
     double *d = run->step.dense;
     if (!run->step.dense_ready)
         add_dense_stages(run);
@@ -184,6 +184,14 @@ static void dense_often(lag_run *run, double t, double *y)
             add_stages(run, d + (3 + i) * n, stages, dop_d[i], DOP_ALL_STAGES, h, d + (3 + i) * n);
         run->step.dense_ready = COEFFICIENTS;
     }
+    return d;
+}
+
+static void dense_often(lag_run *run, double t, double *y)
+{
+    const int n = lag_size(&run->system);
+    const double x = (t - run->step.t_old) / run->step.h_old, rest = 1.0 - x;
+    const double *before = run->step.y_old, *d = dense_coefficients(run);
     for (int m = 0; m < n; ++m) {
         const double *c = d + m;
         const double inner = c[3 * n] + x * (c[4 * n] + rest * (c[5 * n] + x * c[6 * n]));
@@ -191,9 +199,20 @@ static void dense_often(lag_run *run, double t, double *y)
     }
 }
 
+static int control_points(lag_run *run, int i, double *b)
+{
+    const int n = lag_size(&run->system);
+    const double *d = dense_coefficients(run) + i;
+    b[0] = d[6 * n];
+    for (int m = 0; m < 7; ++m)
+        lag_times_linear(b, m, m % 2, 1 - m % 2, m < 6 ? d[(5 - m) * n] : run->step.y_old[i]);
+    return 7;
+}
+
 const lag_method lag_dop853 = {.name = "DOP853",
                                .order = 8.0,
                                .uses_slope = 1,
                                .step = step,
                                .dense = dense,
-                               .dense_often = dense_often};
+                               .dense_often = dense_often,
+                               .control_points = control_points};

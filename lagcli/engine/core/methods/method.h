@@ -20,6 +20,10 @@ struct lag_method {
     /* The same with different rounding, for frequent evaluation in one step. NULL: as above. */
     void (*dense_often)(lag_run *run, double t, double *y);
 
+    /* The control points of component i of the dense output, a polynomial on 0 to 1 (polynomial.h), to b, which has
+     * LAG_MOST_DEGREE + 1 numbers. Returns its degree. */
+    int (*control_points)(lag_run *run, int i, double *b);
+
     /* Discard the last step: the next one does not continue it. NULL if nothing is stored. */
     void (*restart)(lag_run *run);
 };

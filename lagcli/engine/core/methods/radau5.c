@@ -8,6 +8,7 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "methods/radau5_tableau.h"
+#include "polynomial.h"
 #include "step.h"
 #include "watch.h"
 
@@ -266,5 +267,21 @@ static void dense(lag_run *run, double t, double *y)
         y[m] = run->step.y_new[m] + continued(run->step.dense, n, m, x);
 }
 
+static int control_points(lag_run *run, int i, double *b)
+{
+    const int n = lag_size(&run->system);
+    const double *d = run->step.dense + i, c1 = radau_c[0], c2 = radau_c[1];
+    b[0] = d[2 * n];
+    lag_times_linear(b, 0, -c1, 1.0 - c1, d[n]);
+    lag_times_linear(b, 1, -c2, 1.0 - c2, d[0]);
+    lag_times_linear(b, 2, -1.0, 0.0, run->step.y_new[i]);
+    return 3;
+}
+
 const lag_method lag_radau5 = {
-    .name = "Radau", .order = 4.0, .step = step, .dense = dense, .restart = restart};
+    .name = "Radau",
+    .order = 4.0,
+    .step = step,
+    .dense = dense,
+    .control_points = control_points,
+    .restart = restart};

@@ -7,6 +7,7 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "methods/rodas5p_tableau.h"
+#include "polynomial.h"
 #include "step.h"
 #include "watch.h"
 
@@ -81,7 +82,8 @@ static int step(lag_run *run)
     }
 }
 
-static void dense(lag_run *run, double t, double *y)
+/* What bends the chord between the ends of the step. */
+static const double *dense_coefficients(lag_run *run)
 {
     const int n = lag_size(&run->system);
     double *d = run->step.dense;
@@ -95,11 +97,30 @@ static void dense(lag_run *run, double t, double *y)
             }
         run->step.dense_ready = 1;
     }
+    return d;
+}
+
+static void dense(lag_run *run, double t, double *y)
+{
+    const int n = lag_size(&run->system);
+    const double *d = dense_coefficients(run);
     const double x = (t - run->step.t_old) / run->step.h_old;
     for (int m = 0; m < n; ++m) {
         const double bend = d[m] + x * (d[n + m] + x * d[2 * n + m]);
         y[m] = run->step.y_old[m] + x * (run->step.y_new[m] - run->step.y_old[m] + (1.0 - x) * bend);
     }
+}
+
+static int control_points(lag_run *run, int i, double *b)
+{
+    const int n = lag_size(&run->system);
+    const double *d = dense_coefficients(run) + i, before = run->step.y_old[i];
+    b[0] = d[2 * n];
+    lag_times_linear(b, 0, 0.0, 1.0, d[n]);
+    lag_times_linear(b, 1, 0.0, 1.0, d[0]);
+    lag_times_linear(b, 2, 1.0, 0.0, run->step.y_new[i] - before);
+    lag_times_linear(b, 3, 0.0, 1.0, before);
+    return 4;
 }
 
 static void restart(lag_run *run)
@@ -108,4 +129,9 @@ static void restart(lag_run *run)
 }
 
 const lag_method lag_rodas5p = {
-    .name = "Rodas5P", .order = 5.0, .step = step, .dense = dense, .restart = restart};
+    .name = "Rodas5P",
+    .order = 5.0,
+    .step = step,
+    .dense = dense,
+    .control_points = control_points,
+    .restart = restart};

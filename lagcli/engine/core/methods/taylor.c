@@ -6,6 +6,7 @@
 #include "motion.h"
 #include "series/series.h"
 #include "sizes.h"
+#include "polynomial.h"
 #include "step.h"
 #include "tape/vectors.h"
 #include "watch.h"
@@ -173,5 +174,19 @@ static void dense(lag_run *run, double t, double *y)
     lag_series_sum(&run->series, lag_size(&run->system), t - run->step.t_old, y);
 }
 
+static int control_points(lag_run *run, int i, double *b)
+{
+    const lag_series *s = &run->series;
+    b[0] = COEFFICIENT(s, i, s->order);
+    for (int m = 0; m < s->order; ++m)
+        lag_times_linear(b, m, 0.0, run->step.h_old, COEFFICIENT(s, i, s->order - 1 - m));
+    return s->order;
+}
+
 const lag_method lag_taylor = {
-    .name = "Taylor", .order = 8.0, .uses_series = 1, .step = step, .dense = dense};
+    .name = "Taylor",
+    .order = 8.0,
+    .uses_series = 1,
+    .step = step,
+    .dense = dense,
+    .control_points = control_points};

@@ -3,8 +3,7 @@
 #include <math.h>
 
 #include "breaks.h"
-
-#define TOGETHER 1e-12      /* of the time, or of the step: an instant that is at the tick, as in search.c */
+#include "switching/watched.h"
 
 /* The time of a tick by its number, rounded once. */
 static double time_of(const lag_clock *c, double number)
@@ -44,7 +43,7 @@ int lag_join_ticks(lag_run *run, int found)
 {
     lag_switching *sw = &run->switching;
     const double t = run->step.t;
-    if (!lag_ticks_at(run, t) || (found && sw->instant < t - TOGETHER * fmax(fabs(t), run->step.h_old)))
+    if (!lag_ticks_at(run, t) || (found && sw->instant < t - lag_one_instant(run, t)))
         return found;
     if (!found)
         for (int k = 0; k < sw->watched_count; ++k)

@@ -69,7 +69,7 @@ static int note_ends(lag_run *run)
             lag_leave_surface(run, -w->sign);
         else if (w->what >= LAG_WATCH_CONDITION) {
             lag_condition *c = sw->condition + w->which;
-            c->holds = !c->holds;
+            c->holds = c->either ? !c->holds : 1;
             c->happened = 1;
             sw->report = 1;
         }
@@ -93,7 +93,7 @@ int lag_look_for_instant(lag_run *run)
                 run->failure.t = run->step.t;
                 memcpy(run->failure.y, run->step.y_new, n * sizeof(double));
             }
-            return found < 0 ? LAG_UNDEFINED : LAG_RUNNING;
+            return found == LAG_NOT_RESOLVED ? LAG_UNRESOLVED : found < 0 ? LAG_UNDEFINED : LAG_RUNNING;
         }
         sw->located = 1;
     }
@@ -115,10 +115,12 @@ int lag_look_for_instant(lag_run *run)
     run->step.finishing = 0;
     run->step.t = sw->instant;
     memcpy(run->step.y, sw->before, n * sizeof(double));
-    for (int c = 0; c < sw->conditions + sw->force_conditions; ++c)
-        sw->condition[c].happened = 0;
     for (int i = 0; i < sw->rows; ++i) /* psi is that of lag_all_forces */
         sw->stray[i] = !run->projection.active && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
+    for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
+        sw->condition[c].happened = 0;
+        sw->condition[c].value = lag_condition_value(run, c, sw->instant, sw->before);
+    }
     memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
     memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
@@ -187,7 +189,9 @@ static void log_changes(lag_run *run)
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
 }
 
-/* Take the state at which conditions are, but for those that have just changed. */
+/* The sides of conditions at the instant. The search has determined them; where an action or an impact has changed a
+ * condition's function, its value does, unless that is a rounding error. A change of side by a jump counts as one by
+ * the motion; one that happens either way does so once at an instant. */
 static int update_conditions(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -196,16 +200,17 @@ static int update_conditions(lag_run *run)
         const double value = lag_condition_value(run, c, run->step.t, run->step.y);
         if (isnan(value))
             return LAG_UNDEFINED;
+        const double noise = lag_condition_noise(condition), before = condition->value;
         condition->largest = fmax(condition->largest, fabs(value));
-        const int stays = condition->holds && !condition->either && value >= -lag_no_change(condition);
-        const int holds = value >= 0.0 || stays;
-        if (holds == condition->holds || (condition->happened && !(sw->moved && !holds)))
+        condition->value = value;
+        if (sw->begun && (!(fabs(value - before) > noise) || fabs(value) <= noise))
             continue;
-        if (sw->begun && sw->moved && holds) { /* an action has made it true */
+        const int holds = value >= 0.0, changes = holds != condition->holds;
+        condition->holds = holds;
+        if (sw->begun && changes && (condition->either ? !condition->happened : holds)) {
             condition->happened = 1;
             sw->report = 1;
         }
-        condition->holds = holds;
     }
     sw->moved = 0;
     return LAG_RUNNING;
@@ -351,8 +356,6 @@ int lag_begin_ticks(lag_run *run)
     if (!lag_ticks_at(run, t))
         return LAG_RUNNING;
     memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
-    if (run->derivatives.n)
-        lag_begin_first_jump(run);
     if (lag_all_forces(run, t, sw->before))
         return LAG_UNDEFINED;
     memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));

@@ -20,13 +20,15 @@ double lag_kink_size(const lag_run *run, int kink)
     return OUT(&k->tape, k->count + kink) + (k->whole[kink] ? 1.0 : 0.0);
 }
 
-double lag_kink_distance(const lag_run *run, int kink, double direction)
+double lag_kink_bound(const lag_run *run, int kink, double direction)
 {
     const lag_kinks *k = &run->switching.kinks;
-    double bound = 0.0;
-    if (k->whole[kink])
-        bound = k->branch[kink] + ((direction < 0.0) - (k->whole[kink] < 0));
-    return OUT(&k->tape, kink) - bound;
+    return k->whole[kink] ? k->branch[kink] + ((direction < 0.0) - (k->whole[kink] < 0)) : 0.0;
+}
+
+double lag_kink_distance(const lag_run *run, int kink, double direction)
+{
+    return OUT(&run->switching.kinks.tape, kink) - lag_kink_bound(run, kink, direction);
 }
 
 void lag_keep_branches(lag_run *run)
@@ -275,6 +277,29 @@ static int choose_surface(lag_run *run, int n, const int *list, int preferred)
     return LAG_RUNNING;
 }
 
+/* Update the branches of functions that do not vanish but depend on branches just chosen: they may have jumped. */
+static void follow_branches(lag_run *run)
+{
+    lag_kinks *k = &run->switching.kinks;
+    for (int pass = 0, changed = 1; changed && pass <= k->count; ++pass) {
+        changed = 0;
+        evaluate(run, run->step.t, run->step.y);
+        for (int i = 0; i < k->count; ++i) {
+            const double g = OUT(&k->tape, i);
+            const double branch = !k->whole[i] ? copysign(1.0, g) : k->whole[i] > 0 ? floor(g) : ceil(g);
+            if (k->state[i] != LAG_OFF_SURFACE || branch == k->branch[i]
+                || fabs(g - (k->whole[i] ? floor(g + 0.5) : 0.0)) <= ON_SURFACE * k->size[i])
+                continue;
+            changed = 1;
+            k->branch[i] = branch;
+        }
+        if (changed) {
+            lag_keep_branches(run);
+            lag_renew_tapes(run);
+        }
+    }
+}
+
 int lag_choose_branches(lag_run *run)
 {
     lag_kinks *k = &run->switching.kinks;
@@ -319,5 +344,6 @@ int lag_choose_branches(lag_run *run)
     if (chosen < 0)
         return choose_surface(run, n, list, preferred);
     take_sides(run, n, list, chosen);
+    follow_branches(run);
     return LAG_RUNNING;
 }

@@ -8,7 +8,10 @@
 /* Effect of an instant on a kink: none; its function vanishes; its side is known already. */
 enum { LAG_OFF_SURFACE, LAG_ON_SURFACE, LAG_SIDE_KNOWN };
 
-/* A kink's function less the bound of its branch in a direction, at the state that its tape holds: the branch
+/* The bound of a kink's branch in a direction. */
+double lag_kink_bound(const lag_run *run, int kink, double direction);
+
+/* A kink's function less that bound, at the state that its tape holds: the branch
  * lasts while direction times that is positive. */
 double lag_kink_distance(const lag_run *run, int kink, double direction);
 

@@ -8,29 +8,37 @@
 #include "motion.h"
 #include "roots.h"
 #include "step.h"
+#include "switching/clock.h"
 #include "switching/crossing.h"
+#include "switching/enclosure.h"
 #include "switching/rows.h"
 #include "switching/watched.h"
 
-#define CLEAR 0.1           /* of a cubic's range: a function above that is positive */
-#define TOGETHER 1e-12      /* of the time, or of the step: roots at one instant */
-#define EXACT 1e-14         /* of the step, in addition to the rounding of the time: accuracy of a root */
+#define CLEAR 0.5           /* of a cubic's range: a function above that is positive */
 #define NEAREST 4.0         /* of the error of a root: first bracket around the root of the polynomial, ... */
 #define WIDER 64.0          /* ... growth of the bracket, ... */
 #define FARTHEST 0.01       /* ... up to this part of the bracket */
 #define HALVINGS 7          /* of a step, if values at the nodes do not determine a function */
 #define TRIES 20            /* brackets without a root, due to rounding, after which a function counts as positive */
+#define PARTS 256           /* intervals that wait */
+#define MOST_PARTS 1000000  /* intervals of one function in one step after which its sign cannot be determined */
+#define NARROW 2.3e-16      /* of the time, or of a hundredth of the step: width of an interval that is not halved */
+#define TOUCHES 4.0         /* of the error of a value: a function within that is not negative */
+#define SHARP 60            /* halvings in the location of a minimum */
+#define TOO_LATE 1e-12      /* of the time, or of the run: how late after the end a condition still happens at it */
 
 /* Accuracy of a root before t, in the last step. */
 static double exact_in(const lag_run *run, double t)
 {
-    return EXACT * run->step.h_old + DBL_EPSILON * fabs(t);
+    return EXACT_TIME * run->step.h_old + DBL_EPSILON * fabs(t);
 }
 
 /* A watched function along the last step. */
 typedef struct {
     lag_run *run;
     int k;
+    double noise;                      /* it is negative below minus that */
+    long parts;                        /* intervals that were looked at */
 } along_step;
 
 static double value_inside(void *context, double t)
@@ -38,10 +46,13 @@ static double value_inside(void *context, double t)
     const along_step *f = context;
     lag_run *run = f->run;
     lag_switching *sw = &run->switching;
-    if (lag_is_of_time(sw, sw->watched + f->k))
-        return lag_value_at_time(run, sw->watched + f->k, t);
+    const lag_watched_function *w = sw->watched + f->k;
+    if (lag_is_of_time(sw, w))
+        return lag_watched_value(run, w, t, run->step.y_new);
     lag_dense_often(run, t, sw->y);
-    return lag_watched_values(run, t, sw->y, sw->values) ? NAN : sw->values[f->k];
+    if (lag_is_enclosed(w->what))
+        return lag_watched_value(run, w, t, sw->y);
+    return lag_watched_values(run, LAG_SAMPLED, t, sw->y, sw->values) ? NAN : sw->values[f->k];
 }
 
 /* The first time at which a function is negative, between one at which it counts as positive and one at
@@ -49,11 +60,197 @@ static double value_inside(void *context, double t)
 static double locate(along_step *f, double low, double high, double b)
 {
     lag_run *run = f->run;
+    if (!(low < high))
+        return high;
     if (lag_is_of_time(&run->switching, run->switching.watched + f->k))
         return lag_last_digit_root(value_inside, f, low, high);
     const double a = fmax(value_inside(f, low), 0.0);
     return lag_bracketed_root(value_inside, f, low, high, a == 0.0 ? -b : a, b, exact_in(run, high));
 }
+
+/*
+ * Functions of (t, q, v): enclosed by interval evaluation of their tapes. M. Park and P. I. Barton, State event
+ * location in differential-algebraic models, ACM TOMACS 6 (1996), doi:10.1145/232807.232809.
+ */
+
+/* Enclosures of a function, its slope and its curvature (half the second derivative) on an interval. */
+typedef struct {
+    lag_interval value, slope, curvature;
+    double error;                      /* width of the enclosure of the value at a point */
+} enclosed;
+
+static lag_interval meet(lag_interval a, lag_interval b)
+{
+    const lag_interval r = {fmax(a.low, b.low), fmin(a.high, b.high)};
+    return r.low <= r.high ? r : a;
+}
+
+/* The sign of an enclosure: a function is negative only beyond its noise. */
+static int sign_of(const along_step *f, lag_interval value)
+{
+    return value.low > 0.0 ? 1 : value.high < -f->noise ? -1 : 0;
+}
+
+static int sign_at(const along_step *f, double t)
+{
+    lag_interval value;
+    lag_enclose(f->run, f->k, t, t, 0, &value);
+    return sign_of(f, value);
+}
+
+/* Enclose by Taylor's formula around the middle of [a, b]: jets there, and one order higher on the interval. */
+static void enclose(const along_step *f, double a, double b, int order, enclosed *e)
+{
+    const double middle = a + 0.5 * (b - a), r = fmax(b - middle, middle - a) * (1.0 + 4.0 * DBL_EPSILON);
+    lag_interval at[JET], on[JET], power = {-r, r}, before = {1.0, 1.0};
+    lag_enclose(f->run, f->k, middle, middle, order - 1, at);
+    lag_enclose(f->run, f->k, a, b, order, on);
+    e->error = at[0].high - at[0].low;
+    e->value = meet(e->value, on[0]);
+    e->slope = meet(e->slope, on[1]);
+    e->curvature = on[2];
+    lag_interval sum = at[0], slope = {0.0, 0.0};
+    for (int k = 1; k <= order; ++k) {
+        e->value = meet(e->value, lag_interval_add(sum, lag_interval_multiply(on[k], power)));
+        if (k > 1)
+            e->slope = meet(e->slope, lag_interval_add(slope, lag_interval_multiply(lag_interval_scale(on[k], k), before)));
+        if (k == order)
+            break;
+        sum = lag_interval_add(sum, lag_interval_multiply(at[k], power));
+        slope = lag_interval_add(slope, lag_interval_multiply(lag_interval_scale(at[k], k), before));
+        before = power;
+        const double largest = pow(r, k + 1) * (1.0 + 8.0 * DBL_EPSILON);
+        power = (lag_interval){(k + 1) % 2 ? -largest : 0.0, largest};
+    }
+}
+
+/* Whether a smooth function is zero on the interval but for rounding errors. */
+static int vanishes(const along_step *f, const enclosed *e)
+{
+    return lag_interval_size(e->slope) < INFINITY
+           && lag_interval_size(e->value) <= fmax(TOUCHES * e->error, f->noise);
+}
+
+/* A place in [a, b], where the function is convex, at which it is negative or next to its least value. */
+static double lowest(const along_step *f, double a, double b)
+{
+    double low = a, high = b;
+    for (int i = 0; i < SHARP; ++i) {
+        const double middle = low + 0.5 * (high - low);
+        lag_interval jet[JET];
+        if (!(middle > low && middle < high))
+            break;
+        lag_enclose(f->run, f->k, middle, middle, 2, jet);
+        const int slope = lag_interval_sign(jet[1]);
+        if (sign_of(f, jet[0]) < 0 || slope == 0)
+            return middle;
+        *(slope < 0 ? &low : &high) = middle;
+        /* the minimum of the parabola there, where it is inside */
+        const double guess = middle - 0.5 * (jet[1].low + jet[1].high) / (jet[2].low + jet[2].high);
+        const double reach = 1e-3 * fabs(guess - middle) + 1e-6 * (high - low);
+        for (int side = -1; side <= 1; side += 2) {
+            const double x = guess + side * reach;
+            if (!(x > low && x < high))
+                continue;
+            lag_enclose(f->run, f->k, x, x, 1, jet);
+            if (lag_interval_sign(jet[1]))
+                *(lag_interval_sign(jet[1]) < 0 ? &low : &high) = x;
+        }
+    }
+    return low + 0.5 * (high - low);
+}
+
+/* Whether the function is undefined in all of the interval that was enclosed last, around `middle`. */
+static int is_undefined(along_step *f, double middle)
+{
+    return lag_is_undefined(f->run, f->k) && isnan(value_inside(f, middle));
+}
+
+/* The root between `open`, up to where the function counts as positive, and b, where it is negative. */
+static double root_before(along_step *f, double open, double b)
+{
+    const double value = value_inside(f, b);
+    return locate(f, open, b, value < 0.0 ? value : -DBL_MIN);
+}
+
+typedef struct {
+    double a, b;
+} part;
+
+/* The first time in (from, to] at which a function that counts as positive at `from` is negative, or infinity. No
+ * change of sign of the function of the dense output is missed. Within rounding errors it keeps its sign. */
+static double first_enclosed(along_step *f, double from, double to)
+{
+    part waiting[PARTS];
+    int count = 0;
+    double open = from;
+    if (from < to)
+        waiting[count++] = (part){from, to};
+    while (count) {
+        const double a = waiting[--count].a, b = waiting[count].b, middle = a + 0.5 * (b - a);
+        const int small = !(middle > a && middle < b)
+                          || b - a <= NARROW * fmax(fmax(fabs(a), fabs(b)), 1e-2 * (to - from));
+        enclosed e = {.value = LAG_ANYTHING, .slope = LAG_ANYTHING, .curvature = LAG_ANYTHING};
+        if (++f->parts > MOST_PARTS)
+            return NAN;
+        lag_enclose(f->run, f->k, a, b, 0, &e.value);
+        int sign = sign_of(f, e.value), slope = 0;
+        for (int order = 2; !sign && !slope && order <= JET_ORDER; order += 2) {
+            enclose(f, a, b, order, &e);
+            sign = sign_of(f, e.value);
+            slope = lag_interval_sign(e.slope);
+            if (vanishes(f, &e))
+                break;
+        }
+        if (sign > 0) {
+            open = b;
+            continue;
+        }
+        if (sign < 0)
+            return root_before(f, open, a);
+        if (slope) { /* one root at most, which matters if it falls */
+            const int end = sign_at(f, b), start = slope > 0 ? sign_at(f, a) : 1;
+            if (start < 0)
+                return root_before(f, open, a);
+            if (end < 0)
+                return root_before(f, open, b);
+            if (start > 0 || a == from || small) {
+                if (end > 0)
+                    open = b;
+                continue;
+            } /* else it may have jumped at a, and rise to zero */
+        } else if (small || vanishes(f, &e) || is_undefined(f, middle)) {
+            continue; /* it touches zero */
+        }
+        const int curvature = slope ? 0 : lag_interval_sign(e.curvature);
+        if (curvature < 0) { /* least at an end */
+            const int start = sign_at(f, a), end = sign_at(f, b);
+            if (start < 0)
+                return root_before(f, open, a);
+            if (end < 0)
+                return root_before(f, start > 0 ? a : open, b);
+            if (end > 0)
+                open = b;
+            continue;
+        }
+        if (curvature > 0) {
+            const double x = lowest(f, a, b);
+            const int least = sign_at(f, x);
+            if (least < 0)
+                return root_before(f, open, x);
+            if (sign_at(f, b) > 0)
+                open = b;
+            continue;
+        }
+        if (count + 2 > PARTS)
+            return NAN;
+        waiting[count++] = (part){middle, b};
+        waiting[count++] = (part){a, middle};
+    }
+    return INFINITY;
+}
+
+/* Functions of a and lambda: by the polynomial through values at nodes. */
 
 /* The same with an expected root `guess`: brackets around it are tried first. */
 static double locate_near(along_step *f, double low, double high, double b, double guess)
@@ -100,7 +297,7 @@ static double by_polynomial(along_step *f, double low, double high, const double
         const double after = end == 1.0 ? high : low + end * (high - low);
         const double b = value_inside(f, after);
         const int soon = after - sw->since < SOON * (f->run->step.t - sw->since);
-        if (b < (soon ? -sw->watched[f->k].noise : 0.0)) {
+        if (b < (soon || sw->watched[f->k].what == LAG_WATCH_FORCE_CONDITION ? -f->noise : 0.0)) {
             const double guess = low + lag_estimate_root(bernstein, begin, end) * (high - low);
             return locate_near(f, low + begin * (high - low), after, b, guess);
         }
@@ -157,38 +354,93 @@ static int idle(const lag_watched_function *w, double value, double rate, double
     return least > CLEAR * (most - least) && least > 0.0;
 }
 
-/* When function k first becomes negative after `since`, passing over conditions that end without anything
- * happening. */
+/* The first time after `from` at which function k is negative, by the values at the nodes of the step if they are
+ * given; NAN if its sign cannot be determined. */
+static double first_after(lag_run *run, int k, double from, const double *nodes)
+{
+    lag_watched_function *w = run->switching.watched + k;
+    along_step f = {.run = run, .k = k, .noise = fmax(w->noise, lag_watched_noise(run, w))};
+    if (lag_is_enclosed(w->what))
+        return first_enclosed(&f, fmax(from, w->resolved), run->step.t);
+    return first_between(&f, from, run->step.t, nodes, HALVINGS);
+}
+
+/* When function k first becomes negative in the last step. The end of a condition that triggers when it begins has no
+ * effect: it is recorded, and the search continues. */
 static double first_of(lag_run *run, int k, const double *nodes)
 {
     lag_switching *sw = &run->switching;
     lag_watched_function *w = sw->watched + k;
-    along_step f = {run, k};
-    const double found = first_between(&f, sw->since, run->step.t, nodes, HALVINGS);
-    if (!lag_ends_silently(sw, w))
+    const double found = first_after(run, k, sw->since, nodes);
+    w->ended = INFINITY;
+    if (!lag_ends_silently(sw, w) || !(found < INFINITY))
         return found;
+    w->ended = found;
     if (!(found < run->step.t))
         return INFINITY;
     w->sign = -w->sign; /* it may become true again */
-    const double again = first_between(&f, found, run->step.t, 0, HALVINGS);
+    const double skipped = lag_is_of_time(sw, w) ? found : found + RESOLVED * exact_in(run, found);
+    const double again = first_after(run, k, skipped, NULL);
     w->sign = -w->sign;
     return again;
 }
 
-/* The first time at which one of the functions that are not idle becomes negative, or infinity; `hit` says
+/* Record conditions that have ended before t. */
+static void end_conditions(lag_run *run, double t)
+{
+    lag_switching *sw = &run->switching;
+    for (int k = 0; k < sw->watched_count; ++k) {
+        lag_watched_function *w = sw->watched + k;
+        if (!(w->ended < t) || w->hit)
+            continue;
+        sw->condition[w->which].holds = 0;
+        w->sign = -w->sign;
+        w->shift = w->noise = 0.0;
+        w->ended = INFINITY;
+    }
+}
+
+/* The first time at which one of the functions that are not idle becomes negative, infinity, or NAN; `hit` says
  * which do so then. */
 static double first_of_all(lag_run *run, const double *nodes)
 {
     lag_switching *sw = &run->switching;
     double first = INFINITY;
     for (int k = 0; k < sw->watched_count; ++k) {
-        sw->times[k] = sw->watched[k].hit ? first_of(run, k, nodes + k * NODES) : INFINITY;
+        lag_watched_function *w = sw->watched + k;
+        w->ended = INFINITY;
+        sw->times[k] = w->hit ? first_of(run, k, lag_is_enclosed(w->what) ? NULL : nodes + k * NODES) : INFINITY;
+        if (isnan(sw->times[k])) {
+            sw->unresolved = k;
+            return NAN;
+        }
         first = fmin(first, sw->times[k]);
     }
-    const double together = first + TOGETHER * fmax(fabs(first), run->step.h_old);
+    const double together = first + lag_one_instant(run, first);
     for (int k = 0; k < sw->watched_count; ++k)
-        sw->watched[k].hit = sw->times[k] <= together;
+        sw->watched[k].hit = sw->times[k] < INFINITY && sw->times[k] <= together;
     return first;
+}
+
+/* Whether a condition happens at the end of the run, or at a tick where the step ends: so soon afterwards that the
+ * times differ by rounding. Marks those that do. */
+static int happens_at_end(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const double t = run->step.t, *y = run->step.y_new;
+    const double late = TOO_LATE * fmax(fabs(t), t - run->step.t_start), before = t - fmin(late, run->step.h_old);
+    int happens = 0;
+    for (int k = 0; k < sw->watched_count; ++k) {
+        lag_watched_function *w = sw->watched + k;
+        w->hit = 0;
+        if ((w->what != LAG_WATCH_CONDITION && w->what != LAG_WATCH_TIME) || lag_ends_silently(sw, w))
+            continue;
+        lag_interval jet[2];
+        lag_enclose(run, k, t, t, 1, jet);
+        const double value = lag_watched_value(run, w, t, y), slope = 0.5 * (jet[1].low + jet[1].high);
+        happens |= w->hit = before > sw->since && slope < 0.0 && value + late * slope <= 0.0;
+    }
+    return happens;
 }
 
 int lag_find_instant(lag_run *run)
@@ -198,19 +450,34 @@ int lag_find_instant(lag_run *run)
     const double t = run->step.t, low = sw->since, h = t - low;
     double *found = sw->values, *slopes = sw->node_values, *nodes = sw->node_values;
     const double *y = run->step.y_new, *f = run->step.f_new;
-    int busy = 0;
+    int sampled = 0, busy = 0, enclosed_busy = 0;
     if (!count)
         return 0;
-    if (!run->stepped->uses_slope) {
-        if (lag_derivative(run, t, y, sw->slope))
-            return -1;
-        --run->step.evaluations;
-        f = sw->slope;
-    }
-    if (lag_watched_ends(run, t, y, f, found, slopes))
-        return -1;
     for (int k = 0; k < count; ++k)
-        busy |= sw->watched[k].hit = !idle(sw->watched + k, found[k], slopes[k], h);
+        sampled |= !lag_is_enclosed(sw->watched[k].what);
+    lag_enclosure_begin(run, f);
+    for (int k = 0; k < count; ++k) {
+        lag_watched_function *w = sw->watched + k;
+        if (!lag_is_enclosed(w->what))
+            continue;
+        const lag_interval value = lag_enclose_step(run, k);
+        enclosed_busy |= w->hit = !(value.low > 0.0);
+        if (w->what == LAG_WATCH_CONDITION)
+            sw->condition[w->which].largest = fmax(sw->condition[w->which].largest, fmax(value.low, -value.high));
+    }
+    if (sampled) {
+        if (!run->stepped->uses_slope) {
+            if (lag_derivative(run, t, y, sw->slope))
+                return -1;
+            --run->step.evaluations;
+            f = sw->slope;
+        }
+        if (lag_watched_ends(run, LAG_SAMPLED, t, y, f, found, slopes))
+            return -1;
+        for (int k = 0; k < count; ++k)
+            if (!lag_is_enclosed(sw->watched[k].what))
+                busy |= sw->watched[k].hit = !idle(sw->watched + k, found[k], slopes[k], h);
+    }
     if (busy) {
         for (int k = 0; k < count; ++k) {
             nodes[k * NODES] = sw->watched[k].value;
@@ -219,18 +486,29 @@ int lag_find_instant(lag_run *run)
         for (int i = 1; i < NODES - 1; ++i) {
             const double at = low + lag_node(i) * h;
             lag_dense_often(run, at, sw->y);
-            if (lag_watched_values(run, at, sw->y, sw->values))
+            if (lag_watched_values(run, LAG_SAMPLED, at, sw->y, sw->values))
                 return -1;
             for (int k = 0; k < count; ++k)
                 nodes[k * NODES + i] = sw->values[k];
         }
         if (run->step.dense_inaccurate)
             return 0;
+    }
+    if (busy || enclosed_busy) {
         sw->instant = first_of_all(run, nodes);
+        if (run->step.dense_inaccurate)
+            return 0;
+        if (isnan(sw->instant))
+            return LAG_NOT_RESOLVED;
+        end_conditions(run, sw->instant);
         if (sw->instant < INFINITY)
             return 1;
-        if (lag_watched_ends(run, t, y, f, found, slopes))
+        if (sampled && lag_watched_ends(run, LAG_SAMPLED, t, y, f, found, slopes))
             return -1;
+    }
+    if ((t >= run->step.t_end || lag_ticks_at(run, t)) && happens_at_end(run)) {
+        sw->instant = t;
+        return 1;
     }
     lag_watch_on(run, t, y, found, slopes);
     return 0;

@@ -6,7 +6,9 @@
 
 /* Look for the first instant of the last step at which a watched function becomes negative. Returns 1 with
  * `instant` and `hit` set; 0 if there is none, and the next step is ready to be watched, or if the dense output is
- * inaccurate; -1 if something is undefined. */
+ * inaccurate; -1 if something is undefined; LAG_NOT_RESOLVED if the sign of watched function `unresolved` cannot be
+ * determined. */
+enum { LAG_NOT_RESOLVED = -2 };
 int lag_find_instant(lag_run *run);
 
 #endif

@@ -9,6 +9,7 @@
 #include "motion.h"
 #include "switching/accumulation.h"
 #include "switching/crossing.h"
+#include "switching/enclosure.h"
 #include "switching/kinks.h"
 #include "switching/log.h"
 #include "switching/rows.h"
@@ -121,6 +122,9 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         || lag_bind(run, pool, &sw->force_condition_tape, &given->force_condition_functions)
         || lag_bind(run, pool, &sw->kinks.tape, &given->kink_functions))
         return 1;
+    lag_enclosure_bind(run, given);
+    if (pool->failed)
+        return 1;
     memcpy(sw->kinks.branch, run->parameters + sw->kinks.first, (size_t)sw->kinks.count * sizeof(double));
     lag_bernstein_matrix(sw->to_bernstein);
     sw->acting = sw->nf > 0;
@@ -188,11 +192,16 @@ int lag_push(lag_run *run, const double *impulse, const double *changes)
 lag_instant_report lag_instant_of(lag_run *run)
 {
     lag_switching *sw = &run->switching;
+    const lag_watched_function *w = sw->watched + sw->unresolved;
+    const enum lag_undetermined kind = w->what >= LAG_WATCH_CONDITION                              ? LAG_OF_CONDITION
+                                       : w->what == LAG_WATCH_KINK || w->what == LAG_WATCH_SURFACE ? LAG_OF_KINK
+                                                                                                   : LAG_OF_ROW;
     return (lag_instant_report){run->step.t, run->step.y, sw->mode, sw->active, sw->phi, sw->psi,
                                 sw->trial_force, sw->gained, sw->rubbed, sw->alike, sw->takes_part, sw->margin,
                                 sw->found, sw->begun, sw->first_mode,
                                 sw->before, sw->begin, sw->begin + run->system.nq,
-                                sw->kinks.crossed, sw->kinks.slid, sw->kinks.state, sw->kinks.branch};
+                                sw->kinks.crossed, sw->kinks.slid, sw->kinks.state, sw->kinks.branch,
+                                kind, w->which};
 }
 
 int lag_condition_happened(lag_run *run, int which)

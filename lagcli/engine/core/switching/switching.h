@@ -18,6 +18,7 @@
 #define LAGCLI_SWITCHING_H
 
 #include "contact/contact.h"
+#include "tape/interval.h"
 #include "tape/tape.h"
 
 #define NODES 9             /* of an interval, at which watched functions are evaluated */
@@ -26,7 +27,7 @@
 enum lag_watched {
     LAG_WATCH_GAP,          /* phi of an open contact */
     LAG_WATCH_FORCE,        /* z of a closed one */
-    LAG_WATCH_STICK,        /* static limit less |z| of a limited row that holds */
+    LAG_WATCH_STICK,        /* static limit less z, or plus z, of a limited row that holds */
     LAG_WATCH_SLIP,         /* psi in the direction in which a row slips */
     LAG_WATCH_SIGN,         /* |z| of a bilateral row that limits friction: the force has a kink at zero */
     LAG_WATCH_MARGIN,       /* uniqueness of the forces while something slips: Painleve */
@@ -46,10 +47,27 @@ typedef struct {
     int which;                         /* index of the row or condition */
     double sign;                       /* of a function whose initial sign may be either */
     double shift;                      /* value below zero at the beginning of the mode, due to rounding */
-    double noise;                      /* rounding error soon after that, while it grows from zero */
-    double value, rate;                /* at the beginning of the step */
+    double noise;                      /* the function is negative below this, less; else it may be rounding */
+    double value, rate;                /* at the beginning of the step; of functions of a and lambda alone */
     int hit;                           /* whether it may cross zero in the step; whether it does at the instant */
+    double resolved;                   /* until then it counts as positive: it has just changed its sign */
+    double ended;                      /* when a condition that held ended in this step; infinity if it did not */
 } lag_watched_function;
+
+/* Enclosures of watched functions: enclosure.h. */
+enum { LAG_ENCLOSED_TAPES = 3 };
+typedef struct {
+    lag_jet_tape tapes[LAG_ENCLOSED_TAPES]; /* of rows, conditions and kinks */
+    int known[LAG_ENCLOSED_TAPES];     /* whether a tape holds enclosures over the whole step */
+    int count;                         /* states that occur in them */
+    int *state, *place;                /* count: their indices in y; 2 nq: the inverse */
+    lag_interval *range;               /* count: over the last step */
+    lag_interval *jets;                /* count jets: on the interval that is looked at */
+    int ready;                         /* whether the control points of the last step are known */
+    int order;                         /* -1 before the first look at a step */
+    int degree;
+    double *points;                    /* count: control points, and those of the derivatives over factorials */
+} lag_enclosure;
 
 /* A condition of events. */
 typedef struct {
@@ -58,6 +76,7 @@ typedef struct {
     int time;                          /* whether it depends only on t */
     int happened;                      /* at this instant: 1, and 2 once it has been reported */
     double largest;                    /* value so far */
+    double value;                      /* at the beginning of the instant */
 } lag_condition;
 
 /* A clock of events: tick k is at (first + k step) / per. */
@@ -145,9 +164,11 @@ typedef struct {
     /* watched functions */
     lag_watched_function *watched;
     int watched_count;
+    int unresolved;                    /* the function whose sign could not be determined in a step */
     double *values, *node_values, *times;  /* watched_count; NODES of these; watched_count */
     double *y, *slope;                 /* n: scratch */
     double to_bernstein[NODES * NODES];
+    lag_enclosure enclosure;
 
     /* the instant */
     int begun, due, located;           /* initial modes are known; an instant is to be handled; samples are taken

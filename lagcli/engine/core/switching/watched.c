@@ -1,17 +1,23 @@
 #include "switching/watched.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
+#include "methods/method.h"
 #include "motion.h"
+#include "switching/enclosure.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
 
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
-#define REARMED 1e-10       /* of the largest value of a condition: how far it must fall below zero before it can
-                               become true again */
+#define CONDITION_NOISE 1e-14 /* of the largest value of a condition */
+#define TOGETHER 1e-12      /* of the run, ... */
+#define TOGETHER_IN_STEP 1e-13 /* ... or of the step, in addition to ... */
+#define TOGETHER_IN_TIME (8.0 * DBL_EPSILON) /* ... the rounding of the time: roots at one instant */
+#define WRONG 1e4           /* times the rounding error of a condition or a kink: it is on its other side */
 #define SHIFT 1e-7          /* of a step: interval of difference quotients */
 
 /* The signed value of a condition's function at the state of its tape. */
@@ -44,11 +50,6 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     return 0;
 }
 
-double lag_no_change(const lag_condition *condition)
-{
-    return REARMED * condition->largest;
-}
-
 double lag_condition_value(lag_run *run, int which, double t, const double *y)
 {
     const lag_switching *sw = &run->switching;
@@ -76,24 +77,53 @@ static int shared(const lag_switching *sw, const lag_watched_function *w)
     return of_row && sw->redundant && isfinite(sw->slack[w->which]);
 }
 
-int lag_watched_values(lag_run *run, double t, const double *y, double *values)
+/* The value of a function of (t, q, v) by its tape, which holds the state. */
+static double value_of(const lag_run *run, const lag_watched_function *w)
+{
+    const lag_switching *sw = &run->switching;
+    switch (w->what) {
+    case LAG_WATCH_GAP:
+        return sw->phi[w->which];
+    case LAG_WATCH_SLIP:
+        return sw->psi[w->which];
+    case LAG_WATCH_KINK:
+        return lag_kink_distance(run, w->which, w->sign);
+    default:
+        return condition_output(sw, w->which);
+    }
+}
+
+double lag_watched_value(lag_run *run, const lag_watched_function *w, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
-    int gaps = 0, slips = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
+    int undefined = 0;
+    if (w->what == LAG_WATCH_GAP)
+        undefined = lag_find_gaps(run, t, y);
+    else if (w->what == LAG_WATCH_SLIP)
+        undefined = lag_find_rows(run, t, y);
+    else
+        lag_evaluate(w->what == LAG_WATCH_KINK ? &sw->kinks.tape : &sw->condition_tape, &run->system, t, y, LAG_ALL);
+    return undefined ? NAN : w->sign * value_of(run, w) + w->shift;
+}
+
+int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *y, double *values)
+{
+    lag_switching *sw = &run->switching;
+    int rows = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
     for (int k = 0; k < sw->watched_count; ++k) {
         const enum lag_watched what = sw->watched[k].what;
-        gaps |= what == LAG_WATCH_GAP;
-        slips |= what == LAG_WATCH_SLIP;
         forces |= needs_forces(what);
-        conditions |= what == LAG_WATCH_CONDITION || what == LAG_WATCH_TIME;
         force_conditions |= what == LAG_WATCH_FORCE_CONDITION;
         sticks |= what == LAG_WATCH_STICK;
+        if (which == LAG_SAMPLED)
+            continue;
+        rows |= what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP;
+        conditions |= what == LAG_WATCH_CONDITION || what == LAG_WATCH_TIME;
         kinks |= what == LAG_WATCH_KINK;
     }
     if (forces && lag_all_forces(run, t, y))
         return 1;
-    if ((gaps || slips) && (!forces || !sw->acting)
-        && (slips ? lag_find_rows(run, t, y) : lag_find_gaps(run, t, y)))
+    if (rows && (!forces || !sw->acting) && lag_find_rows(run, t, y))
         return 1;
     if (conditions)
         lag_evaluate(&sw->condition_tape, &run->system, t, y, LAG_ALL);
@@ -106,31 +136,24 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
     for (int k = 0; k < sw->watched_count; ++k) {
         const lag_watched_function *w = sw->watched + k;
         double value = 0.0;
+        if (which == LAG_SAMPLED && lag_is_enclosed(w->what))
+            continue;
         switch (w->what) {
-        case LAG_WATCH_GAP:
-            value = sw->phi[w->which];
-            break;
-        case LAG_WATCH_SLIP:
-            value = sw->psi[w->which];
-            break;
         case LAG_WATCH_FORCE:
         case LAG_WATCH_SIGN:
             value = sw->force[w->which];
             break;
         case LAG_WATCH_STICK:
-            value = OUT(&sw->limits, sw->limit[w->which]) - fabs(sw->force[w->which]);
+            value = w->sign * OUT(&sw->limits, sw->limit[w->which]) - sw->force[w->which];
             break;
         case LAG_WATCH_MARGIN:
             value = sw->margin;
-            break;
-        case LAG_WATCH_KINK:
-            value = lag_kink_distance(run, w->which, w->sign);
             break;
         case LAG_WATCH_SURFACE:
             value = w->sign > 0.0 ? sw->kinks.weight : sw->kinks.weight - 1.0;
             break;
         default:
-            value = condition_output(sw, w->which);
+            value = value_of(run, w);
         }
         if (shared(sw, w)) /* laws for the same forces: another distribution may satisfy them longer */
             value = w->sign * sw->slack[w->which];
@@ -156,9 +179,10 @@ static void measure(lag_run *run, double t, const double *y)
         sw->kinks.size[k] = fmax(sw->kinks.size[k], lag_kink_size(run, k));
 }
 
-/* The rates of the watched functions at (t, y), where y' is f; `values` are there. Those of gaps are their psi,
+/* The rates of watched functions at (t, y), where y' is f; `values` are there. Those of gaps are their psi,
  * so that a gap of rounding size does not seem to grow; the others are differences. */
-static int rates(lag_run *run, double t, const double *y, const double *f, const double *values, double *out)
+static int rates(lag_run *run, enum lag_of which, double t, const double *y, const double *f, const double *values,
+                 double *out)
 {
     lag_switching *sw = &run->switching;
     const int moving = 2 * run->system.nq;
@@ -170,7 +194,7 @@ static int rates(lag_run *run, double t, const double *y, const double *f, const
         for (int i = 0; i < moving; ++i)
             sw->y[i] = y[i] + shift * f[i];
         sw->y[moving] = y[moving];
-        if (lag_watched_values(run, t + shift, sw->y, out))
+        if (lag_watched_values(run, which, t + shift, sw->y, out))
             return 1;
     }
     for (int k = 0; k < sw->watched_count; ++k) {
@@ -201,6 +225,7 @@ static void list(lag_switching *sw)
             add(sw, sw->mode[i] == LAG_OPEN ? LAG_WATCH_GAP : LAG_WATCH_FORCE, i, 1.0);
         } else if (sw->law[i] == LAG_LIMITED && sw->mode[i] == LAG_HOLDS) {
             add(sw, LAG_WATCH_STICK, i, 1.0);
+            add(sw, LAG_WATCH_STICK, i, -1.0);
         } else if (sw->law[i] == LAG_FREE && i >= sw->exported) {
             add(sw, LAG_WATCH_SIGN, i, sw->force[i] < 0.0 ? -1.0 : 1.0);
         }
@@ -223,9 +248,14 @@ static void list(lag_switching *sw)
             c, sw->condition[c].holds ? 1.0 : -1.0);
 }
 
-/* The rounding error of a watched function. */
-static double rounding_of(lag_switching *sw, const lag_watched_function *w)
+double lag_condition_noise(const lag_condition *condition)
 {
+    return condition->time ? 0.0 : CONDITION_NOISE * condition->largest;
+}
+
+double lag_watched_noise(lag_run *run, const lag_watched_function *w)
+{
+    lag_switching *sw = &run->switching;
     if (needs_forces(w->what) && w->what != LAG_WATCH_FORCE_CONDITION && w->what != LAG_WATCH_SURFACE)
         for (int i = 0; i < sw->rows; ++i)
             sw->strength = fmax(sw->strength, fabs(sw->force[i]));
@@ -242,16 +272,20 @@ static double rounding_of(lag_switching *sw, const lag_watched_function *w)
     case LAG_WATCH_STICK:
     case LAG_WATCH_SIGN:
         return FORCE_NOISE * sw->strength;
+    case LAG_WATCH_CONDITION:
+    case LAG_WATCH_FORCE_CONDITION:
+        return lag_condition_noise(sw->condition + w->which);
     default:
         return 0.0;
     }
 }
 
-int lag_watched_ends(lag_run *run, double t, const double *y, const double *f, double *values, double *slopes)
+int lag_watched_ends(lag_run *run, enum lag_of which, double t, const double *y, const double *f, double *values,
+                     double *slopes)
 {
-    if (lag_watched_values(run, t, y, values) || (run->switching.rows && lag_find_rows(run, t, y)))
+    if (lag_watched_values(run, which, t, y, values) || (run->switching.rows && lag_find_rows(run, t, y)))
         return 1;
-    return rates(run, t, y, f, values, slopes);
+    return rates(run, which, t, y, f, values, slopes);
 }
 
 void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
@@ -260,19 +294,12 @@ void lag_watch_on(lag_run *run, double t, const double *y, const double *values,
     measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        double sign = 1.0;
-        if (w->what >= LAG_WATCH_CONDITION) {
-            lag_condition *condition = sw->condition + w->which;
-            condition->largest = fmax(condition->largest, fabs(values[k]));
-            if (lag_ends_silently(sw, w) && values[k] < -lag_no_change(condition)) {
-                condition->holds = 0;
-                sign = -1.0;
-                w->sign = -w->sign;
-            }
-        }
-        w->value = fmax(sign * values[k], 0.0);
-        w->rate = sign * slopes[k];
-        w->noise = 0.0;
+        if (lag_is_enclosed(w->what))
+            continue;
+        if (w->what == LAG_WATCH_FORCE_CONDITION)
+            sw->condition[w->which].largest = fmax(sw->condition[w->which].largest, fabs(values[k]));
+        w->value = fmax(values[k], 0.0);
+        w->rate = slopes[k];
     }
     sw->since = t;
 }
@@ -288,13 +315,44 @@ int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w)
     return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
 }
 
-double lag_value_at_time(lag_run *run, const lag_watched_function *w, double t)
+double lag_one_instant(const lag_run *run, double t)
 {
-    lag_switching *sw = &run->switching;
-    const int kink = w->what == LAG_WATCH_KINK;
-    memcpy(sw->y, run->step.y_new, (size_t)lag_size(&run->system) * sizeof(double));
-    lag_evaluate(kink ? &sw->kinks.tape : &sw->condition_tape, &run->system, t, sw->y, LAG_ALL);
-    return w->sign * (kink ? lag_kink_distance(run, w->which, w->sign) : condition_output(sw, w->which));
+    return fmax(TOGETHER * (t - run->step.t_start), TOGETHER_IN_STEP * run->step.h_old) + TOGETHER_IN_TIME * fabs(t);
+}
+
+/* The time until which a function that has just changed its sign may do so again, due to rounding or because it is
+ * a bit later than others at this instant. */
+static double resolved_from(const lag_run *run, const lag_watched_function *w, double t)
+{
+    const lag_switching *sw = &run->switching;
+    const int just_now = w->what >= LAG_WATCH_CONDITION ? sw->condition[w->which].happened
+                         : w->what == LAG_WATCH_KINK    ? sw->kinks.state[w->which] != LAG_OFF_SURFACE
+                                                        : 0;
+    return just_now ? t + 2.0 * lag_one_instant(run, t) : t;
+}
+
+/* How far the dense output may be off a gap that opens from zero. Those of implicit methods do not have the slope of
+ * the step's start there. */
+static double error_of_gap(const lag_run *run, int row, const double *y)
+{
+    const lag_switching *sw = &run->switching;
+    double sum = 0.0;
+    if (run->method->uses_slope || run->method->uses_series)
+        return 0.0;
+    for (int i = 0; i < run->system.nq; ++i)
+        sum += fabs(sw->jacobian[row * run->system.nq + i])
+               * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]));
+    return sum;
+}
+
+/* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
+ * other side: it has just happened and turns back, or begins at zero. */
+static int turns_back(const lag_run *run, const lag_watched_function *w, double value, double slope)
+{
+    const lag_switching *sw = &run->switching;
+    if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !(slope < 0.0))
+        return 0;
+    return fabs(value) <= -slope * (w->resolved - run->step.t) + lag_condition_noise(sw->condition + w->which);
 }
 
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
@@ -304,15 +362,27 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     if (!sw->watched_count)
         return LAG_RUNNING;
     double *found = sw->values, *slopes = sw->node_values;
-    if (lag_watched_ends(run, t, y, f, found, slopes))
+    if (lag_watched_ends(run, LAG_WATCHED, t, y, f, found, slopes))
         return LAG_UNDEFINED;
     measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        const double rounding = rounding_of(sw, w);
+        const double rounding = lag_watched_noise(run, w);
+        w->resolved = resolved_from(run, w, t);
+        if (turns_back(run, w, found[k], slopes[k])) {
+            lag_condition *condition = sw->condition + w->which;
+            condition->holds = !condition->holds;
+            w->sign = -w->sign;
+            found[k] = -found[k];
+            slopes[k] = -slopes[k];
+        }
         if (found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(found[k], 0.0);
         w->noise = found[k] < rounding ? fmax(rounding, -found[k]) : 0.0;
+        if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
+            w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
+        if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > WRONG * rounding)
+            w->noise = rounding; /* it jumps at the instant */
         w->value = fmax(found[k] + w->shift, 0.0);
         w->rate = slopes[k];
     }

@@ -1,0 +1,85 @@
+#include "resolution.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "bind.h"
+
+#define BEND 1.2            /* of the largest value: how far a function may bend away from its tangent in half a step */
+#define AHEAD 16.0          /* steps for which a limit is computed at once, at first; ... */
+#define NEARER 4.0          /* ... then fewer */
+#define HALVINGS 40         /* of a step; a function that bends more is not resolved by any */
+
+int lag_use_explicit_time(lag_run *run, const lag_program *functions)
+{
+    lag_resolution *r = &run->resolution;
+    if (lag_bind(run, &run->pool, &r->tape, functions))
+        return 1;
+    lag_jets_bind(&r->jets, &run->pool, &r->tape, functions, run->np);
+    r->scale = lag_doubles(&run->pool, functions->output_count);
+    r->count = run->pool.failed ? 0 : (int)functions->output_count;
+    return run->pool.failed;
+}
+
+/* Enclose the functions and their derivatives at fixed q and v. */
+static void enclose(lag_run *run, double a, double b, int order)
+{
+    lag_jet_tape *jets = &run->resolution.jets;
+    for (int i = 0; i < 2 * run->system.nq + 1; ++i) {
+        lag_interval *x = lag_jet_input(jets, i);
+        memset(x, 0, JET * sizeof *x);
+        x[0] = i ? (lag_interval){run->step.y[i - 1], run->step.y[i - 1]} : (lag_interval){a, b};
+        x[1].low = x[1].high = i == 0;
+    }
+    lag_jets_run(jets, order);
+}
+
+/* The sizes that functions have in the run; where they are unbounded, those so far. */
+static void measure(lag_run *run)
+{
+    lag_resolution *r = &run->resolution;
+    lag_jets_refresh(&r->jets);
+    enclose(run, run->step.t, run->step.t_end, 0);
+    for (int i = 0; i < r->count; ++i) {
+        const double size = lag_interval_size(*lag_jet_output(&r->jets, i));
+        r->scale[i] = isfinite(size) ? size : 0.0;
+    }
+}
+
+/* The largest step between two times that resolves the functions there. */
+static double resolved_between(lag_run *run, double a, double b)
+{
+    lag_resolution *r = &run->resolution;
+    double h = INFINITY;
+    enclose(run, a, b, 2);
+    for (int i = 0; i < r->count; ++i) {
+        const lag_interval *jet = lag_jet_output(&r->jets, i);
+        const double bend = lag_interval_size(jet[2]), size = lag_interval_size(jet[0]);
+        const double scale = r->scale[i] > 0.0 ? r->scale[i] : isfinite(size) ? size : 0.0;
+        if (bend > 0.0)
+            h = fmin(h, 2.0 * sqrt(BEND * scale / bend));
+    }
+    return h;
+}
+
+double lag_resolved_step(lag_run *run, double h)
+{
+    lag_resolution *r = &run->resolution;
+    const double t = run->step.t, longest = h;
+    if (r->jets.stale)
+        measure(run);
+    else if (t + h <= r->end && h <= r->step && t >= r->start)
+        return h;
+    for (int i = 0; i < HALVINGS; ++i, h *= 0.5)
+        for (double steps = AHEAD; steps >= 1.0; steps /= NEARER) {
+            const double end = fmin(t + steps * h, run->step.t_end);
+            const double allowed = resolved_between(run, t, end);
+            if (allowed < h)
+                continue;
+            r->start = t;
+            r->end = end;
+            r->step = allowed;
+            return h;
+        }
+    return longest;
+}

@@ -1,0 +1,269 @@
+#include "switching/enclosure.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "methods/method.h"
+#include "motion.h"
+#include "polynomial.h"
+#include "switching/kinks.h"
+#include "switching/rows.h"
+#include "switching/watched.h"
+
+#define WIDER 0.1           /* of the width: what encloses the dense output around interpolants of a step's ends */
+#define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */
+#define POINTS (LAG_MOST_DEGREE + 1)
+
+enum { ROWS, CONDITIONS, KINKS };
+
+int lag_is_enclosed(enum lag_watched what)
+{
+    return what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP || what == LAG_WATCH_KINK || what == LAG_WATCH_CONDITION
+           || what == LAG_WATCH_TIME;
+}
+
+void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
+{
+    lag_switching *sw = &run->switching;
+    lag_enclosure *e = &sw->enclosure;
+    const int moving = 2 * run->system.nq;
+    lag_jets_bind(e->tapes + ROWS, &run->pool, &sw->functions, &rules->functions, run->np);
+    lag_jets_bind(e->tapes + CONDITIONS, &run->pool, &sw->condition_tape, &rules->condition_functions, run->np);
+    lag_jets_bind(e->tapes + KINKS, &run->pool, &sw->kinks.tape, &rules->kink_functions, run->np);
+    e->state = lag_get(&run->pool, (size_t)moving, sizeof *e->state);
+    char *used = lag_get(&run->pool, (size_t)moving + 1, 1);
+    if (run->pool.failed)
+        return;
+    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
+        for (int j = 1; j <= moving; ++j)
+            used[j - 1] |= e->tapes[i].used[j];
+    for (int i = 0; i < sw->nb; ++i) /* psi = B v + b_0 */
+        if (sw->law[sw->row[i]] == LAG_LIMITED)
+            used[run->system.nq + sw->column[i]] = 1;
+    for (int i = 0; i < moving; ++i)
+        if (used[i])
+            e->state[e->count++] = i;
+    e->place = lag_get(&run->pool, (size_t)moving, sizeof *e->place);
+    e->range = lag_get(&run->pool, (size_t)e->count, sizeof *e->range);
+    e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
+    e->points = lag_doubles(&run->pool, (long)e->count * JET * POINTS);
+    for (int i = 0; i < e->count && !run->pool.failed; ++i)
+        e->place[e->state[i]] = i;
+}
+
+static lag_interval range_of(const double *b, int degree)
+{
+    lag_interval r = {b[0], b[0]};
+    for (int j = 1; j <= degree; ++j) {
+        r.low = fmin(r.low, b[j]);
+        r.high = fmax(r.high, b[j]);
+    }
+    return r;
+}
+
+static lag_interval widened(lag_interval a)
+{
+    const double margin = WIDER * (a.high - a.low) + 8.0 * ROUNDING * lag_interval_size(a);
+    return (lag_interval){a.low - margin, a.high + margin};
+}
+
+/* Enclose state i over the step by its ends and their slopes. */
+static lag_interval enclose_between_ends(const lag_run *run, int i, const double *f)
+{
+    const int nq = run->system.nq, q = i % nq;
+    const double h = run->step.h_old, *before = run->step.y_old, *after = run->step.y_new;
+    const double a0 = run->step.stages[nq + q], a1 = f[nq + q];
+    const double v0 = before[nq + q], v1 = after[nq + q], q0 = before[q], q1 = after[q];
+    const double b[] = {q0,
+                        q0 + h * v0 / 5.0,
+                        q0 + h * (0.4 * v0 + h * a0 / 20.0),
+                        q1 - h * (0.4 * v1 - h * a1 / 20.0),
+                        q1 - h * v1 / 5.0,
+                        q1};
+    if (i < nq)
+        return widened(range_of(b, 5));
+    const double cubic[] = {v0, v0 + h * a0 / 3.0, v1 - h * a1 / 3.0, v1};
+    lag_interval r = range_of(cubic, 3);
+    for (int j = 1; j < 4; ++j) { /* at the ends, the derivative is v */
+        const double slope = 5.0 * (b[j + 1] - b[j]) / h;
+        r.low = fmin(r.low, slope);
+        r.high = fmax(r.high, slope);
+    }
+    return widened(r);
+}
+
+/* The control points of the states, and of their derivatives over factorials. */
+static void take_polynomials(lag_run *run)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    e->ready = 1;
+    for (int i = 0; i < e->count; ++i) {
+        double *b = e->points + (long)i * JET * POINTS;
+        e->degree = run->stepped->control_points(run, e->state[i], b);
+        for (int k = 1; k <= JET_ORDER && k <= e->degree; ++k)
+            for (int j = 0; j <= e->degree - k; ++j) {
+                const double *one = b + (k - 1) * POINTS;
+                b[k * POINTS + j] = (e->degree - k + 1) * (one[j + 1] - one[j]) / (run->step.h_old * k);
+            }
+    }
+}
+
+/* The range of a polynomial from u to v in [0, 1], by its control points there: de Casteljau. */
+static lag_interval range_within(const double *b, int degree, double u, double v)
+{
+    double w[POINTS] = {0.0}, size = 0.0;
+    for (int j = 0; j <= degree; ++j) {
+        w[j] = b[j];
+        size = fmax(size, fabs(b[j]));
+    }
+    if (v < 1.0)
+        for (int m = 1; m <= degree; ++m)
+            for (int j = degree; j >= m; --j)
+                w[j] = w[j - 1] + v * (w[j] - w[j - 1]);
+    if (u > 0.0) {
+        const double part = u / v;
+        for (int m = degree; m > 0; --m)
+            for (int j = 0; j < m; ++j)
+                w[j] += part * (w[j + 1] - w[j]);
+    }
+    lag_interval r = range_of(w, degree);
+    const double error = ROUNDING * (degree + 1) * size;
+    r.low -= error;
+    r.high += error;
+    return r;
+}
+
+void lag_enclosure_begin(lag_run *run, const double *f)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    e->ready = 0;
+    e->order = -1;
+    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
+        lag_jets_refresh(e->tapes + i);
+    if (!e->count)
+        return;
+    if (!run->stepped->uses_slope) { /* its dense output costs nothing */
+        take_polynomials(run);
+        for (int i = 0; i < e->count; ++i)
+            e->range[i] = range_within(e->points + (long)i * JET * POINTS, e->degree, 0.0, 1.0);
+        return;
+    }
+    for (int i = 0; i < e->count; ++i)
+        e->range[i] = enclose_between_ends(run, e->state[i], f);
+}
+
+static lag_jet_tape *tape_of(lag_enclosure *e, enum lag_watched what)
+{
+    return e->tapes + (what == LAG_WATCH_KINK ? KINKS : what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP ? ROWS : CONDITIONS);
+}
+
+/* psi of a row: B v + b_0. */
+static void slip_jet(const lag_run *run, const lag_jet_tape *tape, int row, int order, lag_interval *out)
+{
+    const lag_switching *sw = &run->switching;
+    const lag_enclosure *e = &sw->enclosure;
+    lag_interval product[JET];
+    memcpy(out, lag_jet_output(tape, sw->nh + sw->nb + row), (size_t)(order + 1) * sizeof *out);
+    for (int i = 0; i < sw->nb; ++i) {
+        if (sw->row[i] != row)
+            continue;
+        const int v = e->place[run->system.nq + sw->column[i]];
+        lag_jet_multiply(lag_jet_output(tape, sw->nh + i), e->jets + (long)JET * v, product, order);
+        for (int k = 0; k <= order; ++k)
+            out[k] = lag_interval_add(out[k], product[k]);
+    }
+}
+
+/* The jet of function k by its tape's outputs. */
+static void take_output(lag_run *run, int k, int order, lag_interval *out)
+{
+    lag_switching *sw = &run->switching;
+    const lag_watched_function *w = sw->watched + k;
+    const lag_jet_tape *tape = tape_of(&sw->enclosure, w->what);
+    const size_t size = (size_t)(order + 1) * sizeof *out;
+    double sign = w->sign;
+    if (w->what == LAG_WATCH_SLIP) {
+        slip_jet(run, tape, w->which, order, out);
+        sign *= sw->sign[w->which];
+    } else if (w->what == LAG_WATCH_GAP) {
+        memcpy(out, lag_jet_output(tape, sw->place[w->which]), size);
+        sign *= sw->sign[w->which];
+    } else {
+        memcpy(out, lag_jet_output(tape, w->which), size);
+    }
+    if (w->what == LAG_WATCH_KINK) {
+        const double bound = lag_kink_bound(run, w->which, w->sign);
+        out[0] = lag_interval_add(out[0], (lag_interval){-bound, -bound});
+    }
+    for (int i = 0; i <= order; ++i)
+        out[i] = lag_interval_scale(out[i], sign);
+    out[0] = lag_interval_add(out[0], (lag_interval){w->shift, w->shift});
+}
+
+/* Evaluate the tapes of the functions to be looked at with t in [a, b] and the states' jets, unless they hold that. */
+static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int order)
+{
+    const lag_enclosure *e = &run->switching.enclosure;
+    lag_interval *t = lag_jet_input(tape, 0);
+    t[0] = (lag_interval){a, b};
+    for (int k = 1; k <= order; ++k)
+        t[k] = (lag_interval){k == 1, k == 1};
+    for (int i = 0; i < e->count; ++i)
+        if (tape->used[1 + e->state[i]])
+            memcpy(lag_jet_input(tape, 1 + e->state[i]), e->jets + (long)JET * i, (size_t)(order + 1) * sizeof *t);
+    lag_jets_run(tape, order);
+}
+
+lag_interval lag_enclose_step(lag_run *run, int k)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    lag_interval out;
+    if (e->order < 0) {
+        for (int i = 0; i < e->count; ++i)
+            e->jets[(long)JET * i] = e->range[i];
+        for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
+            e->known[i] = 0;
+        e->order = 0;
+    }
+    const lag_jet_tape *tape = tape_of(e, run->switching.watched[k].what);
+    if (!e->known[tape - e->tapes]) {
+        evaluate(run, e->tapes + (tape - e->tapes), run->step.t_old, run->step.t, 0);
+        e->known[tape - e->tapes] = 1;
+    }
+    take_output(run, k, 0, &out);
+    return out;
+}
+
+void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interval *out)
+{
+    lag_switching *sw = &run->switching;
+    lag_enclosure *e = &sw->enclosure;
+    const double start = run->step.t_old, h = run->step.h_old;
+    lag_jet_tape *tape = tape_of(e, sw->watched[k].what);
+    if (!lag_is_of_time(sw, sw->watched + k)) {
+        if (!e->ready)
+            take_polynomials(run);
+        const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
+        const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
+        for (int i = 0; i < e->count; ++i)
+            for (int m = 0; m <= order; ++m)
+                e->jets[(long)JET * i + m] =
+                    m <= e->degree ? range_within(e->points + ((long)i * JET + m) * POINTS, e->degree - m, u, v)
+                                   : (lag_interval){0.0, 0.0};
+    } else { /* the ranges of states, whose derivatives do not matter */
+        for (int i = 0; i < e->count; ++i) {
+            e->jets[(long)JET * i] = e->range[i];
+            for (int m = 1; m <= order; ++m)
+                e->jets[(long)JET * i + m] = LAG_ANYTHING;
+        }
+    }
+    evaluate(run, tape, a, b, order);
+    take_output(run, k, order, out);
+}
+
+int lag_is_undefined(lag_run *run, int k)
+{
+    lag_switching *sw = &run->switching;
+    return tape_of(&sw->enclosure, sw->watched[k].what)->undefined;
+}

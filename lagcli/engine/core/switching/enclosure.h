@@ -1,0 +1,31 @@
+/*
+ * Enclosures of watched functions along the last step, by interval evaluation of their tapes.
+ *
+ * The states are first enclosed over the whole step without its dense output, which costs evaluations: q by the
+ * control points of the quintic through q, v and a at both ends, v by those of the quintic's derivative and of the
+ * cubic through v and a, widened. Within the step they are the polynomials of the dense output, exactly.
+ */
+#ifndef LAGCLI_ENCLOSURE_H
+#define LAGCLI_ENCLOSURE_H
+
+#include "run.h"
+
+/* Whether a function is enclosed: those of (t, q, v) are, those of a and lambda are not. */
+int lag_is_enclosed(enum lag_watched what);
+
+/* Bind the tapes of a run's rules; pool->failed says whether there is no memory. */
+void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules);
+
+/* Begin with the last step: `f` is y' at its end, for methods that know it there. */
+void lag_enclosure_begin(lag_run *run, const double *f);
+
+/* Watched function k on the whole step. */
+lag_interval lag_enclose_step(lag_run *run, int k);
+
+/* The jet of watched function k on [a, b] within the step, up to an order, to `out`. */
+void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interval *out);
+
+/* Whether an operation of its tape was undefined in all of the interval that it was evaluated on last. */
+int lag_is_undefined(lag_run *run, int k);
+
+#endif

@@ -1,0 +1,126 @@
+"""Random models with known events: none is missed or found twice, and the motion is right."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_event_cases import EVENT_CASES
+from known_events import METHODS, judge
+from known_force_cases import FORCE_CASES
+from scipy.special import ellipk
+
+import lagcli
+
+FOUND = Path(__file__).parents[1] / "found"
+CASES = {**EVENT_CASES, **FORCE_CASES}
+#: Random cases of each kind; `make fuzz` tries more.
+SEEDS = {"stick-slip": 30, "lift-off": 30, "pulses": 24}
+
+
+def load(name: str, **changes: float) -> lagcli.Model:
+    return lagcli.load(FOUND / f"{name}.yaml", set=changes)
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_no_event_is_missed_or_found_twice(kind: str) -> None:
+    cases = [CASES[kind](seed) for seed in range(SEEDS.get(kind, 10))]
+    wrong = [(v, case) for case in cases if not (v := judge(case)).right]
+    shown = "\n".join(f"{v}: {case}" for v, case in wrong[:3])
+    assert not wrong, f"{len(wrong)} of {len(cases)} are wrong:\n{shown}"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("when", ["sin(2*pi*t/T) >= 0.5", "sin(2*pi*t/T) = 0"])
+def test_a_periodic_kick(when: str, method: str) -> None:
+    text = (FOUND / "periodic_kick.yaml").read_text(encoding="utf-8")
+    model = lagcli.load_text(text.replace("sin(2*pi*t/T) >= 0.5", when))
+    run = lagcli.simulate(model, method=method, t_end=6.4)
+    expected = np.arange(7) + 1 / 12 if ">=" in when else np.arange(1, 13) / 2
+    assert run.events is not None
+    np.testing.assert_allclose(run.events.time, expected, rtol=1e-12)
+    assert run.v[-1, 0] == pytest.approx(len(expected), rel=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_passages_of_a_pendulum_in_both_directions(method: str) -> None:
+    run = lagcli.simulate(load("two_way_set"), method=method, rtol=1e-10)
+    half = 2 * ellipk(math.sin(0.3) ** 2) / math.sqrt(9.81)
+    expected = (np.arange(19) + 0.5) * half
+    assert run.events is not None
+    np.testing.assert_allclose(run.events.time, expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("force", [1.01, 1.05, 1.1, 1.2])
+def test_a_block_slips_twice_per_period(force: float, method: str) -> None:
+    run = lagcli.simulate(load("stick_harmonic", F=force), method=method)
+    assert run.events is not None
+    assert (run.events.kinds.count("slips"), run.events.kinds.count("sticks")) == (20, 20)
+    assert np.abs(run.multipliers).max() <= 1 + 1e-9
+    assert run.q[-1, 0] == pytest.approx(0, abs=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_block_lifts_off_once_per_period(method: str) -> None:
+    run = lagcli.simulate(load("lift_harmonic"), method=method)
+    assert run.events is not None
+    assert run.events.kinds.count("opens") == 10
+    assert run.multipliers.min() >= -1e-9
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_train_of_pulses_on_an_oscillator(method: str) -> None:
+    run = lagcli.simulate(load("pulse_train"), method=method, rtol=1e-10)
+    # the force is 1 from a to b in each period: a difference of two cosines each
+    start, end = (math.asin(0.95) / math.tau, 0.5 - math.asin(0.95) / math.tau)
+    edges = 0.3 * (np.arange(20)[:, None] + [start, end])
+    x, v = (float(np.diff(f(6 - edges)).sum()) for f in (np.cos, lambda s: -np.sin(s)))
+    assert run.q[-1, 0] == pytest.approx(x, abs=1e-9)
+    assert run.v[-1, 0] == pytest.approx(v, abs=1e-9)
+
+
+#: An oscillator that is kicked every second, from 0.5 s on, in five ways.
+KICKED = """\
+coordinates: [x, y]
+parameters: {{w: 3, g: 9.81, T: 1, n: 0}}
+{inputs}
+T: (x'^2 + y'^2)/2
+V: w^2*x^2/2 + g*y
+constraints:
+  floor: {{expr: y >= 0, restitution: 1}}
+initial: {{x: 1, y: g*T^2/8, x': 0, y': 0}}
+outputs: {{count: n}}
+events:
+  kick: {{{occasion}, impulse: {{x: 0.5}}, set: {{n: n + 1}}}}
+"""
+KICKS = {
+    "periodic": "when: sin(2*pi*t/T) <= 0, times: 6",
+    "two-way": "when: cos(pi*t/T) = 0",
+    "clock": "every: T, offset: T/2",
+    "table": "when: u > 0.5",
+    "contact": "when: floor impacts",
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("form", KICKS)
+def test_five_forms_of_a_kick_give_the_same_motion(form: str, method: str) -> None:
+    table = (
+        "inputs:\n  u: {times: [0, 0.5, 0.75, 1], values: [0, 1, 0, 0], interpolation: step,"
+        " extend: periodic}"
+    )
+    text = KICKED.format(inputs=table if form == "table" else "", occasion=KICKS[form])
+    run = lagcli.simulate(lagcli.load_text(text), t_end=6.3, samples=64, rtol=1e-11, method=method)
+    assert run.status == "completed"
+    kicks = np.arange(6) + 0.5
+    assert run.events is not None
+    found = [t for t, n in zip(run.events.time, run.events.names, strict=True) if n == "kick"]
+    np.testing.assert_allclose(found, kicks, rtol=1e-9)
+    assert run.outputs["count"][-1] == 6
+    since = run.time[:, None] - kicks
+    waves = np.where(since >= 0, np.sin(3 * since), 0).sum(axis=1)
+    # a sample at a kick is to its right, where sin is zero in any case
+    np.testing.assert_allclose(run.q[:, 0], np.cos(3 * run.time) + 0.5 / 3 * waves, atol=1e-8)
