@@ -256,3 +256,17 @@ def test_models_without_kinks_are_not_frozen() -> None:
         simulation.system, simulation.request._replace(), lambda block: None, None
     ).run()
     assert record.counts["evaluations"] == plain.evaluations
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau", "Rodas5P"])
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_forces_that_begin_at_rest(method: str, power: int) -> None:
+    """A mass at rest until max(t - t1, 0)^n acts on it: x = (t - t1)^(n + 2)/((n + 1)(n + 2))."""
+    model = lagcli.load_text(
+        f"coordinates: [x]\nT: x'^2/2\nQ: {{x: 'max(t - 0.06, 0)^{power}'}}\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    run = lagcli.simulate(model, t_end=2.0, samples=3, method=method)
+    expected = 1.94 ** (power + 2) / ((power + 1) * (power + 2))
+    assert run.q[-1, 0] == pytest.approx(expected, rel=1e-7)
+    assert run.status == "completed"

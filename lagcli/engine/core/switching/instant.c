@@ -216,6 +216,15 @@ static int update_conditions(lag_run *run)
     return LAG_RUNNING;
 }
 
+/* Whether nothing has moved so far: tolerances follow the accelerations to come, which the modes have changed. */
+static int at_rest(const lag_run *run)
+{
+    for (int i = run->system.nq; i < 2 * run->system.nq; ++i)
+        if (run->step.y[i] != 0.0 || run->tolerances.size[i] > 0.0)
+            return 0;
+    return 1;
+}
+
 /* Restart in the new modes. The step keeps its size unless the accelerations jump. */
 static int restart(lag_run *run)
 {
@@ -237,7 +246,12 @@ static int restart(lag_run *run)
     lag_sizes_update(run);
     for (int i = 0; i < nq; ++i)
         change[nq + i] = run->step.h * (change[nq + i] + run->step.f[nq + i]);
-    if (lag_scaled_norm(run, change, run->step.y, run->step.y) > 1.0 && run->step.t < run->step.t_end)
+    int begins = lag_scaled_norm(run, change, run->step.y, run->step.y) > 1.0;
+    if (sw->kinks.count && at_rest(run)) {
+        lag_sizes_start(run);
+        begins = 1;
+    }
+    if (begins && run->step.t < run->step.t_end)
         lag_first_step(run, run->method->order);
     const int status = lag_watch_modes(run, run->step.t, run->step.y, run->step.f);
     if (status == LAG_RUNNING)
