@@ -9,6 +9,7 @@
 #define AHEAD 16.0          /* steps for which a limit is computed at once, at first; ... */
 #define NEARER 4.0          /* ... then fewer */
 #define HALVINGS 40         /* of a step; a function that bends more is not resolved by any */
+#define SINGULAR 10         /* halvings after which a function without a bound of its curvature is singular there */
 
 int lag_use_explicit_time(lag_run *run, const lag_program *functions)
 {
@@ -46,8 +47,8 @@ static void measure(lag_run *run)
     }
 }
 
-/* The largest step between two times that resolves the functions there. */
-static double resolved_between(lag_run *run, double a, double b)
+/* The largest step between two times that resolves the functions there, `singular`: that have a bound. */
+static double resolved_between(lag_run *run, double a, double b, int singular)
 {
     lag_resolution *r = &run->resolution;
     double h = INFINITY;
@@ -56,7 +57,7 @@ static double resolved_between(lag_run *run, double a, double b)
         const lag_interval *jet = lag_jet_output(&r->jets, i);
         const double bend = lag_interval_size(jet[2]), size = lag_interval_size(jet[0]);
         const double scale = r->scale[i] > 0.0 ? r->scale[i] : isfinite(size) ? size : 0.0;
-        if (bend > 0.0)
+        if (bend > 0.0 && !(singular && isinf(bend)))
             h = fmin(h, 2.0 * sqrt(BEND * scale / bend));
     }
     return h;
@@ -73,7 +74,7 @@ double lag_resolved_step(lag_run *run, double h)
     for (int i = 0; i < HALVINGS; ++i, h *= 0.5)
         for (double steps = AHEAD; steps >= 1.0; steps /= NEARER) {
             const double end = fmin(t + steps * h, run->step.t_end);
-            const double allowed = resolved_between(run, t, end);
+            const double allowed = resolved_between(run, t, end, i >= SINGULAR);
             if (allowed < h)
                 continue;
             r->start = t;

@@ -65,7 +65,7 @@ def test_a_fit_opens_like_any_other_analysis(tmp_path: Path, result: FitResult) 
     content = lagcli.open(path)
     assert content["command"] == "fit"
     assert content["parameters"]["k"]["max"] == 50
-    assert np.isnan(content["parameters"]["m"]["standard_error"])  # not identified
+    assert content["parameters"]["m"]["standard_error"] is None  # not identified
     assert content["chi_square"] == result.chi_square
 
 

@@ -91,13 +91,13 @@ def test_long_closed_forms_are_omitted():
 
 def test_parameters_with_values_units_and_meaning():
     text = page("woodpecker")
-    assert "  m_S = 4.5 g            mass of the bird\n" in text
+    assert "  m_S = 4.5 g = 0.0045 kg    mass of the bird\n" in text
     assert "  J_M = 5×10⁻⁹ kg·m²\n" in text
     assert "m_S = 0.0045 kg" in page("woodpecker", numeric=True)
     latex = page("woodpecker", format="latex")
     assert r"J_{M} &= 5 \times 10^{-9} \, \mathrm{kg} \cdot \mathrm{m}^{2} \notag" in latex
     steps = page("chain", steps=True)
-    assert "mᵢ = 0.05 kg     i = 1, …, N" in steps
+    assert "mᵢ = 0.05 kg                 i = 1, …, N" in steps
     assert steps.index("1. Coordinates: k = 40") < steps.index("2. Parameters")
 
 
