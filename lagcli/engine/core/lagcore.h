@@ -167,6 +167,7 @@ typedef struct {
     const int32_t *row, *column;       /* nb */
     lag_program functions;             /* of (t, q, v, p): phi (nh), B (nb), b_0, gamma, scale of psi (rows
                                         * each), scale of phi (nh) */
+    lag_program gaps;                  /* of (t, q, v, p): phi (nh) */
     /* of (t, q, v, a, lambda, p): static and kinetic limits (nl each), their derivatives by pattern */
     lag_program limits;
     int nl, pattern_count;

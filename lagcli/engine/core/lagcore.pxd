@@ -150,7 +150,7 @@ cdef extern from "lagcore.h" nogil:
         int nb, nh
         const int32_t *row
         const int32_t *column
-        lag_program functions, limits
+        lag_program functions, gaps, limits
         int nl, pattern_count
         const int32_t *pattern_limit
         const int32_t *pattern_row

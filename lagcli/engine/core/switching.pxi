@@ -68,6 +68,7 @@ cdef class SwitchingIntegrator(Integrator):
         r.row = given.integers([i for i, _ in pattern])
         r.column = given.integers([j for _, j in pattern])
         r.functions = given.program(split.program(split.functions)) if split.rows else empty
+        r.gaps = given.program(split.program(split.gaps)) if r.nh else empty
         r.limits = given.program(split.program(switching.limits)) if switching.limits.outputs else empty
         r.pattern_count = len(switching.limit_pattern)
         r.nl = (len(switching.limits.outputs) - 2 * r.pattern_count) // 2

@@ -113,6 +113,11 @@ class SplitSystem:
         accelerations = builder.splice(system.dynamics, inputs, _places(d.rhs, rows))
         return builder.finish([*outputs[: len(own)], *accelerations, *outputs[len(own) :]])
 
+    @cached_property
+    def gaps(self) -> Tape:
+        """(t, q, v, p) → φ of the rows, in the order of `places`."""
+        return self.functions.selected(range(sum(i >= 0 for i in self.places)))
+
     def _entries(self, constraints: Sequence[int]) -> list[int]:
         return [n for n, (i, _) in enumerate(self.system.jacobian_pattern) if i in constraints]
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "bind.h"
 #include "methods/method.h"
 #include "motion.h"
 #include "polynomial.h"
@@ -15,7 +16,8 @@
 #define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */
 #define POINTS (LAG_MOST_DEGREE + 1)
 
-enum { ROWS, CONDITIONS, KINKS };
+/* The tapes; GAPS has phi alone, which most steps of contacts need. */
+enum { GAPS, ROWS, CONDITIONS, KINKS };
 
 int lag_is_enclosed(enum lag_watched what)
 {
@@ -28,22 +30,26 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
     lag_switching *sw = &run->switching;
     lag_enclosure *e = &sw->enclosure;
     const int moving = 2 * run->system.nq;
+    if (lag_bind(run, &run->pool, &e->gaps, &rules->gaps))
+        return;
+    lag_jets_bind(e->tapes + GAPS, &run->pool, &e->gaps, &rules->gaps, run->np);
     lag_jets_bind(e->tapes + ROWS, &run->pool, &sw->functions, &rules->functions, run->np);
     lag_jets_bind(e->tapes + CONDITIONS, &run->pool, &sw->condition_tape, &rules->condition_functions, run->np);
     lag_jets_bind(e->tapes + KINKS, &run->pool, &sw->kinks.tape, &rules->kink_functions, run->np);
     e->state = lag_get(&run->pool, (size_t)moving, sizeof *e->state);
-    char *used = lag_get(&run->pool, (size_t)moving + 1, 1);
+    int *used = lag_get(&run->pool, (size_t)moving + 1, sizeof *used);
     if (run->pool.failed)
         return;
     for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
         for (int j = 1; j <= moving; ++j)
-            used[j - 1] |= e->tapes[i].used[j];
+            used[j - 1] |= e->tapes[i].used[j] << i;
     for (int i = 0; i < sw->nb; ++i) /* psi = B v + b_0 */
         if (sw->law[sw->row[i]] == LAG_LIMITED)
-            used[run->system.nq + sw->column[i]] = 1;
+            used[run->system.nq + sw->column[i]] |= 1 << ROWS;
     for (int i = 0; i < moving; ++i)
         if (used[i])
             e->state[e->count++] = i;
+    e->used = used;
     e->place = lag_get(&run->pool, (size_t)moving, sizeof *e->place);
     e->range = lag_get(&run->pool, (size_t)e->count, sizeof *e->range);
     e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
@@ -52,19 +58,30 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
         e->place[e->state[i]] = i;
 }
 
+/* Without calls of the C library, which take longer than the comparison. */
+static inline double least(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double most(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static lag_interval range_of(const double *b, int degree)
 {
     lag_interval r = {b[0], b[0]};
     for (int j = 1; j <= degree; ++j) {
-        r.low = fmin(r.low, b[j]);
-        r.high = fmax(r.high, b[j]);
+        r.low = least(r.low, b[j]);
+        r.high = most(r.high, b[j]);
     }
-    return r;
+    return b[degree] == b[degree] && r.low <= r.high ? r : LAG_ANYTHING;
 }
 
 static lag_interval widened(lag_interval a)
 {
-    const double margin = WIDER * (a.high - a.low) + 8.0 * ROUNDING * lag_interval_size(a);
+    const double margin = WIDER * (a.high - a.low) + 8.0 * ROUNDING * most(-a.low, a.high);
     return (lag_interval){a.low - margin, a.high + margin};
 }
 
@@ -87,8 +104,8 @@ static lag_interval enclose_between_ends(const lag_run *run, int i, const double
     lag_interval r = range_of(cubic, 3);
     for (int j = 1; j < 4; ++j) { /* at the ends, the derivative is v */
         const double slope = 5.0 * (b[j + 1] - b[j]) / h;
-        r.low = fmin(r.low, slope);
-        r.high = fmax(r.high, slope);
+        r.low = least(r.low, slope);
+        r.high = most(r.high, slope);
     }
     return widened(r);
 }
@@ -99,6 +116,8 @@ static void take_polynomials(lag_run *run)
     lag_enclosure *e = &run->switching.enclosure;
     e->ready = 1;
     for (int i = 0; i < e->count; ++i) {
+        if (!(e->used[e->state[i]] & e->watched))
+            continue;
         double *b = e->points + (long)i * JET * POINTS;
         e->degree = run->stepped->control_points(run, e->state[i], b);
         for (int k = 1; k <= JET_ORDER && k <= e->degree; ++k)
@@ -115,7 +134,7 @@ static lag_interval range_within(const double *b, int degree, double u, double v
     double w[POINTS] = {0.0}, size = 0.0;
     for (int j = 0; j <= degree; ++j) {
         w[j] = b[j];
-        size = fmax(size, fabs(b[j]));
+        size = most(size, fabs(b[j]));
     }
     if (v < 1.0)
         for (int m = 1; m <= degree; ++m)
@@ -134,28 +153,40 @@ static lag_interval range_within(const double *b, int degree, double u, double v
     return r;
 }
 
-void lag_enclosure_begin(lag_run *run, const double *f)
+static int tape_of(enum lag_watched what)
 {
-    lag_enclosure *e = &run->switching.enclosure;
-    e->ready = 0;
-    e->order = -1;
-    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
-        lag_jets_refresh(e->tapes + i);
-    if (!e->count)
-        return;
-    if (!run->stepped->uses_slope) { /* its dense output costs nothing */
-        take_polynomials(run);
-        for (int i = 0; i < e->count; ++i)
-            e->range[i] = range_within(e->points + (long)i * JET * POINTS, e->degree, 0.0, 1.0);
-        return;
+    switch (what) {
+    case LAG_WATCH_GAP:
+        return GAPS;
+    case LAG_WATCH_SLIP:
+        return ROWS;
+    case LAG_WATCH_KINK:
+        return KINKS;
+    default:
+        return CONDITIONS;
     }
-    for (int i = 0; i < e->count; ++i)
-        e->range[i] = enclose_between_ends(run, e->state[i], f);
 }
 
-static lag_jet_tape *tape_of(lag_enclosure *e, enum lag_watched what)
+void lag_enclosure_begin(lag_run *run, const double *f)
 {
-    return e->tapes + (what == LAG_WATCH_KINK ? KINKS : what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP ? ROWS : CONDITIONS);
+    const lag_switching *sw = &run->switching;
+    lag_enclosure *e = &run->switching.enclosure;
+    e->ready = e->looked = e->watched = 0;
+    for (int k = 0; k < sw->watched_count; ++k)
+        if (lag_is_enclosed(sw->watched[k].what))
+            e->watched |= 1 << tape_of(sw->watched[k].what);
+    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
+        lag_jets_refresh(e->tapes + i);
+    if (!run->stepped->uses_slope) /* its dense output costs nothing */
+        take_polynomials(run);
+    for (int i = 0; i < e->count; ++i) {
+        if (!(e->used[e->state[i]] & e->watched))
+            continue;
+        e->range[i] = run->stepped->uses_slope
+                          ? enclose_between_ends(run, e->state[i], f)
+                          : range_within(e->points + (long)i * JET * POINTS, e->degree, 0.0, 1.0);
+        e->jets[(long)JET * i] = e->range[i];
+    }
 }
 
 /* psi of a row: B v + b_0. */
@@ -180,7 +211,7 @@ static void take_output(lag_run *run, int k, int order, lag_interval *out)
 {
     lag_switching *sw = &run->switching;
     const lag_watched_function *w = sw->watched + k;
-    const lag_jet_tape *tape = tape_of(&sw->enclosure, w->what);
+    const lag_jet_tape *tape = sw->enclosure.tapes + tape_of(w->what);
     const size_t size = (size_t)(order + 1) * sizeof *out;
     double sign = w->sign;
     if (w->what == LAG_WATCH_SLIP) {
@@ -218,19 +249,11 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
 lag_interval lag_enclose_step(lag_run *run, int k)
 {
     lag_enclosure *e = &run->switching.enclosure;
+    const int tape = tape_of(run->switching.watched[k].what);
     lag_interval out;
-    if (e->order < 0) {
-        for (int i = 0; i < e->count; ++i)
-            e->jets[(long)JET * i] = e->range[i];
-        for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
-            e->known[i] = 0;
-        e->order = 0;
-    }
-    const lag_jet_tape *tape = tape_of(e, run->switching.watched[k].what);
-    if (!e->known[tape - e->tapes]) {
-        evaluate(run, e->tapes + (tape - e->tapes), run->step.t_old, run->step.t, 0);
-        e->known[tape - e->tapes] = 1;
-    }
+    if (!(e->looked >> tape & 1))
+        evaluate(run, e->tapes + tape, run->step.t_old, run->step.t, 0);
+    e->looked |= 1 << tape;
     take_output(run, k, 0, &out);
     return out;
 }
@@ -240,14 +263,14 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
     lag_switching *sw = &run->switching;
     lag_enclosure *e = &sw->enclosure;
     const double start = run->step.t_old, h = run->step.h_old;
-    lag_jet_tape *tape = tape_of(e, sw->watched[k].what);
+    const int tape = tape_of(sw->watched[k].what);
     if (!lag_is_of_time(sw, sw->watched + k)) {
         if (!e->ready)
             take_polynomials(run);
         const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
         const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
         for (int i = 0; i < e->count; ++i)
-            for (int m = 0; m <= order; ++m)
+            for (int m = 0; m <= order && e->used[e->state[i]] >> tape & 1; ++m)
                 e->jets[(long)JET * i + m] =
                     m <= e->degree ? range_within(e->points + ((long)i * JET + m) * POINTS, e->degree - m, u, v)
                                    : (lag_interval){0.0, 0.0};
@@ -258,12 +281,12 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
                 e->jets[(long)JET * i + m] = LAG_ANYTHING;
         }
     }
-    evaluate(run, tape, a, b, order);
+    evaluate(run, e->tapes + tape, a, b, order);
     take_output(run, k, order, out);
 }
 
 int lag_is_undefined(lag_run *run, int k)
 {
     lag_switching *sw = &run->switching;
-    return tape_of(&sw->enclosure, sw->watched[k].what)->undefined;
+    return sw->enclosure.tapes[tape_of(sw->watched[k].what)].undefined;
 }

@@ -55,16 +55,17 @@ typedef struct {
 } lag_watched_function;
 
 /* Enclosures of watched functions: enclosure.h. */
-enum { LAG_ENCLOSED_TAPES = 3 };
+enum { LAG_ENCLOSED_TAPES = 4 };
 typedef struct {
-    lag_jet_tape tapes[LAG_ENCLOSED_TAPES]; /* of rows, conditions and kinks */
-    int known[LAG_ENCLOSED_TAPES];     /* whether a tape holds enclosures over the whole step */
+    lag_tape gaps;                     /* of (t, q, v, p): phi */
+    lag_jet_tape tapes[LAG_ENCLOSED_TAPES]; /* of gaps, rows, conditions and kinks */
+    int watched, looked;               /* bits of tapes: of the functions watched; that hold enclosures over the step */
     int count;                         /* states that occur in them */
     int *state, *place;                /* count: their indices in y; 2 nq: the inverse */
+    int *used;                         /* 2 nq: bits of the tapes that read it */
     lag_interval *range;               /* count: over the last step */
     lag_interval *jets;                /* count jets: on the interval that is looked at */
     int ready;                         /* whether the control points of the last step are known */
-    int order;                         /* -1 before the first look at a step */
     int degree;
     double *points;                    /* count: control points, and those of the derivatives over factorials */
 } lag_enclosure;
