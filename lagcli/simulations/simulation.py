@@ -12,6 +12,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.constraints.near_singular import next_to_singular
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
 from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.lowering import lower
@@ -378,6 +379,7 @@ class Simulation:
                 *self.model.units.warnings,
                 *warnings,
                 *negative_inertia(self.system, self.start.state, self.start.rank),
+                *next_to_singular(self.system, self.start),
                 *trust.warnings(self.settings, run.steps, columns),
                 *finite.warnings(),
                 *run.notes,

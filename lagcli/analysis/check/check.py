@@ -104,7 +104,7 @@ def check(model: Model) -> Check:
             there = start._replace(rank=freedom.rank or 0, elimination=None)
         states = random_states(system, there)
         rank = check_rank(system, there, freedom, states)
-        singular = rank.special or rank.near_singular
+        singular = rank.special or bool(rank.near_singular)
         scales = None if singular else time_scales(system, there)
     found = conserved_quantities(equations)
     conserved = found._replace(

@@ -45,7 +45,7 @@ def to_mapping(found: Check) -> dict[str, Any]:
         "rank": freedom.rank,
         "random_ranks": list(rank.random_ranks),
         "special_start": rank.special,
-        "near_singular_start": rank.near_singular,
+        "near_singular_start": bool(rank.near_singular),
         "degrees_of_freedom": freedom.degrees,
         "index": found.index,
         "redundant": [

@@ -120,9 +120,9 @@ def _freedom(f: Formulas, found: Check) -> Step:
             )
         elif rank.near_singular:
             said.append(
-                "The start is next to a singular configuration, in which constraints are dependent:"
-                " accelerations and multipliers change much over a small distance. Other guesses"
-                " may lead to a start away from it."
+                "The start is next to a singular configuration, in which constraints are dependent"
+                f" ({', '.join(rank.near_singular)}): accelerations and multipliers change much"
+                " over a small distance. Other guesses may lead to a start away from it."
             )
     sets = [
         f"Redundant: {x.surplus} of {', '.join(x.constraints)}"

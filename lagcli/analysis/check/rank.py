@@ -14,8 +14,9 @@ from lagcli.engine.constraints.initial import (
     NoStart,
     consistent_state,
 )
+from lagcli.engine.constraints.near_singular import almost_dependent, coordinate_reach
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.linear.dense import decompose, singular_values
+from lagcli.engine.linear.dense import decompose
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
@@ -29,10 +30,6 @@ _SPREAD = 0.5
 #: of the rank.
 _COUNTS = 1e-6
 _LARGEST_DENOMINATOR = 1000
-#: Next to a singular configuration, the weakest singular value of B, which is proportional to the
-#: distance, is below this part of its median at states that are this far away, relative to the
-#: sizes of the coordinates.
-_NEAR, _ASIDE = 1e-4, 0.1
 
 
 @dataclass(frozen=True)
@@ -64,8 +61,8 @@ class RankCheck:
         Constraints whose multiplier is not unique.
     combinations : tuple of Combination
         A basis of the unique combinations of these multipliers, at the initial state.
-    near_singular : bool
-        Whether constraints are almost dependent at the initial state, but not around it.
+    near_singular : tuple of str
+        Constraints that are almost dependent at the initial state, but not around it.
     """
 
     freedom: DegreesOfFreedom
@@ -73,7 +70,7 @@ class RankCheck:
     unique: tuple[str, ...]
     not_unique: tuple[str, ...]
     combinations: tuple[Combination, ...]
-    near_singular: bool = False
+    near_singular: tuple[str, ...] = ()
 
     @property
     def special(self) -> bool:
@@ -101,7 +98,9 @@ def check_rank(
     """
     ranks = tuple(found.rank for found in states)
     names = system.constraints
-    near = _near_singular(system, start)
+    near: tuple[str, ...] = ()
+    if len(start.state.q) <= MOST_COORDINATES:
+        near = almost_dependent(system, start.state, start.rank)
     if start.rank == len(names):
         return RankCheck(freedom, ranks, names, (), (), near)
     null = _null_space(system, start)
@@ -116,31 +115,6 @@ def check_rank(
         tuple(c for members in sets for c in _combinations(null, members, names)),
         near,
     )
-
-
-def _near_singular(system: System, start: ConsistentState) -> bool:
-    """Return whether constraints are almost dependent at the initial state, but not around it.
-
-    The states around it are not consistent: where constraints touch, all consistent states may be
-    next to the singular configuration. The weakest singular value of constraints that are almost
-    dependent everywhere does not depend on the state.
-    """
-    if not start.rank or len(start.state.q) > MOST_COORDINATES:
-        return False
-    evaluator, s = Evaluator(system, start.state.p), start.state
-    sizes = evaluator.sizes(s.t, s.q, s.v)
-    c = evaluator.constraints(s.t, s.q, s.v)
-    lengths = evaluator.row_lengths(s.t, s.q, s.v, c, sizes)
-
-    def weakest(q: Array) -> float:
-        jacobian = evaluator.constraints(s.t, q, s.v).jacobian
-        if not np.isfinite(jacobian).all():
-            return 0.0
-        return float(singular_values(jacobian, lengths, sizes)[start.rank - 1])
-
-    random, reach = np.random.default_rng(8), _ASIDE * _sizes(system, s)
-    around = [weakest(s.q + reach * random.normal(size=len(s.q))) for _ in range(_STATES)]
-    return bool(weakest(s.q) < _NEAR * np.median(around))
 
 
 def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
@@ -164,7 +138,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     free = np.zeros(len(state.q), dtype=bool)
     if not system.constraints or len(free) > MOST_COORDINATES:
         return []
-    size = _sizes(system, state)
+    size = coordinate_reach(Evaluator(system, state.p), state)
     found: list[ConsistentState] = []
     for _ in range(2 * _STATES):
         tangents = _tangents(system, state)
@@ -193,14 +167,6 @@ def _tangents(system: System, state: State) -> Array:
         return np.diag(sizes)
     jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
     return decompose(jacobian[list(system.holonomic)], sizes=sizes).null
-
-
-def _sizes(system: System, state: State) -> Array:
-    """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate."""
-    evaluator = Evaluator(system, state.p)
-    sizes = evaluator.sizes(state.t, state.q, state.v)
-    largest = np.abs(state.q / sizes).max(initial=0.0) or 1.0
-    return np.maximum(np.abs(state.q), np.minimum(largest * sizes, 1.0))
 
 
 def _null_space(system: System, start: ConsistentState) -> Array:
