@@ -33,6 +33,7 @@ from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, UsageError
+from lagcli.model.model import Model
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
 from lagcli.simulations.directions import Directions
@@ -103,6 +104,25 @@ def sensitivity_run(simulation: Simulation, names: tuple[str, ...]) -> Sensitivi
     return SensitivityRun(found, start)
 
 
+def _refuse_clocks(model: Model, directions: Directions) -> None:
+    """Refuse derivatives with respect to what the clocks of events depend on."""
+    for event in model.events:
+        if event.clock is None:
+            continue
+        needs = {x.name for x in (event.clock.period + event.clock.offset).free_symbols}
+        for name, rates in zip(directions.names, directions.rates, strict=True):
+            if needs.intersection(rates):
+                raise UsageError(
+                    Diagnostic(
+                        "not-supported",
+                        f"derivatives by `{name}` are not computed, since the clock of event"
+                        f" `{event.name}` depends on it",
+                        event.clock.location,
+                        "compare runs with different values instead",
+                    )
+                )
+
+
 class Sensitivity:
     """A model's motion with its derivatives, for one or many values of parameters.
 
@@ -137,19 +157,9 @@ class Sensitivity:
                 f"{settings.method} needs second derivatives for sensitivities, which are not"
                 " formed; give --method Radau for stiff motion, or auto"
             )
-        clocked = [event for event in equations.model.events if event.clock is not None]
-        if clocked:
-            raise UsageError(
-                Diagnostic(
-                    "not-supported",
-                    f"derivatives of a motion with a clock, that of event `{clocked[0].name}`,"
-                    " are not computed",
-                    clocked[0].location,
-                    "compare runs with different values instead",
-                )
-            )
         self.equations, self.system, self.settings = equations, system, settings
         self.directions = Directions(equations.model, tuple(names))
+        _refuse_clocks(equations.model, self.directions)
         self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))
         self._determines: bool | None = None
         self.tangent = lower_tangent(equations, self.directions.rates)

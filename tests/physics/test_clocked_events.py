@@ -186,6 +186,39 @@ def test_a_sampled_controller_obeys_its_recurrence(method: str, formulation: str
     np.testing.assert_allclose(s, expected, atol=2e-9)
 
 
+def test_derivatives_of_a_sampled_motion() -> None:
+    """By the gains and by the stiffness, against differences of the exact recurrence."""
+    names = ("kp", "kd", "k")
+    model = lagcli.load_text(PLANT)
+    found = lagcli.simulate(model, t_end=5, samples=101, rtol=1e-11, sensitivity=names)
+    assert found.status == "completed"
+
+    def motion(kp: float, kd: float, k: float) -> np.ndarray:
+        a = np.zeros((4, 4))
+        a[:2] = [0, 1, 0, 0], [-k, -0.3, 1, -9.81 * 0.8]
+        step, z, states = expm(a * 0.05), np.array([0, 0.5, 0, 1]), []
+        for _ in range(101):
+            states.append(z[0])
+            z[2] = -kp * z[0] - kd * z[1]
+            z = step @ z
+        return np.array(states)
+
+    values = np.array([30.0, 7.0, 40.0])
+    for i, name in enumerate(found.sensitivity):
+        assert name == names[i]
+        h = np.eye(3)[i] * values[i] * 1e-4
+        # fourth order: an error of 1e-12 and of rounding 1e-11
+        near, far = (motion(*(values + m * h)) - motion(*(values - m * h)) for m in (1, 2))
+        expected = (8 * near - far) / (12 * h[i])
+        slope = (3 * found.dq[:, 0, i] + 4 * found.dq[:, 1, i]) / 5
+        np.testing.assert_allclose(slope, expected, atol=1e-8 * np.abs(expected).max() + 1e-10)
+
+
+def test_no_derivatives_by_the_period() -> None:
+    with pytest.raises(LagcliError, match="the clock of event `sample` depends on it"):
+        lagcli.simulate(lagcli.load_text(PLANT), t_end=1, sensitivity=("T",))
+
+
 @pytest.mark.parametrize("period", [0.02, 0.1, 0.12])
 def test_the_sampled_pendulum(period: float) -> None:
     """Small angles: the recurrence in the model's comment, with its eigenvalues' growth."""

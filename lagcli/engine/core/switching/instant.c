@@ -370,6 +370,8 @@ int lag_begin_ticks(lag_run *run)
     if (!lag_ticks_at(run, t))
         return LAG_RUNNING;
     memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    if (run->derivatives.n)
+        lag_begin_first_jump(run);
     if (lag_all_forces(run, t, sw->before))
         return LAG_UNDEFINED;
     memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));
