@@ -20,7 +20,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_compiled_run.py tests/unit/engine
               tests/unit/engine/constraints/test_initial_batch.py tests/unit/engine/integrate/test_events.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install demo test fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
+.PHONY: help install demo test test-kernels fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -44,6 +44,15 @@ demo: install ## Derive the slider-crank's equations, simulate it, and look at t
 test: install ## Run the tests
 	@# the next run needs the rewritten assertions, which take as long as all imports
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(PARALLEL)
+
+# flags of the processor, and the kernels of OpenBLAS that need them: each rounds differently
+KERNELS := sse4_2:Nehalem avx:Sandybridge avx2:Haswell avx512bw:SkylakeX
+test-kernels: install ## Run the tests with each of OpenBLAS' kernels that this processor executes
+	for kernel in $(KERNELS); do \
+	  grep -qw "$${kernel%%:*}" /proc/cpuinfo || continue; \
+	  echo "OPENBLAS_CORETYPE=$${kernel##*:}"; \
+	  OPENBLAS_CORETYPE=$${kernel##*:} $(BIN)/python -m pytest $(PARALLEL) $(TESTS) || exit 1; \
+	done
 
 fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
 	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests/fuzz
@@ -107,7 +116,7 @@ sanitize: install ## Run the core's tests with the address and undefined-behavio
 	  LDFLAGS="-fsanitize=address,undefined" $(BIN)/python -m pip install --quiet \
 	  --disable-pip-version-check --no-deps --upgrade --target build/sanitized .
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
-	  ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc PYTHONPATH=build/sanitized \
+	  ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc PYTHONPATH=build/sanitized:. \
 	  $(BIN)/pytest -p no:cacheprovider $(CORE_TESTS)
 
 # The interpreter and NumPy give valgrind a lot to say about themselves: what counts is what it says

@@ -215,7 +215,17 @@ def test_from_python(tmp_path: Path) -> None:
     [
         ("usual", ["drifting.h5"]),
         ("portrait", ["double_pendulum_cartesian.h5", "x_2:y_2", "x_1,y_1"]),
-        ("runs", ["mass_1.h5", "mass_2.h5", "mass_3.h5", "lambda.guide", "energy_*"]),
+        # no energy balance, which is rounding and differs between processors
+        (
+            "runs",
+            [
+                "mass_1.h5",
+                "mass_2.h5",
+                "mass_3.h5",
+                "lambda.guide",
+                "energy_kinetic,energy_potential,energy_total",
+            ],
+        ),
     ],
 )
 def test_pictures_look_as_they_did(name: str, arguments: list[str], tmp_path: Path) -> None:
