@@ -11,6 +11,7 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
+import h5py
 import pytest
 from answers import answer
 from mutants import changed_content
@@ -160,6 +161,23 @@ def test_files_that_ended_with_tracebacks(tmp_path: Path, name: str) -> None:
         assert (status, text.count("\n") == 1) == ((4, True) if said else (0, False)), text
         assert f"cannot read {path}: " in text or not said
         assert said in text
+
+
+@pytest.mark.parametrize("values", [(0.0, 1e308), (-1e308, 1e308), (1e308, 1e308)])
+def test_numbers_too_large_for_an_axis(
+    tmp_path: Path, originals: dict[str, bytes], values: tuple[float, float]
+) -> None:
+    path = tmp_path / "fit.h5"
+    for name in ("time", "measured", "model"):
+        path.write_bytes(originals["fit"])
+        with h5py.File(path, "a") as root:
+            root["data_1"][name][0], root["data_1"][name][1:] = values
+        with path.open("r+b") as file:
+            seal.seal(file)
+        for command, kind in (("plot", "svg"), ("report", "html")):
+            target = tmp_path / f"{name}.{kind}"
+            status, said = answer(command, str(path), "-o", str(target), "--force")
+            assert status == 0, f"{name}: {command}: {said}"
 
 
 @pytest.mark.parametrize("kind", FILES)

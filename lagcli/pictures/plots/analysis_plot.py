@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import pretty_unit
 from lagcli.pictures.plots.figure_file import FigureTarget
+from lagcli.pictures.plots.ticks import drawable
 
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # number of panels by default
@@ -106,9 +108,9 @@ def _draw_comparison(figure: Any, content: Mapping[str, Any]) -> None:
         }
         label = f"{run['formulation']}, {run['method']}, {run['engine']}, {run['rtol']:.0e}"
         for ax, name in zip(axes, _COMPARED, strict=True):
-            values = np.asarray(run["curves"][name], float)
+            values = _numbers(run["curves"][name])
             drawn = np.where(values > 0, values, np.nan)  # a logarithmic axis has no zero
-            (line,) = ax.plot(run["curves"]["time"], drawn, lw=1.0, label=label, **look)
+            (line,) = ax.plot(_numbers(run["curves"]["time"]), drawn, lw=1.0, label=label, **look)
         handles.append(line)
     for ax, label in zip(axes, _COMPARED.values(), strict=True):
         ax.set_yscale("log")
@@ -124,20 +126,25 @@ def _draw_models(
     """Draw the difference of the coordinates of two models, and the multipliers of both."""
     curves = content["curves"]
     axes = np.atleast_1d(figure.subplots(1 + len(shown), 1, sharex=True))
-    off = np.asarray(curves["q"], float)
-    axes[0].plot(curves["time"], np.where(off > 0, off, np.nan), lw=1.0, color=style.PALETTE[2])
+    time, off = _numbers(curves["time"]), _numbers(curves["q"])
+    axes[0].plot(time, np.where(off > 0, off, np.nan), lw=1.0, color=style.PALETTE[2])
     axes[0].set_yscale("log")
     axes[0].set_ylabel(_COMPARED["q"])
     for ax, name in zip(axes[1:], shown, strict=True):
         for number, (side, model) in enumerate((("first", "model"), ("second", "other"))):
             look = {"color": style.PALETTE[number], "ls": ("-", (0, (4, 2)))[number]}
-            values = curves["multipliers"][name][side]
-            ax.plot(curves["time"], values, lw=1.2, label=content[model], **look)
+            values = _numbers(curves["multipliers"][name][side])
+            ax.plot(time, values, lw=1.2, label=content[model], **look)
         ax.set_ylabel(_label(f"lambda.{name}", units))
         ax.legend(loc="best", fontsize="small")
     for ax in axes:
         ax.margins(x=0)
     axes[-1].set_xlabel("t [s]")
+
+
+def _numbers(values: Any) -> Array:
+    """Return numbers of the content, with NaN for those too large for an axis."""
+    return drawable(np.asarray(values, float))
 
 
 def _series(branch: Mapping[str, Any]) -> dict[str, Sequence[float]]:
@@ -174,8 +181,7 @@ def _draw_branches(
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for ax, name in zip(axes, panels, strict=True):
         for number, branch in enumerate(content["branches"]):
-            at = np.asarray(branch["parameter"], float)
-            values = np.asarray(_series(branch)[name], float)
+            at, values = _numbers(branch["parameter"]), _numbers(_series(branch)[name])
             verdicts = [x if x in _DRAWN else "stable" for x in branch["stability"]]
             look = {"color": style.PALETTE[number % len(style.PALETTE)]}
             for verdict in dict.fromkeys(verdicts):
@@ -188,7 +194,8 @@ def _draw_branches(
             value = _series_at(point, name)
             if value is not None:
                 marker = _MARKERS.get(point["kind"], _OF_CONTACT)
-                ax.plot([point["parameter"]], [value], marker, ms=6, mfc="white", color="#202020")
+                place = _numbers([point["parameter"]]), _numbers([value])
+                ax.plot(*place, marker, ms=6, mfc="white", color="#202020")
         ax.set_ylabel(_label(name, units))
         ax.margins(x=0.02, y=0.08)
     axes[-1].set_xlabel(_label(content["parameter"], units))
@@ -242,7 +249,7 @@ def _draw_spectrum(figure: Any, content: Mapping[str, Any]) -> None:
         modes = [mode for mode in content["modes"] if mode["kind"] == kind]
         if not modes:
             continue
-        points = np.array([mode["eigenvalue"] for mode in modes])
+        points = _numbers([mode["eigenvalue"] for mode in modes])
         color = style.PALETTE[number % len(style.PALETTE)]
         for sign in (1, -1):
             ax.plot(
@@ -260,9 +267,9 @@ def _draw_spectrum(figure: Any, content: Mapping[str, Any]) -> None:
     ax.set_xlabel("Re s [1/s]")
     ax.set_ylabel("Im s [1/s]")
     ax.margins(0.12)
-    values = np.array([mode["eigenvalue"] for mode in content["modes"]])
+    values = _numbers([mode["eigenvalue"] for mode in content["modes"]])
     if not np.any(values[:, 0]):
         # undamped: centre the imaginary axis
-        reach = np.abs(values).max() or 1.0
+        reach = np.nanmax(np.abs(values), initial=0.0) or 1.0
         ax.set_xlim(-reach / 4, reach / 4)
     ax.legend(loc="best")

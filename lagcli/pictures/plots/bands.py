@@ -54,6 +54,12 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
             raise UsageError(f"--band {text}: {run.name} has no derivatives by `{name}`; {has}")
         if percent:
             known = {**run.record.parameters, **_initial(run)}
+            if name not in known:
+                raise UsageError(
+                    f"--band {text}: {run.name} lacks the value of `{name}`, which a CSV file"
+                    " without its sidecar (--meta) does not contain; give the spread in SI, as in"
+                    f" {name}=0.01"
+                )
             value *= abs(known[name]) / 100
         found[name] = value
     return found

@@ -14,7 +14,7 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import pretty_unit
 from lagcli.pictures.plots.figure_file import FigureFile, FigureTarget
-from lagcli.pictures.plots.ticks import plain_ticks
+from lagcli.pictures.plots.ticks import drawable, plain_ticks
 
 _WIDTH, _DATA, _RESIDUALS = 7.0, 1.9, 0.9  # inches
 _GREY = "#8C8C8C"
@@ -86,11 +86,14 @@ def draw_fit(
         below = figure.add_subplot(grid[2 * number + 1], sharex=above)
         axes += [above, below]
         data, j = panel.data, panel.place
-        there = np.isfinite(data.measured[:, j])
-        time = data.times[there]
+        time, measured, model, residuals = (
+            drawable(x)
+            for x in (data.times, data.measured[:, j], data.model[:, j], data.residuals[:, j])
+        )
+        there = np.isfinite(measured)
         points = {"linestyle": "none", "marker": ".", "markersize": 3, "color": _GREY}
-        above.plot(time, data.measured[there, j], **points, label="measured")
-        above.plot(data.times, data.model[:, j], **style.line(0), label="fitted")
+        above.plot(time[there], measured[there], **points, label="measured")
+        above.plot(time, model, **style.line(0), label="fitted")
         style.legend_beside(above)
         unit = pretty_unit(result.units.get(panel.name, ""))
         label = panel.name.replace("$", r"\$")
@@ -98,7 +101,7 @@ def draw_fit(
         if len(result.data) > 1:
             above.set_title(data.path.replace("$", r"\$"), fontsize=8, loc="left")
         below.axhspan(-_BAND, _BAND, color=_GREY, alpha=0.2, linewidth=0)
-        below.plot(time, data.residuals[there, j], **points)
+        below.plot(time[there], residuals[there], **points)
         below.set_ylabel(r"residual [$\sigma$]")
         above.tick_params(labelbottom=False)
         below.set_xlabel("$t$ [s]" if number == len(panels) - 1 else "")

@@ -300,6 +300,10 @@ class Hdf5Reader:
             events=self._read_events(),
             **from_metadata(metadata),
         )
+        rates = (f"{q}'" for q in self.coordinates)
+        known = {*self.record.parameters, *self.coordinates, *rates}
+        if unknown := [name for name in self.sensitivity if name not in known]:
+            raise ValueError(f"{_PARAMETER} has {unknown[0]}, which parameters has not")
 
     def _read_inputs(self) -> dict[str, InputTable]:
         from lagcli.results.hdf5.inputs import read_inputs

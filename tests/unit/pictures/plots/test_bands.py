@@ -41,6 +41,16 @@ def test_mistakes(text: str) -> None:
         read_bands(RunFile(RUN), [text])
 
 
+def test_a_percentage_needs_the_value(tmp_path: Path) -> None:
+    path = str(tmp_path / "run.csv")
+    lagcli.write(RUN, path)
+    run = RunFile(path)
+    assert read_bands(run, ["l=0.01"]) == {"l": 0.01}
+    assert read_bands(run, ["phi'=1%"]) == pytest.approx({"phi'": abs(RUN.v[0, 0]) / 100})
+    with pytest.raises(UsageError, match=r"lacks the value of `l`.*--meta.*give the spread in SI"):
+        read_bands(run, ["l=1%"])
+
+
 @pytest.mark.parametrize(
     "name", ["energy_total", "phi_ddot", "Qc.phi", "residual_position.guide", "slider", "phi:psi"]
 )

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from trajectories import MODEL, assert_same, make, random_trajectories
 
+import lagcli
 from lagcli.columns import QUANTITIES, SCALARS
 from lagcli.errors import FileError, UsageError
 from lagcli.results import read, write
@@ -465,6 +466,20 @@ def test_a_file_with_a_right_checksum_is_still_checked(tmp_path: Path, name: str
     with pytest.raises(FileError, match=reason) as caught:
         read(path)
     assert str(path) in str(caught.value)
+
+
+def test_derivatives_are_by_parameters_or_initial_values(tmp_path: Path) -> None:
+    model = lagcli.load(Path(__file__).parents[4] / "models" / "slider_crank.yaml")
+    run = lagcli.simulate(model, samples=3, sensitivity=["l", "phi'"])
+    path = _written(tmp_path, run)
+    assert read(path).sensitivity == ("l", "phi'")
+    with h5py.File(path, "a") as root:
+        values = {k: v for k, v in run.parameters.items() if k != "l"}
+        _set("parameters", json.dumps(values))(root)
+    with path.open("r+b") as file:
+        seal.seal(file)
+    with pytest.raises(FileError, match="parameter has l, which parameters has not"):
+        read(path)
 
 
 def test_every_cut_is_noticed(tmp_path: Path) -> None:
