@@ -21,8 +21,9 @@ from lagcli.engine.contract import Stop
 Project = Callable[[float, Array, Array], tuple[Array, Array]]
 
 _ITERATIONS = 6
-#: The iteration ends when the states after the configuration change by less than this, relatively.
-#: It contracts with the square of the passage's duration, so that only rounding errors remain.
+#: The iteration ends when the states after the configuration change by less than this, relatively
+#: and as far as they affect the passage. It contracts with the square of the passage's duration, so
+#: that only rounding errors remain.
 _SETTLED = 1e-12
 #: Largest change at the end of the iteration; beyond it, the motion continues on another branch.
 _CONTINUED = 1e-6
@@ -68,11 +69,18 @@ class Crossing:
         places = [self._scaled(t) for t in [*(t for t, _ in before), *times]]
         matrix = polyvander(places, len(places) - 1)
         states = [project(t, *guess(t)) for t in times]
+        # Between the nearest states, the polynomials of the others are about (nearest/distance)².
+        # Without these factors, a step that ends by chance next to the configuration would stop the
+        # run: the farther states multiply the rounding errors of its a by distance/nearest.
+        effects = [((self.end - singular) / (t - singular)) ** 2 for t in times]
         for _ in range(_ITERATIONS):
             values = known + [self._unknowns(t, *s) for t, s in zip(times, states, strict=True)]
             self._integrate(np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=float))
             last, states = states, [project(t, *self(t)[:2]) for t in times]
-            moved = max(_distance(a, b, motion.sizes) for a, b in zip(states, last, strict=True))
+            moved = max(
+                effect * _distance(a, b, motion.sizes)
+                for effect, a, b in zip(effects, states, last, strict=True)
+            )
             if moved <= _SETTLED:
                 break
         if not moved <= _CONTINUED:
