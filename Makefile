@@ -20,7 +20,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_compiled_run.py tests/unit/engine
               tests/unit/engine/constraints/test_initial_batch.py tests/unit/engine/integrate/test_events.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install demo test test-kernels fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
+.PHONY: help install demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -53,6 +53,20 @@ test-kernels: install ## Run the tests with each of OpenBLAS' kernels that this 
 	  echo "OPENBLAS_CORETYPE=$${kernel##*:}"; \
 	  OPENBLAS_CORETYPE=$${kernel##*:} $(BIN)/python -m pytest $(PARALLEL) $(TESTS) || exit 1; \
 	done
+
+# setuptools reuses what it compiled with other flags
+CLEAN_BUILD := rm -rf build/lib.* build/temp.*
+
+# A second build, beside the installed one. Tests marked `bits` are left out, because only without
+# contraction do the core and the reference round alike; others compare values with a tolerance.
+test-fma: install ## Run the core's tests with a core that multiplies and adds in one operation
+	@grep -qw fma /proc/cpuinfo || { echo "this processor has no fused multiply-add"; exit 1; }
+	$(CLEAN_BUILD)
+	LAGCLI_CONTRACTION="-ffp-contract=fast -mfma" $(BIN)/python -m pip install --quiet \
+	  --disable-pip-version-check --no-deps --upgrade --target build/fma .
+	$(CLEAN_BUILD)
+	LAGCLI_CONTRACTION=fast PYTHONPATH=build/fma:. $(BIN)/pytest -p no:cacheprovider \
+	  -m "not slow and not fuzz and not bits" $(CORE_TESTS)
 
 fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
 	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests/fuzz
@@ -112,9 +126,11 @@ docs-check: install ## Run the commands and check the statements of the document
 # A second build, beside the installed one. The interpreter itself is not instrumented, so the
 # runtime libraries are loaded before it, and its own memory pools and leaks are left out.
 sanitize: install ## Run the core's tests with the address and undefined-behaviour sanitizers
+	$(CLEAN_BUILD)
 	CFLAGS="-O1 -fsanitize=address,undefined -fno-sanitize-recover=all -g" \
 	  LDFLAGS="-fsanitize=address,undefined" $(BIN)/python -m pip install --quiet \
 	  --disable-pip-version-check --no-deps --upgrade --target build/sanitized .
+	$(CLEAN_BUILD)
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
 	  ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc PYTHONPATH=build/sanitized:. \
 	  $(BIN)/pytest -p no:cacheprovider $(CORE_TESTS)

@@ -30,12 +30,13 @@ core = Extension(
     ],
     include_dirs=[str(CORE)],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
-    # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
+    # multiplies and adds at once change them, but for `make test-fma`. Nobody reads errno, and with
+    # it no root is a vector's.
     # Jumps through tables cost the evaluator dearly where they cannot be predicted. What is
     # hidden from outside is called without a detour
     extra_compile_args=[
         "-O3",
-        "-ffp-contract=off",
+        *os.environ.get("LAGCLI_CONTRACTION", "-ffp-contract=off").split(),
         "-fno-math-errno",
         "-fno-jump-tables",
         "-fvisibility=hidden",

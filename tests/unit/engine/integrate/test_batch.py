@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from integration_requests import changed
+from tape_values import CONTRACTED
 
 import lagcli
 from lagcli.engine.contract import Block, Interrupted
@@ -295,7 +296,8 @@ def test_settings_apply(changes):
     runs = Runs(lagcli.load(MODELS[NAMES.index("driven_slider_crank")]), rtol=1e-10, **changes)
     [(found, run)] = runs()
     expected, single = runs.single(0)
-    assert run.steps == single.steps
+    # with contraction, vectors and single numbers round differently, and so do step sizes
+    assert abs(run.steps - single.steps) <= (1 if CONTRACTED else 0)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
