@@ -219,6 +219,10 @@ class EventLog:
         self.records.check(len(self))
         if self.parameters and self.dtime.shape != (len(self), len(self.parameters)):
             raise ValueError("there is not one derivative of each time by each parameter")
+        for name in ("loss", "supplied", "work", "impulse"):
+            with np.errstate(over="ignore"):
+                if np.isinf(np.abs(getattr(self, name)).sum(axis=0)).any():
+                    raise ValueError(f"{name} of the events, or its sum, is infinite")
 
     def recorded(self, column: str) -> tuple[Array, Array]:
         """Return a recorded column, right before and right after each entry.

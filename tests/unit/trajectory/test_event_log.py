@@ -83,6 +83,8 @@ def test_sentences() -> None:
         ({"start": np.array([0, 4])}, "mode"),
         ({"modes": np.full((6, 2), -1)}, "mode"),
         ({"rows": ("floor", "floor")}, "twice"),
+        ({"work": np.full(6, 1e308)}, "work of the events, or its sum, is infinite"),
+        ({"loss": np.array([0.0] * 5 + [-np.inf])}, "loss of the events"),
     ],
 )
 def test_a_log_without_sense_is_rejected(change: dict[str, object], message: str) -> None:
