@@ -204,7 +204,8 @@ def scaled(
     root mean square is. Vectors that are rounding errors relative to the longest one are 0.
     """
     size = max((high - low for low, high in extent), default=0.0) or 1.0
-    lengths = [np.sqrt(sum((x * x for x in v.components), np.zeros(1))) for v in vectors]
+    with np.errstate(over="ignore"):  # infinite lengths have no part in a scale
+        lengths = [np.sqrt(sum((x * x for x in v.components), np.zeros(1))) for v in vectors]
     groups: dict[str, list[Array]] = {}
     for v, length in zip(vectors, lengths, strict=True):
         groups.setdefault(v.unit or v.quantity, []).append(length[np.isfinite(length)])
@@ -213,7 +214,8 @@ def scaled(
         every = np.concatenate(found)
         every = every[every > 0]
         least[key] = _ROUNDED * every.max(initial=0.0)
-        long = min(every.max(), 3 * np.sqrt(np.mean(every**2))) if every.size else 0.0
+        with np.errstate(over="ignore"):
+            long = min(every.max(), 3 * np.sqrt(np.mean(every**2))) if every.size else 0.0
         scales[key] = LONG * size / long if long > 0 else 1.0
     shown = []
     for v, length in zip(vectors, lengths, strict=True):

@@ -228,3 +228,12 @@ def test_frames_of_discs() -> None:
     first, second = frames(point([0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [3.0, 0.0, 0.0]))
     np.testing.assert_allclose(first, [[1, 0, 0], [-1, 0, 0], [0, 1, 0]], atol=1e-15)
     np.testing.assert_allclose(second, [[0, 1, 0], [0, 0, 1], [0, 0, 1]], atol=1e-15)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_vector_too_long_for_numbers_has_no_part_in_the_scale() -> None:
+    usual, long = np.array([1.0, 2.0]), np.array([1.0, 1e308])
+    extent = [(0.0, 10.0)]
+    (alone,) = scaled([DrawnVector("F", "force", "A", (usual,), "N")], extent)
+    (beside,) = scaled([DrawnVector("F", "force", "A", (long,), "N")], extent)
+    assert alone.scale * 2.0 == pytest.approx(beside.scale * 1.0)
