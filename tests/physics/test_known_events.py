@@ -125,3 +125,22 @@ def test_five_forms_of_a_kick_give_the_same_motion(form: str, method: str) -> No
     waves = np.where(since >= 0, np.sin(3 * since), 0).sum(axis=1)
     # a sample at a kick is to its right, where sin is zero in any case
     np.testing.assert_allclose(run.q[:, 0], np.cos(3 * run.time) + 0.5 / 3 * waves, atol=1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_condition_is_not_passed_over_at_the_instant_of_another(method: str) -> None:
+    """Two roots 2.4e-5 apart, of x and of t: the second instant begins within rounding of the first
+    condition's root."""
+    cubic = "0.00167243805458425*({z}^3 - 2.045428748892167*{z}^2 + 1.3338426225705602*{z}"
+    cubic += " - 0.28129209670049915)"
+    model = lagcli.load_text(
+        "coordinates: [x]\nT: x'^2/2\ninitial: {x: 0, x': 2.231681335237453e-08}\nevents:\n"
+        f'  c: {{when: "{cubic.format(z="(x/2.231681335237453)")} = 0"}}\n'
+        f'  d: {{when: "{cubic.format(z="(t/1e8)")} >= 0"}}\n'
+    )
+    run = lagcli.simulate(model, t_end=1e8, samples=2, method=method)
+    assert run.events is not None
+    assert (len(run.events.instants("c", "event")), len(run.events.instants("d", "event"))) == (
+        3,
+        2,
+    )

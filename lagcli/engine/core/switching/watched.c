@@ -352,6 +352,8 @@ static int turns_back(const lag_run *run, const lag_watched_function *w, double 
     const lag_switching *sw = &run->switching;
     if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !(slope < 0.0))
         return 0;
+    if (!sw->condition[w->which].happened && run->step.t > run->step.t_start)
+        return 0;
     return fabs(value) <= -slope * (w->resolved - run->step.t) + lag_condition_noise(sw->condition + w->which);
 }
 
