@@ -201,9 +201,11 @@ static int update_conditions(lag_run *run)
         if (isnan(value))
             return LAG_UNDEFINED;
         const double noise = lag_condition_noise(condition), before = condition->value;
+        /* an action may move the state by the drift of the constraints */
+        const double zero = condition->happened ? WRONG * noise : noise;
         condition->largest = fmax(condition->largest, fabs(value));
         condition->value = value;
-        if (sw->begun && (!(fabs(value - before) > noise) || fabs(value) <= noise))
+        if (sw->begun && (!(fabs(value - before) > noise) || fabs(value) <= zero))
             continue;
         const int holds = value >= 0.0, changes = holds != condition->holds;
         condition->holds = holds;

@@ -17,7 +17,6 @@
 #define TOGETHER 1e-12      /* of the run, ... */
 #define TOGETHER_IN_STEP 1e-13 /* ... or of the step, in addition to ... */
 #define TOGETHER_IN_TIME (8.0 * DBL_EPSILON) /* ... the rounding of the time: roots at one instant */
-#define WRONG 1e4           /* times the rounding error of a condition or a kink: it is on its other side */
 #define SHIFT 1e-7          /* of a step: interval of difference quotients */
 
 /* The signed value of a condition's function at the state of its tape. */
