@@ -377,7 +377,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
             found[k] = -found[k];
             slopes[k] = -slopes[k];
         }
-        if (found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
+        const int other = w->what >= LAG_WATCH_CONDITION && !sw->condition[w->which].happened && t > run->step.t_start;
+        if (!other && found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(found[k], 0.0);
         w->noise = found[k] < rounding ? fmax(rounding, -found[k]) : 0.0;
         if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
