@@ -17,6 +17,7 @@
 #define TOGETHER 1e-12      /* of the run, ... */
 #define TOGETHER_IN_STEP 1e-13 /* ... or of the step, in addition to ... */
 #define TOGETHER_IN_TIME (8.0 * DBL_EPSILON) /* ... the rounding of the time: roots at one instant */
+#define LOOSE 100.0         /* of the tolerances: how far dense outputs of implicit methods may be off within a step */
 #define SHIFT 1e-7          /* of a step: interval of difference quotients */
 
 /* The signed value of a condition's function at the state of its tape. */
@@ -341,7 +342,7 @@ static double error_of_gap(const lag_run *run, int row, const double *y)
     for (int i = 0; i < run->system.nq; ++i)
         sum += fabs(sw->jacobian[row * run->system.nq + i])
                * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]));
-    return sum;
+    return LOOSE * sum;
 }
 
 /* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
