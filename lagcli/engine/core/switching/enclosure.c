@@ -232,7 +232,7 @@ static void take_output(lag_run *run, int k, int order, lag_interval *out)
     out[0] = lag_interval_add(out[0], (lag_interval){w->shift, w->shift});
 }
 
-/* Evaluate the tapes of the functions to be looked at with t in [a, b] and the states' jets, unless they hold that. */
+/* Evaluate a tape with t in [a, b] and the jets of the states. */
 static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int order)
 {
     const lag_enclosure *e = &run->switching.enclosure;

@@ -252,7 +252,7 @@ static double first_enclosed(along_step *f, double from, double to)
 
 /* Functions of a and lambda: by the polynomial through values at nodes. */
 
-/* The same with an expected root `guess`: brackets around it are tried first. */
+/* `locate` with an expected root `guess`: brackets around it are tried first. */
 static double locate_near(along_step *f, double low, double high, double b, double guess)
 {
     const double least = exact_in(f->run, high), whole = high - low;
