@@ -345,14 +345,19 @@ static double error_of_gap(const lag_run *run, int row, const double *y)
     return LOOSE * sum;
 }
 
+/* Whether a condition begins at its value: it has just happened, or the run starts. */
+static int begins(const lag_run *run, const lag_watched_function *w, double t)
+{
+    return run->switching.condition[w->which].happened || !(t > run->step.t_start);
+}
+
 /* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
  * other side: it has just happened and turns back, or begins at zero. */
 static int turns_back(const lag_run *run, const lag_watched_function *w, double value, double slope)
 {
     const lag_switching *sw = &run->switching;
-    if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !(slope < 0.0))
-        return 0;
-    if (!sw->condition[w->which].happened && run->step.t > run->step.t_start)
+    if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !(slope < 0.0)
+        || !begins(run, w, run->step.t))
         return 0;
     return fabs(value) <= -slope * (w->resolved - run->step.t) + lag_condition_noise(sw->condition + w->which);
 }
@@ -378,7 +383,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
             found[k] = -found[k];
             slopes[k] = -slopes[k];
         }
-        const int other = w->what >= LAG_WATCH_CONDITION && !sw->condition[w->which].happened && t > run->step.t_start;
+        const int other = w->what >= LAG_WATCH_CONDITION && !begins(run, w, t); /* the instant of others */
         if (!other && found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(found[k], 0.0);
         w->noise = found[k] < rounding ? fmax(rounding, -found[k]) : 0.0;
