@@ -23,32 +23,6 @@ if TYPE_CHECKING:
 Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
 
 
-class Event(NamedTuple):
-    """A sign change of one of a System's event functions.
-
-    Parameters
-    ----------
-    number : int
-        Index of the function.
-    direction : int
-        1 if it rises through zero, −1 if it falls.
-    time : float
-        Time, s: the first one at which the function has its new sign.
-    q, v : (nq,) arrays
-        The state there, on the constraints.
-    """
-
-    number: int
-    direction: int
-    time: float
-    q: Array
-    v: Array
-
-
-#: Reaction to an event: "go on", "stop", or the state (q, v) from which to continue.
-Reaction = Literal["go on", "stop"] | tuple[Array, Array]
-
-
 #: Kinds of log entries. "rest" ends a sequence of impacts that has a limit in time; "not unique":
 #: an impact has more than one solution; "redundant": from here on, a force is not unique, since
 #: other rows can bear parts of it; "two motions", "no motion" and "jams" end a run; "event" is one
@@ -167,8 +141,6 @@ class IntegrationRequest(NamedTuple):
     prepared : Prepared, optional
         Prepared programs of a run with other values, used if they are suitable. Compiled engine
         only.
-    on_event : callable, optional
-        Event → Reaction; without it, events are not searched for.
     on_parameters : callable, optional
         Called with the values of all parameters when an event sets some, after the previous samples
         were emitted.
@@ -187,7 +159,6 @@ class IntegrationRequest(NamedTuple):
     block_rows: int = 4096
     elimination: Elimination | None = None
     prepared: Prepared | None = None
-    on_event: Callable[[Event], Reaction] | None = None
     on_parameters: Callable[[tuple[float, ...]], None] | None = None
     breaks: Array = np.empty(0)
 
@@ -304,25 +275,6 @@ class Undefined(Stop):
         super().__init__(f"the equations have no finite value at t = {state.t:.9g} s", state)
 
 
-class Stopped(Exception):
-    """Ends a run at the request of an event.
-
-    Parameters
-    ----------
-    event : Event or str
-        Sign change, or the name of a model event.
-    time : float, optional
-        Time of the occurrence, s.
-    """
-
-    def __init__(self, event: Event | str, time: float = 0.0):
-        if isinstance(event, Event):
-            name, time = str(event.number), event.time
-        else:
-            name = f"`{event}`"
-        super().__init__(f"event {name} stopped the run at t = {time:.9g} s")
-
-
 class Interrupted(Exception):
     """Ends a run that the user cancels; raised by the callback ``progress``."""
 
@@ -360,8 +312,6 @@ def outcome(integrate: Callable[[], None]) -> Outcome:
         integrate()
     except Stop as stop:
         return Outcome("failed", str(stop), undefined=stop.undefined, constraints=stop.constraints)
-    except Stopped as stopped:
-        return Outcome("stopped-by-event", str(stopped))
     except Interrupted:
         return Outcome("interrupted", "interrupted; the samples so far are kept")
     return Outcome("completed")

@@ -13,7 +13,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.near_singular import next_to_singular
-from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
+from lagcli.engine.contract import Block, IntegrationRequest, Interrupted
 from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
@@ -193,8 +193,6 @@ class Simulation:
         Elapsed time by phase.
     prepared : Prepared, optional
         See `lagcli.engine.contract.IntegrationRequest`.
-    on_event : callable, optional
-        See `lagcli.engine.contract.IntegrationRequest`.
     monitor : Monitor, optional
         Monitor of the conserved quantities.
     sensitivity : SensitivityRun, optional
@@ -208,7 +206,6 @@ class Simulation:
     start: ConsistentState
     seconds: dict[str, float]
     prepared: Prepared | None = None
-    on_event: Callable[[Event], Reaction] | None = None
     monitor: Monitor = NO_MONITOR
     sensitivity: SensitivityRun | None = None
 
@@ -245,7 +242,6 @@ class Simulation:
             block_rows=self._block_rows,
             elimination=self.start.elimination,
             prepared=self.prepared,
-            on_event=self.on_event,
         )
 
     @property

@@ -257,12 +257,6 @@ cdef class Integrator:
     def flat(self, places):
         return [i * self.nq + j for i, j in places]
 
-    def watch_events(self, tape):
-        """Look for sign changes of a tape's outputs along the motion, from the start on."""
-        cdef _Arguments arguments = _Arguments()
-        cdef lag_program program = arguments.program(assemble(tape))
-        _checked(lag_use_events(self.run, &program))
-
     def resolve_time(self, program):
         """Limit steps so that they resolve functions that depend on t explicitly: their program."""
         cdef _Arguments arguments = _Arguments()
@@ -273,12 +267,6 @@ cdef class Integrator:
         """End steps at times, which increase: the right side is not smooth there."""
         cdef _Arguments arguments = _Arguments()
         _checked(lag_use_breaks(self.run, arguments.doubles(times), len(times)))
-
-    @property
-    def event(self):
-        """Number, direction, time and state of the last event."""
-        cdef lag_event event = lag_last_event(self.run)
-        return event.which, event.direction, event.time, _copy(event.y, self.n)
 
     def switch(self, method):
         """Go on with a method of `METHODS`; an implicit one must be prepared."""

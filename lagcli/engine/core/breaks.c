@@ -39,8 +39,7 @@ void lag_renew_tapes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     lag_derivatives *w = &run->derivatives;
-    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->system.tangent, &run->events.tape,
-                         &run->series.values,
+    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->system.tangent, &run->series.values,
                          run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
                          &sw->forces, &sw->condition_tape, &sw->force_condition_tape, &sw->kinks.tape, &sw->enclosure.gaps,
                          &w->dynamics, &w->constraint, &w->functions, &w->limits, &w->impact, &w->forces,

@@ -226,12 +226,6 @@ typedef struct {
     const int *mode[2];
 } lag_contact_report;
 
-typedef struct {
-    int which, direction;              /* index of the function; 1 if it rises, -1 if it falls */
-    double time;
-    const double *y;                   /* n */
-} lag_event;
-
 /* The state of a run. Its arrays are valid until the run continues. */
 typedef struct {
     double t_old, t;                   /* start and end of the last step */
@@ -287,9 +281,6 @@ int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
  * solution for all blocks. Call it before lag_use_dense and its like.
  */
 int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete);
-
-/* Detect sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
-int lag_use_events(lag_run *run, const lag_program *functions);
 
 /* Limit steps so that they resolve functions of (t, q, v, p) that depend on t explicitly. */
 int lag_use_explicit_time(lag_run *run, const lag_program *functions);
@@ -393,7 +384,6 @@ void lag_move(lag_run *run, double t, const double *y, long times_next);
 int lag_sizes_again(lag_run *run);
 
 lag_report lag_report_of(const lag_run *run);
-lag_event lag_last_event(const lag_run *run);
 
 /* Taylor coefficients of y here, n rows of order + 1. Returns 0, or 1 where there are none. */
 int lag_coefficients(lag_run *run, double *out);

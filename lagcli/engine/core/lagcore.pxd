@@ -106,11 +106,6 @@ cdef extern from "lagcore.h" nogil:
         const double *coefficients
         double period
 
-    ctypedef struct lag_event:
-        int which, direction
-        double time
-        const double *y
-
     ctypedef struct lag_report:
         double t_old, t
         const double *y
@@ -249,7 +244,6 @@ cdef extern from "lagcore.h" nogil:
     const double *lag_matrix(const lag_run *run)
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
     int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete)
-    int lag_use_events(lag_run *run, const lag_program *functions)
     int lag_use_explicit_time(lag_run *run, const lag_program *functions)
     int lag_use_breaks(lag_run *run, const double *times, long count)
     int lag_use_functions(lag_run *run, const lag_function *functions, int count)
@@ -264,7 +258,6 @@ cdef extern from "lagcore.h" nogil:
     void lag_move(lag_run *run, double t, const double *y, long times_next)
     int lag_sizes_again(lag_run *run)
     lag_report lag_report_of(const lag_run *run)
-    lag_event lag_last_event(const lag_run *run)
     int lag_coefficients(lag_run *run, double *out)
 
 

@@ -41,12 +41,6 @@ lag_report lag_report_of(const lag_run *run)
     };
 }
 
-lag_event lag_last_event(const lag_run *run)
-{
-    const lag_events *e = &run->events;
-    return (lag_event){e->which, e->direction, e->time, e->y};
-}
-
 int lag_coefficients(lag_run *run, double *out)
 {
     const lag_series *series = &run->series;

@@ -6,7 +6,6 @@
 #include "breaks.h"
 #include "derivatives/changes.h"
 #include "methods/control.h"
-#include "events.h"
 #include "methods/dop853.h"
 #include "methods/method.h"
 #include "motion.h"
@@ -77,7 +76,6 @@ int lag_start(lag_run *run)
     run->solver.inaccuracy = INFINITY; /* unknown */
     lag_clocks_start(run);
     lag_breaks_start(run);
-    lag_events_start(run);
     lag_sizes_start(run);
     lag_first_step(run, run->method->order);
     if (run->switching.used && lag_watch_modes(run, run->step.t, run->step.y, run->step.f) != LAG_RUNNING)
@@ -195,9 +193,7 @@ int lag_advance(lag_run *run, long slice)
 {
     for (;;) {
         if (run->step.finishing) {
-            int status = run->events.count ? lag_events_look(run) : LAG_RUNNING;
-            if (status == LAG_RUNNING && run->switching.used)
-                status = lag_look_for_instant(run);
+            int status = run->switching.used ? lag_look_for_instant(run) : LAG_RUNNING;
             if (status == LAG_RUNNING && !run->switching.due)
                 status = finish(run);
             if (status != LAG_RUNNING)

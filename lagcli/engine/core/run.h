@@ -155,18 +155,6 @@ typedef struct {
     double start, end, step;           /* steps up to this resolve them between these times */
 } lag_resolution;
 
-/* events.c: where a function of (t, q, v) changes its sign along the motion. */
-typedef struct {
-    int count;                         /* 0: there are none */
-    lag_tape tape;                     /* their functions */
-    int32_t *sign, *after;             /* count: at `since` and later; 0 if unknown */
-    double since;                      /* up to where the last step was searched */
-    double time;                       /* of the last event */
-    int which, direction;              /* index of the function; 1 if it rises, else -1 */
-    int located;                       /* whether it is later than the samples */
-    double *y;                         /* n: the state there, on the constraints */
-} lag_events;
-
 /* motion.c and project.c: the state that a status is about. */
 typedef struct {
     double t;
@@ -191,7 +179,6 @@ struct lag_run {
     lag_rows rows;
     lag_watch watch;
     lag_samples samples;
-    lag_events events;
     lag_resolution resolution;
     lag_breaks breaks;
     lag_switching switching;

@@ -310,17 +310,6 @@ int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int co
     return lag_bind(run, &run->pool, &run->system.tangent, tangent);
 }
 
-int lag_use_events(lag_run *run, const lag_program *functions)
-{
-    lag_events *events = &run->events;
-    events->count = (int)functions->output_count;
-    events->time = NAN;
-    events->sign = lag_copy_integers(&run->pool, NULL, events->count);
-    events->after = lag_copy_integers(&run->pool, NULL, events->count);
-    events->y = lag_doubles(&run->pool, lag_size(&run->system));
-    return lag_bind(run, &run->pool, &events->tape, functions);
-}
-
 int lag_use_breaks(lag_run *run, const double *times, long count)
 {
     run->breaks.times = lag_copy_doubles(&run->pool, times, count);

@@ -31,7 +31,6 @@ class Status(_Described):
     INACCURATE = "the static elimination is inaccurate at the end (t_bad, y_bad) of a rejected step"
     STIFF = "stability, not accuracy, limits the steps of an explicit method"
     ORDER = "an implicit method needs an order of pivots for its matrix"
-    EVENT = "an event happened inside the last step"
     CONTRADICTED = "redundant constraints may contradict each other after the last step"
     JUMPED = "the constraints at t_bad are met only far from y_bad"
     HAPPENED = "events happened at an instant, which waits for what they do"

@@ -135,7 +135,6 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.settings.method in ("auto", "DOP853")
         and request.settings.formulation == "projection"
         and request.rank == len(system.constraints)
-        and request.on_event is None
         and not len(request.breaks)
         and not (system.switching or system.nonlinear or freezes(system))
         and not system.functions.functions

@@ -16,7 +16,7 @@ def run(
     progress: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Integrate a System; see the contract in `lagcli.engine.contract`."""
-    if system.switching is not None or (request.on_event is None and freezes(system)):
+    if system.switching is not None or freezes(system):
         from lagcli.engine.integrate.switching_run import SwitchingIntegration
 
         return SwitchingIntegration(system, request, sink, progress).run()

@@ -19,12 +19,10 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.contract import (
     Block,
-    Event,
     IntegrationRequest,
     Limits,
     Outcome,
     Stop,
-    Stopped,
     Undefined,
     breaks_of,
     outcome,
@@ -132,8 +130,6 @@ class Integration:
         self.use(prepared)
         self.reordered = math.nan
         self.methods = Methods(self.core, system, request, self.no_series)
-        if request.on_event is not None and system.events is not None:
-            self.core.watch_events(system.events)
         explicit = self.explicit_time()
         if explicit is not None:
             self.core.resolve_time(explicit)
@@ -337,8 +333,6 @@ class Integration:
             self.methods.stiff()
         elif status == Status.ORDER:
             self.methods.order()
-        elif status == Status.EVENT:
-            return self.react()
         core.limit(self.settings.max_step)
         return bool(status == Status.DONE)
 
@@ -385,21 +379,6 @@ class Integration:
         """Measure B at this state, and get the largest lengths of its rows from the core."""
         self.motion.measure(self.core.t, *self.split(self.core.state))
         self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
-
-    def react(self) -> bool:
-        """Handle an event; return whether the end of the run is reached."""
-        core = self.core
-        number, direction, at, y = core.event
-        q, v = self.split(y)
-        assert self.request.on_event is not None
-        event = Event(number, direction, at, q.copy(), v.copy())
-        reaction = self.request.on_event(event)
-        if reaction == "stop":
-            raise Stopped(event)
-        if reaction != "go on":
-            core.move(at, np.concatenate([*reaction, y[-1:]]), core.times_next)
-            return self.handle_status(core.start())
-        return False
 
     def check_stepped_over(self) -> None:
         """Stop if the last step passed a singular configuration."""

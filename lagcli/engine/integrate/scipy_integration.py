@@ -20,16 +20,13 @@ from lagcli.engine.constraints.projection import Projection, is_far, jumped
 from lagcli.engine.constraints.singular import Ahead, RankWatch
 from lagcli.engine.contract import (
     Block,
-    Event,
     IntegrationRequest,
     Limits,
     Stop,
-    Stopped,
     Undefined,
     breaks_of,
 )
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.integrate.events import EventSearch
 from lagcli.engine.integrate.tolerances import Sizes
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
@@ -59,7 +56,6 @@ class ScipyIntegration:
         self.progress = progress or (lambda t: None)
         self.sizes: Sizes | None = None
         self.prepare(Evaluator(system, request.state.p))
-        self.events = EventSearch(system, request.state.p) if request.on_event is not None else None
         self.steps = self.rejected = 0
         self.waiting: list[Array] = []  # t, q, v, a, λ, W
         self.sampled = 0
@@ -78,7 +74,7 @@ class ScipyIntegration:
         """Integrate to the end; raise `Stop` to end early."""
         request = self.request
         t = request.state.t
-        y = self.begin(t, request.state.y)
+        y = self.consistent(t, request.state.y)
         self.watch.check_start(t, *self.motion.split(y), self.projection)
         self.check_redundancy(t, y)
         for at in self.due(t):
@@ -94,10 +90,8 @@ class ScipyIntegration:
                 self.settings.max_step, self.watch.largest_step()
             )  # LSODA: has no effect
             self.step(solver, t)
-            t, y, moved = self.accept(solver, t, y)
-            if moved:
-                y = self.begin(t, y)
-            elif self.at_break(t):
+            t, y = self.accept(solver, t, y)
+            if self.at_break(t):
                 y = self.pass_break(t, y)
             else:
                 solver = self.go_on(solver, t, y)
@@ -109,19 +103,12 @@ class ScipyIntegration:
                 if not self.settings.through_singular:
                     raise self.watch.stop(ahead.time, *ahead.path(ahead.time))
                 t, y = self.pass_singular(ahead)
-                y = self.begin(t, y)
+                y = self.consistent(t, y)
             self.progress(t)
             if t < self.settings.t_end:
                 solver = self.solver(t, y)
                 self.watch.restart()
                 self.watch.add(t, y)
-
-    def begin(self, t: float, y: Array) -> Array:
-        """Return the nearest consistent state, from which the integration starts."""
-        y = self.consistent(t, y)
-        if self.events is not None:
-            self.events.start(t, y)
-        return y
 
     def consistent(self, t: float, y: Array) -> Array:
         """Return the nearest consistent state, with y' as it is from now on."""
@@ -195,11 +182,8 @@ class ScipyIntegration:
         """Return the end of a run whose step size fell to the floor."""
         return self.watch.floor(t, y, self.settings.method, remark)
 
-    def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array, bool]:
-        """Sample the last step, and return the projected state at its end.
-
-        If an event changes the state, the step ends there, which the last value indicates.
-        """
+    def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array]:
+        """Sample the last step, and return the projected state at its end."""
         t, reached = solver.t, solver.y
         made: list[Callable[[float], Array]] = []
 
@@ -214,9 +198,6 @@ class ScipyIntegration:
         if not self.settings.through_singular:
             over = self.watch.stepped_over(inside, t_old, y_old, t, reached)
         end = t if over is None else over
-        moved = self.react(inside, t_old, t, end)
-        if moved is not None:
-            return (*moved, True)
         for at in self.due(math.nextafter(end, -math.inf) if self.at_break(end) else end):
             self.sample(at, inside(at))
         if over is not None:
@@ -224,27 +205,7 @@ class ScipyIntegration:
         y = self.project(t, reached)
         self.motion.measure(t, *self.motion.split(y))
         self.check_redundancy(t, y)
-        return t, y, False
-
-    def react(
-        self, inside: Callable[[float], Array], t_old: float, t: float, end: float
-    ) -> tuple[float, Array] | None:
-        """Handle the events of a step; return the state from which to continue."""
-        if self.events is None:
-            return None
-        assert self.request.on_event is not None
-        while (found := self.events.first(inside, t_old, t, end)) is not None:
-            for at in self.due(found.time):
-                self.sample(at, inside(at))
-            y = self.project(found.time, inside(found.time))
-            q, v = self.motion.split(y)
-            event = Event(found.number, found.direction, found.time, q.copy(), v.copy())
-            reaction = self.request.on_event(event)
-            if reaction == "stop":
-                raise Stopped(event)
-            if reaction != "go on":
-                return found.time, np.concatenate([*reaction, y[-1:]])
-        return None
+        return t, y
 
     def go_on(self, solver: OdeSolver, t: float, y: Array) -> OdeSolver:
         """Continue the integrator from the projected state, with the damping of this step."""

@@ -130,12 +130,7 @@ class SwitchingIntegration(Integration):
         #: change.
         self.engaging: tuple[int, float] | None = None
         self.core: binding.SwitchingIntegrator
-        super().__init__(
-            split.fixed,
-            request._replace(on_event=None),
-            sink,
-            progress,
-        )
+        super().__init__(split.fixed, request, sink, progress)
         self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
 

@@ -11,11 +11,9 @@ from pendulum_by_hand import pendulum_system, request
 
 from lagcli.engine.contract import (
     Block,
-    Event,
     Interrupted,
     Limits,
     Stop,
-    Stopped,
     Undefined,
     outcome,
 )
@@ -74,12 +72,6 @@ def test_limits_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
         (Stop("no way"), "failed", "no way", None),
         (Undefined(STATE), "failed", "no finite value at t = 0.25 s", STATE),
         (Interrupted(), "interrupted", "interrupted", None),
-        (
-            Stopped(Event(3, 1, 0.5, STATE.q, STATE.v)),
-            "stopped-by-event",
-            "event 3 stopped the run at t = 0.5 s",
-            None,
-        ),
     ],
 )
 def test_what_ends_a_run_decides_its_outcome(
