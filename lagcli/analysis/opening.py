@@ -57,9 +57,8 @@ def _open_hdf5(name: str) -> Any:
     from lagcli.results import read
     from lagcli.results.hdf5.analysis_file import read_analysis
     from lagcli.results.hdf5.opening import open_verified
-    from lagcli.trajectory.samples import SCHEMA_VERSION
 
-    with open_verified(name, SCHEMA_VERSION) as opened:
+    with open_verified(name) as opened:
         analysed = "content" in opened.root.attrs
         swept = opened.kind == "sweep" and not analysed
     if swept:

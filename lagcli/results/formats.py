@@ -37,7 +37,6 @@ class Reader(Protocol):
     conserved_names: tuple[str, ...]
     sensitivity: tuple[str, ...]
     terms: Terms
-    layout: str
     record: Record
 
     def count(self) -> int:

@@ -69,7 +69,6 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "bytes": os.path.getsize(path),
         "kind": KIND,
         **metadata,
-        "schema_version": file.layout,
         "model_name": model_name(model),
         "sizes": {
             "samples": extremes.samples,

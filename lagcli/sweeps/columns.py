@@ -28,8 +28,6 @@ from lagcli.model.sections.switching.event_measures import EventMeasure, event_m
 from lagcli.results.layout import NOT_STATED
 
 KIND = "sweep"
-#: Version of the layout of sweep files.
-SCHEMA_VERSION = "2"
 
 #: Datasets of a sweep file besides the varied quantities and the measures.
 RESERVED = {

@@ -1,7 +1,7 @@
 """Whatever is done to a result file: it is read as it was written, or rejected with status 4.
 
 A mutant of a file with a checksum that is read with status 0 must print what the original prints.
-Files of layout 1, CSV files without a sidecar, and files with a new checksum contain numbers
+CSV files without a sidecar, and files with a new checksum contain numbers
 without a check: such a mutant is read or rejected, with no traceback and in bounded time.
 """
 
@@ -12,7 +12,6 @@ import dataclasses
 import os
 import random
 import shutil
-import signal
 from collections import Counter
 from pathlib import Path
 
@@ -24,11 +23,10 @@ from trajectories import make_log
 
 import lagcli
 from lagcli.errors import LagcliError
-from lagcli.results.hdf5 import layout1, opening, seal
+from lagcli.results.hdf5 import seal
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "models" / "slider_crank.yaml"
-LAYOUT_1 = ROOT / "tests" / "found" / "layout1"
 #: Mutants of each kind in the normal suite.
 FEW = 12
 SECRET = b"the contents of another file"
@@ -68,8 +66,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
         keep="trajectories",
         measures={"peak": "max(abs(lambda.guide))"},
     )
-    found = {path.name: path.read_bytes() for path in folder.iterdir()}
-    return found | {f"1_{path.name}": path.read_bytes() for path in LAYOUT_1.glob("*.h5")}
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 class Trial:
@@ -125,43 +122,7 @@ class Trial:
         return [line for line in text.split("\n") if "trajectory, HDF5" not in line]
 
 
-@pytest.fixture
-def forked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Copy files of layout 1 in a fork of this process, which spares the start of another."""
-
-    def copy(path: str, target: str, version: str, seconds: float) -> None:
-        end, start = os.pipe()
-        child = os.fork()
-        if not child:
-            with contextlib.suppress(BaseException):
-                os.close(end)
-                signal.signal(signal.SIGALRM, signal.SIG_DFL)
-                signal.alarm(int(seconds) + 1)
-                text, status = "", 0
-                try:
-                    layout1.copy(path, target, version)
-                except lagcli.errors.FileError as error:
-                    text, status = str(error), 4
-                except BaseException as error:
-                    text, status = repr(error), 1
-                os.write(start, text.encode(errors="replace")[:60_000])
-                os._exit(status)
-            os._exit(1)
-        os.close(start)
-        with os.fdopen(end, "rb") as pipe:
-            text = pipe.read().decode()
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        assert status != 1, text  # a traceback of the other process
-        if status == 4:
-            raise lagcli.errors.FileError(text)
-        if status:
-            raise opening.damage(path, RuntimeError(f"status {status}"))
-
-    monkeypatch.setattr(opening, "_copy", copy)
-
-
 SEALED = ("run.h5", "sweep.h5")
-OLD = ("1_run.h5", "1_sweep.h5")
 
 
 def _bytes(trial: Trial, r: random.Random, count: int, strict: bool) -> None:
@@ -240,15 +201,6 @@ def test_a_few_damaged_tables(tmp_path: Path, originals: dict[str, bytes]) -> No
     _values(tmp_path, r, FEW)
 
 
-@pytest.mark.parametrize("name", OLD)
-def test_a_few_damaged_files_of_layout_1(
-    tmp_path: Path, originals: dict[str, bytes], name: str, forked: None
-) -> None:
-    trial, r = _trial(tmp_path, name, originals, pictures=False), random.Random(3)
-    _bytes(trial, r, FEW // 2, strict=False)
-    _structures(trial, r, FEW // 2, sealed=False, strict=False)
-
-
 # many: `make fuzz`
 
 
@@ -264,25 +216,6 @@ def test_many_damaged_files(
     else:
         forged = way == "forged"
         _structures(trial, r, fuzz_count, sealed=forged, strict=not forged)
-    print(f"{name}, {way}: {fuzz_count} mutants, {dict(trial.counts)}")
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", OLD)
-@pytest.mark.parametrize("way", ["bytes", "structure"])
-def test_many_damaged_files_of_layout_1(
-    tmp_path: Path,
-    originals: dict[str, bytes],
-    name: str,
-    way: str,
-    fuzz_count: int,
-    forked: None,
-) -> None:
-    trial, r = _trial(tmp_path, name, originals), random.Random(f"{name} {way}")
-    if way == "bytes":
-        _bytes(trial, r, fuzz_count, strict=False)
-    else:
-        _structures(trial, r, fuzz_count, sealed=False, strict=False)
     print(f"{name}, {way}: {fuzz_count} mutants, {dict(trial.counts)}")
 
 

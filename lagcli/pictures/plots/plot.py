@@ -136,7 +136,6 @@ def file_kind(source: Source) -> str:
     if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
         return KIND
     from lagcli.results.hdf5.opening import open_verified
-    from lagcli.trajectory.samples import SCHEMA_VERSION
 
-    with open_verified(source, SCHEMA_VERSION) as opened:
+    with open_verified(source) as opened:
         return opened.kind or KIND

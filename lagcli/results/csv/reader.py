@@ -29,7 +29,7 @@ from lagcli.results.csv.writer import titles
 from lagcli.results.layout import term_names
 from lagcli.results.metadata import check_times
 from lagcli.results.reasons import check_readable
-from lagcli.trajectory.samples import SCHEMA_VERSION, Terms
+from lagcli.trajectory.samples import Terms
 from lagcli.trajectory.trajectory import Trajectory
 
 #: Number of values read at once, if a file is read in blocks.
@@ -61,7 +61,6 @@ class CsvReader:
         self.coordinates, self.constraints, self.terms = names[:3]
         self.conserved_names, self.outputs = names.conserved, names.outputs
         self.sensitivity, self._missing = names.sensitivity, names.missing
-        self.layout = SCHEMA_VERSION
         self._reached = -math.inf  # the time of the last sample so far
         self.record = read_sidecar(path, self.coordinates, self.constraints)
 

@@ -126,13 +126,12 @@ def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[st
         raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_REMEDY}") from error
     if not isinstance(about, Mapping) or about.get("kind") != KIND:
         raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_REMEDY}")
-    if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no checksum
+    if about.get("schema_version") != SCHEMA_VERSION:
         raise FileError(
             f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
             f"this lagcli supports {SCHEMA_VERSION}; {_REMEDY}"
         )
-    own = about.get("sidecar_sha256")
-    if own != _digest(about) and (own is not None or about["schema_version"] == SCHEMA_VERSION):
+    if about.get("sidecar_sha256") != _digest(about):
         raise FileError(
             f"cannot read {sidecar}: it was changed after lagcli wrote it (its checksum does not"
             f" fit); {_REMEDY}"

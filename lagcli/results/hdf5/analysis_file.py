@@ -104,7 +104,7 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
     FileError
         As `read_analysis`; also if the file contains no model.
     """
-    with open_verified(path, SCHEMA_VERSION) as opened:
+    with open_verified(path) as opened:
         names = ("model", "model_path", "set", "set_initial")
         text, origin, given, initial = (text_attribute(opened.root, name) for name in names)
         if text is None:
@@ -124,7 +124,7 @@ def analysis_kind(path: str | os.PathLike[str]) -> str | None:
     FileError
         As `lagcli.read`.
     """
-    with open_verified(path, SCHEMA_VERSION) as opened:
+    with open_verified(path) as opened:
         return opened.kind if "content" in opened.root.attrs else None
 
 
@@ -150,7 +150,7 @@ def opened_analysis(
     FileError
         The file is missing, damaged, or of another kind.
     """
-    with open_verified(path, SCHEMA_VERSION) as opened:
+    with open_verified(path) as opened:
         text = text_attribute(opened.root, "content")
         if text is None or (command and opened.kind != command):
             made = f"lagcli {command}" if command else "an analysis"

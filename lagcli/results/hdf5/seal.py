@@ -21,7 +21,7 @@ LENGTH = len(_MARK) + _DIGITS + 1
 _PIECE = 1 << 20
 
 #: Files whose checksum has been verified, by path and status: a plot opens its file several times.
-_whole: set[tuple[Any, ...]] = set()
+_verified: set[tuple[Any, ...]] = set()
 
 
 def seal(file: BinaryIO) -> None:
@@ -38,8 +38,8 @@ def seal(file: BinaryIO) -> None:
     file.write(_MARK + digest + b"\n")
 
 
-def is_sealed(path: str) -> bool:
-    """Return whether a file ends with a checksum; raise an error if it does not match the contents.
+def check_seal(path: str) -> None:
+    """Raise an error unless a file ends with the checksum of its contents.
 
     Parameters
     ----------
@@ -49,28 +49,32 @@ def is_sealed(path: str) -> bool:
     Raises
     ------
     FileError
-        The contents were changed, or the file cannot be read.
+        The checksum is missing or does not match the contents, or the file cannot be read.
     """
     try:
         with open(path, "rb") as file:
-            found = os.fstat(file.fileno())
-            key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
-            if key in _whole:
-                return True
-            file.seek(max(0, found.st_size - LENGTH))
+            status = os.fstat(file.fileno())
+            key = (path, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+            if key in _verified:
+                return
+            end = max(0, status.st_size - LENGTH)
+            file.seek(end)
             line = file.read()
-            if not line.startswith(_MARK):
-                return False
-            digest = _digest(file, found.st_size - LENGTH)
+            expected = _MARK + _digest(file, end) + b"\n" if line.startswith(_MARK) else None
     except OSError as error:
         raise read_failure(path, error) from error
-    if line != _MARK + digest + b"\n":
+    if expected is None:
+        raise FileError(
+            f"cannot read {path}: the checksum at its end is missing: the file is cut short, was"
+            " changed by another program, or was not written by lagcli; copy it again, or run"
+            " lagcli again"
+        )
+    if line != expected:
         raise FileError(
             f"cannot read {path}: the file is damaged, or was changed after lagcli wrote it (its"
             " checksum does not fit); copy it again, or run lagcli again"
         )
-    _whole.add(key)
-    return True
+    _verified.add(key)
 
 
 def _digest(file: BinaryIO, size: int) -> bytes:

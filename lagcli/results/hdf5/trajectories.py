@@ -40,7 +40,7 @@ from lagcli.results.metadata import (
     to_json,
     to_metadata,
 )
-from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record, Samples, Terms
+from lagcli.trajectory.samples import InputTable, Record, Samples, Terms
 
 if TYPE_CHECKING:
     from lagcli.results.hdf5.opening import Opened
@@ -245,7 +245,7 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
     """Open an HDF5 file; raises the errors of `lagcli.results.formats.read`, also later."""
     from lagcli.results.hdf5.opening import not_of_lagcli, open_verified
 
-    with open_verified(path, SCHEMA_VERSION) as opened:
+    with open_verified(path) as opened:
         if opened.kind != KIND:
             if not opened.kind:
                 raise not_of_lagcli(path)
@@ -267,7 +267,7 @@ class Hdf5Reader:
     """
 
     def __init__(self, opened: Opened):
-        self._root, self.layout = opened.root, opened.layout
+        self._root = opened.root
         self.coordinates, self.constraints = (
             read_texts(self._root, name) for name in ("coordinate", "constraint")
         )

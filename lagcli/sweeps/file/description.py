@@ -51,7 +51,7 @@ def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
                     *("rows", "failures"),
                 )
             },
-            "schema_version": file.layout,
+            "schema_version": file.facts["schema_version"],
             "columns": [_extremes(file, c) for c in file.columns],
             "measures": [_extremes(file, c) for c in file.measures],
             **{key: plan[key] for key in ("vary", "sample", "zip")},

@@ -31,10 +31,10 @@ from lagcli.results.metadata import (
     to_json,
 )
 from lagcli.simulations.inputs.input_tables import input_tables
-from lagcli.sweeps.columns import COUNTS, KEPT, KIND, SCHEMA_VERSION, Column, kept_layout
+from lagcli.sweeps.columns import COUNTS, KEPT, KIND, Column, kept_layout
 from lagcli.sweeps.row_results import STATUSES, Results
 from lagcli.sweeps.row_status import runs_of
-from lagcli.trajectory.samples import SIGN_CONVENTION
+from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
@@ -238,8 +238,6 @@ class SweepFile:
     ----------
     length : int
         The number of rows.
-    layout : str
-        The version of the file's layout.
     columns, measures : lists of Column
         The varied quantities, and the measures.
     outputs : tuple of str
@@ -252,7 +250,7 @@ class SweepFile:
     """
 
     def __init__(self, opened: Opened):
-        self.root, self.layout = opened.root, opened.layout
+        self.root = opened.root
         self.length = len(numbers(self.root, "run", "<i8"))
         self.facts = {name: self._fact(name) for name in self.root.attrs}
         _check_facts(self.facts)
@@ -403,7 +401,7 @@ def open_sweep(path: str | os.PathLike[str]) -> Iterator[SweepFile]:
         The file is missing, damaged, or not a sweep.
     """
     path = os.fspath(path)
-    with open_verified(path, SCHEMA_VERSION) as opened:
+    with open_verified(path) as opened:
         if opened.kind != KIND:
             raise FileError(
                 f"cannot read {path}: it is not a sweep file; name one that lagcli sweep wrote"
@@ -413,5 +411,5 @@ def open_sweep(path: str | os.PathLike[str]) -> Iterator[SweepFile]:
 
 def is_sweep(path: str | os.PathLike[str]) -> bool:
     """Return whether an HDF5 file is a sweep file; for the errors see `open_sweep`."""
-    with open_verified(path, SCHEMA_VERSION) as opened:
+    with open_verified(path) as opened:
         return opened.kind == KIND

@@ -15,7 +15,6 @@ from lagcli.cli.app import run as lagcli
 from lagcli.errors import FileError
 from lagcli.results import info, read, write
 from lagcli.results.csv.event_table import events_path
-from lagcli.results.hdf5 import opening
 from lagcli.results.hdf5.seal import LENGTH, seal
 
 
@@ -95,13 +94,6 @@ def test_a_group_without_sense_is_damage(tmp_path: Path, dataset: str, change: o
         seal(file)
     with pytest.raises(FileError, match="damaged"):
         read(path)
-
-
-def test_layout_1_has_no_log() -> None:
-    old = Path(__file__).parents[2] / "found" / "layout1"
-    assert read(next(iter(sorted(old.glob("*run*.h5"))))).events is None
-    while opening._copies:
-        opening._copies.popitem()[1].cleanup()
 
 
 @pytest.mark.parametrize(

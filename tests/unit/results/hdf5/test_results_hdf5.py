@@ -21,6 +21,7 @@ from scipy.sparse import csr_array
 from trajectories import MODEL, assert_same, make, random_trajectories
 
 import lagcli
+from lagcli.cli.app import run as run_command
 from lagcli.columns import QUANTITIES, SCALARS
 from lagcli.errors import FileError, UsageError
 from lagcli.results import read, write
@@ -356,15 +357,15 @@ def _appended(path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (_cut, "cut short or damaged"),
+        (_cut, "cut short"),
         (_text, "not an HDF5 file"),
         (_empty, "it is empty"),
         (_missing, "there is no such file"),
         (_folder, "it is a folder"),
-        (_foreign, "not one of lagcli"),
+        (_foreign, "the checksum at its end is missing"),
         (_unsealed, "the checksum at its end is missing"),
         (_other_bit, "its checksum does not fit"),
-        (_appended, "damaged, or was changed"),
+        (_appended, "changed by another program"),
     ],
 )
 def test_what_is_no_run_is_reported(tmp_path: Path, spoil: Any, reason: str) -> None:
@@ -401,9 +402,10 @@ def _linked(link: Any) -> Any:
 
 
 def _external(root: h5py.File) -> None:
-    shape = root["q"].shape
-    del root["q"]
-    root.create_dataset("q", shape, "<f8", external=[("/etc/passwd", 0, h5py.h5f.UNLIMITED)])
+    shape = root["energy_kinetic"].shape
+    del root["energy_kinetic"]
+    passwords = [("/etc/passwd", 0, h5py.h5f.UNLIMITED)]
+    root.create_dataset("energy_kinetic", shape, "<f8", external=passwords)
 
 
 def _virtual(root: h5py.File) -> None:
@@ -447,7 +449,7 @@ FORGED: dict[str, tuple[Any, str]] = {
     "large": (_replaced("q", shape=(10**9, 2), dtype="<f8"), "q declares 16000000000 bytes"),
     "soft link": (_linked(h5py.SoftLink("/other")), "q is a soft link"),
     "external link": (_linked(h5py.ExternalLink("/tmp/x.h5", "/q")), "q is an external link"),
-    "external storage": (_external, "q lies in another file"),
+    "external storage": (_external, "energy_kinetic lies in another file"),
     "virtual": (_virtual, "q is a view of other datasets"),
     "group": (lambda root: (_replaced("q")(root), root.create_group("q")), "q is not a dataset"),
     "terms": (_replaced("term_coordinate", data=np.array([1, 0], "<i4")), "not in order"),
@@ -466,6 +468,29 @@ def test_a_file_with_a_right_checksum_is_still_checked(tmp_path: Path, name: str
     with pytest.raises(FileError, match=reason) as caught:
         read(path)
     assert str(path) in str(caught.value)
+
+
+def test_every_command_rejects_a_crafted_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = lagcli.load(Path(__file__).parents[4] / "models" / "slider_crank.yaml")
+    path = _written(tmp_path, lagcli.simulate(model, samples=3))
+    with h5py.File(path, "a") as root:
+        _external(root)
+    with path.open("r+b") as file:
+        seal.seal(file)
+    page = str(tmp_path / "x.html")
+    for command in (
+        ["info", path],
+        ["info", path, "--json"],
+        ["plot", path, "-o", str(tmp_path / "x.svg")],
+        ["animate", path, "-o", page],
+        ["report", path, "-o", page],
+        ["export-csv", path, "-o", str(tmp_path / "x.csv")],
+    ):
+        assert run_command([str(x) for x in command]) == 4, command
+        assert "external storage" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_derivatives_are_by_parameters_or_initial_values(tmp_path: Path) -> None:
