@@ -402,10 +402,10 @@ def _linked(link: Any) -> Any:
 
 
 def _external(root: h5py.File) -> None:
-    shape = root["energy_kinetic"].shape
-    del root["energy_kinetic"]
+    shape = root["time"].shape
+    del root["time"]
     passwords = [("/etc/passwd", 0, h5py.h5f.UNLIMITED)]
-    root.create_dataset("energy_kinetic", shape, "<f8", external=passwords)
+    root.create_dataset("time", shape, "<f8", external=passwords)
 
 
 def _virtual(root: h5py.File) -> None:
@@ -449,7 +449,7 @@ FORGED: dict[str, tuple[Any, str]] = {
     "large": (_replaced("q", shape=(10**9, 2), dtype="<f8"), "q declares 16000000000 bytes"),
     "soft link": (_linked(h5py.SoftLink("/other")), "q is a soft link"),
     "external link": (_linked(h5py.ExternalLink("/tmp/x.h5", "/q")), "q is an external link"),
-    "external storage": (_external, "energy_kinetic lies in another file"),
+    "external storage": (_external, "time lies in another file"),
     "virtual": (_virtual, "q is a view of other datasets"),
     "group": (lambda root: (_replaced("q")(root), root.create_group("q")), "q is not a dataset"),
     "terms": (_replaced("term_coordinate", data=np.array([1, 0], "<i4")), "not in order"),
