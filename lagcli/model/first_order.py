@@ -8,7 +8,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.draft import Draft
-from lagcli.model.expression.linearity import is_zero, nonlinear_in
+from lagcli.model.expression.algebra import is_zero, nonlinear_in
 from lagcli.model.model import RATE, Constraint, Coordinate, coordinate, velocity
 
 _ZERO = se.Integer(0)

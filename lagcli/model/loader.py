@@ -173,7 +173,7 @@ def _model(
     constraints += smooth.rows
     closed = read_closed(draft, constraints)
     if inputs:
-        from lagcli.model.sections.input_uses import InputUses
+        from lagcli.model.sections.inputs import InputUses
 
         energies = [("L", [potential], 1)] if kinetic is None else []
         energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]

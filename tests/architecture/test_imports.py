@@ -71,7 +71,7 @@ OF_SIMULATE = {"numpy", "symengine", "yaml"} | OF_TYPER
 #: What a plain run has no use for: what only errors, inputs, contacts or vectors need.
 NOT_OF_PLAIN_RUNS = {
     *("lagcli.engine.switching.problem", "lagcli.engine.switching.switching"),
-    *("lagcli.model.expression.identities", "lagcli.model.expression.syntax_hints"),
+    *("lagcli.model.expression.algebra", "lagcli.model.expression.syntax_hints"),
     *("lagcli.model.locations", "lagcli.model.names.unknown", "lagcli.model.sections.fit"),
     *("lagcli.model.vectors.equations", "lagcli.model.vectors.initial"),
     *("lagcli.results.hdf5.inputs", "lagcli.results.hdf5.opening", "lagcli.simulations.contacts"),

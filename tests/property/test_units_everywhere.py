@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from lagcli.errors import LagcliError
-from lagcli.model.expression.unit_table import units
-from lagcli.model.expression.units import read_unit, si_notation
+from lagcli.model.expression.units import read_unit, si_notation, units
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.sweeps.plan.vary import Drawn, read_vary

@@ -11,8 +11,8 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.derivation.motion import ONE, ZERO
+from lagcli.model.expression.algebra import is_zero
 from lagcli.model.expression.functions import derivative
-from lagcli.model.expression.linearity import is_zero
 from lagcli.model.model import TIME
 
 #: Largest number of operations of a form that is integrated; longer ones may take minutes.

@@ -11,8 +11,8 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.model import model as symbols
+from lagcli.model.expression.algebra import cancel
 from lagcli.model.expression.functions import derivative
-from lagcli.model.expression.linearity import cancel
 
 MAX_VARIABLES = 14  # the test loops over triples
 POINTS = 3

@@ -26,7 +26,7 @@ from lagcli.columns import ColumnName, read_column_name
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols
-from lagcli.model.expression.linearity import expand_terms
+from lagcli.model.expression.algebra import expand_terms
 from lagcli.model.model import Constraint, Model
 
 Row = Mapping[int, Basic]  # nonzero entries by column

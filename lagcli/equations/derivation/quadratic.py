@@ -27,7 +27,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO, Motion, addends
-from lagcli.model.expression.linearity import kinked_in
+from lagcli.model.expression.algebra import kinked_in
 
 
 class AffineForm(NamedTuple):

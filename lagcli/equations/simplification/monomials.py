@@ -16,7 +16,7 @@ from typing import Literal
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.expression.identities import constant_value
+from lagcli.model.expression.algebra import constant_value
 from lagcli.model.model import Model, acceleration, multiplier, velocity
 
 Exact = int | Fraction

@@ -14,7 +14,7 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO
 from lagcli.equations.symmetry.linear import Extent, Symmetry, linear_symmetries
 from lagcli.equations.symmetry.monomials import coefficients, symbolic
-from lagcli.model.expression.linearity import is_zero
+from lagcli.model.expression.algebra import is_zero
 
 #: Limits of the number of terms, which is an upper bound and often ten times the actual number:
 #: `lagcli check` may take some seconds, a run some 20 ms.

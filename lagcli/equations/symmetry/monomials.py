@@ -14,7 +14,7 @@ from fractions import Fraction
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.expression.linearity import count_terms, expand_terms
+from lagcli.model.expression.algebra import count_terms, expand_terms
 
 ONE, TWO = se.Integer(1), se.Integer(2)
 _SMALL_DENOMINATOR = 10**6

@@ -4,16 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lagcli.model.dimensions.dimension import (
-    ANGLE,
-    ENERGY,
-    NUMBER,
-    ONE,
-    POWER,
-    UNKNOWN,
-    Dimension,
-    Scalar,
-)
 from lagcli.model.dimensions.evaluation import Disagreement
 from lagcli.model.dimensions.free_numbers import is_constant
 from lagcli.model.dimensions.model_units import (
@@ -25,7 +15,19 @@ from lagcli.model.dimensions.model_units import (
     text_of,
 )
 from lagcli.model.dimensions.named import NamedDimensions
-from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
+from lagcli.model.expression.dimension import (
+    ANGLE,
+    ENERGY,
+    NUMBER,
+    ONE,
+    POWER,
+    UNKNOWN,
+    Dimension,
+    Scalar,
+    TensorDimension,
+    Value,
+    rate_of,
+)
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
     SumExpr,

@@ -7,28 +7,26 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
-from lagcli.model.dimensions.dimension import (
+from lagcli.model.dimensions.free_numbers import FreeNumbers, is_constant, is_small, is_zero
+from lagcli.model.expression.dimension import (
     ANGLE,
     NUMBER,
     ONE,
+    ROTATION,
     UNKNOWN,
     ZERO,
     Dimension,
     Exponent,
     Scalar,
     Special,
-    power,
-    product,
-    whole,
-)
-from lagcli.model.dimensions.free_numbers import FreeNumbers, is_constant, is_small, is_zero
-from lagcli.model.dimensions.tensor_dimension import (
-    ROTATION,
     TensorDimension,
     Value,
     differing,
+    power,
+    product,
     rate_of,
     scalar_rate,
+    whole,
 )
 from lagcli.model.expression.trees import (
     CallExpr,

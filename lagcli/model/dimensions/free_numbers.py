@@ -7,14 +7,15 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.dimension import (
+from lagcli.model.expression.dimension import (
     ONE,
     Dimension,
     Scalar,
+    TensorDimension,
+    Value,
     product,
     same,
 )
-from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value
 from lagcli.model.expression.trees import (
     CallExpr,
     Name,

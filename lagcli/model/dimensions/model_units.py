@@ -7,7 +7,9 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.dimension import (
+from lagcli.model.dimensions.evaluation import Disagreement
+from lagcli.model.dimensions.free_numbers import FreeNumber
+from lagcli.model.expression.dimension import (
     ENERGY,
     NUMBER,
     ONE,
@@ -16,12 +18,11 @@ from lagcli.model.dimensions.dimension import (
     UNKNOWN,
     Dimension,
     Scalar,
+    TensorDimension,
+    Value,
     product,
     unit_of,
 )
-from lagcli.model.dimensions.evaluation import Disagreement
-from lagcli.model.dimensions.free_numbers import FreeNumber
-from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value
 from lagcli.model.names.members import family_of
 
 

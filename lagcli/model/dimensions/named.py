@@ -6,16 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.dimension import (
-    NUMBER,
-    ONE,
-    SECOND,
-    UNKNOWN,
-    ZERO,
-    Dimension,
-    Scalar,
-    same,
-)
 from lagcli.model.dimensions.evaluation import DimensionEvaluator, Disagreement, is_measured
 from lagcli.model.dimensions.free_numbers import EntryPlace, is_constant
 from lagcli.model.dimensions.model_units import (
@@ -23,7 +13,19 @@ from lagcli.model.dimensions.model_units import (
     conjugate,
     find,
 )
-from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
+from lagcli.model.expression.dimension import (
+    NUMBER,
+    ONE,
+    SECOND,
+    UNKNOWN,
+    ZERO,
+    Dimension,
+    Scalar,
+    TensorDimension,
+    Value,
+    rate_of,
+    same,
+)
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
@@ -35,8 +37,7 @@ from lagcli.model.expression.trees import (
 from lagcli.model.expression.units import read_unit, si_notation
 from lagcli.model.model import NO_INDICES, Definition, Model, Parameter, Written
 from lagcli.model.names.dependencies import topological_order
-from lagcli.model.names.indices import Indices
-from lagcli.model.names.members import family_of, with_indices
+from lagcli.model.names.members import Indices, family_of, with_indices
 
 _PASSES = 4  # number of passes over definitions that refer to other members of their family
 _DENOMINATOR = 12  # largest denominator of exponents given by parameters

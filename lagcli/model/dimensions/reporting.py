@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.deriving import derive_units
-from lagcli.model.dimensions.dimension import (
+from lagcli.model.dimensions.evaluation import Disagreement
+from lagcli.model.dimensions.model_units import ModelUnits, UnitFinding
+from lagcli.model.expression.dimension import (
     NUMBER,
     ONE,
     UNKNOWN,
@@ -18,8 +20,6 @@ from lagcli.model.dimensions.dimension import (
     same,
     unit_of,
 )
-from lagcli.model.dimensions.evaluation import Disagreement
-from lagcli.model.dimensions.model_units import ModelUnits, UnitFinding
 from lagcli.model.expression.quantities import unit_of as unit_of_node
 from lagcli.model.expression.trees import Name, NumberExpr, ProductExpr, Tree, walk
 from lagcli.model.expression.units import read_unit, si_notation

@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from lagcli.model.dimensions.dimension import ONE, SECOND, UNKNOWN, Dimension, product
 from lagcli.model.dimensions.evaluation import Disagreement, TensorDimension, Value, rate_of
 from lagcli.model.dimensions.free_numbers import is_constant
 from lagcli.model.dimensions.model_units import UnitFinding, conjugate, find
+from lagcli.model.expression.dimension import ONE, SECOND, UNKNOWN, Dimension, product
 from lagcli.model.expression.trees import Comparison, Tree, walk
 from lagcli.model.model import Model, ModelEvent
 

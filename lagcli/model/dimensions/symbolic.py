@@ -8,7 +8,8 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import read_column_name, read_dotted_name
-from lagcli.model.dimensions.dimension import (
+from lagcli.model.dimensions.model_units import conjugate, find, text_of
+from lagcli.model.expression.dimension import (
     ANGLE,
     NUMBER,
     ONE,
@@ -17,13 +18,13 @@ from lagcli.model.dimensions.dimension import (
     ZERO,
     Dimension,
     Scalar,
+    TensorDimension,
     power,
     product,
+    rate_of,
     same,
     whole,
 )
-from lagcli.model.dimensions.model_units import conjugate, find, text_of
-from lagcli.model.dimensions.tensor_dimension import TensorDimension, rate_of
 from lagcli.model.inputs import read_input
 from lagcli.model.model import TIME, Model
 

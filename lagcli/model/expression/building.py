@@ -15,10 +15,10 @@ from symengine.lib.symengine_wrapper import Boolean
 
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression import tensors
+from lagcli.model.expression.algebra import count_operations
 from lagcli.model.expression.calls import TENSOR_FUNCTIONS, check_call, tensor_call
 from lagcli.model.expression.constants import fault, relation
 from lagcli.model.expression.functions import FUNCTIONS
-from lagcli.model.expression.linearity import count_operations
 from lagcli.model.expression.tensors import ShapeError, Tensor, kind_of
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.model.expression.algebra import is_zero
 from lagcli.model.expression.constants import cases
-from lagcli.model.expression.linearity import is_zero
 
 Rows = tuple[tuple[Basic, ...], ...]
 Derivative = Callable[[Basic], Basic]
@@ -298,7 +298,7 @@ def rotation(axis: Tensor, angle: Basic) -> Tensor:
     if axis.shape != (3, 1):
         raise ShapeError(f"the axis of a rotation must be a vector of 3, not {axis.kind}")
     square = dot(axis, axis)
-    from lagcli.model.expression.identities import constant_value
+    from lagcli.model.expression.algebra import constant_value
 
     length = se.sqrt(constant_value(square) or square)  # [sin(a), 0, cos(a)] has the length 1
     x, y, z = n = tuple(e / length for e in axis.entries)

@@ -11,8 +11,7 @@ from lagcli.model.draft import NO_INDICES, Draft, Entry, Indices
 from lagcli.model.expression.grammar import KEYWORDS, Span, parse_spans
 from lagcli.model.expression.tokens import ExpressionError, error_at, is_name, words
 from lagcli.model.expression.trees import BRACKETS, Range, Tree
-from lagcli.model.names.indices import names_in
-from lagcli.model.names.members import descending
+from lagcli.model.names.members import descending, names_in
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.spelling import shorten
 from lagcli.model.symbols import Context, Symbols

@@ -21,8 +21,15 @@ from lagcli.model.expression.trees import (
 )
 from lagcli.model.inputs import input_function
 from lagcli.model.names.derivatives import check_derivative
-from lagcli.model.names.indices import Indices, form_errors, names_in
-from lagcli.model.names.members import descending, family_of, members_clause, with_indices
+from lagcli.model.names.members import (
+    Indices,
+    descending,
+    family_of,
+    form_errors,
+    members_clause,
+    names_in,
+    with_indices,
+)
 from lagcli.model.names.scoping import Sized
 from lagcli.model.symbols import Context, Symbols, motion
 

@@ -10,14 +10,14 @@ from symengine import Basic
 from lagcli.columns import SLIP
 from lagcli.model import model as symbols
 from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
-from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.linearity import (
+from lagcli.model.expression.algebra import (
     count_terms,
     expand_terms,
     is_zero,
     kinked_in,
     nonlinear_in,
 )
+from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.expression.tensors import ShapeError, Tensor
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Comparison, Range, Tree

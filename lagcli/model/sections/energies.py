@@ -8,7 +8,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.draft import Draft, Entry, Formula, Parsed
-from lagcli.model.expression.linearity import nonlinear_in
+from lagcli.model.expression.algebra import nonlinear_in
 from lagcli.model.expression.tensors import Tensor, angular_velocity
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.model import Definition

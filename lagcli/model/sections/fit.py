@@ -10,8 +10,8 @@ from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft
+from lagcli.model.expression.dimension import same
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity, unit_of
 from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of

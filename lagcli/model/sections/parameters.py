@@ -13,8 +13,8 @@ from symengine import Basic
 
 from lagcli.errors import SourceLocation
 from lagcli.model.diagnostics import Broken
-from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft, Formula
+from lagcli.model.expression.dimension import same
 from lagcli.model.expression.numerals import is_number
 from lagcli.model.expression.quantities import (
     Quantity,
@@ -30,8 +30,7 @@ from lagcli.model.keys import PARAMETER, keys_of
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.families import Declaration, Member, bounds, by_name, members_of
-from lagcli.model.names.indices import names_in
-from lagcli.model.names.members import family_of, members_clause
+from lagcli.model.names.members import family_of, members_clause, names_in
 from lagcli.model.sections.definitions import report_circle
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols

@@ -8,8 +8,8 @@ from symengine import Basic
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import Draft
+from lagcli.model.expression.algebra import is_zero
 from lagcli.model.expression.functions import derivative
-from lagcli.model.expression.linearity import is_zero
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name
 from lagcli.model.model import Constraint, coordinate, velocity

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft
+from lagcli.model.expression.dimension import same
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity
 from lagcli.model.expression.units import read_unit
 from lagcli.model.names.families import members_of, read_key

@@ -5,9 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 from lagcli.errors import UsageError
-from lagcli.model.dimensions.dimension import same
-from lagcli.model.expression.unit_table import Factor
-from lagcli.model.expression.units import read_unit, to_si
+from lagcli.model.expression.dimension import same
+from lagcli.model.expression.units import Factor, read_unit, to_si
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
 

@@ -18,8 +18,7 @@ from lagcli.model.expression.constants import number as constant_value
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
-from lagcli.model.expression.unit_table import Factor
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit
 from lagcli.model.model import Model
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.symbols import Context, Symbols

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.dimensions.dimension import SECOND, same
 from lagcli.model.draft import Draft, Formula, Indices
+from lagcli.model.expression.dimension import SECOND, same
 from lagcli.model.expression.quantities import Quantity, formula_of, read_quantity
 from lagcli.model.expression.units import read_unit
 from lagcli.model.model import EventClock

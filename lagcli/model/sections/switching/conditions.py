@@ -15,7 +15,7 @@ from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Comparison, LogicalExpr, Tree
 from lagcli.model.model import ContactChange
 from lagcli.model.names.expansion import expand
-from lagcli.model.names.indices import Indices as IndexValues
+from lagcli.model.names.members import Indices as IndexValues
 from lagcli.model.names.members import with_indices
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context

@@ -14,10 +14,10 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.draft import Draft
+from lagcli.model.expression.algebra import is_zero, nonlinear_in
 from lagcli.model.expression.constants import cases, number, relation
 from lagcli.model.expression.functions import FUNCTIONS, KINKS, derivative
 from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.linearity import is_zero, nonlinear_in
 from lagcli.model.model import SIGN, Constraint, MultiplierLimit, multiplier, velocity
 from lagcli.model.sections.switching.contacts import normal_of
 from lagcli.model.symbols import Symbols

@@ -27,9 +27,9 @@ from lagcli.equations.presentation.overview import in_matrices
 from lagcli.equations.render import render
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import Notation
+from lagcli.model.expression.algebra import constant_value
 from lagcli.model.expression.building import build
 from lagcli.model.expression.grammar import parse
-from lagcli.model.expression.identities import constant_value
 from lagcli.model.loader import load, load_text
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from lagcli.model.dimensions.dimension import (
+from lagcli.model.expression.dimension import (
     ENERGY,
     NUMBER,
     ONE,

@@ -1,10 +1,15 @@
 """Dimensions of vectors: their rates, and entries that differ."""
 
-from lagcli.model.dimensions.dimension import NUMBER, ONE, SECOND, UNKNOWN, ZERO, product
-from lagcli.model.dimensions.tensor_dimension import (
+from lagcli.model.expression.dimension import (
+    NUMBER,
+    ONE,
     ROTATION,
+    SECOND,
+    UNKNOWN,
+    ZERO,
     TensorDimension,
     differing,
+    product,
     rate_of,
     scalar_rate,
 )

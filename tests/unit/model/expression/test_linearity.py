@@ -7,8 +7,7 @@ import math
 import pytest
 import symengine as se
 
-from lagcli.model.expression.functions import FUNCTIONS
-from lagcli.model.expression.linearity import (
+from lagcli.model.expression.algebra import (
     cancel,
     count_operations,
     count_terms,
@@ -17,6 +16,7 @@ from lagcli.model.expression.linearity import (
     kinked_in,
     nonlinear_in,
 )
+from lagcli.model.expression.functions import FUNCTIONS
 
 X, Y, V, W = se.symbols("x y v w")
 CASES = se.Piecewise((V, se.Lt(X, 0)), (2 * V, se.true))

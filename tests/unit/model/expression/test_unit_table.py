@@ -7,9 +7,8 @@ import math
 import pint
 import pytest
 
-from lagcli.model.dimensions.dimension import Dimension
-from lagcli.model.expression.unit_table import REFUSED, compounds, units
-from lagcli.model.expression.units import UnknownUnit, read_unit
+from lagcli.model.expression.dimension import Dimension
+from lagcli.model.expression.units import REFUSED, UnknownUnit, compounds, read_unit, units
 
 #: What Pint calls the units whose symbols mean something else there, or nothing.
 ELSEWHERE = {

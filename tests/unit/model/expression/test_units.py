@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from lagcli.model.dimensions.dimension import same
+from lagcli.model.expression.dimension import same
 from lagcli.model.expression.units import (
     UnknownUnit,
     plain_notation,

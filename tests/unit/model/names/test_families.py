@@ -13,7 +13,7 @@ import lagcli
 from lagcli.errors import ModelError
 from lagcli.model.model import Model
 from lagcli.model.names import families
-from lagcli.model.names.indices import MAX_MEMBERS
+from lagcli.model.names.members import MAX_MEMBERS
 
 MODELS = Path(__file__).parents[4] / "models"
 

@@ -7,7 +7,7 @@ import pytest
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import IndexedSumExpr, Name
-from lagcli.model.names.indices import MAX_MEMBERS, Indices, form_errors, names_in
+from lagcli.model.names.members import MAX_MEMBERS, Indices, form_errors, names_in
 
 
 def parameter(name: Name) -> int:

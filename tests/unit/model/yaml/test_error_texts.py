@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from lagcli.model.yaml.error_texts import explain
+from lagcli.model.yaml.composing import explain
 from lagcli.model.yaml.source import Source
 
 
