@@ -15,7 +15,7 @@ from PIL import Image
 import lagcli
 from lagcli.cli.app import run as command
 from lagcli.model.model import Model
-from lagcli.model.shipped import shipped_models
+from lagcli.model.reading import shipped_models
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.view_evaluator import scene_of

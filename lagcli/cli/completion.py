@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lagcli.model.shipped import find_model, shipped_models
+from lagcli.model.reading import find_model, shipped_models
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIXES
 
 Names = Callable[["CommandWords"], Iterable[str]]
@@ -126,8 +126,8 @@ def _results(line: CommandWords) -> Iterator[str]:
 def _keys(line: CommandWords, *keys: str) -> Iterator[str]:
     """Yield the names that the line's model declares under keys; none if it cannot be read."""
     from lagcli.errors import LagcliError
+    from lagcli.model.reading import read_text
     from lagcli.model.yaml.composing import compose
-    from lagcli.model.yaml.reading import read_text
     from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source
 
     model = next((a for a in line.arguments if find_model(a).is_file()), None)

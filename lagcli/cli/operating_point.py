@@ -60,8 +60,8 @@ def load_steady(
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
     from lagcli.analysis.local.steady_terms import is_velocity
-    from lagcli.model.given_expression import given_value
     from lagcli.model.loader import load, load_text
+    from lagcli.model.values import given_value
 
     parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
     loaded = load(model, parameters, initial)
@@ -123,9 +123,9 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
     from lagcli.analysis.local.steady_terms import is_velocity
-    from lagcli.model.given_expression import given_value
     from lagcli.model.loader import load_text
     from lagcli.model.spelling import did_you_mean, nearest
+    from lagcli.model.values import given_value
 
     name, equals, span = along.partition("=")
     first, colon, last = span.partition(":")

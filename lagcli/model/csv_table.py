@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.files import check_regular, read_failure
-from lagcli.model.expression.numerals import decimal
+from lagcli.model.expression.tokens import decimal
 from lagcli.model.expression.units import Factor, UnknownUnit, is_unit, to_si
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 

@@ -14,31 +14,40 @@ from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
-from lagcli.model.first_order import first_order_constraints
 from lagcli.model.inputs import Input, InputData
 from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model, ModelEvent
 from lagcli.model.names.families import Declaration, declarations
-from lagcli.model.names.functions import check_functions, read_functions
+from lagcli.model.reading import check_text, read_text
 from lagcli.model.sections.constraints import declare_constraints, read_constraints
+from lagcli.model.sections.contacts import dry_friction
 from lagcli.model.sections.coordinates import (
     check_keys,
+    constraints_of,
     declare,
+    definitions_of,
     expand_coordinates,
     read_coordinates,
     report_overlaps,
 )
-from lagcli.model.sections.definitions import expand_definitions, read_definitions
-from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
+from lagcli.model.sections.definitions import (
+    check_functions,
+    expand_definitions,
+    read_definitions,
+    read_functions,
+    read_outputs,
+)
+from lagcli.model.sections.energies import (
+    first_order_constraints,
+    read_energies,
+    read_forces,
+    read_scalar,
+)
 from lagcli.model.sections.initial import read_closed, read_initial
-from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
-from lagcli.model.sections.switching.dry_friction import dry_friction
 from lagcli.model.sections.view import read_view
-from lagcli.model.vectors.kinds import constraints_of, definitions_of
 from lagcli.model.yaml.composing import compose
-from lagcli.model.yaml.reading import check_text, read_text
 from lagcli.model.yaml.source import Source
 
 
@@ -184,7 +193,7 @@ def _model(
     outputs = smooth.of_forces(outputs)
     events: tuple[ModelEvent, ...] = ()
     if draft.get("events") is not None or not all(c.active for c in constraints):
-        from lagcli.model.sections.switching.events import EventNames, read_events
+        from lagcli.model.sections.events import EventNames, read_events
 
         known = EventNames(constants, parameters, definitions, constraints, outputs)
         events = read_events(draft, known)

@@ -14,9 +14,9 @@ import numpy as np
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
-from lagcli.model.shipped import shipped_models
+from lagcli.model.reading import shipped_models
+from lagcli.model.rewriting import rewrite
 from lagcli.model.spelling import shorten
-from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.flashes import with_contacts

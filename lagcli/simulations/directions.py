@@ -18,8 +18,8 @@ from lagcli.equations.derivation.variational import Rates
 from lagcli.errors import UsageError
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Model
-from lagcli.model.names.propagation import dependent_values
 from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.model.values import dependent_values
 
 _SHOWN = 12
 

@@ -67,7 +67,7 @@ def monitor_of(equations: Equations) -> Monitor:
     quantities = monitored_quantities(eq)
     if not quantities:
         return NO_MONITOR
-    from lagcli.model.dimensions.symbolic import symbolic_unit
+    from lagcli.model.dimensions.deriving import symbolic_unit
 
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     tape = compile_tape(

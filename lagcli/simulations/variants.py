@@ -23,7 +23,7 @@ from lagcli.errors import ModelError, NumericalError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of
-from lagcli.model.names.propagation import dependent_values
+from lagcli.model.values import dependent_values
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation, ready

@@ -20,11 +20,10 @@ from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree, walk
 from lagcli.model.expression.units import read_unit
+from lagcli.model.measures import REDUCTIONS, EventMeasure, event_measures
 from lagcli.model.model import Model
 from lagcli.model.names.expansion import expand
 from lagcli.model.result_units import result_units
-from lagcli.model.sections.measures import REDUCTIONS
-from lagcli.model.sections.switching.event_measures import EventMeasure, event_measures
 from lagcli.results.layout import NOT_STATED
 
 KIND = "sweep"

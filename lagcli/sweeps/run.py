@@ -14,7 +14,7 @@ from typing import Any
 from lagcli.engine.contract import Interrupted
 from lagcli.errors import FileError
 from lagcli.model.model import Model
-from lagcli.model.yaml.reading import read_text
+from lagcli.model.reading import read_text
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption

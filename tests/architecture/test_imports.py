@@ -71,9 +71,9 @@ OF_SIMULATE = {"numpy", "symengine", "yaml"} | OF_TYPER
 #: What a plain run has no use for: what only errors, inputs, contacts or vectors need.
 NOT_OF_PLAIN_RUNS = {
     *("lagcli.engine.switching.problem", "lagcli.engine.switching.switching"),
-    *("lagcli.model.expression.algebra", "lagcli.model.expression.syntax_hints"),
+    *("lagcli.model.expression.syntax_hints", "lagcli.model.dimensions.reporting"),
     *("lagcli.model.locations", "lagcli.model.names.unknown", "lagcli.model.sections.fit"),
-    *("lagcli.model.vectors.equations", "lagcli.model.vectors.initial"),
+    *("lagcli.model.sections.events", "lagcli.model.sections.inputs"),
     *("lagcli.results.hdf5.inputs", "lagcli.results.hdf5.opening", "lagcli.simulations.contacts"),
     *("lagcli.simulations.inputs", "numpy.ma", "numpy.random", "numpy.typing", "random"),
 }

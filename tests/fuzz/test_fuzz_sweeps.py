@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import lagcli
 from lagcli.errors import LagcliError
-from lagcli.model.sections.measures import read_measures
+from lagcli.model.measures import read_measures
 from lagcli.sweeps.columns import measure_columns, named_measure
 from lagcli.sweeps.plan.plan import make_plan
 

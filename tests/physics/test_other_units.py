@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import lagcli
 from lagcli.engine.integrate.batch import Finished, prepare_batch, run_batch, suits_batch
 from lagcli.model.model import Model
-from lagcli.model.shipped import shipped_model
+from lagcli.model.reading import shipped_model
 from lagcli.settings.methods import methods_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare

@@ -8,7 +8,7 @@ from lagcli.analysis.fit.result import FitResult
 from lagcli.errors import UsageError
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
-from lagcli.model.yaml.rewriting import rewrite
+from lagcli.model.rewriting import rewrite
 from lagcli.results.atomic import check_writable, whole_file
 
 

@@ -31,7 +31,7 @@ from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations, derive
 from lagcli.model.model import TIME, Constraint, Model, multiplier
-from lagcli.model.sections.switching.contacts import abs_multiplier
+from lagcli.model.sections.contacts import abs_multiplier
 from lagcli.simulations.start import find_start
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ class ParameterPath:
         from lagcli.engine.tape.compiler import compile_tape
         from lagcli.engine.tape.interpreter import ScalarTape
         from lagcli.model.expression.functions import derivative
-        from lagcli.model.names.propagation import dependent_values
+        from lagcli.model.values import dependent_values
 
         if name not in model.parameters:
             known = list(model.parameters)

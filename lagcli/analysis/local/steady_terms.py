@@ -17,9 +17,9 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.equations.symmetry.conserved import ConservedQuantity, conserved_quantities
 from lagcli.errors import UsageError
-from lagcli.model.given_expression import given_expression
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
+from lagcli.model.values import given_expression
 
 _RATE = re.compile(r"rate\(\s*([^()\s]+)\s*\)")
 _PROBES = 4  # number of states at which the rates that an expression measures are compared

@@ -22,7 +22,7 @@ def models(
     """
     from lagcli.cli.streams import text_width, visible_json
     from lagcli.model.loader import load
-    from lagcli.model.shipped import shipped_model, shipped_models
+    from lagcli.model.reading import shipped_model, shipped_models
 
     if name is not None:
         print(shipped_model(name).read_text(encoding="utf-8"), end="")

@@ -65,7 +65,7 @@ def _template(name: str, coordinates: str | None) -> str:
 
 
 def _copy(source: str, name: str) -> str:
-    from lagcli.model.shipped import shipped_model
+    from lagcli.model.reading import shipped_model
 
     text = shipped_model(source).read_text(encoding="utf-8")
     return re.sub(r"^name: .*", f"name: {name}", text, count=1, flags=re.M)

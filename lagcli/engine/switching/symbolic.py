@@ -14,7 +14,7 @@ from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME, Constraint, ModelEvent, multiplier
-from lagcli.model.sections.switching.contacts import abs_multiplier
+from lagcli.model.sections.contacts import abs_multiplier
 
 if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import Equations

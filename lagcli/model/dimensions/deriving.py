@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
 
+import symengine as se
+from symengine import Basic
+
+from lagcli.columns import read_column_name, read_dotted_name
 from lagcli.model.dimensions.evaluation import Disagreement
 from lagcli.model.dimensions.free_numbers import is_constant
 from lagcli.model.dimensions.model_units import (
@@ -21,21 +27,30 @@ from lagcli.model.expression.dimension import (
     NUMBER,
     ONE,
     POWER,
+    SECOND,
     UNKNOWN,
+    ZERO,
     Dimension,
     Scalar,
     TensorDimension,
     Value,
+    power,
+    product,
     rate_of,
+    same,
+    whole,
 )
 from lagcli.model.expression.trees import (
+    Comparison,
     IndexedSumExpr,
     SumExpr,
     Tree,
     VectorExpr,
+    walk,
 )
 from lagcli.model.expression.units import read_unit
-from lagcli.model.model import RATE, Constraint, Model
+from lagcli.model.inputs import read_input
+from lagcli.model.model import RATE, TIME, Constraint, Model, ModelEvent
 from lagcli.model.names.members import family_of
 
 #: Torque on a body, in its frame.
@@ -123,8 +138,6 @@ class _Statements:
         self.forces()
         self.constrained()
         if model.switches:
-            from lagcli.model.dimensions.switching import check_switching
-
             check_switching(model, known, self.terms)
         self.initial()
         self.reported()
@@ -282,3 +295,174 @@ def _entries(tree: Tree, value: Value, expected: Value) -> Iterator[tuple[Tree, 
         return
     items = tree.items if isinstance(tree, VectorExpr) else [tree] * len(value.flat)
     yield from zip(items, value.flat, expected.flat, strict=False)
+
+
+#: Function that checks the dimensions of the terms of an expression: tree, dimension, block, entry,
+#: role.
+Terms = Callable[[Tree, Value, str, str, str], None]
+
+_FIELD = r"(?P<entry>.+?)\.(?P<field>restitution|friction|limit)(?:\.(?:static|kinetic))?"
+_CLOCK = r"(?P<entry>.+?)\.(?P<field>every|offset)"
+_ACTION = r"(?P<entry>.+?)\.(?P<field>set|impulse)\.(?P<target>.+)"
+
+
+def _fields(model: Model) -> Iterator[tuple[str, str, str, Tree]]:
+    """Yield entry, field, key and tree of the fields of constraints."""
+    for key, tree in model.trees.items():
+        block, _, name = key.partition(".")
+        if block == "constraints" and (found := re.fullmatch(_FIELD, name)):
+            yield found["entry"], found["field"], name, tree
+
+
+def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
+    """Check the fields of constraints, and conditions and actions of events.
+
+    Parameters
+    ----------
+    model : Model
+    known : NamedDimensions
+        Dimensions including the multipliers; disagreements are added to it.
+    terms : callable
+        See `Terms`.
+    """
+    for entry, field, name, tree in _fields(model):
+        expected: Value = find(known.multipliers, entry) if field == "limit" else ONE
+        if not is_constant(tree):  # a number alone is in SI
+            terms(tree, expected, "constraints", name, f"`{field}` of `{entry}`")
+    _conditions(model, known)
+    for key, tree in model.trees.items():
+        block, _, name = key.partition(".")
+        if is_constant(tree):
+            continue
+        if block == "events" and (found := re.fullmatch(_ACTION, name)):
+            target = found["target"]
+            expected = _of_target(known, target, found["field"])
+            role = "the new value of" if found["field"] == "set" else "the impulse on"
+            terms(tree, expected, "events", name, f"{role} `{target}`")
+        elif block == "events" and (found := re.fullmatch(_CLOCK, name)):
+            terms(tree, SECOND, "events", name, f"`{found['field']}` of `{found['entry']}`")
+
+
+def _of_target(known: NamedDimensions, target: str, field: str) -> Value:
+    """Return the dimension of a quantity set by an event, or of an impulse."""
+    base = target.rstrip("'")
+    value = find(known.names, base)
+    if isinstance(value, TensorDimension):
+        return UNKNOWN
+    if field == "set":
+        return rate_of(value, len(target) - len(base))
+    return product(conjugate(value), SECOND)
+
+
+def _conditions(model: Model, known: NamedDimensions) -> None:
+    """Check that the sides of comparisons agree."""
+    seen: set[int] = set()
+    for event in model.events:
+        if not event.sides or id(event.sides[0]) in seen:
+            continue
+        seen.add(id(event.sides[0]))
+        compared = list(_compared(event.sides))
+        for sides, reason in compared:
+            _alike(known, sides, reason, event)
+
+
+def _compared(sides: tuple[Tree, ...]) -> Iterator[tuple[tuple[Tree, ...], str]]:
+    """Yield the sides of the comparisons in a condition."""
+    if len(sides) > 1:
+        yield sides, "sides"
+        return
+    for part in walk(sides[0]):
+        if isinstance(part, Comparison):
+            yield part.operands, "comparison"
+
+
+def _alike(known: NamedDimensions, sides: tuple[Tree, ...], reason: str, event: ModelEvent) -> None:
+    name = f"{event.name}.when"
+    values = [known.evaluated(x, "events", name, event.indices) for x in sides]
+    first: tuple[Tree, Dimension] | None = None
+    for side, value in zip(sides, values, strict=True):
+        if not isinstance(value, Dimension):
+            continue
+        if first is None:
+            first = side, value
+        elif known.evaluator.join(first[1], value) is None:
+            wrong = Disagreement(reason, side, value, first[1], first[0])
+            known.findings.append(UnitFinding(wrong, "events", name))
+
+
+_ANGLES = (se.asin, se.acos, se.atan, se.atan2)
+
+
+def symbolic_unit(model: Model, expression: Basic) -> str | None:
+    """Return the SI unit of an expression; None if it is unknown.
+
+    Parameters
+    ----------
+    model : Model
+        A model with consistent units: only one term of a sum is evaluated.
+    expression : Basic
+        Expression in t, q, q', q'', parameters, λ and constraint forces.
+    """
+    if not model.units.stated:
+        return None
+    found = _dimension(model, expression, {})
+    return text_of(ONE if found is NUMBER and model.units.throughout else found)
+
+
+def _dimension(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Scalar:
+    found = seen.get(expression)
+    if found is None:
+        found = seen[expression] = _evaluated(model, expression, seen)
+    return found
+
+
+def _evaluated(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Scalar:
+    if isinstance(expression, se.Symbol):
+        return _symbol(model, expression.name)
+    if (read := read_input(expression)) is not None:
+        return _symbol(model, read[0] + "'" * read[1])
+    if not expression.free_symbols:
+        if expression == 0:
+            return ZERO
+        # a number may have taken a unit
+        return NUMBER if not model.units.numbers or _is_small(expression) else UNKNOWN
+    parts = expression.args
+    if isinstance(expression, se.Mul):
+        total: Scalar = NUMBER
+        for part in parts:
+            total = product(total, _dimension(model, part, seen))
+        return total
+    if isinstance(expression, se.Pow):
+        base, exponent = _dimension(model, parts[0], seen), parts[1]
+        if not isinstance(base, Dimension):
+            return base
+        if isinstance(exponent, se.Rational):
+            return power(base, whole(Fraction(*map(int, exponent.get_num_den()))))
+        return ONE if same(base, ONE) else UNKNOWN
+    if isinstance(expression, (se.Add, se.Piecewise, se.Abs, se.Max, se.Min)):
+        values = parts[0::2] if isinstance(expression, se.Piecewise) else parts
+        terms = [_dimension(model, part, seen) for part in values]
+        known = [x for x in terms if isinstance(x, Dimension)]
+        return next((x for x in known if x.rad), known[0] if known else terms[0])
+    return ANGLE if isinstance(expression, _ANGLES) else ONE
+
+
+def _is_small(number: Basic) -> bool:
+    return isinstance(number, se.Rational) and max(map(abs, map(int, number.get_num_den()))) <= 12
+
+
+def _symbol(model: Model, name: str) -> Scalar:
+    units, column = model.units, read_dotted_name(name)
+    if column is not None and column.coordinate:
+        column = read_column_name(name, model.coordinate_names, model.constraint_names)
+    if name == TIME.name:
+        return SECOND
+    if column is None:
+        base = name.rstrip("'")
+        value = rate_of(find(units.names, base), len(name) - len(base))
+    elif column.quantity == "multipliers":
+        value = find(units.multipliers, column.constraint)
+    else:
+        value = find(units.names, column.coordinate)
+        value = UNKNOWN if isinstance(value, TensorDimension) else conjugate(value)
+    return UNKNOWN if isinstance(value, TensorDimension) else value

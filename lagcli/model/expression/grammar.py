@@ -23,12 +23,12 @@ A sign binds less tightly than a power: -x^2 is -(x^2). An exponent may have a s
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from copy import copy
 from fractions import Fraction
 
-from lagcli.model.expression.numerals import read_number
-from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
+from lagcli.model.expression.tokens import ExpressionError, Token, error_at, tokenize
 from lagcli.model.expression.trees import (
     BRACKETS,
     CallExpr,
@@ -47,6 +47,11 @@ from lagcli.model.expression.trees import (
 )
 
 MAX_NESTING = 50  # readable expressions have 10 at most; each level takes eleven Python frames
+
+MAX_DIGITS = 400  # digits of one number
+# range of decimal exponents of doubles
+MAX_EXPONENT = 308
+MIN_EXPONENT = -340
 
 #: Of a declaration: the name of the index, and its values.
 Span = tuple[str | None, Range | Tree]
@@ -111,6 +116,52 @@ def parse_equation(text: str) -> tuple[Tree, Tree | None]:
             )
     parser.expect_end()
     return left, right
+
+
+def read_number(token: Token, following: Token) -> NumberExpr:
+    """Return the number of a token, given the token that follows.
+
+    Raises
+    ------
+    ExpressionError
+        The number is out of range or is not decimal.
+    """
+    mantissa, _, exponent = token.text.lower().partition("e")
+    power = int(exponent[:9] or 0)
+    if len(mantissa) > MAX_DIGITS or not MIN_EXPONENT <= power <= MAX_EXPONENT:
+        raise error_at(
+            "bad-number",
+            "this number is beyond what a double can hold",
+            token,
+            f"numbers have at most {MAX_DIGITS} digits and exponents from {MIN_EXPONENT} to"
+            f" {MAX_EXPONENT}",
+        )
+    if re.match("0[0-9]", mantissa):
+        raise error_at(
+            "syntax",
+            f"`{token.text}` is not a number: it starts with 0",
+            token,
+            "remove the leading 0; dates and times are not numbers",
+        )
+    if following.start == token.end:
+        whole = token.text + following.text
+        if following.kind == "number":
+            raise ExpressionError(
+                "syntax",
+                f"`{whole}` is not a number: it has two decimal points",
+                token.start,
+                following.end,
+                "write one decimal point",
+            )
+        if re.fullmatch(r"0[xXbBoO][0-9a-fA-F]+", whole):
+            raise ExpressionError(
+                "syntax",
+                f"`{whole}` is not a number",
+                token.start,
+                following.end,
+                "write a decimal number",
+            )
+    return NumberExpr(token.start, token.end, Fraction(token.text.lower()))
 
 
 def _spanning(tree: Tree, start: int, end: int) -> Tree:

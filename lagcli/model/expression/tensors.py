@@ -8,7 +8,7 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.expression.algebra import is_zero
+from lagcli.model.expression.algebra import constant_value, is_zero
 from lagcli.model.expression.constants import cases
 
 Rows = tuple[tuple[Basic, ...], ...]
@@ -298,8 +298,6 @@ def rotation(axis: Tensor, angle: Basic) -> Tensor:
     if axis.shape != (3, 1):
         raise ShapeError(f"the axis of a rotation must be a vector of 3, not {axis.kind}")
     square = dot(axis, axis)
-    from lagcli.model.expression.algebra import constant_value
-
     length = se.sqrt(constant_value(square) or square)  # [sin(a), 0, cos(a)] has the length 1
     x, y, z = n = tuple(e / length for e in axis.entries)
     s, c = se.sin(angle), se.cos(angle)

@@ -79,6 +79,23 @@ def _first_invalid(text: str) -> int | None:
     return None
 
 
+_DECIMAL = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?\s*")
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number, not an expression."""
+    return _DECIMAL.fullmatch(text) is not None
+
+
+def decimal(text: str) -> float | None:
+    """Return the number that a text denotes in model files and tables; None for any other text.
+
+    Spellings that only programming languages know, such as ``1_0``, ``infinity`` and digits of
+    other scripts, are not numbers.
+    """
+    return float(text) if _DECIMAL.fullmatch(text) else None
+
+
 #: Characters equivalent to a character of the language.
 _SAME = str.maketrans("·⋅∙×÷−–′’", "****/--''")
 _SAME_MARKS = {"≤": "<=", "≥": ">=", "≠": "!="}

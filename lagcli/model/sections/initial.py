@@ -1,36 +1,308 @@
-"""The initial values: fixed or guessed, one for every coordinate and velocity."""
+"""The initial values: fixed or guessed, one for every coordinate and every velocity."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft, Indices
+from lagcli.model.draft import Draft, Formula, Indices
 from lagcli.model.expression.grammar import Span
+from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
+from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import without_dots
-from lagcli.model.expression.trees import NumberExpr
-from lagcli.model.initial_values import InitialReader, guess_or, guessed
-from lagcli.model.model import Constraint, InitialValue
+from lagcli.model.expression.trees import (
+    ComponentExpr,
+    Name,
+    NumberExpr,
+    ProductExpr,
+    SumExpr,
+    Tree,
+    VectorExpr,
+    walk,
+)
+from lagcli.model.keys import INITIAL, keys_of
+from lagcli.model.model import Constraint, InitialValue, Written
+from lagcli.model.names.expansion import substituted
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, indices_of, members_clause
+from lagcli.model.names.scope import uses
+from lagcli.model.sections.coordinates import KINDS, components
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Symbols
-from lagcli.model.vectors.kinds import KINDS, components
+from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
-
-if TYPE_CHECKING:
-    from lagcli.model.vectors.initial import VectorReader
-
-    Reader = InitialReader | VectorReader
 
 Spins = dict[str, tuple[bool, bool, bool]]
 
 _SHOWN = 12  # largest number of missing entries in a message
 Values = dict[str, InitialValue]
+#: A guess on the command line, written as in a file.
+GUESS = r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+"
+_AXES = ("x", "y", "z")
+#: 2 e' = e (0, ω): for each e.k the terms sign·e.i·ω.j.
+_RATES = (
+    ((-1, 1, 0), (-1, 2, 1), (-1, 3, 2)),
+    ((1, 0, 0), (1, 2, 2), (-1, 3, 1)),
+    ((1, 0, 1), (1, 3, 0), (-1, 1, 2)),
+    ((1, 0, 2), (1, 1, 1), (-1, 2, 0)),
+)
+
+
+class InitialReader:
+    """Reads the value of an entry, for each member that the entry covers.
+
+    Parameters
+    ----------
+    draft : Draft
+    declaration : Declaration
+        The entry, with its value as node.
+    constants : Symbols
+        Parameters with their values.
+    fixed : bool
+        Whether the value is fixed unless it is written as a guess.
+    quantity : Quantity, optional
+        The value, if it has already been read.
+    """
+
+    def __init__(
+        self,
+        draft: Draft,
+        declaration: Declaration,
+        constants: Symbols,
+        fixed: bool = True,
+        quantity: Quantity | None = None,
+    ):
+        self.draft, self.location = draft, declaration.node.location
+        self.what = what = f"the initial value of `{declaration.title}`"
+        node, own = unwrapped(draft, declaration.node, what)
+        self.fixed, self.quantity = fixed and own, quantity
+        names = initial_names(draft, constants)
+        if node is not None and quantity is None:
+            self.quantity = read_quantity(draft, node, what, names)
+        if self.quantity is not None:
+            context = Context(what, coordinates=False, definitions=False, time=False)
+            indices, tree = declaration.indices, self.quantity.parsed.tree
+            self.formula = formula_of(draft, self.quantity, context, names, indices)
+            self.varies = any(uses(tree, index) for index in indices)
+        self.same: float | None = None
+
+    def read(self, name: str, indices: Indices, values: dict[str, InitialValue]) -> None:
+        """Evaluate the entry for a coordinate or velocity."""
+        if self.quantity is None:
+            return
+        value = self.same
+        if value is None:
+            value = evaluate(self.draft, self.quantity, self.formula, self.what, indices)
+            self.same = None if self.varies else value
+        if value is not None:
+            quantity = self.quantity
+            written = Written(quantity.parsed.tree, quantity.factor, indices)
+            values[name] = InitialValue(value, self.fixed, self.location, written, quantity.unit)
+
+
+def initial_names(draft: Draft, constants: Symbols) -> Symbols:
+    """Return the names allowed in initial values: parameters with their values."""
+    names = draft.names
+    return replace(constants, coordinates=names.coordinates, definitions=names.definitions)
+
+
+def unwrapped(draft: Draft, node: YamlNode, what: str) -> tuple[YamlNode | None, bool]:
+    """Return the value of an entry without ``{guess: …}``, and whether it is fixed."""
+    if not isinstance(node, MappingNode):
+        return node, True
+    fields = draft.fields(node, what, keys_of(INITIAL))
+    if "guess" not in fields and not node.entries:
+        draft.report.add(
+            "missing-value", f"{what} is empty", node.location, "write a number, or {guess: 0}"
+        )
+    return fields.get("guess"), False
+
+
+def guessed(entry: YamlNode, value: YamlNode) -> YamlNode:
+    """Return a value as ``{guess: value}`` if the entry is a guess."""
+    assert isinstance(entry, MappingNode)
+    key = entry.entries["guess"][0]
+    return MappingNode(value.source, value.start, value.end, {"guess": (key, value)})
+
+
+def guess_or(node: Scalar) -> YamlNode:
+    """Return a value from the command line; a guess as the mapping used in files."""
+    match = re.fullmatch(GUESS, node.value)
+    if match is None:
+        return node
+    key, guess = (
+        Scalar(node.source, (0, match.start(i)), (0, match.end(i)), match[i]) for i in (1, 2)
+    )
+    return MappingNode(node.source, node.start, node.end, {"guess": (key, guess)})
+
+
+class VectorReader:
+    """Reads the initial value of a vector or rotation, or its derivative.
+
+    Parameters
+    ----------
+    draft : Draft
+    declaration : Declaration
+        The entry of ``initial``, with its value as node.
+    kind : str
+        One of `KINDS`. The derivative of a quaternion is given by the angular velocity in the body
+        frame.
+    constants : Symbols
+        Parameters with their values.
+    """
+
+    def __init__(
+        self,
+        draft: Draft,
+        declaration: Declaration,
+        kind: str,
+        constants: Symbols,
+    ):
+        self.draft, self.declaration, self.constants = draft, declaration, constants
+        self.what = f"the initial value of `{declaration.title}`"
+        self.rotates = kind == "quaternion"
+        self.turning = self.rotates and bool(declaration.primes)
+        self.parts = _AXES if self.turning else KINDS[kind].parts
+        self.location = declaration.node.location
+        value, self.fixed = unwrapped(draft, declaration.node, self.what)
+        self.cells: dict[str, InitialReader] = {}
+        self.found: dict[str, Values] = {}
+        if isinstance(value, Sequence):
+            self.listed(value)
+        elif value is not None:
+            self.written(value)
+
+    def listed(self, node: Sequence) -> None:
+        """Read a list of components, each with its unit, fixed or guessed."""
+        if len(node.items) != len(self.parts):
+            self.wrong_shape(node, f"a list of {len(node.items)}")
+            return
+        for part, item in zip(self.parts, node.items, strict=True):
+            own = self.declaration._replace(node=item, part=f".{part}")
+            self.cells[part] = InitialReader(self.draft, own, self.constants, self.fixed)
+
+    def written(self, node: YamlNode) -> None:
+        """Read an expression, such as ``l*[1, 0, 0]`` or ``rot_z(30 deg)``."""
+        names = initial_names(self.draft, self.constants)
+        quantity = read_quantity(self.draft, node, self.what, names)
+        if quantity is None:
+            return
+        tree = quantity.parsed.tree
+        trees = self.parts_of(tree, quantity)
+        for part, component in trees.items():
+            own = quantity._replace(parsed=quantity.parsed._replace(tree=component))
+            declared = self.declaration._replace(part=f".{part}", node=node)
+            reader = InitialReader(self.draft, declared, self.constants, self.fixed, own)
+            self.cells[part] = reader
+
+    def parts_of(self, tree: Tree, quantity: Quantity) -> dict[str, Tree]:
+        """Return the components of an expression of the right shape."""
+        identity = self.rotates and not self.turning
+        if quantity.number == identity:  # 0 for a vector, 1 for a rotation
+            numbers = [identity, *(0 for _ in self.parts[1:])]
+            place = tree.start, tree.end
+            return {
+                part: NumberExpr(*place, Fraction(x))
+                for part, x in zip(self.parts, numbers, strict=True)
+            }
+        if isinstance(tree, VectorExpr) and len(tree.items) == len(self.parts):
+            return dict(zip(self.parts, tree.items, strict=True))
+        context = Context(self.what, coordinates=False, definitions=False, time=False)
+        names = initial_names(self.draft, self.constants)
+        indices = self.declaration.indices
+        formula = Formula(self.draft, quantity.parsed, context, names, indices)
+        sized = formula.value(dict.fromkeys(indices, 1))
+        if sized is None:
+            return {}
+        value = sized.value
+        wanted = (3, 3) if identity else (len(self.parts), 1)
+        if not isinstance(value, Tensor) or value.shape != wanted:
+            kind = value.kind if isinstance(value, Tensor) else "a scalar"
+            self.wrong_shape(quantity.parsed.node, kind)
+            return {}
+        return {p: ComponentExpr(tree.start, tree.end, tree, p) for p in self.parts}
+
+    def wrong_shape(self, node: YamlNode, found: str) -> None:
+        """Report a value that is not a vector or rotation of the right size."""
+        if self.turning:
+            wanted = "the angular velocity in the frame of the body, a vector of 3"
+            help_ = f"write `{self.declaration.title}: [0, 0, 2 rad/s]`"
+        elif self.rotates:
+            wanted = "a rotation, or the four components of a quaternion"
+            help_ = f"write `{self.declaration.title}: rot_z(30 deg)`, or `[1, 0, 0, 0]`"
+        else:
+            wanted = f"a vector of {len(self.parts)}"
+            help_ = f"write `{self.declaration.title}: [0, 0, 0]`"
+        message = f"{self.what} must be {wanted}, not {found}"
+        self.draft.report.add("shape", message, node.location, help_)
+
+    @property
+    def fixed_spin(self) -> tuple[bool, bool, bool]:
+        """Which components of an angular velocity are fixed."""
+        x, y, z = (axis in self.cells and self.cells[axis].fixed for axis in _AXES)
+        return x, y, z
+
+    def read(self, canonical: str, indices: Indices, values: Values) -> None:
+        """Evaluate one component, ``r.x``, ``e.0`` or ``e.0'``."""
+        base, _, part = canonical.rstrip("'").rpartition(".")
+        if self.turning:
+            found = self.found.get(base)
+            if found is None:
+                found = self.found[base] = self.rates(base, indices, values)
+            if canonical in found:
+                values[canonical] = found[canonical]
+        elif part in self.cells:
+            self.cells[part].read(canonical, indices, values)
+
+    def rates(self, base: str, indices: Indices, values: Values) -> Values:
+        """Return the derivatives of a quaternion from the angular velocity."""
+        omega: Values = {}
+        for axis, cell in self.cells.items():
+            cell.read(axis, indices, omega)
+        e = [values.get(f"{base}.{k}") for k in KINDS["quaternion"].parts]
+        known = [x for x in e if x is not None]
+        if len(omega) < len(_AXES) or len(known) < len(e):
+            return {}
+        w = [omega[axis] for axis in _AXES]
+        found: Values = {}
+        for k, terms in enumerate(_RATES):
+            value = sum(sign * known[i].value * w[j].value for sign, i, j in terms) / 2
+            tree = _half_sum([(sign, known[i], w[j]) for sign, i, j in terms])
+            varies = any(isinstance(x, Name) for x in walk(tree))
+            written = Written(tree, 1, {}) if varies else None
+            fixed = all(x.fixed for x in w)
+            unit = "1/s" if varies else None
+            found[f"{base}.{k}'"] = InitialValue(value, fixed, self.location, written, unit)
+        return found
+
+
+def _half_sum(terms: list[tuple[int, InitialValue, InitialValue]]) -> Tree:
+    """Return half the sum of products of initial values, unevaluated."""
+    half = NumberExpr(0, 0, Fraction(1, 2))
+    products = [
+        (sign, ProductExpr(0, 0, ((1, half), (1, _tree(a)), (1, _tree(b))))) for sign, a, b in terms
+    ]
+    return SumExpr(0, 0, tuple(products))
+
+
+def _tree(value: InitialValue) -> Tree:
+    written = value.written
+    if written is None:
+        return NumberExpr(0, 0, Fraction(value.value))
+    numbers: Mapping[str, Tree] = {
+        name: NumberExpr(0, 0, Fraction(k)) for name, k in written.indices.items()
+    }
+    tree = substituted(written.tree, numbers, (0, 0))
+    if written.factor == 1:
+        return tree
+    return ProductExpr(0, 0, ((1, tree), (1, NumberExpr(0, 0, Fraction(written.factor)))))
+
+
+Reader = InitialReader | VectorReader
 
 
 def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[str]:
@@ -157,8 +429,6 @@ def _readers(
         reader: Reader = InitialReader(draft, declaration, constants)
         yield from ((member, reader) for member in members)
         return
-    from lagcli.model.vectors.initial import VectorReader
-
     reader = VectorReader(draft, declaration, kind, constants)
     parts = [part._replace(kind=kind) for part in components(declaration, kind)]
     for member in members:

@@ -15,7 +15,6 @@ from lagcli.errors import SourceLocation
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import Draft, Formula
 from lagcli.model.expression.dimension import same
-from lagcli.model.expression.numerals import is_number
 from lagcli.model.expression.quantities import (
     Quantity,
     constant,
@@ -24,6 +23,7 @@ from lagcli.model.expression.quantities import (
     read_quantity,
     unit_of,
 )
+from lagcli.model.expression.tokens import is_number
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, si_notation, to_si
 from lagcli.model.keys import PARAMETER, keys_of

@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.errors import FileError, UsageError
 from lagcli.files import read_failure
 from lagcli.model.csv_table import split_title
-from lagcli.model.expression.numerals import decimal
+from lagcli.model.expression.tokens import decimal
 from lagcli.model.expression.units import UnknownUnit
 from lagcli.model.model import Model
 from lagcli.results.reasons import check_readable

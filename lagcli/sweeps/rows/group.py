@@ -14,8 +14,8 @@ from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outco
 from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
+from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
-from lagcli.model.sections.measures import read_measures
 from lagcli.simulations.finite import undefined_rows
 from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of

@@ -11,8 +11,7 @@ import symengine as se
 from lagcli.arrays import Array
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
-from lagcli.model.sections.measures import Measure, Reduction, reduced
-from lagcli.model.sections.switching.event_measures import EventMeasure
+from lagcli.model.measures import EventMeasure, Measure, Reduction, reduced
 from lagcli.trajectory.event_log import EventLog
 
 

@@ -42,7 +42,7 @@ class Signals:
     ----------
     equations : Equations
     expressions : sequence of expressions
-        See `lagcli.model.sections.measures`.
+        See `lagcli.model.measures`.
     compiled : bool
         Whether the compiled core evaluates them.
 

@@ -22,7 +22,7 @@ from lagcli.equations.presentation.typeset import (
     sum_of,
 )
 from lagcli.model.model import Constraint, MultiplierLimit
-from lagcli.model.sections.switching.contacts import abs_multiplier
+from lagcli.model.sections.contacts import abs_multiplier
 
 _LAWS = {
     "poisson": "Impacts follow Poisson's law: the impulse of expansion is ε times that of"

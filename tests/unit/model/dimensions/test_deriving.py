@@ -9,8 +9,7 @@ import pytest
 import symengine as se
 
 from lagcli.errors import ModelError
-from lagcli.model.dimensions.deriving import expression_unit
-from lagcli.model.dimensions.symbolic import symbolic_unit
+from lagcli.model.dimensions.deriving import expression_unit, symbolic_unit
 from lagcli.model.expression.dimension import unit_of
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load, load_text

@@ -6,8 +6,14 @@ from fractions import Fraction
 
 import pytest
 
-from lagcli.model.expression.grammar import MAX_NESTING, parse, parse_equation
-from lagcli.model.expression.tokens import ExpressionError, is_name
+from lagcli.model.expression.grammar import (
+    MAX_DIGITS,
+    MAX_NESTING,
+    parse,
+    parse_equation,
+    read_number,
+)
+from lagcli.model.expression.tokens import ExpressionError, is_name, tokenize
 from lagcli.model.expression.trees import (
     CallExpr,
     Comparison,
@@ -183,3 +189,47 @@ def test_long_flat_expressions_are_no_problem() -> None:
 def test_names() -> None:
     assert all(map(is_name, ["x", "x_1", "Größe", "高", "lambda", "e1"]))
     assert not any(map(is_name, ["", "1x", "_x", "x²", "x-1", "x y", "½", "x.y", "x٣", "x'"]))
+
+
+def number(text: str) -> Fraction:
+    """Return the number that a text begins with."""
+    first, second = tokenize(text)[:2]
+    return read_number(first, second).value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("0.1", Fraction(1, 10)),
+        ("2e-3", Fraction(1, 500)),
+        ("1.5E2", Fraction(150)),
+        (".25", Fraction(1, 4)),
+        ("0", Fraction(0)),
+        ("0.0625", Fraction(1, 16)),
+        ("1e308", Fraction(10) ** 308),
+    ],
+)
+def test_tokens_of_numbers_are_exact(text: str, value: Fraction) -> None:
+    assert number(text) == value
+
+
+@pytest.mark.parametrize("text", ["1e309", "1e-341", "1" * (MAX_DIGITS + 1), "1e9999999999"])
+def test_numbers_beyond_doubles(text: str) -> None:
+    with pytest.raises(ExpressionError, match="beyond what a double can hold") as found:
+        number(text)
+    assert found.value.kind == "bad-number"
+    assert (found.value.start, found.value.end) == (0, len(text))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("007", "starts with 0"),
+        ("1.2.3", "two decimal points"),
+        ("0x1F", "`0x1F` is not a number"),
+        ("0b10", "`0b10` is not a number"),
+    ],
+)
+def test_numbers_that_are_not_decimal(text: str, message: str) -> None:
+    with pytest.raises(ExpressionError, match=message):
+        number(text)

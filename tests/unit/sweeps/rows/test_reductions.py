@@ -11,7 +11,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import LagcliError
-from lagcli.model.sections.measures import read_measures
+from lagcli.model.measures import read_measures
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec

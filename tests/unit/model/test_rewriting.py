@@ -10,7 +10,7 @@ from shipped import PATHS, every_model
 
 from lagcli.errors import ModelError
 from lagcli.model.loader import load_text
-from lagcli.model.yaml.rewriting import rewrite
+from lagcli.model.rewriting import rewrite
 
 MODELS = Path(__file__).parents[4] / "models"
 

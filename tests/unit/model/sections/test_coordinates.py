@@ -7,7 +7,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import ModelError
-from lagcli.model.names.propagation import dependent_values
+from lagcli.model.values import dependent_values
 
 MODEL = """
 coordinates: {{r: point, e: quaternion, q[1..2]: point, u[1..2, 1..2]: m, phi: rad}}

@@ -11,12 +11,18 @@ from lagcli.model.expression.dimension import (
     ENERGY,
     NUMBER,
     ONE,
+    ROTATION,
+    SECOND,
     UNKNOWN,
     ZERO,
     Dimension,
+    TensorDimension,
+    differing,
     power,
     product,
+    rate_of,
     same,
+    scalar_rate,
     unit_of,
 )
 from lagcli.model.expression.units import read_unit, to_si
@@ -72,3 +78,28 @@ def test_there_is_one_of_each_special_value_in_other_processes_too() -> None:
 def test_fractional_powers_keep_the_factor() -> None:
     assert float(to_si("N/mm^1.5")) == pytest.approx(1000**1.5, rel=1e-15)
     assert float(to_si("m^(2/3)")) == 1
+
+
+def column(*entries: object) -> TensorDimension:
+    return TensorDimension(tuple((x,) for x in entries))  # type: ignore[arg-type]
+
+
+def test_a_rate_is_per_second_and_that_of_a_number_vanishes() -> None:
+    assert scalar_rate(SECOND, 1) == ONE
+    assert scalar_rate(ONE, 2) == product(ONE, SECOND, -2)
+    assert scalar_rate(NUMBER, 1) is ZERO
+    assert scalar_rate(UNKNOWN, 1) is UNKNOWN
+
+
+def test_rates_of_vectors_are_those_of_their_entries() -> None:
+    vector = column(SECOND, NUMBER)
+    assert rate_of(vector, 0) is vector
+    assert rate_of(vector, 1) == column(ONE, ZERO)
+    assert rate_of(ROTATION, 1).flat == (product(ONE, SECOND, -1),) * 9  # type: ignore[union-attr]
+    assert (vector.shape, ROTATION.shape) == ((1, 1), (3, 3, 3))
+
+
+def test_zeros_and_unknown_entries_differ_from_nothing() -> None:
+    one, other = column(ZERO, UNKNOWN, SECOND), column(ONE, ONE, ONE)
+    assert differing(one, other) == (SECOND, ONE)
+    assert differing(SECOND, ONE) == (SECOND, ONE)

@@ -6,7 +6,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import ModelError
-from lagcli.model.initial_values import guess_or
+from lagcli.model.sections.initial import guess_or
 from lagcli.model.yaml.source import Mapping, Scalar, Source
 
 MODEL = """

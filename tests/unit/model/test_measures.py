@@ -6,9 +6,8 @@ import pytest
 
 import lagcli
 from lagcli.errors import ModelError
+from lagcli.model.measures import EventMeasure, read_measures
 from lagcli.model.model import Model
-from lagcli.model.sections.measures import read_measures
-from lagcli.model.sections.switching.event_measures import EventMeasure
 from tests.support.switching_models import BALL
 
 

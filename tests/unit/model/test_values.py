@@ -6,7 +6,7 @@ import pytest
 import symengine as se
 
 from lagcli.model.loader import load_text
-from lagcli.model.names.propagation import dependent_values
+from lagcli.model.values import dependent_values
 
 TEXT = """
 coordinates: [x[1..2], y]

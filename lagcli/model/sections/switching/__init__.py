@@ -1,1 +1,0 @@
-"""Switching: contacts, friction, limits, events."""

@@ -1,1 +1,0 @@
-"""Vectors and rotations as coordinates, in constraints and in initial values."""
