@@ -1,4 +1,4 @@
-"""Checks of regular files before they are read, with errors that state the path and a remedy."""
+"""Errors of reading and writing files, with path and remedy; checks before a file is read."""
 
 from __future__ import annotations
 
@@ -52,3 +52,56 @@ def check_regular(path: str) -> int:
     if not stat.S_ISREG(found.st_mode):
         raise FileError(f"cannot read {path}: it is not a regular file; save it to one first")
     return found.st_size
+
+
+def exists(path: str) -> FileError:
+    """Return the error for an existing file."""
+    return FileError(f"{path} exists already; give --force to overwrite it, or another name")
+
+
+def write_failure(path: str, error: OSError) -> FileError:
+    """Return the error for a failed write."""
+    folder = os.path.dirname(path) or "."
+    match error.errno:
+        case errno.EEXIST:
+            return exists(path)
+        case errno.ENOSPC | errno.EDQUOT:
+            reason = "the disk is full (or your quota is); free some space, or write elsewhere"
+        case errno.EFBIG:
+            reason = "the file is larger than allowed here; raise the limit (ulimit -f)"
+        case errno.EACCES | errno.EPERM:
+            reason = f"no permission to write in {folder}; choose a folder of your own"
+        case errno.EROFS:
+            reason = f"{folder} is on a read-only file system; choose another folder"
+        case errno.ENOENT if not os.path.isdir(folder):  # /proc says ENOENT to any new file
+            import shlex
+
+            reason = f"there is no folder {folder}; create it with: mkdir -p {shlex.quote(folder)}"
+        case errno.ENOTDIR:
+            reason = f"{folder} is not a folder; choose another name"
+        case errno.EBADF:
+            reason = "it is closed; redirect it to a file, or write with -o"
+        case errno.EISDIR:
+            reason = "it is a folder; give the name of a file in it"
+        case errno.ENAMETOOLONG:
+            reason = "the name is too long for the file system; choose a shorter one"
+        case _:
+            reason = f"{error.strerror or error}; choose another place if this persists"
+    return FileError(f"cannot write {path}: {reason}")
+
+
+def check_readable(path: str) -> None:
+    """Raise unless the path is a regular file that can be opened and is not empty.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+
+    Raises
+    ------
+    FileError
+        It is missing, a folder, pipe or device, empty, or not readable.
+    """
+    if check_regular(path) == 0:
+        raise FileError(f"cannot read {path}: it is empty; run the simulation again")

@@ -117,7 +117,7 @@ def _opened(number: int, before: Any, fail: Callable[[OSError], None]) -> io.Tex
 
 def _refuse(error: OSError) -> None:
     # slow imports are avoided at start-up
-    from lagcli.results.reasons import write_failure
+    from lagcli.files import write_failure
 
     raise write_failure("standard output", error) from error
 

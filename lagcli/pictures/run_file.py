@@ -15,7 +15,7 @@ from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.results.formats import open_reader
-from lagcli.simulations.inputs.input_tables import input_data
+from lagcli.simulations.inputs import input_data
 from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory
 

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, BinaryIO, Self
 
 from lagcli.errors import FileError
-from lagcli.results import reasons
+from lagcli.files import exists, write_failure
 
 
 def check_writable(path: str, force: bool = False) -> None:
@@ -39,7 +39,7 @@ def check_writable(path: str, force: bool = False) -> None:
             os.unlink(hidden)
         file.close()
     except OSError as error:
-        raise reasons.write_failure(path, error) from error
+        raise write_failure(path, error) from error
 
 
 @contextmanager
@@ -89,7 +89,7 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
             with suppress(FileNotFoundError):
                 os.unlink(hidden)
     except OSError as error:
-        raise reasons.write_failure(path, error) from error
+        raise write_failure(path, error) from error
     sync_folder(folder)
 
 
@@ -127,9 +127,9 @@ def _names(path: str, force: bool) -> tuple[str, str]:
                     "give - to write CSV to standard output"
                 )
             if not force:
-                raise reasons.exists(path)
+                raise exists(path)
     except OSError as error:
-        raise reasons.write_failure(path, error) from error
+        raise write_failure(path, error) from error
     hidden = f".lagcli-{os.getpid()}-{os.urandom(8).hex()}"
     return target, os.path.join(os.path.dirname(target), hidden)
 

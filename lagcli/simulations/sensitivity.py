@@ -176,7 +176,7 @@ class Sensitivity:
             )
 
     def _refuse_hidden_jumps(self) -> None:
-        from lagcli.simulations.switching.hidden_jumps import has_hidden_jumps
+        from lagcli.simulations.hidden_jumps import has_hidden_jumps
 
         if has_hidden_jumps(self.system, tuple(self.equations.model.parameter_values.values())):
             raise UsageError(
@@ -191,7 +191,7 @@ class Sensitivity:
         if system.switching is not None or not system.has_kinks:
             return system.switching is not None
         from lagcli.engine.switching.kinks import frozen_of
-        from lagcli.simulations.switching.surfaces import jumping_names
+        from lagcli.simulations.surfaces import jumping_names
 
         frozen = frozen_of(system)
         if frozen is None:

@@ -25,10 +25,8 @@ from lagcli.model.result_units import result_units
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
-from lagcli.simulations.derived import DerivedColumns
-from lagcli.simulations.finite import FiniteColumns
+from lagcli.simulations.derived import NO_MONITOR, DerivedColumns, Monitor, monitor_of
 from lagcli.simulations.memory import check_fits, numbers_per_sample
-from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
 from lagcli.simulations.sampling import (
     ParameterChanges,
     absolute_tolerances,
@@ -38,7 +36,7 @@ from lagcli.simulations.sampling import (
 )
 from lagcli.simulations.start import find_start, freedom_at, message_of, negative_inertia
 from lagcli.simulations.threads import one_thread
-from lagcli.simulations.trust import Trust
+from lagcli.simulations.trust import FiniteColumns, Trust
 from lagcli.trajectory.samples import Record, Samples
 from lagcli.version import __version__
 
@@ -162,7 +160,7 @@ def ready(
 
         check_engine_switches(equations.model, system, settings)
     if equations.model.inputs:
-        from lagcli.simulations.inputs.input_range import check_input_range
+        from lagcli.simulations.inputs import check_input_range
 
         check_input_range(equations.model, settings.t_start, settings.t_end)
     if equations.model.events:
@@ -359,13 +357,13 @@ class Simulation:
         warnings: tuple[str, ...] = ()
         if self.system.switching is not None:
             from lagcli.simulations.contacts import true_at_start
-            from lagcli.simulations.switching.event_logs import event_log
+            from lagcli.simulations.event_logs import event_log
 
             names = () if self.sensitivity is None else self.sensitivity.names
             log = event_log(self.system, run, columns, names)
             warnings = true_at_start(self.system, self.start.state)
         if self.model.inputs:
-            from lagcli.simulations.inputs.input_tables import input_tables
+            from lagcli.simulations.inputs import input_tables
 
             tables = input_tables(self.model)
         return Record(

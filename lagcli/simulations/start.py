@@ -60,7 +60,7 @@ def find_start(
     """
     model = equations.model
     if model.inputs:
-        from lagcli.simulations.inputs.input_range import check_input_range
+        from lagcli.simulations.inputs import check_input_range
 
         check_input_range(model, t, t)
     q, fixed_q = _initial(model, model.initial_positions)

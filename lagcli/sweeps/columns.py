@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from lagcli.column_units import NOT_STATED
 from lagcli.columns import (
     QUANTITIES,
     SAMPLED,
@@ -24,7 +25,6 @@ from lagcli.model.measures import REDUCTIONS, EventMeasure, event_measures
 from lagcli.model.model import Model
 from lagcli.model.names.expansion import expand
 from lagcli.model.result_units import result_units
-from lagcli.results.layout import NOT_STATED
 
 KIND = "sweep"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -66,6 +66,13 @@ class Terms(NamedTuple):
                 raise ValueError("terms refer to constraints or coordinates that do not exist")
         if (np.diff(self.constraint * nq + self.coordinate) <= 0).any():
             raise ValueError("terms are not in order")
+
+    def names(
+        self, coordinates: Sequence[str], constraints: Sequence[str]
+    ) -> list[tuple[str, str]]:
+        """Return the names of the constraint and of the coordinate of each term."""
+        pairs = zip(self.constraint.tolist(), self.coordinate.tolist(), strict=True)
+        return [(constraints[i], coordinates[j]) for i, j in pairs]
 
     def total(self, values: Array) -> Array:
         """Return the sum over the constraints.

@@ -28,7 +28,7 @@ from lagcli.errors import Diagnostic, LagcliError, UsageError
 from lagcli.model.model import Model
 from lagcli.model.sections.fit import ObservedQuantity
 from lagcli.settings.settings import Settings
-from lagcli.simulations.inputs.input_range import check_input_range
+from lagcli.simulations.inputs import check_input_range
 from lagcli.simulations.sampling import absolute_tolerances
 from lagcli.simulations.sensitivity import Sensitivity
 

@@ -24,7 +24,7 @@ from lagcli.model.model import Model
 from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 from lagcli.results.hdf5.opening import damage
 from lagcli.simulations.derived import DerivedColumns
-from lagcli.simulations.inputs.input_tables import input_tables
+from lagcli.simulations.inputs import input_tables
 from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory, complete
 from lagcli.version import __version__

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+from lagcli.column_units import NOT_STATED
 from lagcli.equations.render.names import Notation
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.inputs import InputData
@@ -19,7 +20,6 @@ from lagcli.pictures.plots.curves import look_of_value, pretty_unit
 from lagcli.pictures.plots.figure_file import FigureTarget
 from lagcli.pictures.plots.ticks import drawable, plain_ticks
 from lagcli.pictures.plots.tornado import draw_tornado, effects
-from lagcli.results.layout import NOT_STATED
 from lagcli.sweeps.row_results import COMPLETED
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
@@ -74,7 +74,7 @@ class PlottedTable:
 
     def __init__(self, path: str):
         from lagcli.results.metadata import model_title
-        from lagcli.simulations.inputs.input_tables import input_data
+        from lagcli.simulations.inputs import input_data
         from lagcli.sweeps.file.store import open_sweep
 
         self.path = path

@@ -8,14 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.column_units import NOT_STATED
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
-from lagcli.results.layout import NOT_STATED
-from lagcli.simulations.inputs.input_tables import input_data
+from lagcli.simulations.inputs import input_data
 from lagcli.sweeps.row_results import COMPLETED
 from lagcli.trajectory.samples import Record
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.column_units import NOT_STATED
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
@@ -19,8 +20,7 @@ from lagcli.pictures.plots.sweep_rows import Rows
 from lagcli.pictures.report.analysis_figures import picture
 from lagcli.pictures.report.analysis_sections import AnalysisSection
 from lagcli.pictures.report.writing import elided, number, table, unit
-from lagcli.results.layout import NOT_STATED
-from lagcli.simulations.inputs.input_tables import input_data
+from lagcli.simulations.inputs import input_data
 from lagcli.sweeps.file.description import describe_sweep
 from lagcli.sweeps.file.store import open_sweep
 from lagcli.sweeps.row_results import COMPLETED

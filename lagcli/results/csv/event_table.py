@@ -17,8 +17,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.errors import FileError
-from lagcli.files import read_failure
-from lagcli.results.reasons import check_readable
+from lagcli.files import check_readable, read_failure
 from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 _FIXED = ("t", "name", "kind", "loss", "supplied", "work")

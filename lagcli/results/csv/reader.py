@@ -23,12 +23,10 @@ from lagcli.columns import (
     read_dotted_name,
 )
 from lagcli.errors import FileError
-from lagcli.files import read_failure
+from lagcli.files import check_readable, read_failure
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
-from lagcli.results.layout import term_names
 from lagcli.results.metadata import check_times
-from lagcli.results.reasons import check_readable
 from lagcli.trajectory.samples import Terms
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -103,7 +101,7 @@ class CsvReader:
         }
         fields: dict[str, Any] = {}
         position = 0
-        names = term_names(self.terms, self.coordinates, self.constraints)
+        names = self.terms.names(self.coordinates, self.constraints)
         for name, of_name in titles(
             *(self.coordinates, self.constraints, names, self.conserved_names, self.outputs),
             self.sensitivity,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.errors import FileError
-from lagcli.files import read_failure
+from lagcli.files import check_readable, read_failure
 from lagcli.results.csv.event_table import events_digest, events_path, read_event_table
 from lagcli.results.metadata import (
     KIND,
@@ -22,7 +22,6 @@ from lagcli.results.metadata import (
     to_metadata,
     to_number,
 )
-from lagcli.results.reasons import check_readable
 from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record
 
 #: Fields of a table that are text.

@@ -15,11 +15,10 @@ import numpy as np
 
 from lagcli.columns import DERIVATIVES, SAMPLED, column_names, derivative_names
 from lagcli.errors import FileError, UsageError
+from lagcli.files import write_failure
 from lagcli.results.atomic import FileWriter, check_writable, whole_file
 from lagcli.results.csv.event_table import events_path, events_text
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
-from lagcli.results.layout import term_names
-from lagcli.results.reasons import write_failure
 from lagcli.trajectory.samples import Record, Samples
 
 #: Number of values formatted at once: large enough to be fast, small enough for memory.
@@ -204,7 +203,7 @@ def _header(samples: Samples) -> bytes:
 def _titles(samples: Samples) -> dict[str, list[str]]:
     """Return the names of the columns of samples."""
     q, constraints = samples.coordinates, samples.constraints
-    terms = term_names(samples.terms, q, constraints)
+    terms = samples.terms.names(q, constraints)
     return titles(
         *(q, constraints, terms, samples.conserved_names, samples.outputs, samples.sensitivity)
     )

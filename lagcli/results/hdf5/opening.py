@@ -15,10 +15,9 @@ from typing import NamedTuple
 import h5py
 
 from lagcli.errors import FileError
-from lagcli.files import read_failure
+from lagcli.files import check_readable, read_failure
 from lagcli.results.hdf5.seal import check_seal
 from lagcli.results.hdf5.structure import text_attribute
-from lagcli.results.reasons import check_readable
 from lagcli.trajectory.samples import SCHEMA_VERSION
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.column_units import UNIT_DATASETS, units_along
+from lagcli.column_units import NOT_STATED, UNIT_DATASETS, shared_unit, unit, units_along
 from lagcli.columns import ARRAYS, BY_NAME, DERIVATIVES, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
 from lagcli.results.atomic import FileWriter, check_writable
@@ -29,7 +29,6 @@ from lagcli.results.hdf5.container import (
 )
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_quantity, read_texts, text_attribute
-from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
 from lagcli.results.metadata import (
     KIND,
     MAPPINGS,
@@ -167,7 +166,7 @@ class Hdf5Writer(FileWriter):
             datasets[name] = add_array(root, name, getattr(record, name))
 
         terms = self._terms
-        names = term_names(terms, self._coordinates, self._constraints)
+        names = terms.names(self._coordinates, self._constraints)
         axes = {
             "time": datasets["time"],
             "coordinate": add_texts(root, "coordinate", self._coordinates),

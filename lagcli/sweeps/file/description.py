@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.results.layout import NOT_STATED
+from lagcli.column_units import NOT_STATED
 from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep

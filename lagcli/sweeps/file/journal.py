@@ -19,9 +19,8 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from lagcli.errors import FileError, UsageError
-from lagcli.files import read_failure
+from lagcli.files import read_failure, write_failure
 from lagcli.results.atomic import sync_folder
-from lagcli.results.reasons import write_failure
 from lagcli.sweeps.file.records import decode, encode
 from lagcli.sweeps.row_results import Results
 

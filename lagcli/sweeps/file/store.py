@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.column_units import shared_unit, unit
 from lagcli.errors import FileError
 from lagcli.json_schema import check_json
 from lagcli.model.model import Model
@@ -22,7 +23,6 @@ from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
-from lagcli.results.layout import shared_unit, unit
 from lagcli.results.metadata import (
     check_described,
     check_model,
@@ -30,7 +30,7 @@ from lagcli.results.metadata import (
     storable,
     to_json,
 )
-from lagcli.simulations.inputs.input_tables import input_tables
+from lagcli.simulations.inputs import input_tables
 from lagcli.sweeps.columns import COUNTS, KEPT, KIND, Column, kept_layout
 from lagcli.sweeps.row_results import STATUSES, Results
 from lagcli.sweeps.row_status import runs_of

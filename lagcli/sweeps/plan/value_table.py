@@ -8,12 +8,11 @@ import math
 import numpy as np
 
 from lagcli.errors import FileError, UsageError
-from lagcli.files import read_failure
+from lagcli.files import check_readable, read_failure
 from lagcli.model.csv_table import split_title
 from lagcli.model.expression.tokens import decimal
 from lagcli.model.expression.units import UnknownUnit
 from lagcli.model.model import Model
-from lagcli.results.reasons import check_readable
 from lagcli.sweeps.plan.factors import TableFactor
 from lagcli.sweeps.plan.varied import si_factor, varied_name
 

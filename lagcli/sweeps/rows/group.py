@@ -16,10 +16,10 @@ from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
-from lagcli.simulations.finite import undefined_rows
 from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import message_of
+from lagcli.simulations.trust import undefined_rows
 from lagcli.simulations.variants import Values, Variants
 from lagcli.sweeps.rows.reductions import Grid, Measuring, of_log
 from lagcli.sweeps.rows.signals import Signals, kept_signals
@@ -181,7 +181,7 @@ class RowGroup:
         asked = self.measuring.of_events
         if not asked:
             return None
-        from lagcli.simulations.switching.event_logs import event_log
+        from lagcli.simulations.event_logs import event_log
 
         system = self.variants.system
         found = np.full((len(ended.runs), len(asked)), np.nan)

@@ -22,13 +22,13 @@ from trajectories import MODEL, assert_same, make, random_trajectories
 
 import lagcli
 from lagcli.cli.app import run as run_command
+from lagcli.column_units import NOT_STATED
 from lagcli.columns import QUANTITIES, SCALARS
 from lagcli.errors import FileError, UsageError
 from lagcli.results import read, write
 from lagcli.results.formats import open_reader
 from lagcli.results.hdf5 import seal
 from lagcli.results.hdf5.container import Sink, set_text
-from lagcli.results.layout import NOT_STATED
 from lagcli.trajectory.samples import SIGN_CONVENTION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 

@@ -9,7 +9,7 @@ import lagcli
 from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.simulations.switching.surfaces import jumping_names
+from lagcli.simulations.surfaces import jumping_names
 
 
 def text(force: str) -> str:

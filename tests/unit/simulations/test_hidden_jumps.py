@@ -7,7 +7,7 @@ import pytest
 import lagcli
 from lagcli.engine.lowering import lower
 from lagcli.errors import UsageError
-from lagcli.simulations.switching.hidden_jumps import has_hidden_jumps
+from lagcli.simulations.hidden_jumps import has_hidden_jumps
 
 ROD = """
 coordinates: [x, y]

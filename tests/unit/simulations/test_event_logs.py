@@ -1,4 +1,4 @@
-"""What events record, from both sides of their instants: against closed forms."""
+"""The log of a run from the entries of an engine."""
 
 from __future__ import annotations
 
@@ -8,14 +8,101 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.engine.contract import EventEntry, OneSidedLimits, Outcome
+from lagcli.engine.lowering import lower
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.event_logs import event_log, event_records
 from lagcli.simulations.simulation import prepare
-from lagcli.simulations.switching.event_records import event_records
 from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog
 from lagcli.trajectory.trajectory import Trajectory
+from tests.support.switching_models import BALL
 
-BALL = """
+
+def entry(occurrence: str, which: int, **changes: object) -> EventEntry:
+    nothing, v = np.zeros(3), np.array([0.0, -1.0])
+    given = EventEntry(
+        0.5, occurrence, which, np.array([0.0, 0.0]), v, -0.8 * v, nothing, 0.0, 0.0, 0.0, [0, 0]
+    )
+    return given._replace(**changes)
+
+
+def test_entries_become_a_log() -> None:
+    system = lower(derive(lagcli.load_text(BALL)))
+    assert system.constraints == ("wall", "floor", "floor.slip")
+    entries = [
+        entry("impact", 1, impulse=np.array([0.0, 3.6, 0.0]), loss=0.36),
+        entry("sticks", 2, time=0.6, modes=[1, 1]),
+        entry("event", 0, time=1.0, work=2.0, modes=[1, 1]),
+    ]
+    log = event_log(
+        system,
+        Outcome("stopped-by-event", events=entries, modes=(0, 0)),
+        DerivedColumns(system, ()),
+    )
+    assert log is not None
+    log.check()
+    assert log.rows == ("floor", "floor.slip")
+    assert log.names == ("floor", "floor.slip", "late")
+    assert log.kinds == ("impact", "sticks", "event")
+    assert log.time.tolist() == [0.5, 0.6, 1.0]
+    assert log.after[0].tolist() == [0.0, 0.8]
+    assert log.impulse[0].tolist() == [0.0, 3.6, 0.0]
+    assert (log.loss.sum(), log.work.sum()) == (0.36, 2.0)
+    assert log.modes.tolist() == [[0, 0], [1, 1], [1, 1]]
+
+
+def test_a_rest_ends_by_the_next_change_and_changes_no_later_modes() -> None:
+    """A ball whose bounces would end at 0.7 is thrown at 0.6; another mode changes at 0.55."""
+    system = lower(derive(lagcli.load_text(BALL)))
+    entries = [
+        entry("impact", 1, modes=[1, 0]),
+        entry("rest", 1, time=0.7, modes=[1, 0]),
+        entry("sticks", 2, time=0.55, modes=[1, 1]),
+        entry("opens", 1, time=0.6, modes=[0, 0]),
+    ]
+    outcome = Outcome("completed", events=entries, modes=(0, 0))
+    log = event_log(system, outcome)
+    assert log is not None
+    log.check()
+    assert log.kinds == ("impact", "sticks", "rest", "opens")
+    assert log.time.tolist() == [0.5, 0.55, 0.6, 0.6]
+    assert log.modes.tolist() == [[1, 0], [1, 1], [1, 1], [0, 0]]
+
+
+def test_entries_are_in_the_order_of_time() -> None:
+    """A sequence of impacts ends later than the instant at which an event answers its last one."""
+    system = lower(derive(lagcli.load_text(BALL)))
+    entries = [entry("impact", 1), entry("rest", 1, time=0.5 + 1e-9), entry("event", 0)]
+    row = np.zeros(system.sample_layout.size)
+    limits = [OneSidedLimits(2, row, row, (2.0, 9.81), (2.0, 9.81))]
+    outcome = Outcome("completed", events=entries, modes=(0, 0), limits=limits)
+    log = event_log(system, outcome, DerivedColumns(system, (2.0, 9.81)))
+    assert log is not None
+    log.check()
+    assert log.kinds == ("impact", "event", "rest")
+    assert log.records.entry.tolist() == [1]
+
+
+def test_a_run_without_events_has_an_empty_log() -> None:
+    system = lower(derive(lagcli.load_text(BALL)))
+    log = event_log(system, Outcome("completed", modes=(0, 0)))
+    assert log is not None
+    assert (len(log), log.q.shape, log.impulse.shape, log.modes.shape) == (
+        0,
+        (0, 2),
+        (0, 3),
+        (0, 2),
+    )
+
+
+def test_a_model_without_contacts_has_none() -> None:
+    system = lower(derive(lagcli.load("slider_crank")))
+    assert event_log(system, Outcome("completed")) is None
+
+
+RECORDED_BALL = """
 coordinates: {x: m, y: m}
 parameters: {m: 2 kg, g: 10 m/s^2, e: 0.5, k: 3 N/m}
 T: m/2*(x'^2 + y'^2)
@@ -64,7 +151,7 @@ def values(log: EventLog, column: str, event: str) -> tuple[np.ndarray, np.ndarr
 
 def test_a_ball_that_bounces() -> None:
     """Speeds halve at t = √(2h/g), 2 of these and 5/2 of these, and energy is lost with them."""
-    found, log = run(BALL)
+    found, log = run(RECORDED_BALL)
     fall = np.sqrt(0.2)
     np.testing.assert_allclose(
         log.time[[n == "hit" for n in log.names]], fall * np.array([1, 2, 2.5]), rtol=1e-9
@@ -85,7 +172,7 @@ def test_a_ball_that_bounces() -> None:
 
 
 def test_an_event_without_the_key_records_all_columns() -> None:
-    _, log = run(BALL)
+    _, log = run(RECORDED_BALL)
     records = log.records
     kept = {log.names[entry]: records.of(i) for i, entry in enumerate(records.entry)}
     assert set(kept) == {"hit", "stiffer", "end"}
@@ -103,7 +190,7 @@ def test_an_event_without_the_key_records_all_columns() -> None:
 
 def test_columns_follow_parameters_that_events_set() -> None:
     """The energies of samples after `set` are those of the new values."""
-    found, log = run(BALL)
+    found, log = run(RECORDED_BALL)
     assert np.abs(found.energy_balance).max() < 1e-8 * 21.5
     np.testing.assert_allclose(
         np.diff(values(log, "energy_total", "stiffer"), axis=0).ravel(),
@@ -113,7 +200,7 @@ def test_columns_follow_parameters_that_events_set() -> None:
 
 
 def test_a_sample_at_the_instant_is_the_limit_from_the_right() -> None:
-    found, log = run(BALL)
+    found, log = run(RECORDED_BALL)
     at = int(np.flatnonzero(found.time == 0.7)[0])
     assert values(log, "x_ddot", "stiffer")[1] == pytest.approx(found.a[at, :1], rel=1e-12)
 
@@ -132,7 +219,7 @@ def test_a_rod_that_is_cut() -> None:
 
 
 def test_an_impact_at_the_start_has_no_forces_before() -> None:
-    text = BALL.replace("y: 1,", "y: 0,").replace("y': 0}", "y': -1}")
+    text = RECORDED_BALL.replace("y: 1,", "y: 0,").replace("y': 0}", "y': -1}")
     _, log = run(text)
     before, after = values(log, "y_dot", "hit")
     assert (before[0], after[0]) == (-1, 0.5)
@@ -142,7 +229,7 @@ def test_an_impact_at_the_start_has_no_forces_before() -> None:
 
 
 def test_records_go_round_in_every_format(tmp_path: Path) -> None:
-    found, log = run(BALL)
+    found, log = run(RECORDED_BALL)
     for name in ("run.h5", "run.csv"):
         lagcli.write(found, tmp_path / name)
         read = lagcli.read(tmp_path / name).events
@@ -152,6 +239,6 @@ def test_records_go_round_in_every_format(tmp_path: Path) -> None:
 
 
 def test_without_instants_nothing_is_recorded() -> None:
-    run = prepare(lagcli.load_text(BALL))
+    run = prepare(lagcli.load_text(RECORDED_BALL))
     derived = DerivedColumns(run.system, run.start.state.p, run.monitor)
     assert event_records(run.system, derived, [], []) is NOTHING_RECORDED
