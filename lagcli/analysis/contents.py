@@ -30,7 +30,7 @@ def format_content(content: Mapping[str, Any]) -> str:
 
             return format_modes(content)
         case "equilibrium" if "branches" in content:
-            from lagcli.analysis.equilibria.branch_content import format_diagram
+            from lagcli.analysis.equilibria.description import format_diagram
 
             return format_diagram(content)
         case "equilibrium":

@@ -35,7 +35,7 @@ Steady = Annotated[
 def check_target(model: str, target: str | None, suffixes: tuple[str, ...], force: bool) -> None:
     """Raise an error if the result of an analysis could not be written; see
     `check_analysis_target`."""
-    from lagcli.analysis.files import check_analysis_target
+    from lagcli.analysis.output.files import check_analysis_target
 
     refuse_same_file(model, target)
     if target is not None:
@@ -58,7 +58,7 @@ def load_steady(
     ModelError, UsageError, FileError
         As `lagcli.load`; or a name is not a velocity of the model.
     """
-    from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.analysis.local.steady import velocity_coordinate
     from lagcli.analysis.local.steady_terms import is_velocity
     from lagcli.model.loader import load, load_text
     from lagcli.model.values import given_value
@@ -121,7 +121,7 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     ModelError, UsageError
         The text does not have this form, or there is no such parameter or velocity.
     """
-    from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.analysis.local.steady import velocity_coordinate
     from lagcli.analysis.local.steady_terms import is_velocity
     from lagcli.model.loader import load_text
     from lagcli.model.spelling import did_you_mean, nearest

@@ -14,7 +14,7 @@ import pytest
 from patience import PATIENCE
 
 from lagcli.cli.app import COMMANDS
-from lagcli.cli.completion import candidates
+from lagcli.cli.commands.completion import candidates
 
 MODELS = Path(__file__).parents[2] / "models"
 

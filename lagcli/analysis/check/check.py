@@ -10,7 +10,7 @@ import symengine as se
 from lagcli.analysis.check.integrability import VelocityConstraint, check_integrability
 from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
-from lagcli.analysis.unit_report import UnitReport, report_units
+from lagcli.analysis.check.units import UnitReport, report_units
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.lowering import lower

@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli.analysis.compare.comparison import ComparedRun, FormulationComparison
 from lagcli.analysis.compare.two_models import ModelComparison, QuantityDifference
-from lagcli.analysis.text import WIDTH
+from lagcli.analysis.output.text import WIDTH
 from lagcli.arrays import Array, Indices
 from lagcli.model.model import Model
 from lagcli.results.listing import wrapped

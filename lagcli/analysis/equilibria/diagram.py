@@ -9,30 +9,26 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.analysis.equilibria.extended import (
+from lagcli.analysis.equilibria.continuation import (
+    LINE,
     ConditionValue,
     ExtendedProblem,
     HeldVelocity,
-    ModelParameter,
-)
-from lagcli.analysis.equilibria.stability import Stability, Verdict
-from lagcli.analysis.equilibria.tracing import (
-    LINE,
     LocatedPoint,
+    ModelParameter,
     SpecialKind,
     Traced,
     Tracer,
     vertical,
 )
+from lagcli.analysis.equilibria.stability import Stability, Verdict
 from lagcli.analysis.local.active_set import ActiveSet
 from lagcli.analysis.local.contact_mode import SwitchedModel
-from lagcli.analysis.local.contact_status import ContactStatus
-from lagcli.analysis.local.determinate import check_determinate
+from lagcli.analysis.local.contacts import ContactStatus, check_determinate
+from lagcli.analysis.local.gradients import ParameterPath
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.nearest import check_switching
-from lagcli.analysis.local.parameter_path import ParameterPath
-from lagcli.analysis.local.steady_states import SteadyState, none_found, velocity_coordinate
-from lagcli.analysis.local.steady_terms import Given, SteadyTerms, is_velocity
+from lagcli.analysis.local.steady import SteadyState, none_found, velocity_coordinate
+from lagcli.analysis.local.steady_terms import Given, SteadyTerms, check_switching, is_velocity
 from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
 from lagcli.model.model import Model

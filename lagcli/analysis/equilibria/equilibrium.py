@@ -7,15 +7,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lagcli.analysis.equilibria.contact_search import search_in_all_modes
-from lagcli.analysis.equilibria.search import search_steady_states
+from lagcli.analysis.equilibria.search import search_in_all_modes, search_steady_states
 from lagcli.analysis.equilibria.stability import NO_LINEAR_MODEL, Stability, stability_of
 from lagcli.analysis.local.contact_mode import SwitchedModel
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.nearest import check_switching, nearest_steady_state
 from lagcli.analysis.local.operating_point import OperatingPoint
-from lagcli.analysis.local.steady_states import SteadyState, ignored_velocities
-from lagcli.analysis.local.steady_terms import Given, SteadyTerms
+from lagcli.analysis.local.steady import SteadyState, ignored_velocities
+from lagcli.analysis.local.steady_terms import (
+    Given,
+    SteadyTerms,
+    check_switching,
+    nearest_steady_state,
+)
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.model import Model

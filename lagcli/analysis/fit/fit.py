@@ -10,8 +10,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lagcli.analysis.fit.data import read_measured
-from lagcli.analysis.fit.experiment import Experiment, FailedRun, experiments_of, sigma_estimated
+from lagcli.analysis.fit.experiment import (
+    Experiment,
+    FailedRun,
+    experiments_of,
+    read_measured,
+    sigma_estimated,
+)
 from lagcli.analysis.fit.result import FitResult, FittedData
 from lagcli.analysis.fit.search import Found, Problem
 from lagcli.analysis.fit.uncertainty import profile_interval, quantile, uncertainty

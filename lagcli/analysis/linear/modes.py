@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from lagcli.analysis.linear.linear_model import LinearModel, linear_model
 from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.operating_point import OperatingPoint, least
 from lagcli.analysis.local.steady_terms import Given
-from lagcli.analysis.local.tangent import least
 from lagcli.arrays import Array
 from lagcli.model.model import Model
 

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.analysis.local.contact_mode import ModeEquations, Modes, RowValues, SwitchedModel
-from lagcli.analysis.local.contact_status import ZERO, Acting
+from lagcli.analysis.local.contacts import ZERO, Acting
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.steady import Residual, SteadyProblem
-from lagcli.analysis.local.steady_states import SteadyState, completed, none_found
+from lagcli.analysis.local.steady import Residual, SteadyProblem, SteadyState, completed, none_found
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart
 from lagcli.engine.state import State

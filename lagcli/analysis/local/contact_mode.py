@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import symengine as se
 
-from lagcli.analysis.local.contact_status import (
+from lagcli.analysis.local.contacts import (
     ZERO,
     Acting,
     ContactEnd,
@@ -19,7 +19,7 @@ from lagcli.analysis.local.contact_status import (
 )
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.tangent import Tangent, tangent_of
+from lagcli.analysis.local.operating_point import Tangent, tangent_of
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.inputs.tables import input_functions

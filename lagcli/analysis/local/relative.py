@@ -17,12 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.analysis.local.conditions import Condition
 from lagcli.analysis.local.gradients import MotionJacobians
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.operating_point import OperatingPoint
-from lagcli.analysis.local.steady import Residual, SteadyProblem
-from lagcli.analysis.local.tangent import Indices
+from lagcli.analysis.local.operating_point import Indices, OperatingPoint
+from lagcli.analysis.local.steady import Condition, Residual, SteadyProblem
 from lagcli.arrays import Array
 from lagcli.engine.linear import dense
 from lagcli.equations.symmetry.conserved import ConservedQuantity

@@ -40,12 +40,12 @@ def check(
     )
     found = check_model(loaded)
     if json:
-        from lagcli.analysis.check.mapping import to_mapping
+        from lagcli.analysis.check.description import to_mapping
         from lagcli.cli.summary import to_json
 
         print(to_json(to_mapping(found)))
         return
-    from lagcli.analysis.check.page import page
+    from lagcli.analysis.check.description import page
     from lagcli.cli.streams import text_width
 
     sys.stdout.write(page(found, width or min(80, text_width())))

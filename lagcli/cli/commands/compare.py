@@ -14,8 +14,8 @@ from lagcli.cli.options import (
     SetParameter,
     assignments,
     refuse_same_file,
+    with_settings,
 )
-from lagcli.cli.settings import with_settings
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
@@ -71,7 +71,7 @@ def compare(
         format_comparison,
     )
     from lagcli.analysis.compare.two_models import compare_models
-    from lagcli.analysis.files import write_content
+    from lagcli.analysis.output.files import write_content
     from lagcli.model.loader import load
 
     check_target(model, output, (".json", ".h5"), force)

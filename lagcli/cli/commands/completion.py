@@ -1,9 +1,186 @@
 """`lagcli completion`: completion in bash, zsh and fish."""
 
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 import typer
+
+from lagcli.model.reading import find_model, shipped_models
+from lagcli.results.formats import MODEL_SUFFIXES, SUFFIXES
+
+Names = Callable[["CommandWords"], Iterable[str]]
+
+
+class Candidate(NamedTuple):
+    """A word with its description; a word that ends in ``=`` or ``/`` can be continued."""
+
+    word: str
+    help: str = ""
+
+
+class CommandWords(NamedTuple):
+    """A command line: the values of its arguments so far, and the word to complete."""
+
+    arguments: list[str]
+    word: str
+
+
+def candidates(words: Sequence[str]) -> list[Candidate]:
+    """Return the candidates for the last of the words that follow the program's name.
+
+    Parameters
+    ----------
+    words : sequence of str
+        At least one; the last may be empty.
+    """
+    from lagcli.cli.app import COMMANDS, program
+
+    *before, word = words
+    if not before:
+        commands = program().commands
+        found = [Candidate(name, _first_line(commands[name].help)) for name in COMMANDS]
+        return [c for c in found if c.word.startswith(word)]
+    if before[0] not in COMMANDS:
+        return []
+    command = program(before[:1])
+    command = getattr(command, "commands", {}).get(before[0], command)
+    return [c for c in _of_command(command, before[1:], word) if c.word.startswith(word)]
+
+
+def _of_command(command: Any, before: Sequence[str], word: str) -> Iterator[Candidate]:
+    """Yield candidates for a word of a command."""
+    options = {name: p for p in command.params for name in (*p.opts, *p.secondary_opts)}
+    arguments: list[str] = []
+    pending = None  # the option whose value comes next
+    for earlier in before:
+        if pending is not None:
+            pending = None
+        elif earlier.startswith("-") and earlier != "-":
+            option = options.get(earlier)
+            pending = option if option is not None and not option.is_flag else None
+        else:
+            arguments.append(earlier)
+    line = CommandWords(arguments, word)
+    if pending is not None:
+        yield from _values(pending, line)
+    elif word.startswith("-"):
+        for name, option in options.items():
+            if name.startswith("--") and hasattr(option, "is_flag"):
+                yield Candidate(name, _first_line(option.help))
+    else:
+        positional = [p for p in command.params if not hasattr(p, "is_flag")]
+        if positional:
+            yield from _values(positional[min(len(arguments), len(positional) - 1)], line)
+
+
+def _values(parameter: Any, line: CommandWords) -> Iterator[Candidate]:
+    """Yield the values that a parameter of a command can have."""
+    choices = getattr(parameter.type, "choices", None)
+    if choices is not None:
+        yield from (Candidate(getattr(c, "value", c)) for c in choices)
+        return
+    for key in (*parameter.opts, parameter.metavar):
+        if key in _NAMES:
+            yield from map(Candidate, _NAMES[key](line))
+            return
+
+
+def _first_line(text: str | None) -> str:
+    return (text or "").strip().partition("\n")[0]
+
+
+# files
+
+
+def _files(line: CommandWords, suffixes: tuple[str, ...]) -> Iterator[str]:
+    """Yield the files with these suffixes, and folders."""
+    folder, _, start = line.word.rpartition("/")
+    prefix = f"{folder}/" if folder or line.word.startswith("/") else ""
+    try:
+        entries = sorted(os.scandir(prefix or "."), key=lambda entry: entry.name)
+    except OSError:
+        return
+    for entry in entries:
+        if entry.name.startswith(".") and not start.startswith("."):
+            continue
+        if entry.is_dir():
+            yield f"{prefix}{entry.name}/"
+        elif entry.name.endswith(suffixes):
+            yield prefix + entry.name
+
+
+def _models(line: CommandWords) -> Iterator[str]:
+    yield from _files(line, MODEL_SUFFIXES)
+    yield from shipped_models()
+
+
+def _results(line: CommandWords) -> Iterator[str]:
+    yield from _files(line, SUFFIXES)
+
+
+# names of the model in the line
+
+
+def _keys(line: CommandWords, *keys: str) -> Iterator[str]:
+    """Yield the names that the line's model declares under keys; none if it cannot be read."""
+    from lagcli.errors import LagcliError
+    from lagcli.model.reading import read_text
+    from lagcli.model.yaml.composing import compose
+    from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source
+
+    model = next((a for a in line.arguments if find_model(a).is_file()), None)
+    if model is None:
+        return
+    try:
+        root, _ = compose(Source(*read_text(Path(model))))
+    except LagcliError:
+        return
+    for key in keys:
+        _, node = root.entries.get(key, (None, None))
+        if isinstance(node, Mapping):
+            yield from node.entries
+        elif isinstance(node, Sequence):
+            yield from (item.value for item in node.items if isinstance(item, Scalar))
+
+
+def _parameters(line: CommandWords) -> Iterator[str]:
+    for name in _keys(line, "parameters"):
+        yield _assigned(name)
+
+
+def _initial_values(line: CommandWords) -> Iterator[str]:
+    for name in _keys(line, "coordinates"):
+        yield _assigned(name)
+        yield _assigned(f"{name}'")
+
+
+def _varied(line: CommandWords) -> Iterator[str]:
+    yield from _parameters(line)
+    yield from _initial_values(line)
+
+
+def _assigned(name: str) -> str:
+    """Return the beginning of NAME=VALUE; for a family, up to the index."""
+    base, bracket, _ = name.partition("[")
+    return base + (bracket or "=")
+
+
+#: Values of an option or an argument, by its name or its metavar.
+_NAMES: dict[str, Names] = {
+    "--set": _parameters,
+    "--set-initial": _initial_values,
+    "--vary": _varied,
+    "--from": lambda line: shipped_models(),
+    "NAME": lambda line: shipped_models(),
+    "MODEL": _models,
+    "FILE": _results,
+    "FILE… [NAME…]": _results,
+    "SWEEP.h5": _results,
+    "FILE.yaml": lambda line: _files(line, MODEL_SUFFIXES),
+}
 
 
 class Shell(StrEnum):
@@ -35,8 +212,6 @@ def completion(
     if words is None:
         print(_SCRIPTS[shell], end="")
         return
-    from lagcli.cli.completion import candidates
-
     for candidate in candidates(words):
         print(f"{candidate.word}\t{candidate.help}")
 

@@ -63,15 +63,16 @@ def equilibrium(
     Finds one equilibrium from the initial values; with --all as many as possible; with --along
     branches as a parameter varies. Shows multipliers, constraint forces and closed contacts.
     """
-    from lagcli.analysis.equilibria.branch_content import (
+    from lagcli.analysis.equilibria.description import (
         describe_diagram,
+        describe_equilibria,
         diagram_arrays,
         format_diagram,
+        format_equilibria,
     )
-    from lagcli.analysis.equilibria.description import describe_equilibria, format_equilibria
     from lagcli.analysis.equilibria.diagram import follow_equilibria
     from lagcli.analysis.equilibria.equilibrium import equilibrium as find
-    from lagcli.analysis.files import write_content
+    from lagcli.analysis.output.files import write_content
 
     if along is not None and all:
         raise UsageError("--along follows one equilibrium, --all looks for many; choose one")

@@ -14,8 +14,8 @@ from lagcli.cli.options import (
     SetParameter,
     assignments,
     refuse_same_file,
+    with_settings,
 )
-from lagcli.cli.settings import with_settings
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
@@ -56,10 +56,9 @@ def fit(
     The `fit` block of the model names the data, the measured quantities (coordinates, multipliers,
     outputs), and the quantities to fit.
     """
-    from lagcli.analysis.fit.file import write_fit
+    from lagcli.analysis.fit.file import check_written, write_fit, write_model
     from lagcli.analysis.fit.fit import fit as run_fit
-    from lagcli.analysis.fit.text import format_fit
-    from lagcli.analysis.fit.written import check_written, write_model
+    from lagcli.analysis.fit.result import format_fit
     from lagcli.cli.streams import print_text
     from lagcli.cli.summary import to_json
     from lagcli.model.loader import load

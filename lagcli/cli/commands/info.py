@@ -58,7 +58,7 @@ def _analysis(file: str) -> tuple[dict[str, Any], str]:
     content = read_analysis(file)
     if content["command"] == "fit":
         from lagcli.analysis.fit.file import read_fit
-        from lagcli.analysis.fit.text import format_fit
+        from lagcli.analysis.fit.result import format_fit
 
         return content, format_fit(read_fit(file))
     return content, format_content(content)

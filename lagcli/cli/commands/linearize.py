@@ -63,8 +63,12 @@ def linearize(
     Gives A, B, C and D about the initial state, or about the state that --equilibrium, --steady or
     --at choose.
     """
-    from lagcli.analysis.linear.description import describe_linear, format_linear
-    from lagcli.analysis.linear.files import LINEAR_SUFFIXES, write_linear
+    from lagcli.analysis.linear.description import (
+        LINEAR_SUFFIXES,
+        describe_linear,
+        format_linear,
+        write_linear,
+    )
     from lagcli.analysis.linear.linear_model import linearize as linear_model
 
     check_target(model, file, LINEAR_SUFFIXES, force)

@@ -40,8 +40,12 @@ def modes(
     The motions are about the initial state, or about the state that --equilibrium, --steady or
     --at choose; shapes are δq and δλ.
     """
-    from lagcli.analysis.linear.description import describe_modes, format_modes
-    from lagcli.analysis.linear.files import MODES_SUFFIXES, write_modes
+    from lagcli.analysis.linear.description import (
+        MODES_SUFFIXES,
+        describe_modes,
+        format_modes,
+        write_modes,
+    )
     from lagcli.analysis.linear.modes import modes as find_modes
 
     check_target(model, output, MODES_SUFFIXES, force)

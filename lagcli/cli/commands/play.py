@@ -7,8 +7,14 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.options import ModelPath, Quiet, SetInitial, SetParameter, assignments
-from lagcli.cli.settings import with_settings
+from lagcli.cli.options import (
+    ModelPath,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    with_settings,
+)
 from lagcli.settings.settings import SettingsOverrides
 
 

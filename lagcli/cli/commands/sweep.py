@@ -20,8 +20,8 @@ from lagcli.cli.options import (
     SetParameter,
     assignments,
     refuse_same_file,
+    with_settings,
 )
-from lagcli.cli.settings import with_settings
 from lagcli.cli.streams import print_notes, tell, visible
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides

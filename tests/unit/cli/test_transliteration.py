@@ -6,7 +6,7 @@ import codecs
 
 import pytest
 
-from lagcli.cli.transliteration import replacement
+from lagcli.cli.streams import replacement
 
 codecs.register_error("test-plain", replacement)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.analysis.check.page import page
+from lagcli.analysis.check.description import page
 
 MODELS = Path(__file__).parents[4] / "models"
 

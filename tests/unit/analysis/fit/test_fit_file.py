@@ -10,8 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.analysis.fit.file import read_fit, write_fit
-from lagcli.analysis.fit.result import FitResult
-from lagcli.analysis.fit.text import format_fit
+from lagcli.analysis.fit.result import FitResult, format_fit
 from lagcli.errors import FileError
 
 MODEL = """

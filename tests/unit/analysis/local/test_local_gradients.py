@@ -14,11 +14,11 @@ from lagcli.analysis.local.gradients import (
     ForwardJacobians,
     Gradients,
     MotionJacobianTape,
+    ParameterPath,
     Point,
     motion_jacobians,
 )
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.parameter_path import ParameterPath
 from lagcli.engine.lowering import lower
 from lagcli.errors import NumericalError, UsageError
 

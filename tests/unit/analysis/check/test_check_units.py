@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from lagcli.analysis.unit_report import report_units
+from lagcli.analysis.check.units import report_units
 from lagcli.model.loader import load, load_text
 
-MODELS = Path(__file__).parents[3] / "models"
+MODELS = Path(__file__).parents[4] / "models"
 
 
 def test_a_model_with_units_throughout() -> None:

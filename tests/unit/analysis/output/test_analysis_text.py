@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
+from lagcli.analysis.output.text import WIDTH, entry, listed, without_rounding
 
 
 def test_long_texts_continue_below_their_own_beginning() -> None:

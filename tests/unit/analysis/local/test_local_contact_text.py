@@ -2,8 +2,14 @@
 
 import pytest
 
-from lagcli.analysis.local.contact_status import Acting, ContactState, ContactStatus
-from lagcli.analysis.local.contact_text import acting, contact_lines, describe_contacts
+from lagcli.analysis.local.contacts import (
+    Acting,
+    ContactState,
+    ContactStatus,
+    acting,
+    contact_lines,
+    describe_contacts,
+)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import symengine as se
 
-from lagcli.analysis.fit.data import Measured, read_measured
+from lagcli.analysis.fit.experiment import Measured, read_measured
 from lagcli.errors import FileError, SourceLocation
 from lagcli.model.sections.fit import DataFile, ObservedQuantity
 

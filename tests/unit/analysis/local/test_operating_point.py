@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagcli.analysis.local.tangent import Response, independent, least, multipliers_of, tangent_of
+from lagcli.analysis.local.operating_point import (
+    Response,
+    independent,
+    least,
+    multipliers_of,
+    tangent_of,
+)
 from lagcli.engine.linear import dense
 
 RANDOM = np.random.default_rng(5)

@@ -1,0 +1,1 @@
+"""Output of analyses: text and files."""
