@@ -1,7 +1,9 @@
-"""Results of rows of a sweep, as computed, journaled and written."""
+"""Results of rows of a sweep, as computed, journaled and written, and the status of all rows."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -43,3 +45,118 @@ class Results(NamedTuple):
     counts: Numbers
     measures: Array
     kept: Array
+
+
+_MOST_CAUSES = 1000  # largest number of causes that are counted separately
+_LONGEST = 200  # largest number of characters of a cause
+_NUMBER = re.compile(r"[-+−]?(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+def cause(message: str) -> str:
+    """Return a message without the numbers of its row, for counting equal causes."""
+    text = message.strip().partition("\n")[0]
+    text = text[text.find("error[") :] if "error[" in text else text
+    text = _NUMBER.sub("…", text.partition(";")[0])
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+class RowStatus:
+    """The status of each row of a sweep, and the causes of failures.
+
+    Parameters
+    ----------
+    length : int
+        The number of rows.
+
+    Attributes
+    ----------
+    status : (length,) array of int8
+        As in `lagcli.sweeps.row_results.Results`.
+    """
+
+    def __init__(self, length: int):
+        self.status = np.full(length, MISSING, dtype=np.int8)
+        self._cause = np.zeros(length, dtype=np.int16)
+        self._causes = {"": 0}
+
+    def enter(self, results: Results) -> None:
+        """Record results; later ones of a row replace earlier ones."""
+        self.status[results.numbers] = results.status
+        self._cause[results.numbers] = 0
+        warned = np.array([text.startswith(WARNING) for text in results.messages], dtype=bool)
+        for i in np.flatnonzero((results.status != COMPLETED) | warned):
+            text = cause(results.messages[i])
+            if text not in self._causes and len(self._causes) > _MOST_CAUSES:
+                text = "other causes"
+            place = self._causes.setdefault(text, len(self._causes))
+            self._cause[results.numbers[i]] = place
+
+    def forget_failures(self) -> None:
+        """Mark failed rows as missing."""
+        self.status[self.status != COMPLETED] = MISSING
+        self._cause[self.status == MISSING] = 0
+
+    @property
+    def done(self) -> int:
+        """The number of rows that have results."""
+        return int(np.count_nonzero(self.status != MISSING))
+
+    def count(self, status: int) -> int:
+        """Return the number of rows of a status."""
+        return int(np.count_nonzero(self.status == status))
+
+    def failures(self) -> dict[str, int]:
+        """Return the numbers of rows that failed, by cause, the most frequent first."""
+        return self._counted(self._cause[self.status != COMPLETED])
+
+    def warnings(self) -> dict[str, int]:
+        """Return the numbers of completed rows with warnings, by warning."""
+        counted = self._counted(self._cause[self.status == COMPLETED])
+        return {text.removeprefix(WARNING): n for text, n in counted.items()}
+
+    def _counted(self, causes: NDArray[np.int16]) -> dict[str, int]:
+        counts = np.bincount(causes, minlength=len(self._causes))
+        found = {text: int(counts[i]) for text, i in self._causes.items() if i and counts[i]}
+        return dict(sorted(found.items(), key=lambda x: -x[1]))
+
+    def statuses(self) -> dict[str, int]:
+        """Return the numbers of rows by status."""
+        return {name: self.count(i) for i, name in enumerate(STATUSES) if self.count(i)}
+
+
+class MissingRows:
+    """The missing rows in order, taken in blocks.
+
+    Parameters
+    ----------
+    row_status : RowStatus
+        Status, read once at construction: each row is returned once.
+    """
+
+    def __init__(self, row_status: RowStatus):
+        self._wanted = row_status.status == MISSING
+        self._next = 0
+        self.left = int(np.count_nonzero(self._wanted))
+
+    def take(self, count: int) -> Numbers:
+        """Return the next rows, up to a number; none at the end."""
+        found: list[Numbers] = []
+        size = 0
+        while size < count and self._next < len(self._wanted):
+            block = np.flatnonzero(self._wanted[self._next : self._next + 65536])[: count - size]
+            if len(block):
+                block = block + self._next
+                found.append(block)
+                size += len(block)
+            full = size >= count
+            self._next = int(block[-1]) + 1 if full else self._next + 65536
+        self.left -= size
+        return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+
+
+def runs_of(numbers: Numbers) -> Iterator[tuple[slice, slice]]:
+    """Yield runs of consecutive numbers, with their positions."""
+    starts = np.flatnonzero(np.diff(numbers, prepend=numbers[:1] - 2) != 1)
+    for start, end in zip(starts, [*starts[1:], len(numbers)], strict=True):
+        first = int(numbers[start])
+        yield slice(int(start), int(end)), slice(first, first + int(end - start))

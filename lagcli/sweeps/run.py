@@ -21,10 +21,9 @@ from lagcli.simulations.cancellation import Interruption
 from lagcli.sweeps.columns import named_measure
 from lagcli.sweeps.file.journal import Journal
 from lagcli.sweeps.file.resume import OpenedSweep, opened
-from lagcli.sweeps.file.table_csv import export_csv
-from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.row_results import COMPLETED, Results
-from lagcli.sweeps.row_status import MissingRows
+from lagcli.sweeps.file.store import export_csv
+from lagcli.sweeps.plan.plan import Spec
+from lagcli.sweeps.row_results import COMPLETED, MissingRows, Results
 from lagcli.sweeps.rows.workers import Chunks, run_here
 from lagcli.sweeps.validate import PreparedSweep, SweepRequest, prepare_sweep
 

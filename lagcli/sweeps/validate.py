@@ -22,8 +22,7 @@ from lagcli.sweeps.columns import (
     measure_columns,
     varied_columns,
 )
-from lagcli.sweeps.plan.plan import make_plan
-from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.plan.plan import Spec, make_plan
 from lagcli.sweeps.rows.rows import Runner
 
 #: Size of samples up to which trajectories are stored by default, bytes.

@@ -20,8 +20,7 @@ from comparison.peers.by_hand import rate
 from scipy.integrate import solve_ivp
 
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.plan.plan import make_plan
-from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.plan.plan import Spec, make_plan
 from lagcli.sweeps.row_results import COMPLETED
 from lagcli.sweeps.rows.rows import Runner
 

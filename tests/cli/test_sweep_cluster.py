@@ -22,10 +22,8 @@ import lagcli
 from lagcli.cli.app import run as run_here
 from lagcli.errors import FileError
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.plan.plan import make_plan
-from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.row_results import COMPLETED, FAILED
-from lagcli.sweeps.row_status import MissingRows, RowStatus
+from lagcli.sweeps.plan.plan import Spec, make_plan
+from lagcli.sweeps.row_results import COMPLETED, FAILED, MissingRows, RowStatus
 from lagcli.sweeps.rows import cluster, dask_dispatch
 from lagcli.sweeps.rows.cluster import Cluster
 from lagcli.sweeps.rows.rows import run_rows
@@ -289,7 +287,7 @@ def test_workers_here_and_ctrl_c(tmp_path: Path) -> None:
 
 DEADLY = """
 import os, signal
-from lagcli.sweeps.rows import dask_dispatch
+from lagcli.sweeps.rows import cluster
 
 # a preload may be run twice
 runner = dask_dispatch._real = getattr(dask_dispatch, "_real", dask_dispatch._runner)

@@ -17,7 +17,7 @@ from lagcli.analysis.local.steady import Residual, SteadyProblem, SteadyState, c
 from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.errors import LagcliError, NumericalError, UsageError
-from lagcli.sweeps.plan.sampling import unit_points
+from lagcli.sweeps.plan.factors import unit_points
 
 #: Roots closer than this, relative to the coordinates' lengths and the largest multiplier,
 #: coincide.

@@ -20,7 +20,7 @@ def export_csv(
     """
     from lagcli.errors import UsageError
     from lagcli.results.formats import format_of
-    from lagcli.sweeps.file.table_csv import export_csv as export
+    from lagcli.sweeps.file.store import export_csv as export
 
     if format_of(output).name != "csv":
         raise UsageError(f"{output} is not a CSV file; name it with .csv")

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 from lagcli.errors import UsageError
 from lagcli.results.formats import check_target, format_of
 from lagcli.sweeps.file.journal import Journal, check_no_journal, journal_of
-from lagcli.sweeps.row_results import COMPLETED
-from lagcli.sweeps.row_status import RowStatus
+from lagcli.sweeps.row_results import COMPLETED, RowStatus
 from lagcli.sweeps.validate import PreparedSweep
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import os
@@ -18,6 +20,8 @@ from lagcli.errors import FileError
 from lagcli.json_schema import check_json
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
+from lagcli.results.atomic import whole_file
+from lagcli.results.csv.writer import check_csv_target
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
 from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.opening import Opened, open_verified
@@ -32,13 +36,13 @@ from lagcli.results.metadata import (
 )
 from lagcli.simulations.inputs import input_tables
 from lagcli.sweeps.columns import COUNTS, KEPT, KIND, Column, kept_layout
-from lagcli.sweeps.row_results import STATUSES, Results
-from lagcli.sweeps.row_status import runs_of
+from lagcli.sweeps.row_results import STATUSES, Results, runs_of
 from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from lagcli.sweeps.validate import PreparedSweep
+
 
 #: Initial length of messages, and size of a chunk of them, bytes.
 _SHORT, _MESSAGES = 64, 1 << 16
@@ -413,3 +417,47 @@ def is_sweep(path: str | os.PathLike[str]) -> bool:
     """Return whether an HDF5 file is a sweep file; for the errors see `open_sweep`."""
     with open_verified(path) as opened:
         return opened.kind == KIND
+
+
+def export_csv(
+    path: str | os.PathLike[str], output: str | os.PathLike[str], force: bool = False
+) -> None:
+    """Write varied values, measures and statuses of a sweep file as CSV.
+
+    Parameters
+    ----------
+    path : str or path
+        A sweep file, ``.h5``.
+    output : str or path
+        The CSV file; its columns are ``run``, the varied quantities, the measures, ``status`` and
+        ``message``. Numbers have 17 digits; NaN is ``nan``.
+    force : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    FileError
+        One of the files cannot be read or written, or exists already.
+    """
+    from lagcli.sweeps.row_results import STATUSES
+
+    output = os.fspath(output)
+    check_csv_target(output, force)
+    with open_sweep(path) as file, whole_file(output, force) as target:
+        columns = [*file.columns, *file.measures]
+        write = csv.writer(text := io.StringIO(), lineterminator="\n").writerow
+        write(["run", *(c.dataset for c in columns), "status", "message"])
+        for start in range(0, file.length, SLAB):
+            rows = slice(start, min(start + SLAB, file.length))
+            numbers = [file.read(c.dataset, rows).tolist() for c in columns]
+            statuses = [STATUSES[s] for s in file.read("status", rows).tolist()]
+            lines = zip(
+                range(rows.start, rows.stop), *numbers, statuses, file.messages(rows), strict=True
+            )
+            for line in lines:
+                write(line)
+            target.write(text.getvalue().encode())
+            text.seek(0)
+            text.truncate()
+        if not file.length:
+            target.write(text.getvalue().encode())

@@ -6,19 +6,31 @@ A row is a function of the plan and its number, so that rows need not be stored.
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array, Numbers
 from lagcli.errors import UsageError
+from lagcli.model.inputs import InputData
+from lagcli.model.loader import load_text
 from lagcli.model.model import Model
-from lagcli.sweeps.plan import sampling
-from lagcli.sweeps.plan.factors import Factor, Sample, TableFactor
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.sweeps.plan.factors import (
+    MOST_OF_HYPERCUBE,
+    MOST_OF_SOBOL,
+    SAMPLE_KINDS,
+    Factor,
+    Sample,
+    TableFactor,
+)
 from lagcli.sweeps.plan.vary import Drawn, read_vary
+from lagcli.version import __version__
 
 MOST_ROWS = 10**9
 
@@ -141,7 +153,7 @@ def make_plan(
 
 def _sample(text: str, seed: int, drawn: Sequence[Drawn]) -> Sample:
     kind, _, number = text.strip().partition(":")
-    if kind not in sampling.KINDS or not number.isdecimal() or int(number) < 1:
+    if kind not in SAMPLE_KINDS or not number.isdecimal() or int(number) < 1:
         raise UsageError(
             f"--sample {text!r} is not of the form sobol:N, lhs:N or random:N, as in"
             " --sample sobol:1000"
@@ -149,12 +161,12 @@ def _sample(text: str, seed: int, drawn: Sequence[Drawn]) -> Sample:
     if seed < 0:
         raise UsageError(f"--seed {seed} is negative; give a whole number from 0 on")
     count = int(number)
-    if kind == "lhs" and count * len(drawn) > sampling.MOST_OF_HYPERCUBE:
+    if kind == "lhs" and count * len(drawn) > MOST_OF_HYPERCUBE:
         raise UsageError(
             f"--sample {text}: a Latin hypercube of so many points does not fit into memory; give"
             f" --sample sobol:{count}"
         )
-    if kind == "sobol" and count > sampling.MOST_OF_SOBOL:
+    if kind == "sobol" and count > MOST_OF_SOBOL:
         raise UsageError(
             f"--sample {text}: a Sobol sequence has at most 2^30 points; give --sample"
             f" random:{count}"
@@ -180,3 +192,79 @@ def _check(plan: Plan, taken: Mapping[str, object]) -> None:
         )
     if plan.length > MOST_ROWS:
         raise UsageError(f"these are {plan.length:,} rows; a sweep has at most 10^9")
+
+
+@dataclass(frozen=True, eq=False)
+class Spec:
+    """Specification that determines the result of each row from its number.
+
+    It can be sent to another process or machine, which needs no files.
+
+    Parameters
+    ----------
+    text, path : str
+        Text of the model, and the name of its file.
+    set, set_initial : mappings of str to numbers or text
+        Values that replace the model's in all rows.
+    settings : SettingsOverrides
+        Overrides, not yet resolved.
+    plan : Plan
+    measures : tuple of (name, text)
+    keep : "measures" or "trajectories"
+        Whether the samples of each row are stored.
+    strict : bool
+        Whether a row with warnings counts as failed.
+    data : mapping of str to InputData
+        The tables of the model's inputs.
+    """
+
+    text: str
+    path: str
+    set: Mapping[str, object]
+    set_initial: Mapping[str, object]
+    settings: SettingsOverrides
+    plan: Plan
+    measures: tuple[tuple[str, str], ...]
+    keep: str
+    strict: bool = False
+    data: Mapping[str, InputData] = field(default_factory=dict)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """The numbers of rows and of measures."""
+        return self.plan.length, len(self.measures)
+
+    def load(self, values: Mapping[str, object] | None = None) -> Model:
+        """Return the model with some parameters changed.
+
+        Raises
+        ------
+        ModelError
+            A value cannot be used.
+        """
+        values = {**self.set, **(values or {})}
+        return load_text(self.text, self.path, values, self.set_initial, self.data)
+
+    def described(self) -> dict[str, Any]:
+        """Return the specification as JSON values; equal only for sweeps with equal rows."""
+        inputs = {
+            name: hashlib.sha256(x.times.tobytes() + x.values.tobytes()).hexdigest()
+            for name, x in self.data.items()
+        }
+        return {
+            **({"inputs": inputs} if inputs else {}),
+            "lagcli": __version__,
+            "model_sha256": hashlib.sha256(self.text.encode()).hexdigest(),
+            "set": {name: str(value) for name, value in self.set.items()},
+            "set_initial": {name: str(value) for name, value in self.set_initial.items()},
+            "settings": self.settings.as_dict(),
+            "plan": self.plan.described(),
+            "measures": [list(x) for x in self.measures],
+            "keep": self.keep,
+            "strict": self.strict,
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """The digest of the description."""
+        return hashlib.sha256(json.dumps(self.described()).encode()).hexdigest()

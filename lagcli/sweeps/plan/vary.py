@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections.abc import Sequence
@@ -12,21 +13,22 @@ from typing import NamedTuple
 import numpy as np
 import symengine as se
 
-from lagcli.errors import UsageError
+from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
+from lagcli.files import check_readable, read_failure
+from lagcli.model.csv_table import split_title
 from lagcli.model.expression.building import build, name_errors
 from lagcli.model.expression.constants import number as constant_value
+from lagcli.model.expression.dimension import same
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.tokens import ExpressionError
-from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit
+from lagcli.model.expression.tokens import ExpressionError, decimal
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, read_unit, to_si
 from lagcli.model.model import Model
 from lagcli.model.names.scope import ModelScope
+from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.symbols import Context, Symbols
 from lagcli.sweeps.plan import factors
-from lagcli.sweeps.plan.option_text import OptionText
-from lagcli.sweeps.plan.sampling import Distribution
-from lagcli.sweeps.plan.value_table import read_table
-from lagcli.sweeps.plan.varied import si_factor, varied_name
+from lagcli.sweeps.plan.factors import Distribution, TableFactor
 
 #: Largest number of values of a grid; larger ones are typing errors.
 MOST_VALUES = 10**9
@@ -299,3 +301,160 @@ class _VaryReader:
         if kind == "loguniform" and a <= 0:
             raise self.error("a logarithmic range is greater than 0", f"write {form}")
         return Drawn(self.name, Distribution(kind, a, b), self.option.text)
+
+
+def varied_name(model: Model, name: str) -> str:
+    """Return the parameter, coordinate or velocity (``phi'``) that a name denotes.
+
+    Raises
+    ------
+    UsageError
+        The model has no such quantity.
+    """
+    plain = "".join(name.split())
+    if plain in model.parameters or plain in model.initial_positions:
+        return plain
+    base, bracket, index = plain.partition("_dot[")
+    for found in (plain.removesuffix("'"), plain.removesuffix("_dot"), f"{base}[{index}"):
+        if found != plain and found in model.initial_velocities and (bracket or "[" not in index):
+            return f"{found}'"
+    known = [*model.parameters, *model.initial_positions]
+    known += [f"{q}'" for q in model.initial_velocities]
+    help_ = did_you_mean(nearest(plain, known)) or "it has " + ", ".join(known[:30])
+    raise UsageError(f"--vary: the model has no parameter or initial value `{plain}`; {help_}")
+
+
+def si_factor(model: Model, name: str, unit: str | None) -> Factor:
+    """Return the factor that converts values of a quantity to SI.
+
+    Raises
+    ------
+    UsageError
+        The file gives the parameter in a unit other than SI, and no unit is given here, or it gives
+        the quantity in a unit of another dimension.
+    UnknownUnit
+    """
+    parameter = model.parameters.get(name)
+    stated = parameter.unit if parameter else _coordinate_unit(model, name)
+    if unit is not None:
+        given = read_unit(unit)
+        if stated is not None and not same(given.dimension, read_unit(stated).dimension):
+            raise UsageError(
+                f"--vary {name}: `{name}` is in {stated} in the file, and in {unit} here; give it"
+                f" in {stated}, or in another unit of that dimension"
+            )
+        return given.factor
+    if stated is not None and to_si(stated) != 1:
+        raise UsageError(
+            f"--vary {name}: `{name}` is given in {stated} in the file, and without a unit here;"
+            f" write the unit after the values, as in --vary '{name}=1:2:0.1 {stated}'"
+        )
+    return Fraction(1)
+
+
+def _coordinate_unit(model: Model, name: str) -> str | None:
+    """Return the SI unit of an initial position or velocity, if the file states it."""
+    base = name.removesuffix("'")
+    unit = next((c.unit for c in model.coordinates if c.name == base), None)
+    if unit is None or base == name:
+        return unit
+    return f"({unit})/s" if "/" in unit else f"{unit}/s"
+
+
+@dataclass(frozen=True)
+class OptionText:
+    """The value of an option, with positions for messages.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option, such as ``--vary``.
+    text : str
+        The complete value.
+    """
+
+    option: str
+    text: str
+
+    def error(
+        self, kind: str, message: str, start: int, end: int, help_: str | None = None
+    ) -> ModelError:
+        """Return an error about the characters from ``start`` to ``end``."""
+        place = SourceLocation(self.option, 0, start + 1, max(1, end - start), self.text)
+        return ModelError([Diagnostic(kind, message, place, help_)])
+
+    def expression_error(self, error: ExpressionError, offset: int = 0) -> ModelError:
+        """Return an error of an expression that begins at ``offset``."""
+        return self.error(
+            error.kind, error.message, offset + error.start, offset + error.end, error.help
+        )
+
+
+def read_table(path: str, model: Model) -> TableFactor:
+    """Read a table of values.
+
+    Parameters
+    ----------
+    path : str
+        A CSV file. Its first line names parameters, coordinates and velocities (``phi'`` or
+        ``phi_dot``), each with its unit in brackets if that is not SI: ``l [cm]``.
+    model : Model
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or an entry is not a number.
+    UsageError
+        A column is not a parameter or initial value of the model.
+    """
+    check_readable(path)
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            lines = csv.reader(file)
+            titles = next(lines, [])
+            rows = [(lines.line_num, row) for row in lines if any(x.strip() for x in row)]
+    except OSError as error:
+        raise read_failure(path, error) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {path}: it is not a CSV file ({error})") from None
+    columns, si = _columns(path, titles, model)
+    if not rows:
+        raise FileError(f"{path} contains no values; write one line for each run below the names")
+    values = np.empty((len(rows), len(columns)))
+    for i, (line, row) in enumerate(rows):
+        if len(row) != len(columns):
+            raise FileError(
+                f"{path}:{line}: {len(row)} values under {len(columns)} names; give one for each"
+            )
+        for j, text in enumerate(row):
+            values[i, j] = _number(f"{path}:{line}: `{columns[j]}`", text) * si[j]
+    return TableFactor(columns, values)
+
+
+def _columns(path: str, titles: list[str], model: Model) -> tuple[tuple[str, ...], list[float]]:
+    columns: list[str] = []
+    si: list[float] = []
+    for title in titles:
+        whole = title.strip()
+        name, unit = split_title(title)
+        try:
+            known = varied_name(model, name)
+            factor = float(si_factor(model, known, unit))
+        except UnknownUnit as error:
+            raise UsageError(
+                f"{path}:1: `{whole}`: {error}; write the column as `l [cm]`"
+            ) from None
+        except UsageError as error:
+            raise UsageError(f"{path}:1: {str(error).removeprefix('--vary: ')}") from None
+        if known in columns:
+            raise UsageError(f"{path}:1: `{known}` has two columns; keep one of them")
+        columns.append(known)
+        si.append(factor)
+    return tuple(columns), si
+
+
+def _number(where: str, text: str) -> float:
+    value = decimal(text)
+    if value is None or math.isinf(value):
+        raise FileError(f"{where}: {text.strip()!r} is not a finite number; write it as 0.25")
+    return value

@@ -21,8 +21,7 @@ from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import message_of
 from lagcli.simulations.trust import undefined_rows
 from lagcli.simulations.variants import Values, Variants
-from lagcli.sweeps.rows.reductions import Grid, Measuring, of_log
-from lagcli.sweeps.rows.signals import Signals, kept_signals
+from lagcli.sweeps.rows.measures import Grid, Measuring, Signals, kept_signals, of_log
 
 if TYPE_CHECKING:
     from lagcli.engine.constraints.initial_batch import StartSearch

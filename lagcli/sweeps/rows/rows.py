@@ -14,7 +14,7 @@ from lagcli.errors import LagcliError
 from lagcli.model.expression.units import si_notation, to_si
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.variants import Variants
-from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.plan.plan import Spec
 from lagcli.sweeps.row_results import (
     COMPLETED,
     ERROR,

@@ -10,9 +10,8 @@ from typing import Any
 
 from lagcli.arrays import Numbers
 from lagcli.errors import NumericalError
-from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.row_results import Results
-from lagcli.sweeps.row_status import MissingRows
+from lagcli.sweeps.plan.plan import Spec
+from lagcli.sweeps.row_results import MissingRows, Results
 from lagcli.sweeps.rows.rows import run_rows
 
 #: Target duration of a chunk of rows, s: the loss if a sweep is killed.

@@ -12,8 +12,15 @@ import pytest
 from lagcli.errors import FileError, UsageError
 from lagcli.sweeps.file import journal as module
 from lagcli.sweeps.file.journal import Journal
-from lagcli.sweeps.row_results import COMPLETED, FAILED, Results
-from lagcli.sweeps.row_status import MissingRows, RowStatus, cause, runs_of
+from lagcli.sweeps.row_results import (
+    COMPLETED,
+    FAILED,
+    MissingRows,
+    Results,
+    RowStatus,
+    cause,
+    runs_of,
+)
 
 HEADER = {"sweep": {"x": 1}}
 ROWS = 10

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagcli.sweeps.file.records import decode, encode
+from lagcli.sweeps.file.journal import decode, encode
 from lagcli.sweeps.row_results import MISSING, Results
 
 

@@ -7,8 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from lagcli.sweeps.plan.factors import Ratios, Sample, Steps, TableFactor
-from lagcli.sweeps.plan.sampling import Distribution
+from lagcli.sweeps.plan.factors import Distribution, Ratios, Sample, Steps, TableFactor
 
 SAMPLE = Sample(
     "sobol", 64, 3, ("a", "b"), (Distribution("uniform", 2, 4), Distribution("loguniform", 1, 100))

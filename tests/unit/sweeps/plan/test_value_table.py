@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import FileError, UsageError
-from lagcli.sweeps.plan.value_table import read_table
+from lagcli.sweeps.plan.vary import read_table
 
 MODEL = lagcli.load_text("""
 coordinates: [x, "p[1..2]"]

@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import UsageError
-from lagcli.sweeps.plan.varied import si_factor, varied_name
+from lagcli.sweeps.plan.vary import si_factor, varied_name
 
 MODEL = lagcli.load_text("""
 coordinates: [x, "p[1..2]"]

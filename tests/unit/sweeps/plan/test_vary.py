@@ -7,7 +7,7 @@ import pytest
 
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load_text
-from lagcli.sweeps.plan.sampling import Distribution
+from lagcli.sweeps.plan.factors import Distribution
 from lagcli.sweeps.plan.vary import Drawn, read_vary
 
 MODEL = load_text(

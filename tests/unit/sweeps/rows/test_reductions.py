@@ -13,8 +13,7 @@ import lagcli
 from lagcli.errors import LagcliError
 from lagcli.model.measures import read_measures
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.plan.plan import make_plan
-from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.plan.plan import Spec, make_plan
 from lagcli.sweeps.row_results import COMPLETED, ERROR, FAILED
 from lagcli.sweeps.rows.rows import run_rows
 from lagcli.trajectory.trajectory import Trajectory

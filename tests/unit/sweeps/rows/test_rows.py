@@ -9,10 +9,8 @@ import pytest
 
 import lagcli
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.plan.plan import make_plan
-from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.row_results import COMPLETED
-from lagcli.sweeps.row_status import MissingRows, RowStatus
+from lagcli.sweeps.plan.plan import Spec, make_plan
+from lagcli.sweeps.row_results import COMPLETED, MissingRows, RowStatus
 from lagcli.sweeps.rows.rows import Runner
 from lagcli.sweeps.rows.workers import Chunks
 

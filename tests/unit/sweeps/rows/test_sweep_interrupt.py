@@ -11,8 +11,7 @@ import pytest
 import lagcli
 from lagcli.engine.contract import Interrupted
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.plan.plan import make_plan
-from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.plan.plan import Spec, make_plan
 from lagcli.sweeps.rows.rows import run_rows
 
 CRANK = str(Path(__file__).parents[4] / "models" / "slider_crank.yaml")

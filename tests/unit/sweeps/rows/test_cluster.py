@@ -19,8 +19,7 @@ import lagcli
 from lagcli.errors import FileError, UsageError
 from lagcli.sweeps.row_results import COMPLETED, FAILED, Results
 from lagcli.sweeps.rows import cluster
-from lagcli.sweeps.rows.cluster import Cluster
-from lagcli.sweeps.rows.dask_dispatch import Answer
+from lagcli.sweeps.rows.cluster import Answer, Cluster
 from lagcli.sweeps.rows.workers import Chunks
 
 distributed = pytest.importorskip("distributed", reason="lagcli[cluster] is not installed")
