@@ -89,7 +89,7 @@ _PLACES = {
 
 
 if "IPython" in sys.modules:  # in a notebook: rich display of models, equations and runs
-    from lagcli.pictures.notebook import register
+    from lagcli.pictures.report.notebook import register
 
     register()
 

@@ -13,7 +13,6 @@ from lagcli.arrays import Array, Indices
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
-from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.results.formats import open_reader
 from lagcli.simulations.inputs import input_data
 from lagcli.trajectory.samples import Record
@@ -112,20 +111,14 @@ class RunFile:
         with open_reader(self._source) as reader:
             yield from reader.columns(names)
 
+    @property
+    def knows_model(self) -> bool:
+        """Whether there is a model: in the result, or in another file."""
+        return bool(self._model_file or self.record.model)
+
     @cached_property
     def model(self) -> Model:
-        """The model with the values of this run, and a view if points can be recognized.
-
-        Raises
-        ------
-        UsageError, ModelError, FileError
-            See `written_model`.
-        """
-        return with_view(self.written_model)
-
-    @cached_property
-    def written_model(self) -> Model:
-        """The model with the values of this run, and the view of its file.
+        """The model with the values of this run.
 
         Raises
         ------

@@ -11,7 +11,7 @@ from lagcli.model.expression.units import to_si
 from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Written
 from lagcli.model.names.members import family_of
 from lagcli.model.sections.parameters import names_used
-from lagcli.pictures.report.writing import unit as printed
+from lagcli.pictures.page import unit as printed
 from lagcli.pictures.scene.timing import round_number
 from lagcli.settings.settings import Settings
 

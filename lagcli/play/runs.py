@@ -1,39 +1,53 @@
-"""Runs of a model with the values of the page."""
+"""Runs of a model with the values of the page, and what the page shows of them."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from html import escape
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.arrays import Array
+from lagcli.columns import BY_NAME, PANELS, ColumnName, ResultQuantity, column_names, unit_of_column
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.presentation.overview import in_matrices
+from lagcli.equations.render.formula_mathml import MathmlFormula
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.html import equation
+from lagcli.equations.render.names import Notation
+from lagcli.equations.render.numbers import written_decimals
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_models
+from lagcli.model.result_units import result_units
 from lagcli.model.rewriting import rewrite
 from lagcli.model.spelling import shorten
+from lagcli.pictures.jumps import Jumps, jumping_outputs, marks
+from lagcli.pictures.page import unit
+from lagcli.pictures.report.run_plots import ALL_FORCES, label
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
-from lagcli.pictures.scene.flashes import with_contacts
+from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
+from lagcli.pictures.selection import chosen, scale_groups
 from lagcli.play.controls import Control, controls, family_label
-from lagcli.play.curves import Curves
 from lagcli.play.drags import DragRequest, Drags
-from lagcli.play.equations import equations_html
-from lagcli.play.happened import happened
-from lagcli.play.messages import on_page
 from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.variants import Variants
+from lagcli.trajectory.event_log import EventLog, event_sentences
 from lagcli.trajectory.samples import Record, Samples
 from lagcli.trajectory.trajectory import joined
 
@@ -348,3 +362,214 @@ def _number(text: str, name: str) -> float:
         return float(text)
     except ValueError:
         raise UsageError(f"{name} is a number on this page, not {shorten(text)!r}") from None
+
+
+#: Largest number of curves in a plot.
+MOST_CURVES = 12
+
+
+class LiveCurve(NamedTuple):
+    """A curve: its name in result files, its label, its unit and values."""
+
+    name: str
+    label: str
+    unit: str
+    values: Array
+
+
+#: The group of the model's outputs.
+_OUTPUTS = "outputs"
+
+
+class Curves:
+    """Selects and names the curves of one model.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        self._model, self._names = model, Notation(model)
+        self._units = result_units(model)
+        self._jumping = jumping_outputs(model)
+
+    def groups(self) -> dict[str, str]:
+        """Return the groups with curves, with their titles."""
+        panels = [panel for panel in PANELS if any(map(self._exists, PANELS[panel]))]
+        groups = [*panels, _OUTPUTS] if self._model.outputs else panels
+        return {group: group.capitalize() for group in groups}
+
+    def _exists(self, quantity: ResultQuantity) -> bool:
+        """Return whether the model has columns of a quantity, and the page shows them."""
+        if quantity.name in ("energy_kinetic", "energy_potential"):
+            return self._model.kinetic is not None  # not if it is given by L
+        if quantity.along == "term":  # too many
+            return False
+        if quantity.name == "residual_position":
+            return any(c.kind == "holonomic" for c in self._model.constraints)
+        if quantity.along == "conserved_quantity":  # computed again for each run
+            return False
+        of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
+        return bool(self._model.constraints) or not of_constraints
+
+    def plot(self, group: str, samples: Samples, log: EventLog | None) -> dict[str, Any]:
+        """Return a plot for ``plots.js``, with arrays; its series contain their panels.
+
+        Parameters
+        ----------
+        group : str
+            One of `groups`.
+        samples : Samples
+        log : EventLog or None
+            The log, whose instants are marked and at which curves jump.
+        """
+        quantities = [q for q in PANELS.get(group, ()) if self._exists(q)]
+        curves = [curve for q in quantities for curve in self._curves(q, samples)]
+        if group == _OUTPUTS:
+            curves = self._outputs(samples)
+        shown = [curves[i] for i in chosen([c.name for c in curves], MOST_CURVES)]
+        jumps = Jumps(log, samples.coordinates, samples.constraints, self._jumping)
+        table = np.array([c.values for c in shown]).reshape(len(shown), len(samples.time)).T
+        time, table = jumps.inserted(samples.time, [c.name for c in shown], table)
+        residuals = any(q.role == "residual" for q in quantities)
+        panels = [0] * len(shown) if residuals else _panels(shown)
+        return {
+            "title": group.capitalize(),
+            "symbol": ALL_FORCES if BY_NAME["constraint_force"] in quantities else "",
+            "log": residuals,
+            "time": time,
+            "marks": marks(log),
+            "series": [
+                {
+                    "name": c.name,
+                    "label": f"{c.label} [{c.unit}]" if residuals and c.unit else c.label,
+                    "unit": c.unit,
+                    "panel": panel,
+                    "values": values,
+                }
+                for c, panel, values in zip(shown, panels, table.T, strict=True)
+            ],
+            "of": len(curves),
+        }
+
+    def _curves(self, quantity: ResultQuantity, samples: Samples) -> list[LiveCurve]:
+        """Return the curves of a quantity, without those that have no values."""
+        values = np.asarray(getattr(samples, quantity.name))
+        table = values if values.ndim == 2 else values[:, None]
+        names = column_names(quantity, samples.coordinates, samples.constraints)
+        return [
+            LiveCurve(str(name), label(name, self._names), self._unit(name), column)
+            for name, column in zip(names, table.T, strict=True)
+            if not (name.constraint and np.isnan(column).all())
+        ]
+
+    def _unit(self, name: ColumnName) -> str:
+        return unit(unit_of_column(name, self._units)) if self._model.units.stated else ""
+
+    def _outputs(self, s: Samples) -> list[LiveCurve]:
+        return [
+            LiveCurve(name, self._names.text(name), unit(self._units.get(name)), np.asarray(values))
+            for name, values in s.outputs.items()
+        ]
+
+
+def _panels(curves: list[LiveCurve]) -> list[int]:
+    """Return the panel of each curve: curves of the same unit and similar size share one."""
+    found: list[list[int]] = []
+    for symbol in dict.fromkeys(c.unit for c in curves):
+        places = [i for i, c in enumerate(curves) if c.unit == symbol]
+        largest = [float(np.fmax.reduce(np.abs(curves[i].values), initial=0.0)) for i in places]
+        found += [[places[k] for k in group] for group in scale_groups(largest)]
+    panels = [0] * len(curves)
+    for number, group in enumerate(sorted(found)):
+        for i in group:
+            panels[i] = number
+    return panels
+
+
+#: Number of coordinates above which the page shows no equations.
+MOST_COORDINATES = 12
+
+
+def equations_html(equations: Equations) -> str:
+    """Return the equations of motion and the constraints in HTML; empty for a large system.
+
+    Parameters
+    ----------
+    equations : Equations
+    """
+    f = Formulas(equations)
+    if len(f.coordinates) > MOST_COORDINATES or in_matrices(f):
+        return ""
+    names, decimals = Notation(f.model), written_decimals(f.model)
+    mathml, text = MathmlFormula(names, decimals), TextFormula(names, decimals)
+    motion = [f.equation_line(i) for i in range(len(f.coordinates))]
+    parts = ["<h3>Equations of motion</h3>", *(equation(x, mathml, text) for x in motion)]
+    if equations.constraints:
+        parts.append("<h3>Constraints</h3>")
+    for c in equations.constraints:
+        name = escape(c.constraint.name)
+        parts.append(f"<div>{name}{equation(f.constraint_line(c), mathml, text)}</div>")
+    return "".join(parts)
+
+
+#: Largest number of entries on the page: of more, the first ones.
+_MOST = 200
+
+
+def happened(log: EventLog | None) -> dict[str, Any] | None:
+    """Return the log of a run as JSON values; None for a model without contacts and events.
+
+    ``sentences``, ``entries`` as {``time``, ``text``}, and how many ``more`` there are.
+    """
+    if log is None:
+        return None
+    listed = zip(log.time[:_MOST].tolist(), log.names, log.kinds, strict=False)
+    return {
+        "sentences": event_sentences(log.to_mapping()),
+        "entries": [
+            {"time": time, "text": name if kind == "event" else f"{name} {_WORDS.get(kind, kind)}"}
+            for time, name, kind in listed
+        ],
+        "more": max(0, len(log) - _MOST),
+    }
+
+
+#: Kinds that are not verbs.
+_WORDS = {"impact": "has an impact", "rest": "comes to rest"}
+
+
+#: Matches a value of the page as written by the command line: in locations and in remedies.
+_PLACE = re.compile(r"(?m)(^|\()--set(?:-initial)? ([\w\[\].,']+?)=(.*?)(?=: \w+\[[\w-]+\]: |\)$)")
+_REMEDY = re.compile(r"""--set(?:-initial)? (['"]?)([\w\[\].,']+?)=([^`"\n]*?)\1(?=[`\s]|$)""")
+_FREE = re.compile(r"\bfree ([^\n]+?), for instance `[^`\n]*`")
+_SETTING = re.compile(
+    r"--([a-z][a-z-]*[a-z])(?: ([-+\d][\w.+-]*|[A-Z]\w*|scipy|compiled|projection))?"
+)
+#: Settings that the page, or the command that starts it, provides.
+_OWN = {"t_end": "t_end", "timeout": "`lagcli play --timeout`"}
+_WHERE = "Settings are given under `simulation` in the model file; then start the page again."
+
+
+def on_page(text: str) -> str:
+    """Return a message that names fields of the page instead of options.
+
+    Values become fields, guesses become marks, and settings belong in the model file.
+    """
+    found = _PLACE.sub(r"\1\2 = \3", text)
+    found = _REMEDY.sub(r"\2 = \3", found)
+    found = _FREE.sub(r"mark \1 as a guess", found)
+    settings = []
+
+    def setting(match: re.Match[str]) -> str:
+        name, value = match[1].replace("-", "_"), match[2]
+        if name not in Settings.DECLARED:
+            return match[0]
+        if name in _OWN:
+            return _OWN[name] + (f" = {value}" if value else "")
+        settings.append(name)
+        return f"`{name}: {value}`" if value else f"`{name}`"
+
+    found = _SETTING.sub(setting, found)
+    return f"{found}\n{_WHERE}" if settings else found

@@ -1,4 +1,4 @@
-"""The server of the page: files, and a WebSocket for each client."""
+"""The server of the page: files, access control, and a WebSocket and a thread for each client."""
 
 from __future__ import annotations
 
@@ -6,23 +6,29 @@ import asyncio
 import contextlib
 import json
 import logging
+import secrets
 import signal
 import socket
-from collections.abc import Callable
+import struct
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
 from pathlib import PurePosixPath
 from typing import Any
 
+import numpy as np
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from lagcli.arrays import Array
 from lagcli.errors import FileError, LagcliError
+from lagcli.json_values import json_values
 from lagcli.model.model import Model
-from lagcli.pictures.plots.style import PALETTE
-from lagcli.play.access import HOST, Access
-from lagcli.play.client import Client
-from lagcli.play.frames import encode
-from lagcli.play.messages import on_page
-from lagcli.play.runs import Played, PlayRequest
+from lagcli.pictures.style import PALETTE
+from lagcli.play.runs import Played, PlayRequest, on_page
+from lagcli.simulations.cancellation import Interruption
 
 #: Largest message of the page, bytes; all values of a thousand bodies take a tenth.
 MOST_BYTES = 1 << 20
@@ -205,3 +211,200 @@ def _files() -> dict[str, bytes]:
             if PurePosixPath(file.name).suffix in _TYPES:
                 found[file.name] = file.read_bytes()
     return found
+
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+HOST = "127.0.0.1"
+
+#: Content security policy: nothing is loaded from elsewhere.
+POLICY = (
+    "default-src 'none'",
+    "script-src 'self'",
+    "style-src 'self'",
+    "img-src data:",
+    "base-uri 'none'",
+    "form-action 'none'",
+    "frame-ancestors 'none'",
+)
+HEADERS = {
+    "Referrer-Policy": "no-referrer",  # the address contains the token
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Server": "lagcli",
+}
+
+
+class Access:
+    """Access rules of one server.
+
+    A page of another site can make a browser send requests here, even under a name that
+    leads to 127.0.0.1 (DNS rebinding). It does not have the token and cannot send this server's
+    Host and Origin.
+
+    Parameters
+    ----------
+    port : int
+
+    Attributes
+    ----------
+    token : str
+        The token, which is the first part of every path.
+    """
+
+    def __init__(self, port: int):
+        self.token = secrets.token_urlsafe(24)
+        self.port = port
+        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
+        if port == 80:
+            self._hosts |= {HOST, "localhost"}
+
+    @property
+    def address(self) -> str:
+        """The address of the page."""
+        return f"http://{HOST}:{self.port}/{self.token}/"
+
+    def status(self, request: web.Request) -> int:
+        """Return 200 for an accepted request, else the status of its rejection."""
+        if request.headers.getall("Host", []) not in [[host] for host in self._hosts]:
+            return 403
+        # OPTIONS may request *, and CONNECT no path at all
+        given = request.path.removeprefix("/").partition("/")[0]
+        if not secrets.compare_digest(given.encode(), self.token.encode()):
+            return 404
+        origin = request.headers.get("Origin")
+        socket = request.headers.get("Upgrade") is not None
+        if (socket or origin is not None) and origin not in {f"http://{h}" for h in self._hosts}:
+            return 403
+        return 200
+
+    def middleware(self) -> Any:
+        """Return the middleware that rejects requests; a rejection has only a status."""
+
+        @web.middleware
+        async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+            status = self.status(request)
+            if status != 200:
+                return web.Response(status=status)
+            try:
+                return await handler(request)
+            except web.HTTPException as error:
+                return web.Response(status=error.status)
+            except Exception:
+                traceback.print_exc()
+                raise
+
+        return guard
+
+    async def mark(self, request: web.Request, response: web.StreamResponse) -> None:
+        """Set the headers of a response that isolate the page."""
+        policy = [*POLICY, f"connect-src 'self' ws://{HOST}:{self.port} ws://localhost:{self.port}"]
+        response.headers["Content-Security-Policy"] = "; ".join(policy)
+        response.headers.update(HEADERS)
+
+
+#: Time for which a run may continue while a newer one waits, s, so that plots are updated while a
+#: slider moves.
+GRACE = 0.25
+
+
+class _Superseded(Interruption):
+    """Cancels a run whose client has left, or for which a newer request has waited long enough."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.began = time.monotonic()
+        self.closed = self.newer = False
+
+    def requested(self) -> bool:
+        """Return whether to end the run."""
+        return self.closed or (self.newer and time.monotonic() - self.began > GRACE)
+
+
+class Client(threading.Thread):
+    """Runs the requests of one client in its own thread.
+
+    Parameters
+    ----------
+    played : Played
+        The client's model.
+    answer : callable
+        Called in the thread with messages for the page.
+    """
+
+    def __init__(self, played: Played, answer: Callable[[dict[str, Any]], None]):
+        # a thread that derives equations cannot be stopped: it must not block the program's exit
+        super().__init__(name="lagcli play", daemon=True)
+        self._played, self._answer = played, answer
+        self._change = threading.Condition()
+        self._waiting: PlayRequest | None = None
+        self._running: _Superseded | None = None
+        self._closed = False
+
+    def ask(self, request: PlayRequest) -> None:
+        """Replace the pending request and stop the current one."""
+        with self._change:
+            self._waiting = request
+            if self._running is not None:
+                self._running.newer = True
+            self._change.notify()
+
+    def close(self) -> None:
+        """Stop the current run and the thread."""
+        with self._change:
+            self._closed = True
+            if self._running is not None:
+                self._running.closed = True
+            self._change.notify()
+
+    def run(self) -> None:
+        """Process requests until the client is closed."""
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._closed or self._waiting is not None)
+                if self._closed:
+                    return
+                request, self._waiting = self._waiting, None
+                self._running = running = _Superseded()
+            assert request is not None
+            answer = self._answered(request, running)
+            with self._change:
+                self._running = None
+                dropped = self._closed or answer.get("status") == "interrupted"
+            if not dropped:
+                self._answer(answer)
+
+    def _answered(self, request: PlayRequest, running: Interruption) -> dict[str, Any]:
+        try:
+            return self._played.run(request, running)
+        except LagcliError as error:
+            text = on_page(str(error))
+        except Exception as error:
+            traceback.print_exception(error, file=sys.stderr)
+            text = f"a bug in lagcli: {type(error).__name__}; the terminal shows where"
+        command = self._played.command(request)
+        return {"number": request.number, "error": text, "command": command}
+
+
+def encode(value: Mapping[str, Any]) -> bytes:
+    """Return a frame.
+
+    Parameters
+    ----------
+    value : mapping
+        JSON values and one-dimensional arrays. Outside of arrays, numbers that are not finite
+        become null.
+    """
+    arrays: list[Array] = []
+
+    def place(array: Array) -> dict[str, list[int]]:
+        arrays.append(array)
+        return {"$array": [sum(map(len, arrays[:-1])), len(array)]}
+
+    text = json.dumps(json_values(value, place), ensure_ascii=False, allow_nan=False)
+    header = text.encode(errors="replace")  # a message of a page may contain lone surrogates
+    header += b" " * (-(4 + len(header)) % 8)
+    body = b"".join(np.ascontiguousarray(a, dtype="<f8").tobytes() for a in arrays)
+    return struct.pack("<I", len(header)) + header + body

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import Occurrence
-from lagcli.pictures.plots.style import PALETTE
+from lagcli.pictures.style import PALETTE
 from tests.support.contact_cases import ContactRun, contact_model, read_case, run_contact
 
 FIGURE = Path(__file__).parents[2] / "docs" / "contact_convergence.png"

@@ -13,7 +13,8 @@ from trajectories import make_log
 
 import lagcli
 from lagcli.cli.app import run as cli
-from lagcli.pictures.event_marks import Jumps, draw_marks, jumping_outputs, jumps_of, marks
+from lagcli.pictures.jumps import Jumps, jumping_outputs, jumps_of, marks
+from lagcli.pictures.plots.run_plot import draw_marks
 from lagcli.pictures.run_file import RunFile
 
 MODEL = Path(__file__).parents[2] / "models" / "slider_crank.yaml"
@@ -202,7 +203,7 @@ def test_pages_insert_each_instant_once_for_all_curves() -> None:
 def test_a_report_in_blocks_has_the_jumps_of_one_in_one_piece(
     result: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from lagcli.pictures.report.curves import Plot, ReportCurve, gather
+    from lagcli.pictures.report.run_plots import Plot, ReportCurve, gather
 
     def gathered() -> Plot:
         curves = [ReportCurve("phi_dot", "phi", "v", (0,)), ReportCurve("t", "E", "energy_total")]

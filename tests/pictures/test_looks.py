@@ -14,13 +14,11 @@ from page_checks import AXES, TEXTS
 
 import lagcli
 from lagcli.cli.app import run
-from lagcli.pictures.plots import figure_file
-from lagcli.pictures.plots.style import PALETTE, ROLES
+from lagcli.pictures.plots import figure as figure_file
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scene.drawing import SceneDrawing
-from lagcli.pictures.scene.label_places import distances, label_place, label_size
-from lagcli.pictures.scene.shapes import Moment
+from lagcli.pictures.scene.drawing import Moment, SceneDrawing, distances, label_place, label_size
 from lagcli.pictures.scene.view_evaluator import scene_of
+from lagcli.pictures.style import PALETTE, ROLES
 
 ASSETS = [files("lagcli.pictures") / "assets", files("lagcli.play") / "assets"]
 

@@ -9,7 +9,7 @@ from page_checks import TEXTS
 from patience import PATIENCE
 
 import lagcli
-from lagcli.pictures.notebook import trajectory_html
+from lagcli.pictures.report.notebook import trajectory_html
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from lagcli.pictures.plots.curves import Curve
-from lagcli.pictures.plots.panels import Panel, split_by_scale
+from lagcli.pictures.curves import Curve
+from lagcli.pictures.plots.run_plot import Panel, split_by_scale
 
 
 def curves(*names, **more):

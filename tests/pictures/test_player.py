@@ -7,10 +7,10 @@ import pytest
 
 from lagcli.pictures.animation.animate import animate
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
-from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.view_evaluator import scene_of
+from lagcli.pictures.style import ROLES
 
 PICTURE = "player.stage.canvas.toDataURL()"
 

@@ -21,8 +21,8 @@ from svg_labels import with_whole_labels
 
 import lagcli
 from lagcli.cli.app import run
-from lagcli.pictures.plots.curves import Catalogue, read_curves
-from lagcli.pictures.plots.differences import labels_of
+from lagcli.pictures.curves import Catalogue, read_curves
+from lagcli.pictures.plots.run_plot import labels_of
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.samples import Samples
 

@@ -17,10 +17,11 @@ from shipped import PATHS, every_model
 import lagcli
 from lagcli.cli.app import run as cli
 from lagcli.errors import FileError, LagcliError
+from lagcli.pictures.page import number, unit
 from lagcli.pictures.report import report
-from lagcli.pictures.report.curves import Plot, ReportCurve, gather
-from lagcli.pictures.report.writing import chosen, elided, number, unit
-from lagcli.pictures.report.yaml_text import highlighted
+from lagcli.pictures.report.report_page import highlighted
+from lagcli.pictures.report.run_plots import Plot, ReportCurve, gather
+from lagcli.pictures.selection import chosen, elided
 from lagcli.trajectory.extremes import Extreme
 
 MODELS = Path(__file__).parents[2] / "models"

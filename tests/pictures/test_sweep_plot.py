@@ -14,9 +14,8 @@ from svg_labels import with_whole_labels
 
 import lagcli
 from lagcli.cli.app import run
-from lagcli.pictures.plots.curves import Catalogue, read_curves
-from lagcli.pictures.plots.sweep_plot import PlottedTable
-from lagcli.pictures.plots.sweep_rows import MOST, Rows
+from lagcli.pictures.curves import Catalogue, read_curves
+from lagcli.pictures.plots.sweep_plot import MOST, PlottedTable, Rows
 
 pytest.importorskip("matplotlib")
 
@@ -238,7 +237,7 @@ def test_a_few_of_many_rows_are_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert MOST == 200
-    monkeypatch.setattr("lagcli.pictures.plots.sweep_rows.MOST", 5)
+    monkeypatch.setattr("lagcli.pictures.plots.sweep_plot.MOST", 5)
     plot(tmp_path, "kept.h5", "psi")
     assert re.search("5 of 9 rows", capsys.readouterr().err)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.pictures.plots.curves import Catalogue
-from lagcli.pictures.plots.panels import asked
+from lagcli.pictures.curves import Catalogue
+from lagcli.pictures.plots.run_plot import asked
 from lagcli.pictures.run_file import RunFile
 
 MODEL = """

@@ -55,7 +55,7 @@ def plot(
     compares the effects of the varied quantities; phi plots the coordinate for all rows. For a fit,
     the plot shows data, fitted curves and residuals.
     """
-    from lagcli.pictures.plots.figure_file import size_of
+    from lagcli.pictures.plots.figure import size_of
     from lagcli.pictures.plots.plot import plot as draw
 
     suffixes = (*SUFFIXES, *MODEL_SUFFIXES)  # a model file has a separate error

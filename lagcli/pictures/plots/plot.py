@@ -6,10 +6,9 @@ import os
 from collections.abc import Sequence
 
 from lagcli.errors import ModelError, UsageError
-from lagcli.pictures.plots.figure_file import FigureFile, check_picture
+from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
-from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
-from lagcli.pictures.plots.sweep_rows import Rows
+from lagcli.pictures.plots.sweep_plot import PlottedTable, Rows, plot_table
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.formats import format_read
 from lagcli.results.metadata import KIND
@@ -84,7 +83,7 @@ def plot(
     if what == "sweep":
         return _plot_sweep(file, names, target, model, bands)
     if what == "fit":
-        from lagcli.pictures.plots.fit_plot import plot_fit
+        from lagcli.pictures.plots.analysis_plot import plot_fit
 
         plot_fit(file, names, target)
         return ()

@@ -1,26 +1,145 @@
-"""Plots of runs: time histories, phase portraits, several runs in one figure."""
+"""Plots of runs: time histories, phase portraits, several runs in one figure, bands."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.columns import DERIVATIVES, ColumnName
 from lagcli.errors import UsageError
-from lagcli.pictures.event_marks import draw_marks, jumps_of
-from lagcli.pictures.plots import style
-from lagcli.pictures.plots.bands import half_widths, read_bands
-from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
-from lagcli.pictures.plots.differences import labels_of
-from lagcli.pictures.plots.figure_file import FigureTarget
-from lagcli.pictures.plots.panels import Panel, asked, split_by_scale, usual
-from lagcli.pictures.plots.thinning import thin
-from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
+from lagcli.model.names.members import split_names
+from lagcli.pictures import style
+from lagcli.pictures.curves import Catalogue, Curve, look_of_value, pretty_unit, raw, read_curves
+from lagcli.pictures.jumps import jumps_of
+from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.selection import drawable, scale_groups, thin
 from lagcli.trajectory.samples import ENDED
+
+
+class Panel(NamedTuple):
+    """Curves as functions of time, or pairs of curves.
+
+    Parameters
+    ----------
+    curves : tuple of Curve
+        Curves of the vertical axis.
+    over : tuple of Curve
+        Curves of the horizontal axis; empty for the time.
+    joined : bool
+        Whether the user joined the curves.
+    """
+
+    curves: tuple[Curve, ...]
+    over: tuple[Curve, ...] = ()
+    joined: bool = False
+
+    @property
+    def log(self) -> bool:
+        """Whether the panel's axis is logarithmic."""
+        return not self.over and all(c.log for c in self.curves)
+
+    @property
+    def alike(self) -> bool:
+        """Whether both axes are lengths and need equal scales."""
+        pairs = list(zip(self.curves, self.over, strict=False))
+        lengths = all(a.unit == b.unit == "m" for a, b in pairs)
+        unknown = all(a.unit == b.unit == "" and a.field == b.field == "q" for a, b in pairs)
+        return bool(pairs) and (lengths or unknown)
+
+
+def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
+    """Return the panels of the names on a command line.
+
+    Names of one kind and unit share a panel; so do those joined by commas, of any kind. ``a:b`` is
+    b over a.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown.
+    """
+    together: dict[object, list[Curve]] = {}
+    phases: list[Panel] = []
+    for place, text in enumerate(names):
+        parts = [part for part in split_names(text) if part]
+        pairs = [part for part in parts if ":" in part]
+        if not parts:
+            raise UsageError(f"{text!r} names nothing to plot")
+        if pairs and len(pairs) < len(parts):
+            raise UsageError(
+                f"{text!r} mixes quantities drawn over time with others; give them separately"
+            )
+        if pairs:
+            phases.append(_phase(catalogue, pairs))
+            together[place] = []
+            continue
+        found = [curve for part in parts for curve in catalogue.find(part)]
+        if len(parts) > 1:
+            together[place] = found
+            continue
+        for curve in found:
+            together.setdefault((curve.group, curve.unit, curve.log), []).append(curve)
+    panels = []
+    for key, curves in together.items():
+        if curves:
+            panels.append(Panel(tuple(dict.fromkeys(curves)), joined=isinstance(key, int)))
+        elif isinstance(key, int):
+            panels.append(phases.pop(0))
+    return panels
+
+
+def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
+    over, up = [], []
+    for pair in pairs:
+        ends = pair.split(":")
+        if len(ends) != 2 or not all(end.strip() for end in ends):
+            raise UsageError(f"{pair!r} is not a pair of curves; write x:y, which draws y over x")
+        first, second = (catalogue.find(end) for end in ends)
+        if len(first) != len(second):
+            raise UsageError(f"{pair!r} pairs {len(first)} curves with {len(second)}")
+        over += first
+        up += second
+    return Panel(tuple(up), tuple(over))
+
+
+def usual(catalogue: Catalogue) -> list[Panel]:
+    """Return the default panels: coordinates, multipliers and energies."""
+    run = catalogue.run
+    names = [
+        *run.coordinates,
+        *(str(ColumnName("multipliers", c)) for c in run.constraints),
+        *("energy_kinetic", "energy_potential", "energy_total"),
+    ]
+    return asked(catalogue, names)
+
+
+def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> list[Panel]:
+    """Return panels without curves that are too small to be visible next to the others.
+
+    Panels with curves joined by the user are unchanged.
+
+    Parameters
+    ----------
+    panels : iterable of Panel
+    largest : mapping of str to float
+        The largest magnitude of each curve, by its name.
+    """
+    found: list[Panel] = []
+    for panel in panels:
+        if panel.over or panel.log or panel.joined:
+            found.append(panel)
+            continue
+        groups = scale_groups([largest[c.name] for c in panel.curves])
+        found += [Panel(tuple(panel.curves[i] for i in group)) for group in groups]
+    return found
+
 
 WIDTH = 7.0  # inches
 _TIME, _PHASE = 1.7, 4.2  # heights of panels, inches
@@ -327,3 +446,213 @@ def _length(text: str) -> float:
 
     points: float = TextPath((0, 0), text, size=rcParams["axes.labelsize"]).get_extents().width
     return points / 72
+
+
+_DIGITS = 4
+_MOST = 3  # names in a label
+
+
+def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, str]:
+    """Return a label for each run, and values if a single number distinguishes the runs.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+
+    Returns
+    -------
+    labels : list of str
+        For matplotlib. By the parameters that differ; otherwise by initial values, by options, or
+        by file names.
+    values : list of float or None
+        Values of the differing parameter; of several, the one with the most values.
+    name : str
+        Label of that parameter with its unit, and of the others that differ.
+    """
+    if len(runs) < 2:
+        return [""] * len(runs), None, ""
+    tables = [dict(run.varied or run.record.parameters) for run in runs]
+    differing = _differing(tables)
+    notation = Catalogue(runs[0]).notation
+    units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
+    looks = {name: look_of_value(notation, name) for name in differing}
+    if differing:
+        labels = [
+            ", ".join(
+                f"{looks[name]} = {table[name]:.{_DIGITS}g} {_written(units.get(name))}".rstrip()
+                for name in _chosen(differing, tables)
+                if name in table
+            )
+            for table in tables
+        ]
+        complete = [name for name in differing if all(name in table for table in tables)]
+        if not complete:
+            return _unique(labels, runs), None, ""
+        name = max(complete, key=lambda name: len({table[name] for table in tables}))
+        unit = _written(units.get(name))
+        titled = f"{looks[name]} [{unit}]" if unit else looks[name]
+        others = [looks[x] for x in differing if x != name]
+        if others:
+            titled += f" ({', '.join(others[:_MOST])} var{'ies' if len(others) == 1 else 'y'} too)"
+        return _unique(labels, runs), [table[name] for table in tables], titled
+    starts = [dict(run.initial) for run in runs]
+    chosen = _differing(starts)
+    if chosen and len(chosen) <= _MOST:
+        labels = [
+            ", ".join(
+                f"{look_of_value(notation, name)}(0) = {start.get(name, math.nan):.{_DIGITS}g}"
+                for name in chosen
+            )
+            for start in starts
+        ]
+        return _unique(labels, runs), None, ""
+    options = [{k: str(v) for k, v in run.record.options.items()} for run in runs]
+    chosen = _differing(options)[:_MOST]
+    labels = [", ".join(f"{raw(k)} = {raw(o[k])}" for k in chosen if k in o) for o in options]
+    return _unique(labels, runs), None, ""
+
+
+def _written(unit: str | None) -> str:
+    """Return a unit as it stands behind a number: none of a pure number."""
+    return "" if unit in (None, "1") else str(unit)
+
+
+def _differing(tables: Sequence[dict[str, float]] | Sequence[dict[str, str]]) -> list[str]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    return [name for name in names if len({table.get(name) for table in tables}) > 1]
+
+
+def _chosen(differing: list[str], tables: Sequence[dict[str, float]]) -> list[str]:
+    """Return the smallest number of leading names that distinguish all runs."""
+    for count in range(1, len(differing) + 1):
+        seen = {tuple(table.get(name) for name in differing[:count]) for table in tables}
+        if len(seen) == len(tables):
+            return differing[:count]
+    return differing[:_MOST]
+
+
+def _unique(labels: list[str], runs: Sequence[RunFile]) -> list[str]:
+    """Return the labels, with file names added if two are equal."""
+    if len(set(labels)) == len(labels) and all(labels):
+        return labels
+    stems = [Path(run.name).stem for run in runs]
+    if len(set(stems)) < len(stems):
+        stems = [run.name for run in runs]
+    return [
+        f"{label} ({raw(stem)})" if label else raw(stem)
+        for label, stem in zip(labels, stems, strict=True)
+    ]
+
+
+#: The fields with derivatives, and the fields of these.
+_DERIVED = dict(zip(("q", "v", "multipliers"), (x.name for x in DERIVATIVES), strict=True))
+
+
+def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
+    """Return the spreads of parameters by name, in SI.
+
+    Parameters
+    ----------
+    run : RunFile
+    given : sequence of str
+        ``l=0.01`` (in SI) or ``l=5%`` of the parameter's value.
+
+    Raises
+    ------
+    UsageError
+        An entry has another form, or the result has no derivatives with respect to the name.
+    """
+    found: dict[str, float] = {}
+    for text in given:
+        name, equals, spread = (x.strip() for x in text.partition("="))
+        percent = spread.endswith("%")
+        try:
+            value = float(spread.removesuffix("%"))
+        except ValueError:
+            value = -1.0
+        if not equals or not 0 <= value < np.inf:
+            raise UsageError(
+                f"--band {text!r} is not of the form NAME=SPREAD, as in l=0.01 or l=5%"
+            )
+        if name not in run.sensitivity:
+            has = (
+                f"it has those by {', '.join(run.sensitivity)}"
+                if run.sensitivity
+                else (f"simulate with --sensitivity {name or 'NAME'}")
+            )
+            raise UsageError(f"--band {text}: {run.name} has no derivatives by `{name}`; {has}")
+        if percent:
+            known = {**run.record.parameters, **_initial(run)}
+            if name not in known:
+                raise UsageError(
+                    f"--band {text}: {run.name} lacks the value of `{name}`, which a CSV file"
+                    " without its sidecar (--meta) does not contain; give the spread in SI, as in"
+                    f" {name}=0.01"
+                )
+            value *= abs(known[name]) / 100
+        found[name] = value
+    return found
+
+
+def _initial(run: RunFile) -> dict[str, float]:
+    """Return the initial values by name."""
+    first = run.columns(["q", "v"], np.array([0]))
+    names = run.coordinates
+    found = dict(zip(names, first["q"][0].tolist(), strict=True))
+    return {**found, **{f"{q}'": x for q, x in zip(names, first["v"][0].tolist(), strict=True)}}
+
+
+def half_widths(
+    run: RunFile, curves: Iterable[Curve], spreads: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return the half-widths of the bands of curves, by name; others have none.
+
+    Raises
+    ------
+    UsageError
+        None of the curves has derivatives.
+    """
+    if not spreads:
+        return {}
+    wanted = {c.name: c for c in curves if c.field in _DERIVED}
+    if not wanted:
+        raise UsageError(
+            "--band: bands are drawn around coordinates, velocities and multipliers over time, and"
+            " none of the curves is one; name some of these, or omit --band"
+        )
+    fields = run.columns({_DERIVED[c.field] for c in wanted.values()})
+    weights = np.array([spreads.get(name, 0.0) for name in run.sensitivity])
+    return {
+        name: np.linalg.norm(fields[_DERIVED[c.field]][:, c.place[0]] * weights, axis=1)
+        for name, c in wanted.items()
+    }
+
+
+_MARK_LOOK = {"color": "#808080", "linewidth": 0.6, "zorder": 0.5}
+#: Smallest distance of marks in pixels, so that the curves remain visible.
+_APART = 3
+
+
+def draw_marks(ax: Any, run: RunFile, span: tuple[float, float], columns: int) -> None:
+    """Draw a thin line at each instant of a contact or event of a run.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        With time as horizontal axis.
+    run : RunFile
+    span : (float, float)
+        First and last time of the axis, s.
+    columns : int
+        Pixels along the axis.
+    """
+    log = run.record.events
+    if log is None:
+        return
+    first, last = span
+    times = log.time[(log.time >= first) & (log.time <= last)]
+    if not len(times):
+        return
+    column = np.floor((times - first) / ((last - first) or 1.0) * columns / _APART)
+    times = times[np.unique(column, return_index=True)[1]]
+    ax.vlines(times, 0.0, 1.0, transform=ax.get_xaxis_transform(), **_MARK_LOOK)

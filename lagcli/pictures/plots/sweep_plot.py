@@ -1,8 +1,9 @@
-"""Plots of sweeps: measures as functions of varied quantities, as curves and maps."""
+"""Plots of sweeps: measures as curves, maps and tornado charts; stored trajectories of rows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -13,14 +14,18 @@ from lagcli.column_units import NOT_STATED
 from lagcli.equations.render.names import Notation
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.inputs import InputData
-from lagcli.model.loader import load_text
+from lagcli.model.loader import load, load_text
+from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.pictures.plots import style
-from lagcli.pictures.plots.curves import look_of_value, pretty_unit
-from lagcli.pictures.plots.figure_file import FigureTarget
-from lagcli.pictures.plots.ticks import drawable, plain_ticks
-from lagcli.pictures.plots.tornado import draw_tornado, effects
+from lagcli.pictures import style
+from lagcli.pictures.curves import look_of_value, pretty_unit
+from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.selection import drawable, evenly
+from lagcli.simulations.inputs import input_data
 from lagcli.sweeps.row_results import COMPLETED
+from lagcli.trajectory.samples import Record
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
 _FAMILIES = 6  # largest number of values of a second quantity in a legend
@@ -430,3 +435,200 @@ def _edges(centers: Array) -> Array:
 def _edges_between(centers: Array) -> Array:
     middle = [(a + b) / 2 for a, b in pairwise(centers)]
     return np.array([2 * centers[0] - middle[0], *middle, 2 * centers[-1] - middle[-1]])
+
+
+#: Largest number of values of a quantity for which means are computed.
+_LEVELS = 50
+
+
+class Effect(NamedTuple):
+    """Effect of a varied quantity on a measure.
+
+    Parameters
+    ----------
+    label : str
+    low, high : float
+        The measure at the smallest and the largest value of the quantity.
+    least, largest : float
+        The ends of the bar: the extremes over all values.
+    """
+
+    label: str
+    low: float
+    high: float
+    least: float
+    largest: float
+
+
+def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
+    """Return the effects of varied quantities on a measure, the largest first.
+
+    Parameters
+    ----------
+    varied : dict of str to (rows,) array
+        By label.
+    measure : (rows,) array
+        NaN for rows without a value.
+
+    Raises
+    ------
+    UsageError
+        Too few rows have a value.
+    """
+    good = np.isfinite(measure)
+    changing = {k: x[good] for k, x in varied.items() if len(np.unique(x[good])) > 1}
+    y = measure[good]
+    if not changing or len(y) <= len(changing):
+        raise UsageError(
+            "a tornado chart needs more rows with a measure than quantities that were varied"
+        )
+    levels = {k: np.unique(x) for k, x in changing.items()}
+    factorial = np.prod([len(x) for x in levels.values()]) == len(y)
+    found = []
+    if factorial and max(map(len, levels.values())) <= _LEVELS:
+        for label, x in changing.items():
+            means = [float(y[x == level].mean()) for level in levels[label]]
+            found.append(Effect(label, means[0], means[-1], min(means), max(means)))
+    else:
+        middle = {k: x.mean() for k, x in changing.items()}
+        size = {k: np.ptp(x) for k, x in changing.items()}
+        columns = [(x - middle[k]) / size[k] for k, x in changing.items()]
+        matrix = np.stack([np.ones(len(y)), *columns], axis=1)
+        mean, *slopes = np.linalg.lstsq(matrix, y, rcond=None)[0]
+        for (label, x), slope in zip(changing.items(), slopes, strict=True):
+            low, high = (
+                float(mean + slope * (end - middle[label]) / size[label])
+                for end in (x.min(), x.max())
+            )
+            found.append(Effect(label, low, high, min(low, high), max(low, high)))
+    return sorted(found, key=lambda e: e.largest - e.least, reverse=True)
+
+
+def draw_tornado(ax: Any, found: list[Effect], label: str) -> None:
+    """Draw a bar for each quantity, the longest on top; colours distinguish low and high values."""
+    center = float(np.mean([0.5 * (e.low + e.high) for e in found]))
+    for place, effect in enumerate(reversed(found)):
+        for end, color in ((effect.low, style.PALETTE[0]), (effect.high, style.PALETTE[1])):
+            ax.barh(place, end - center, left=center, color=color, height=0.6)
+        ax.plot([effect.least, effect.largest], [place, place], color="#404040", linewidth=0.8)
+    ax.set_yticks(range(len(found)), [e.label for e in reversed(found)])
+    ax.axvline(center, color="#404040", linewidth=0.8)
+    ax.grid(False, axis="y")
+    ax.set_axisbelow(True)
+    ax.margins(x=0.05)
+    ax.set_xlabel(label)
+    plain_ticks(ax.xaxis)
+    from matplotlib.patches import Patch
+
+    handles = [Patch(color=style.PALETTE[i]) for i in (0, 1)]
+    style.legend_beside(ax, handles, ["lowest value", "highest value"])
+
+
+#: Largest number of rows that are drawn: more curves would cover each other.
+MOST = 200
+
+
+class Rows:
+    """The stored trajectories of a sweep file.
+
+    Parameters
+    ----------
+    path : str
+    model : str, optional
+        See `RunFile`.
+
+    Attributes
+    ----------
+    runs : list of Run
+        The completed rows, at most `MOST`, evenly selected.
+    good : int
+        Number of completed rows.
+
+    Raises
+    ------
+    UsageError
+        The file contains no trajectories, or no row was completed.
+    FileError
+        As `lagcli.sweeps.file.store.open_sweep`.
+    """
+
+    def __init__(self, path: str, model: str | None = None):
+        from lagcli.sweeps.file.store import open_sweep
+
+        self.path, self._model_file = path, model
+        with open_sweep(path) as file:
+            if not file.kept:
+                measures = ", ".join(f"`{c.name}`" for c in file.measures)
+                raise UsageError(
+                    f"{path} contains measures, but no trajectories: plot {measures}, or sweep with"
+                    " --keep trajectories"
+                )
+            good = np.flatnonzero(file.read("status") == COMPLETED)
+            if not len(good):
+                raise UsageError(f"{path}: no row was completed: there is nothing to plot")
+            facts = file.facts
+            self.names = {name: file.names(name) for name in ("coordinate", "constraint")}
+            self.outputs, self.fields = file.outputs, file.fields
+            self.count = len(file.times)
+            self.inputs = file.inputs
+            self.text, self.parameters = str(facts["model"]), dict(facts["parameters"])
+            columns = file.columns
+            values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
+        self.good = len(good)
+        self.units = {c.name: c.unit for c in columns if c.unit != NOT_STATED}
+        chosen = evenly(self.good, MOST)
+        self.runs: list[RunFile] = [
+            SweepRow(self, int(good[i]), dict(zip([c.name for c in columns], v, strict=True)))
+            for i, v in zip(chosen, values[chosen].tolist(), strict=True)
+        ]
+
+    @cached_property
+    def model(self) -> Model:
+        """The model with the values common to all rows.
+
+        Raises
+        ------
+        ModelError, FileError
+            As `RunFile.model`.
+        """
+        parameters = {name: f"{value!r}*1" for name, value in self.parameters.items()}
+        if self._model_file is not None:
+            return load(self._model_file, parameters)
+        return load_text(self.text, f"{self.path}:model", parameters, data=input_data(self.inputs))
+
+
+class SweepRow(RunFile):
+    """One row of a sweep file; see `RunFile`."""
+
+    def __init__(self, rows: Rows, number: int, varied: Mapping[str, float]):
+        self._rows, self._number = rows, number
+        self.name = rows.path
+        self.coordinates, self.constraints = rows.names["coordinate"], rows.names["constraint"]
+        self.outputs, self.count = rows.outputs, rows.count
+        self.conserved_names, self.sensitivity = (), ()
+        self.varied = varied
+        self.fields = frozenset(rows.fields) | {f"outputs/{name}" for name in rows.outputs}
+        model = rows.model
+        unknown = np.full(len(self.constraints), np.nan)
+        self.record = Record(
+            scale_position=unknown,
+            scale_velocity=unknown,
+            units=result_units(model) | rows.units,
+            model=rows.text,
+            parameters={**rows.parameters, **varied},
+        )
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
+        """Yield fields of `Samples` by name, all samples at once."""
+        from lagcli.sweeps.file.store import open_sweep
+
+        with open_sweep(self.name) as file:
+            yield {
+                name: file.times if name == "time" else file.read(name, self._number)
+                for name in names
+            }
+
+    @property
+    def model(self) -> Model:
+        """The model, the same for all rows."""
+        return self._rows.model

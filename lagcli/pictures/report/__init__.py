@@ -93,7 +93,7 @@ def report(
         The text of the model is invalid for this version.
     """
     from lagcli.pictures.plots.plot import file_kind
-    from lagcli.pictures.report.assembly import assembled
+    from lagcli.pictures.report.run_report import assembled
     from lagcli.pictures.run_file import RunFile
 
     output = os.fspath(output)
@@ -107,7 +107,7 @@ def report(
     check_writable(output, force)
     kind = file_kind(source)
     if kind != KIND:
-        from lagcli.pictures.report.analysis_page import analysis_page
+        from lagcli.pictures.report.analysis_report import analysis_page
 
         if model is not None:
             raise UsageError("--model is for runs; a file of an analysis contains its model")

@@ -28,7 +28,8 @@ from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
 from lagcli.equations.symmetry.generality import generalized
-from lagcli.pictures.report.writing import chosen, elided, number, table, unit
+from lagcli.pictures.page import number, table, unit
+from lagcli.pictures.selection import chosen, elided
 
 #: Largest number of coordinates, parameters, constraints and equations that are listed; of more
 #: than these, approximately this number of constraints and equations.

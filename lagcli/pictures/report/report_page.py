@@ -1,17 +1,21 @@
-"""Common parts of the pages of runs and of analyses: frame, equations, model file."""
+"""Common parts of the pages of runs and of analyses: frame, equations, model file, pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import base64
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from html import escape
 from string import Template
+from typing import Any, NamedTuple
 
 from lagcli.arrays import Array
 from lagcli.model.model import Model
-from lagcli.pictures.page import asset, page
+from lagcli.pictures.page import asset, page, paragraphs
+from lagcli.pictures.plots.figure import FigureTarget, new_figure
 from lagcli.pictures.report.equations import EquationSystem
-from lagcli.pictures.report.writing import paragraphs
-from lagcli.pictures.report.yaml_text import highlighted
 
 Links = Sequence[tuple[str, str]]  # anchors and titles
 
@@ -92,3 +96,116 @@ def report_page(
 
 def _filled(template: str, **parts: str) -> str:
     return Template(asset(template)).substitute(parts)
+
+
+_LINE = re.compile(
+    r"""
+    (?P<comment>(?:(?<=\s)|^)\#.*$)
+    | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^']|'')*')
+    | (?P<key>(?:^\s*(?:-\s+)?|(?<=[{,]))\s*[^\s\#:{}\[\],"'][^:{},"\#]*(?=:(?:\s|$)))
+    | (?P<number>(?<![\w.])\d+\.?\d*(?:[eE][+-]?\d+)?(?![\w.]))
+    """,
+    re.VERBOSE,
+)
+
+
+def highlighted(text: str) -> str:
+    """Return the text of a YAML file as HTML for ``<pre>``.
+
+    Every character of the text is kept, escaped; keys, numbers, quoted texts and comments are in a
+    ``<span>`` of that class.
+    """
+    return "\n".join(map(_line, text.splitlines()))
+
+
+def _line(line: str) -> str:
+    parts: list[str] = []
+    end = 0
+    for found in _LINE.finditer(line):
+        parts.append(escape(line[end : found.start()]))
+        parts.append(f'<span class="yaml-{found.lastgroup}">{escape(found[0])}</span>')
+        end = found.end()
+    return "".join([*parts, escape(line[end:])])
+
+
+#: Colours of light pictures, and the corresponding ones of dark pages.
+_DARK = {
+    "#ffffff": "#16191d",
+    "#000000": "#e8e8e8",
+    "#202020": "#ececec",
+    "#262626": "#e8e8e8",
+    "#404040": "#a8b0b8",
+    "#d9d9d9": "#343a42",
+    "#8c8c8c": "#8c939b",
+    "white": "#16191d",
+}
+
+
+class _HeldFigure:
+    """A figure that is stored as SVG."""
+
+    kind, dpi = "svg", 100.0
+    svg = ""
+
+    @contextmanager
+    def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
+        """Create a figure; the page contains the title."""
+        with new_figure(size, 100) as figure:
+            yield figure
+            held = io.BytesIO()
+            figure.savefig(held, format="svg", metadata={"Date": None, "Title": title})
+            self.svg = held.getvalue().decode("utf-8")
+
+
+def picture(draw: Callable[[FigureTarget], object], caption: str) -> str:
+    """Return a picture in HTML.
+
+    Parameters
+    ----------
+    draw : callable
+        Function that draws to the given target.
+    caption : str
+        Alternative text.
+
+    Raises
+    ------
+    UsageError
+        matplotlib is not installed.
+    """
+    target = _HeldFigure()
+    draw(target)
+    images = "".join(
+        f'<img class="{name}" alt="{escape(caption)}" src="data:image/svg+xml;base64,'
+        f'{base64.b64encode(svg.encode()).decode()}">'
+        for name, svg in (("light", target.svg), ("dark", _darkened(target.svg)))
+    )
+    return f'<figure class="picture">{images}</figure>'
+
+
+def _darkened(svg: str) -> str:
+    """Return a picture for dark pages."""
+    for light, dark in _DARK.items():
+        svg = svg.replace(f": {light}", f": {dark}")
+    # letters have no colour attribute
+    return svg.replace('<style type="text/css">', '<style type="text/css">text{fill:#e8e8e8}', 1)
+
+
+class AnalysisSection(NamedTuple):
+    """A part of a page.
+
+    Parameters
+    ----------
+    anchor, title, body : str
+        The body is HTML.
+    """
+
+    anchor: str
+    title: str
+    body: str
+
+
+def section_html(section: AnalysisSection) -> str:
+    """Return a part of a page with its heading."""
+    return (
+        f'<section id="{section.anchor}"><h2>{escape(section.title)}</h2>{section.body}</section>'
+    )

@@ -1,17 +1,19 @@
-"""Automatic views: points recognized by the names of their coordinates."""
+"""Automatic views: points recognized by the names of their coordinates, and rigid bodies."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations, product
 from typing import NamedTuple
 
-from symengine import Basic, Integer, expand
+import numpy as np
+from symengine import Basic, DenseMatrix, Integer, Lambdify, Symbol, expand, pi, sqrt
 
-from lagcli.model.expression.tensors import Tensor
-from lagcli.model.model import Constraint, Model, Segment, View, coordinate
-from lagcli.pictures.scene.rigid_bodies import Position, point_name, rigid_bodies
+from lagcli.arrays import Array
+from lagcli.model.expression.tensors import Tensor, angular_velocity, quaternion
+from lagcli.model.model import Constraint, Model, Segment, View, coordinate, velocity
 
 #: Matches x, x_A, x1, xA, x[2]; the other coordinates differ only in the first letter.
 _FIRST = re.compile(r"(?P<letter>[xX])(?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
@@ -182,3 +184,237 @@ def _rods(
 
 def _same(place: Position, other: Position) -> bool:
     return all(expand(a - b) == 0 for a, b in zip(place, other, strict=True))
+
+
+#: Largest numbers of bodies, and of vectors that may be points of these.
+_BODIES, _VECTORS = 20, 120
+_STATES = 3  # random ones, in which a fixed point has the same position in its body
+_SAME = 1e-9  # relative
+
+Position = tuple[Basic, ...]
+
+
+class _Orientation(NamedTuple):
+    """The rotation of a body, and a state in which its angular velocity determines all its rates.
+
+    Parameters
+    ----------
+    matrix : Tensor
+    state : dict of Symbol to Basic
+        Values of the coordinates of the rotation.
+    rates : tuple of 3 Symbol
+        Velocities of three of these coordinates.
+    inverse : DenseMatrix
+        Matrix from the angular velocity in the body frame to these rates, in that state.
+    """
+
+    matrix: Tensor
+    state: dict[Basic, Basic]
+    rates: tuple[Basic, ...]
+    inverse: DenseMatrix
+
+
+class RigidBody(NamedTuple):
+    """The drawing of a body: additional points, and lines between them.
+
+    Parameters
+    ----------
+    centre : str
+        The point that is its centre of mass.
+    fixed : dict of str to positions
+        Points of the model that are fixed in the body, by name.
+    corners : dict of str to positions
+        Corners of its box.
+    edges : tuple of Segment
+        Edges of the box, between its corners.
+    """
+
+    centre: str
+    fixed: dict[str, Position]
+    corners: dict[str, Position]
+    edges: tuple[Segment, ...]
+
+
+def rigid_bodies(model: Model, centres: Mapping[str, Position]) -> list[RigidBody]:
+    """Return the drawings of bodies whose rotation is a quaternion, or one of three angles.
+
+    Parameters
+    ----------
+    model : Model
+    centres : mapping of str to positions
+        Points that may be centres of mass; that of R_A or e_A is the point A, that of R[2] is P[2],
+        that of R or e is P.
+
+    Returns
+    -------
+    list of RigidBody
+        Empty if there are more than can be distinguished.
+    """
+    turns = {point_name(name[1:]): turn for name, turn in _rotations(model)}
+    found = {name: turn for name, turn in turns.items() if len(centres.get(name, ())) == 3}
+    if len(found) > _BODIES:
+        return []
+    vectors = _vectors(model) if found else {}
+    return [_body(model, name, centres[name], turn, vectors) for name, turn in found.items()]
+
+
+def point_name(rest: str) -> str:
+    """Return the name of a point: A for x_A, P1 for x1, P[2] for x[2]."""
+    letters = rest.lstrip("_")
+    return letters if letters[:1].isalpha() else f"P{letters}"
+
+
+def _rotations(model: Model) -> Iterator[tuple[str, _Orientation]]:
+    """Yield the rotations of bodies, with their names."""
+    names = set(model.coordinate_names)
+    for name in model.coordinate_names:
+        base = name.removesuffix(".0")
+        parts = [f"{base}.{i}" for i in range(4)]
+        if base != name and names.issuperset(parts):
+            yield base, _by_quaternion(*map(coordinate, parts))
+    known = {coordinate(q) for q in model.coordinate_names}
+    for name, definition in model.definitions.items():
+        value = definition.value
+        turns = value.factors if isinstance(value, Tensor) else ()
+        if not turns or not all(turn.parameters for turn in turns):
+            continue
+        assert isinstance(value, Tensor)
+        given = [x for turn in turns for x in turn.parameters]
+        if len(turns) == 1 and len(given) == 4 and known.issuperset(given):
+            yield name, _by_quaternion(*given)
+        elif all(turn.axis is not None for turn in turns):
+            orientation = _by_angles(model, value)
+            if orientation is not None:
+                yield name, orientation
+
+
+def _by_quaternion(*parts: Basic) -> _Orientation:
+    """Return the orientation (e0, e1, e2, e3), with ω = 2 (e1', e2', e3') at (1, 0, 0, 0)."""
+    state = dict(zip(parts, map(Integer, (1, 0, 0, 0)), strict=True))
+    rates = tuple(velocity(str(x)) for x in parts[1:])
+    half = [Integer(int(i == j)) / 2 for i, j in product(range(3), repeat=2)]
+    return _Orientation(quaternion(*parts), state, rates, DenseMatrix(3, 3, half))
+
+
+def _by_angles(model: Model, matrix: Tensor) -> _Orientation | None:
+    """Return an orientation that depends on three coordinates, such as Euler angles, or None."""
+    free = set().union(*(x.free_symbols for x in matrix.entries))
+    angles = [q for q in map(coordinate, model.coordinate_names) if q in free]
+    if len(angles) != 3 or not free <= {*angles, *map(Symbol, model.parameters)}:
+        return None
+    columns = [_angular_velocity_along(matrix, q) for q in angles]
+    for values in product((Integer(0), pi / 2), repeat=3):
+        state = dict(zip(angles, values, strict=True))
+        rows = [expand(column[i].subs(state)) for i in range(3) for column in columns]
+        from_rates = DenseMatrix(3, 3, rows)
+        if expand(from_rates.det()) != 0:
+            rates = tuple(velocity(str(q)) for q in angles)
+            return _Orientation(matrix, state, rates, from_rates.inv())
+    return None
+
+
+def _angular_velocity_along(matrix: Tensor, angle: Basic) -> tuple[Basic, ...]:
+    """Return the angular velocity if only one angle changes, per unit of its rate."""
+
+    def derivative(x: Basic) -> Basic:
+        return x.diff(angle)
+
+    return angular_velocity(matrix, derivative).entries
+
+
+def _vectors(model: Model) -> dict[str, Position]:
+    """Return vectors of the configuration that may be points."""
+    known = {coordinate(q) for q in model.coordinate_names}
+    known |= {Symbol(name) for name in model.parameters}
+    found = {}
+    for name, definition in model.definitions.items():
+        value = definition.value
+        if isinstance(value, Tensor) and value.is_vector and len(value.entries) == 3:
+            free = set().union(*(x.free_symbols for x in value.entries))
+            if free <= known and not free.isdisjoint(map(coordinate, model.coordinate_names)):
+                found[name] = tuple(value.entries)
+    return found if len(found) <= _VECTORS else {}
+
+
+def _body(
+    model: Model,
+    name: str,
+    centre: Position,
+    turn: _Orientation,
+    vectors: Mapping[str, Position],
+) -> RigidBody:
+    rotation = turn.matrix
+    fixed = dict(_fixed(model, centre, rotation, vectors))
+    half = _half_sizes(model, centre, turn)
+    signs = [(-1, 1) if x != 0 else (0,) for x in half]
+    places = {
+        corner: tuple(
+            c + sum(s * x * entry for s, x, entry in zip(corner, half, row, strict=True))
+            for c, row in zip(centre, rotation.rows, strict=True)
+        )
+        for corner in product(*signs)
+        if any(corner)
+    }
+    called = {corner: f"{name} corner {i}" for i, corner in enumerate(places, 1)}
+    edges = [
+        Segment("edge", f"{name} box", called[a], called[b])
+        for a, b in combinations(places, 2)
+        if sum(x != y for x, y in zip(a, b, strict=True)) == 1
+    ]
+    corners = {called[corner]: place for corner, place in places.items()}
+    return RigidBody(name, fixed, corners, tuple(edges))
+
+
+def _fixed(
+    model: Model, centre: Position, rotation: Tensor, vectors: Mapping[str, Position]
+) -> Iterator[tuple[str, Position]]:
+    """Yield the vectors with constant components in the body frame."""
+    if not vectors:
+        return
+    values = model.parameter_values
+    arguments = [*map(coordinate, model.coordinate_names), *map(Symbol, values)]
+    entries = [x for place in (centre, *vectors.values()) for x in place]
+    evaluate = Lambdify(arguments, [*rotation.entries, *entries])
+    states = np.random.default_rng(0).normal(size=(_STATES, len(model.coordinate_names)))
+    seen = []
+    for q in states:
+        numbers = np.asarray(evaluate([*q, *values.values()]), dtype=float)
+        places: Array = numbers[9:].reshape(-1, 3)
+        seen.append(np.linalg.solve(numbers[:9].reshape(3, 3), (places[1:] - places[0]).T).T)
+    every = np.array(seen)
+    size = np.abs(every).max(axis=(0, 2))
+    spread = np.ptp(every, axis=0).max(axis=1)
+    for i, (name, place) in enumerate(vectors.items()):
+        if np.isfinite(size[i]) and size[i] > _SAME and spread[i] <= _SAME * size[i]:
+            yield name, place
+
+
+def _half_sizes(model: Model, centre: Position, turn: _Orientation) -> tuple[Basic, ...]:
+    """Return half the sides of the homogeneous box with the mass and the inertia of a body.
+
+    With ω = W v, the inertia is W⁻ᵀ ∂²T/∂v² W⁻¹. Zeros if there is no such box: the axes are not
+    principal axes, or the inertia refers to another point.
+    """
+    none = (Integer(0),) * 3
+    if model.kinetic is None or not all(isinstance(x, Symbol) for x in centre):
+        return none
+    rates = [*(velocity(str(x)) for x in centre), *turn.rates]
+    slopes = [model.kinetic.diff(x) for x in rates]
+    second = [[expand(slope.diff(x).subs(turn.state)) for x in rates] for slope in slopes]
+    of_angles = DenseMatrix(3, 3, [x for row in second[3:] for x in row[3:]])
+    tensor = [expand(x) for x in (turn.inverse.T * of_angles * turn.inverse)]
+    mass, inertia = second[0][0], tensor[::4]
+    mixed = [tensor[3 * i + j] for i, j in combinations(range(3), 2)]
+    mixed += [second[i][j] for i, j in combinations(range(6), 2) if i < 3]
+    parameters = set(map(Symbol, model.parameters))
+    if mass == 0 or any(x != 0 for x in mixed) or second[1][1] != mass or second[2][2] != mass:
+        return none
+    if not all(x.free_symbols <= parameters for x in (mass, *inertia)):
+        return none
+    squares = [expand(3 * (sum(inertia) - 2 * x) / (2 * mass)) for x in inertia]
+    values = {Symbol(name): value for name, value in model.parameter_values.items()}
+    numbers = [float(x.subs(values)) for x in squares]
+    if min(numbers) < -_SAME * max(numbers, default=0.0) or max(numbers) <= 0:
+        return none
+    thin = [abs(x) <= _SAME * max(numbers) for x in numbers]
+    return tuple(Integer(0) if flat else sqrt(x) for x, flat in zip(squares, thin, strict=True))

@@ -1,26 +1,21 @@
-"""Drawing of scenes, like ``assets/scene.js`` for pages."""
+"""Drawing of scenes, like ``assets/scene.js``, ``shapes.js`` and ``labels.js`` for pages."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Image
-from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
-from lagcli.pictures.scene.scene import DrawnVector, Scene
-from lagcli.pictures.scene.shapes import (
-    BODIES,
-    LAYERS,
-    DrawCommand,
-    Moment,
-    arrow,
-    commands,
-    joints,
-)
+from lagcli.pictures.scene.scene import DrawnDisc, DrawnFlashes, DrawnVector, Scene, frames
 from lagcli.pictures.scene.timing import TRAIL_PART, round_number
+from lagcli.pictures.style import ROLES
 
 _LISTED = 6  # largest number of vectors whose magnitudes are written
 
@@ -163,3 +158,371 @@ def three_digits(value: float) -> str:
     if 1000 <= value < 1e6:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".")
+
+
+#: Layers, in the order of painting.
+LAYERS = (
+    *("guide", "ground", "trail", "disc", "edge", "spring", "rod", "joint"),
+    *("flash", "vector", "label"),
+)
+#: In three dimensions these are one layer, painted from back to front.
+BODIES = frozenset({"trail", "disc", "edge", "spring", "rod", "joint"})
+
+#: Number of pieces of equal shade in a trail, and largest number of points.
+_PIECES, _POINTS = 40, 400
+_TURNS = 7  # of a spring
+
+
+class DrawCommand(NamedTuple):
+    """A drawing command on its layer; larger depth is farther away."""
+
+    layer: str
+    depth: float
+    paint: Callable[[], object]
+
+
+class Joint(NamedTuple):
+    """End of bodies: their number, and the points at their other ends."""
+
+    bodies: int
+    others: tuple[str, ...]
+
+
+class Moment:
+    """A scene at a time, with a camera and a raster.
+
+    Parameters
+    ----------
+    scene : Scene
+    camera : PlaneCamera or OrbitCamera
+    raster : Raster
+    now : float
+        s.
+    trail : float
+        Duration of trails, s.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: PlaneCamera | OrbitCamera,
+        raster: Raster,
+        now: float,
+        trail: float,
+    ):
+        self.scene, self.camera, self.raster = scene, camera, raster
+        self.now, self.trail = now, trail
+        self.points = {name: self.vector(series) for name, series in scene.points.items()}
+        self.places = {name: camera.project(point) for name, point in self.points.items()}
+
+    def value(self, series: Array) -> float:
+        """Return a series at the current time, interpolated."""
+        if len(series) == 1:
+            return float(series[0])
+        return float(np.interp(self.now, self.scene.time, series))
+
+    def vector(self, components: Sequence[Array]) -> Array:
+        """Return several series at the current time."""
+        return np.array([self.value(series) for series in components])
+
+    @cached_property
+    def slim(self) -> float:
+        """Factor of the widths of rods and joints, below 1 for short rods."""
+        rods = [s for s in self.scene.segments if s.kind == "rod"]
+        lengths = [math.dist(self.points[s.start], self.points[s.end]) for s in rods]
+        usual = 48 * self.raster.unit
+        pixels = float(np.median(lengths)) * self.camera.scale if rods else usual
+        return min(1.0, max(0.45, pixels / usual))
+
+
+def joints(scene: Scene) -> dict[str, Joint]:
+    """Return the drawn points: ends of rods and springs, grounds and trails."""
+    found: dict[str, Joint] = {}
+
+    def meet(name: str, bodies: int, *others: str) -> None:
+        count, known = found.get(name, Joint(0, ()))
+        found[name] = Joint(count + bodies, known + others)
+
+    for segment in scene.segments:
+        if segment.kind in ("rod", "spring"):
+            meet(segment.start, 1, segment.end)
+            meet(segment.end, 1, segment.start)
+    for name in scene.grounds:
+        meet(name, 2)
+    for name in scene.trails:
+        meet(name, 0)
+    return found
+
+
+def commands(
+    moment: Moment, drawn: Mapping[str, Joint], vectors: Sequence[DrawnVector]
+) -> Iterator[DrawCommand]:
+    """Yield the commands of all shapes that are finite.
+
+    Parameters
+    ----------
+    moment : Moment
+    drawn : mapping of str to Joint
+        See `joints`.
+    vectors : sequence of DrawnVector
+        Shapes of the scene to be shown.
+    """
+    scene, places, raster = moment.scene, moment.places, moment.raster
+
+    def there(*names: str) -> bool:
+        return all(np.isfinite(places[name]).all() for name in names)
+
+    for segment in scene.segments:
+        if there(segment.start, segment.end):
+            ends = np.array([places[segment.start], places[segment.end]])
+            paint = partial(_LINES[segment.kind], moment, ends)
+            yield DrawCommand(segment.kind, float(ends[:, 2].mean()), paint)
+    for disc in scene.discs:
+        yield from _disc(moment, disc)
+    for name in filter(there, scene.grounds):
+        yield DrawCommand("ground", places[name][2], partial(_ground, raster, places[name]))
+    for name in scene.trails:
+        yield from _trail(moment, name)
+    for name, joint in drawn.items():
+        if there(name):
+            # in front of the rods that end here
+            middles = [(places[name][2] + places[o][2]) / 2 for o in joint.others if there(o)]
+            depth = min([places[name][2], *middles])
+            yield DrawCommand("joint", depth, partial(_joint, moment, places[name], joint))
+    for vector in vectors:
+        foot = moment.points[vector.at]
+        ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
+        if np.isfinite(ends).all():
+            paint = partial(arrow, raster, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
+            yield DrawCommand("vector", float(ends[:, 2].mean()), paint)
+    for flashes in scene.flashes:
+        yield from _flashes(moment, flashes)
+    lines = _obstacles(moment, vectors)
+    for name, text in (scene.labels or {}).items():
+        if there(name):
+            width, height = label_size(text, raster.unit)
+            middle = label_place(places[name][:2], (width, height), np.array(lines), raster.unit)
+            side = np.array([width / 2, 0.0])
+            lines.append((middle - side, middle + side))  # the next labels avoid this one
+            write = partial(
+                raster.text, text, middle, ROLES["label"], LABEL_SIZE, "center", halo=True
+            )
+            yield DrawCommand("label", places[name][2], write)
+
+
+def _obstacles(moment: Moment, vectors: Sequence[DrawnVector]) -> list[tuple[Array, Array]]:
+    """Return the ends of the lines that labels avoid."""
+    scene, places = moment.scene, moment.places
+    found = [(places[s.start], places[s.end]) for s in scene.segments]
+    foot = np.array([0.0, -20 * moment.raster.unit, 0.0])
+    found += [(places[name], places[name] + foot) for name in scene.grounds]
+    for disc in scene.discs:
+        rim = _rim(moment, disc, np.arange(25) * np.pi / 12)
+        found += list(pairwise(rim))
+    for vector in vectors:
+        at = moment.points[vector.at]
+        ends = moment.camera.project(np.array([at, at + moment.vector(vector.drawn())]))
+        found.append((ends[0], ends[1]))
+    flat = [(a[:2], b[:2]) for a, b in found]
+    return [(a, b) for a, b in flat if np.isfinite(a).all() and np.isfinite(b).all()]
+
+
+def arrow(raster: Raster, start: Array, end: Array, color: str) -> None:
+    """Draw an arrow between two places."""
+    way = end - start
+    length = math.hypot(*way)
+    if length < 1.5:
+        return
+    head = min(11 * raster.unit, 0.6 * length)
+    along = way / length
+    across = np.array([-along[1], along[0]])
+    neck = end - head * along
+    raster.line([start, neck], color, 2.6, cap="butt")
+    side = 0.42 * head * across
+    raster.area(np.array([end, neck + side, neck - side]), color)
+
+
+def _rod(moment: Moment, ends: Array) -> None:
+    moment.raster.line(ends, ROLES["rod"], 5 * moment.slim)
+
+
+def _edge(moment: Moment, ends: Array) -> None:
+    moment.raster.line(ends, ROLES["disc"], 2)
+
+
+def _spring(moment: Moment, ends: Array) -> None:
+    """Draw a coil with a fixed number of turns, between two straight ends."""
+    raster = moment.raster
+    start, end = ends[:, :2]
+    length = math.dist(start, end) or 1.0
+    along = (end - start) / length
+    across = np.array([-along[1], along[0]])
+    radius, lead = 6 * raster.unit, 0.15 * length
+    phase = np.linspace(0, 2 * np.pi * _TURNS, 16 * _TURNS + 1)
+    # slightly from the side: the turns are slanted
+    forward = np.linspace(lead, length - lead, len(phase)) + 0.4 * radius * (1 - np.cos(phase))
+    coil = start + np.outer(forward, along) + np.outer(radius * np.sin(phase), across)
+    raster.line(np.vstack([start, coil, end]), ROLES["spring"], 2)
+
+
+def _guide(moment: Moment, ends: Array) -> None:
+    moment.raster.line(ends, ROLES["guide"], 14, alpha=0.18, cap="butt")
+    moment.raster.line(ends, ROLES["guide"], 1, dash=(9, 4, 2, 4))
+
+
+_LINES = {"rod": _rod, "spring": _spring, "guide": _guide, "edge": _edge}
+
+
+def _ground(raster: Raster, place: Array) -> None:
+    """Draw a bearing on hatched ground."""
+    x, y = place[:2]
+    color, height, half = ROLES["ground"], 15 * raster.unit, 17 * raster.unit
+    foot = y - height
+    bearing = np.array([(x, y), (x - 0.6 * half, foot), (x + 0.6 * half, foot)])
+    raster.area(bearing, ROLES["paper"], edge=color, width=1.5)
+    raster.line([(x - half, foot), (x + half, foot)], color, 1.5)
+    for i in range(-2, 4):
+        right = x + i * half / 3
+        raster.line([(right, foot), (right - half / 3, foot - half / 3)], color, 1)
+
+
+def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[DrawCommand]:
+    """Yield a disc with a line from its centre to its rim, which shows the angle."""
+    around, at = _rim(moment, disc, np.arange(60) * np.pi / 30), moment.places[disc.center]
+    angle = None if disc.angle is None else np.array([moment.value(disc.angle)])
+    mark = None if angle is None else _rim(moment, disc, angle)[0]
+    if not (np.isfinite(around).all() and np.isfinite(at).all()):
+        return
+
+    def paint() -> None:
+        color = ROLES["disc"]
+        moment.raster.area(around, color, 0.2, edge=color, width=2)
+        if mark is not None:
+            moment.raster.line([at, mark], color, 2.5)
+
+    yield DrawCommand("disc", at[2], paint)
+
+
+def _rim(moment: Moment, disc: DrawnDisc, angles: Array) -> Array:
+    """Return the places on the rim of a disc at some angles."""
+    centre = moment.points[disc.center]
+    if disc.normal is not None:
+        spans = frames([np.array([x]) for x in moment.vector(disc.normal)])
+        first, second = spans[0][0], spans[1][0]
+    else:
+        first, second = np.eye(len(centre))[:2]
+    turned = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second)
+    return moment.camera.project(centre + moment.value(disc.radius) * turned)
+
+
+def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
+    """Yield the recent path of a point, fading."""
+    scene, now, length = moment.scene, moment.now, moment.trail
+    first = int(np.searchsorted(scene.time, now - length))
+    last = int(np.searchsorted(scene.time, now, side="right"))
+    stride = max(1, math.ceil((last - first) / _POINTS))
+    # samples are numbered from the first, so that the same ones are shown as time advances
+    samples = np.arange(math.ceil(first / stride) * stride, last, stride)
+    times = np.append(scene.time[samples], now)
+    past = [np.broadcast_to(x, len(scene.time))[samples] for x in scene.points[name]]
+    path = np.vstack([np.stack(past, axis=-1), moment.points[name]])
+    places = moment.camera.project(path)
+    step = max(1, math.ceil(len(times) / _PIECES))
+    for start in range(0, len(times) - 1, step):
+        piece = places[start : start + step + 1]
+        if not np.isfinite(piece).all():
+            continue
+        age = (now - times[min(start + step, len(times) - 1)]) / length
+        paint = partial(
+            moment.raster.line, piece, ROLES["trail"], 2.5, alpha=0.9 * (1 - age), cap="butt"
+        )
+        yield DrawCommand("trail", float(piece[[0, -1], 2].mean()), paint)
+
+
+def _flashes(moment: Moment, flashes: DrawnFlashes) -> Iterator[DrawCommand]:
+    """Yield a ring at each recent impact, growing and fading."""
+    ages = (moment.now - flashes.times) / flashes.life
+    for i in np.flatnonzero((ages >= 0) & (ages < 1)):
+        place = moment.camera.project(np.array([x[i] for x in flashes.at]))
+        if not np.isfinite(place).all():
+            continue
+        size = 0.4 + 0.6 * math.sqrt(flashes.strengths[i])
+        radius = (8 + 16 * float(ages[i])) * size * moment.raster.unit
+        angles = np.arange(41) * np.pi / 20
+        ring = place[:2] + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        alpha = 1 - float(ages[i])
+        paint = partial(moment.raster.line, ring, ROLES["force"], 3, alpha=alpha)
+        yield DrawCommand("flash", float(place[2]), paint)
+
+
+def _joint(moment: Moment, place: Array, joint: Joint) -> None:
+    """Draw a joint of bodies (open), or an end (filled)."""
+    meet = joint.bodies > 1
+    radius = (4.5 if meet else 6) * moment.slim
+    color = ROLES["point"]
+    moment.raster.dot(place[:2], radius, ROLES["paper"] if meet else color, color)
+
+
+#: Height of the letters of a label, pixels at scale 1.
+LABEL_SIZE = 13
+#: Number of candidate directions, and clearance in pixels beyond which all are equally good.
+_DIRECTIONS, _CLEAR = 16, 10.0
+#: Distance of a text from its point, pixels at scale 1: larger than the radius of a body's dot.
+_AWAY = 10.0
+#: Average ratio of width to height of a letter.
+_LETTER = 0.62
+
+
+def label_size(text: str, unit: float) -> tuple[float, float]:
+    """Return the approximate width and height of a label in pixels."""
+    size = LABEL_SIZE * max(1.0, unit)
+    return _LETTER * size * len(text), size
+
+
+def label_place(at: Array, size: tuple[float, float], lines: Array, unit: float) -> Array:
+    """Return the centre of a text near a point, where it is farthest from the lines.
+
+    Parameters
+    ----------
+    at : (2,) array
+        The point, in pixels upwards.
+    size : tuple of float
+        Width and height of the text.
+    lines : (n, 2, 2) array
+        Ends of the lines.
+    unit : float
+        Scale of the drawing.
+    """
+    angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    # the nearest edge or corner of the text has the same distance from the point in all directions
+    middles = at + along * _AWAY * unit + np.sign(np.round(along, 9)) * np.array(size) / 2
+    grid = np.array([(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]) * np.array(size) / 2
+    clear = np.full(_DIRECTIONS, _CLEAR)
+    if len(lines):
+        places = middles[:, None] + grid
+        clear = np.minimum(clear, distances(places.reshape(-1, 2), lines).reshape(16, -1).min(1))
+    # prefer above and to the right
+    score = clear + 1.5 * np.cos(angles - np.pi / 4)
+    place: Array = middles[int(np.argmax(np.round(score, 9)))]
+    return place
+
+
+def distances(places: Array, lines: Array) -> Array:
+    """Return the distance of each place from the nearest of some lines.
+
+    Parameters
+    ----------
+    places : (m, 2) array
+    lines : (n, 2, 2) array
+
+    Returns
+    -------
+    (m,) array
+    """
+    start, way = lines[:, 0], lines[:, 1] - lines[:, 0]
+    length = np.maximum((way**2).sum(axis=1), 1e-300)
+    from_start = places[:, None] - start
+    part = np.clip((from_start * way).sum(axis=2) / length, 0, 1)
+    found: Array = np.linalg.norm(from_start - part[..., None] * way, axis=2).min(axis=1)
+    return found

@@ -9,8 +9,7 @@ import pytest
 
 from lagcli.errors import LagcliError
 from lagcli.model.loader import load
-from lagcli.play.messages import on_page
-from lagcli.play.runs import Played, PlayRequest
+from lagcli.play.runs import Played, PlayRequest, on_page
 from lagcli.simulations.cancellation import Interruption
 
 MODELS = Path(__file__).parents[3] / "models"

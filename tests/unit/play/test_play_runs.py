@@ -18,9 +18,8 @@ from shipped import PATHS, every_model
 import lagcli
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.loader import load, load_text
-from lagcli.play.client import Client
-from lagcli.play.frames import encode
 from lagcli.play.runs import MOST_SAMPLES, Played, PlayRequest
+from lagcli.play.server import Client, encode
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 
@@ -297,7 +296,7 @@ def test_the_newest_request_wins_and_a_long_run_makes_room_for_it() -> None:
 
 
 def test_a_short_run_is_drawn_even_if_a_newer_one_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lagcli.play.client.GRACE", 600.0)  # a loaded machine takes long for it
+    monkeypatch.setattr("lagcli.play.server.GRACE", 600.0)  # a loaded machine takes long for it
     played = play("slider_crank")
     began, go_on = threading.Event(), threading.Event()
     usual = played.run

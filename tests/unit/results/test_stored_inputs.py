@@ -49,7 +49,7 @@ def test_files_hold_the_tables(model: lagcli.Model, tmp_path: Path, suffix: str)
         np.testing.assert_array_equal(read[name].times, table.times)
         np.testing.assert_array_equal(read[name].values, table.values)
         assert (read[name].file, read[name].sha256) == (table.file, table.sha256)
-    again = RunFile(str(path)).written_model
+    again = RunFile(str(path)).model
     assert again.data == model.data
     np.testing.assert_array_equal(lagcli.simulate(again).q, run.q)
 

@@ -209,7 +209,7 @@ def test_bold_in_mathml(latex, shown):
 
 def test_matplotlib_draws_signs_or_the_plain_name():
     pytest.importorskip("matplotlib")
-    from lagcli.pictures.plots.curves import _drawable
+    from lagcli.pictures.curves import _drawable
 
     assert _drawable(r"$\varphi_{1}$")
     assert not _drawable(r"$\bm{r}$")

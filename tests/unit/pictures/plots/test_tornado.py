@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagcli.errors import UsageError
-from lagcli.pictures.plots.tornado import effects
+from lagcli.pictures.plots.sweep_plot import effects
 
 
 def test_means_over_all_combinations() -> None:

@@ -11,8 +11,7 @@ import pytest
 import lagcli
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
-from lagcli.pictures.scene.flashes import LIFE, with_contacts
-from lagcli.pictures.scene.scene import Scene
+from lagcli.pictures.scene.scene import LIFE, Scene, with_contacts
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.trajectory.trajectory import Trajectory
 

@@ -28,8 +28,8 @@ from lagcli.equations.render.names import GREEK, Notation, split
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.names.members import format_members
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.pictures.plots.ticks import drawable
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.selection import drawable
 
 #: Largest number of forces that are listed individually, constraints times coordinates.
 _LISTED = 10_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagcli.pictures.plots.ticks import decades
+from lagcli.pictures.plots.figure import decades
 
 pytest.importorskip("matplotlib", reason="lagcli[pictures] is not installed")
 

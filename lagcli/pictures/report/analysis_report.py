@@ -1,8 +1,9 @@
-"""The sections of the page of an analysis: results in tables and pictures."""
+"""The page of an analysis: results in tables and pictures, equations, provenance."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
@@ -11,36 +12,114 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.analysis.fit.result import FitResult
-from lagcli.pictures.plots.analysis_plot import plot_analysis
-from lagcli.pictures.plots.fit_plot import draw_result
-from lagcli.pictures.report.analysis_figures import picture
-from lagcli.pictures.report.writing import number, table, unit
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.errors import UsageError
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
+from lagcli.pictures.page import asset, number, table, unit
+from lagcli.pictures.plots.analysis_plot import draw_result, plot_analysis
+from lagcli.pictures.report.equations import EquationSystem
+from lagcli.pictures.report.report_page import AnalysisSection, picture, report_page, section_html
+from lagcli.version import __version__
+
+_STYLES = ("report.css", "analysis.css")
+
+#: Sections after those of the analysis.
+_CONTENTS = (
+    ("equations", "Equations"),
+    ("system", "System"),
+    ("provenance", "Provenance"),
+    ("model", "Model file"),
+)
+
+
+class _Values(NamedTuple):
+    """Values of a model in the form of a run's record."""
+
+    units: Mapping[str, str]
+    parameters: Mapping[str, float]
+
+
+class _AnalysedModel:
+    """A model without a run."""
+
+    def __init__(self, model: Model, parameters: Mapping[str, float]):
+        self.coordinates, self.constraints = model.coordinate_names, model.constraint_names
+        self.record = _Values(result_units(model), parameters)
+
+
+def analysis_page(path: str, kind: str, title: str | None = None) -> str:
+    """Return the page of an analysis file.
+
+    Parameters
+    ----------
+    path : str
+        HDF5.
+    kind : str
+        The command that wrote it.
+    title : str, optional
+        Title instead of the model's.
+
+    Raises
+    ------
+    FileError, UsageError, ModelError
+        See `lagcli.pictures.report.report`.
+    """
+    if kind == "fit":
+        from lagcli.analysis.fit.file import read_fit
+
+        result = read_fit(path)
+        model, found = load_text(result.model, path), fit_sections(result)
+        return _assembled(model, result.parameters, found, path, kind, title)
+    if kind == "sweep":
+        from lagcli.pictures.report.sweep_report import sweep_model, sweep_sections
+
+        model = sweep_model(path)
+        return _assembled(model, model.parameter_values, sweep_sections(path), path, kind, title)
+    from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
+
+    content, given = read_analysis(path), read_model_text(path)
+    model = load_text(given.text, given.path, given.set, given.set_initial)
+    found = content_sections(content, result_units(model))
+    return _assembled(model, model.parameter_values, found, path, kind, title)
+
+
+def _assembled(
+    model: Model,
+    parameters: Mapping[str, float],
+    found: list[AnalysisSection],
+    path: str,
+    kind: str,
+    title: str | None,
+) -> str:
+    system = EquationSystem(_AnalysedModel(model, parameters), Formulas(derive(model)))
+    changed = {**model.set, **model.set_initial}
+    rows = [
+        ("File", escape(os.path.basename(path))),
+        ("Made by", f"lagcli {escape(kind)}, page by lagcli {__version__}"),
+        ("Changed", escape(", ".join(f"{k} = {x}" for k, x in changed.items()))),
+        ("Model", f"<code>sha256 {escape(model.sha256)}</code>"),
+    ]
+    return report_page(
+        model,
+        system,
+        template="analysis.html",
+        title=title,
+        contents=[*((x.anchor, escape(x.title)) for x in found), *_CONTENTS],
+        styles=map(asset, _STYLES),
+        scripts=[asset("theme.js")],
+        images=True,
+        sections="".join(map(section_html, found)),
+        provenance=table("Files and versions", ["", ""], [x for x in rows if x[1]], kind="facts"),
+    )
+
 
 #: Largest numbers of modes, components of shapes, rows and columns of matrices, and equilibria.
 _MODES, _COMPONENTS, _ENTRIES, _LISTED = 12, 24, 12, 24
 #: Components below this part of the largest of a shape are omitted.
 _NONE = 1e-9
-
-
-class AnalysisSection(NamedTuple):
-    """A part of a page.
-
-    Parameters
-    ----------
-    anchor, title, body : str
-        The body is HTML.
-    """
-
-    anchor: str
-    title: str
-    body: str
-
-
-def section_html(section: AnalysisSection) -> str:
-    """Return a part of a page with its heading."""
-    return (
-        f'<section id="{section.anchor}"><h2>{escape(section.title)}</h2>{section.body}</section>'
-    )
 
 
 def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
@@ -420,3 +499,35 @@ def fit_sections(result: FitResult) -> list[AnalysisSection]:
         AnalysisSection("data", "Data and model", drawn),
         AnalysisSection("correlation", "Correlation", correlation + combinations),
     ]
+
+
+def modes_sections(model: Model, about: str) -> list[AnalysisSection]:
+    """Return the sections of the modes about a point of a run.
+
+    Parameters
+    ----------
+    model : Model
+        Model with the values of the run.
+    about : str
+        ``start``, ``equilibrium`` or a time, s.
+
+    Raises
+    ------
+    UsageError
+        The point is invalid, or matplotlib is not installed.
+    ModelError, NumericalError
+        As `lagcli.modes`.
+    """
+    from lagcli.analysis.linear.description import describe_modes
+    from lagcli.analysis.linear.modes import modes
+
+    if about in ("start", "equilibrium"):
+        found = modes(model, equilibrium=about == "equilibrium")
+    else:
+        try:
+            found = modes(model, at=float(about))
+        except ValueError:
+            raise UsageError(
+                f"--modes {about}: give start, equilibrium or a time of the run in s: --modes start"
+            ) from None
+    return content_sections(describe_modes(found), result_units(model))

@@ -11,7 +11,7 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from lagcli.play.access import Access
+from lagcli.play.server import Access
 
 ACCESS = Access(8123)
 

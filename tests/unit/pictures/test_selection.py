@@ -1,3 +1,5 @@
+"""Thinning of curves, and curves that can be seen beside each other."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -6,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from lagcli.pictures.plots.thinning import evenly, thin
+from lagcli.pictures.selection import evenly, scale_groups, thin
 
 
 def envelope(x: np.ndarray, y: np.ndarray, edges: np.ndarray) -> list[tuple[float, float]]:
@@ -79,3 +81,18 @@ def test_evenly(count: int, most: int) -> None:
         assert kept[0] == 0
         assert kept[-1] == count - 1
         assert np.ptp(np.diff(kept)) <= 1 if len(kept) > 1 else True
+
+
+@pytest.mark.parametrize(
+    ("largest", "groups"),
+    [
+        ([], []),
+        ([1.0, 2.0], [[0, 1]]),
+        ([1.0, 100.0, 3.0], [[0, 2], [1]]),
+        ([1.0, 19.0, 300.0], [[0], [1, 2]]),  # by the largest of each group
+        ([1e-12, 1.0, 0.0], [[0, 1, 2]]),  # zero except for rounding
+        ([1.0] * 10 + [1e6], [list(range(11))]),  # a family stays together
+    ],
+)
+def test_groups(largest: list[float], groups: list[list[int]]) -> None:
+    assert scale_groups(largest) == groups

@@ -14,12 +14,11 @@ from lagcli.column_units import NOT_STATED
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
+from lagcli.pictures.page import number, table, unit
 from lagcli.pictures.plots.run_plot import plot_runs
-from lagcli.pictures.plots.sweep_plot import TORNADO, PlottedTable, plot_table
-from lagcli.pictures.plots.sweep_rows import Rows
-from lagcli.pictures.report.analysis_figures import picture
-from lagcli.pictures.report.analysis_sections import AnalysisSection
-from lagcli.pictures.report.writing import elided, number, table, unit
+from lagcli.pictures.plots.sweep_plot import TORNADO, PlottedTable, Rows, plot_table
+from lagcli.pictures.report.report_page import AnalysisSection, picture
+from lagcli.pictures.selection import elided
 from lagcli.simulations.inputs import input_data
 from lagcli.sweeps.file.description import describe_sweep
 from lagcli.sweeps.file.store import open_sweep

@@ -9,8 +9,8 @@ import pytest
 
 import lagcli
 from lagcli.errors import UsageError
-from lagcli.pictures.plots.bands import half_widths, read_bands
-from lagcli.pictures.plots.curves import Catalogue
+from lagcli.pictures.curves import Catalogue
+from lagcli.pictures.plots.run_plot import half_widths, read_bands
 from lagcli.pictures.run_file import RunFile
 
 MODEL = Path(__file__).parents[4] / "models" / "slider_crank.yaml"

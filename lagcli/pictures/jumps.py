@@ -1,9 +1,9 @@
-"""Contacts and events in plots: marks at their instants, and jumps of curves."""
+"""Jumps of curves at the instants of contacts and events, and the marks of these instants."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from symengine import Symbol
@@ -12,13 +12,10 @@ from lagcli.arrays import Array, Indices
 from lagcli.columns import PANELS, read_column_name
 from lagcli.errors import LagcliError
 from lagcli.model.model import TIME, Model, coordinate
-from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.selection import evenly
 from lagcli.trajectory.event_log import EventLog
 
-_LOOK = {"color": "#808080", "linewidth": 0.6, "zorder": 0.5}
-#: Smallest distance of marks in pixels, so that the curves remain visible.
-_APART = 3
 #: Quantities that jump with the modes.
 _SIDED = (
     *("a", "multipliers", "constraint_force", "constraint_force_by"),
@@ -31,31 +28,6 @@ _SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 _BESIDE = 3
 #: Largest number of marks on the plots of a page.
 _MARKS = 400
-
-
-def draw_marks(ax: Any, run: RunFile, span: tuple[float, float], columns: int) -> None:
-    """Draw a thin line at each instant of a contact or event of a run.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        With time as horizontal axis.
-    run : RunFile
-    span : (float, float)
-        First and last time of the axis, s.
-    columns : int
-        Pixels along the axis.
-    """
-    log = run.record.events
-    if log is None:
-        return
-    first, last = span
-    times = log.time[(log.time >= first) & (log.time <= last)]
-    if not len(times):
-        return
-    column = np.floor((times - first) / ((last - first) or 1.0) * columns / _APART)
-    times = times[np.unique(column, return_index=True)[1]]
-    ax.vlines(times, 0.0, 1.0, transform=ax.get_xaxis_transform(), **_LOOK)
 
 
 def marks(log: EventLog | None) -> Array:
@@ -83,7 +55,7 @@ def jumps_of(run: RunFile) -> Jumps:
     outputs: Container[str] = ()
     if log is not None and len(log) and run.outputs:
         try:
-            outputs = jumping_outputs(run.written_model)
+            outputs = jumping_outputs(run.model)
         except LagcliError:  # without the model, the outputs that jump are unknown
             outputs = ()
     return Jumps(log, run.coordinates, run.constraints, outputs)

@@ -1,4 +1,4 @@
-"""The curves of a report, and their values, thinned without losing a peak."""
+"""The plots of a report, thinned without losing a peak."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
-from lagcli.pictures.event_marks import jumps_of
-from lagcli.pictures.plots.thinning import thin
-from lagcli.pictures.report.writing import axis_unit, chosen
+from lagcli.pictures.jumps import jumps_of
+from lagcli.pictures.page import axis_unit
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scale_groups import ROUNDING, scale_groups
+from lagcli.pictures.selection import ROUNDING, chosen, scale_groups, thin
 from lagcli.trajectory.extremes import Extreme, widen
 
 #: Largest number of curves in a plot, and of constraints whose forces are drawn.

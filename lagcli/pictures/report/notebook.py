@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
     from lagcli.trajectory.trajectory import Trajectory
 
+
 _HEIGHT = 560  # pixels of an animation
 
 
@@ -54,7 +55,7 @@ def equations_markdown(equations: Equations) -> str:
 
 def trajectory_html(trajectory: Trajectory) -> str:
     """Return a run in HTML: its status, animation and plot."""
-    from lagcli.pictures.report.writing import with_code
+    from lagcli.pictures.page import with_code
     from lagcli.results.metadata import model_title
 
     name = model_title(trajectory.model) or "run"
