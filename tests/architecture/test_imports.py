@@ -99,7 +99,7 @@ HEAVY = {
         *("model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"),
     },
 }
-#: Packages whose modules beside the folders count as a folder, when folders are searched for circles.
+#: Packages whose modules beside the folders count as one folder in the search for circles.
 WITH_TOP = {"pictures"}
 #: Modules of HDF5 files, themselves imported where they are used.
 OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store", "lagcli.analysis.fit.file")
