@@ -14,10 +14,10 @@ PARALLEL := -n $(WORKERS) --dist worksteal
 # mutants, or random models, that each long test of `make fuzz` tries
 FUZZ_COUNT ?= 1000
 
-#: What runs the core: its own tests and those of both engines.
-CORE_TESTS := tests/unit/engine/integrate/test_compiled_run.py tests/unit/engine/integrate/test_engines.py tests/unit/engine/tape/test_compiler.py \
+#: What runs the core: its own tests and those of integrations.
+CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrate/test_engine.py tests/unit/engine/tape/test_compiler.py \
               tests/unit/engine/integrate/test_batch.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/program/test_vectorize.py \
-              tests/unit/engine/constraints/test_initial_batch.py tests/unit/engine/integrate/test_events.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
+              tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
 .PHONY: help install demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
@@ -141,7 +141,7 @@ CORE_FILES := $(shell find lagcli/engine/core -name '*.c' | sed 's|.*/||; s/\.c$
 valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); takes minutes
 	@mkdir -p build
 	PYTHONMALLOC=malloc valgrind --leak-check=no --error-limit=no --log-file=build/valgrind.log \
-	  $(BIN)/python -m pytest -p no:cacheprovider tests/unit/engine/integrate/test_compiled_run.py \
+	  $(BIN)/python -m pytest -p no:cacheprovider tests/unit/engine/integrate/test_run.py \
 	  -k "eliminate or replaced or redundant or damping or blocks"
 	! grep -E -A 12 "core/binding|\(($(CORE_FILES))\.c:" build/valgrind.log
 

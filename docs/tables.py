@@ -44,11 +44,11 @@ def methods_table() -> str:
             method.order,
             "implicit" if method.implicit else "explicit",
             method.dense,
-            ", ".join(f"`{engine}`{_limits(method, engine)}" for engine in method.formulations),
+            _formulations(method),
         )
         for method in METHODS.values()
     )
-    return _table(("method", "", "order", "steps", "between steps", "engines"), rows)
+    return _table(("method", "", "order", "steps", "between steps", "formulations"), rows)
 
 
 def columns_table() -> str:
@@ -109,9 +109,10 @@ def _value(setting: Setting[Any]) -> str:
     return f"{found}, {setting.unit}" if setting.unit else found
 
 
-def _limits(method: Method, engine: str) -> str:
-    missing = [x for x in FORMULATIONS if x not in method.formulations[engine]]
-    return f" (not {', '.join(missing)})" if missing else ""
+def _formulations(method: Method) -> str:
+    """Return the formulations that a method supports."""
+    missing = [name for name in FORMULATIONS if name not in method.formulations]
+    return f"not {', '.join(missing)}" if missing else "all"
 
 
 def _shape(quantity: ResultQuantity) -> str:

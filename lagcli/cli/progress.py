@@ -8,7 +8,7 @@ import time
 from typing import Any, Self
 
 _PATIENCE = 0.5  # s before a bar appears, so that a short run shows none
-_PERIOD = 0.1  # s between two updates: engines report more often
+_PERIOD = 0.1  # s between two updates: runs report more often
 _LOG_PERIOD = 30.0  # s between two lines in a log, without a terminal
 
 

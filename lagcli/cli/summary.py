@@ -46,7 +46,6 @@ def summarize(
         "t_end": known(extremes.last),
         "samples": extremes.samples,
         **record.counts,
-        "engine": options["engine"],
         "method": options["method"],
         "formulation": options["formulation"],
         "rtol": options["rtol"],
@@ -147,7 +146,7 @@ def format_summary(summary: Mapping[str, Any], model: Model) -> str:
     """Return the summary as text of at most 100 columns."""
     s = summary
     end = f" to {s['t_end']:.6g} s" if s["t_end"] is not None else ""
-    method = f"  {'method':<12}{s['method']} with {s['formulation']} ({s['engine']} engine):"
+    method = f"  {'method':<12}{s['method']} with {s['formulation']}:"
     counts = f"{s['steps']} steps, {s['rejected']} rejected, {s['evaluations']} evaluations"
     fits = len(method) + 1 + len(counts) <= 100
     lines = [

@@ -1,11 +1,11 @@
-"""The engine's contract: requests, blocks of samples, and outcomes."""
+"""Requests to integrate a System, blocks of samples, and outcomes."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -139,15 +139,14 @@ class IntegrationRequest(NamedTuple):
     elimination : Elimination, optional
         The order of elimination found at this state, if it is already known.
     prepared : Prepared, optional
-        Prepared programs of a run with other values, used if they are suitable. Compiled engine
-        only.
+        Prepared programs of a run with other values, used if they are suitable.
     on_parameters : callable, optional
         Called with the values of all parameters when an event sets some, after the previous samples
         were emitted.
     breaks : (nb,) array
         Times at which the right side is not smooth, increasing, s: steps end there, the integration
-        restarts, and a sample at such a time is taken after it. The engine adds the knots of the
-        System's functions of time: see `breaks_of`.
+        restarts, and a sample at such a time is taken after it. The knots of the System's functions
+        of time are added: see `breaks_of`.
     """
 
     state: State
@@ -180,7 +179,7 @@ def breaks_of(system: System, request: IntegrationRequest) -> Array:
 
 
 class Block(NamedTuple):
-    """Consecutive samples from an engine; `np.column_stack` makes sample rows of them.
+    """Consecutive samples of a run; `np.column_stack` makes sample rows of them.
 
     Parameters
     ----------
@@ -213,11 +212,11 @@ class Block(NamedTuple):
 
 @dataclass(eq=False, repr=False)
 class Outcome:
-    """Result of an engine: how the run ended, and statistics.
+    """Result of an integration: how the run ended, and statistics.
 
     ``undefined`` is the state at which the equations were not finite, if that ended the run;
     ``constraints`` are the constraints that ended it because they have no gradient at the initial
-    state. ``methods`` are the methods that took steps, if the engine chose. ``tolerances`` are the
+    state. ``methods`` are the methods that took steps, if `auto` chose. ``tolerances`` are the
     final absolute tolerances of q, v and the work, (2 nq + 1,). ``events`` are the log entries, in
     order, and ``modes`` the modes of the switched rows at the initial state: those at a sample are
     the modes after the last entry up to its time. ``limits`` are those of the model's events that
@@ -250,7 +249,7 @@ class Outcome:
 
 
 class Stop(Exception):
-    """Ends a run inside an engine.
+    """Ends a run early.
 
     Parameters
     ----------
@@ -315,28 +314,3 @@ def outcome(integrate: Callable[[], None]) -> Outcome:
     except Interrupted:
         return Outcome("interrupted", "interrupted; the samples so far are kept")
     return Outcome("completed")
-
-
-class Engine(Protocol):
-    """An engine: integrates a System."""
-
-    def __call__(
-        self,
-        system: System,
-        request: IntegrationRequest,
-        sink: Callable[[Block], None],
-        progress: Callable[[float], None] | None = None,
-    ) -> Outcome:
-        """Integrate; numerical failure is a status with a message, never an exception.
-
-        Parameters
-        ----------
-        system : System
-        request : Request
-        sink : callable
-            Takes the samples in blocks, in order; if the run ends early, the samples up to then are
-            emitted. An exception raised here ends the run and propagates to the caller.
-        progress : callable, optional
-            Called with the current time, s, several times per 0.1 s, as far as single steps and
-            samples allow. May raise `Interrupted`.
-        """

@@ -1,4 +1,4 @@
-"""System: the input of engines, as tapes, sizes and sparsity, without symbols."""
+"""System: the input of integrations, as tapes, sizes and sparsity, without symbols."""
 
 from __future__ import annotations
 

@@ -25,11 +25,9 @@ from lagcli.settings.kinds import (
     not_negative,
     positive,
 )
-from lagcli.settings.methods import ENGINES, FORMULATIONS, METHOD_NAMES, methods_of
+from lagcli.settings.methods import FORMULATIONS, METHOD_NAMES
 
 MAX_SAMPLES = 10**8
-
-_OF_SCIPY_ALONE = ", ".join(m for m in methods_of("scipy") if m not in methods_of("compiled"))
 
 
 class _Declared:
@@ -54,7 +52,7 @@ class _Declared:
     )
     method = Choice[str](
         "Integration method: auto is DOP853, and Rodas5P or Radau if the motion is stiff;"
-        f" Taylor uses power series; {_OF_SCIPY_ALONE} are SciPy's.",
+        " Taylor uses power series.",
         "auto",
         choices=METHOD_NAMES,
     )
@@ -70,7 +68,6 @@ class _Declared:
     beta = RealNumber[float | None](
         "Baumgarte's β, {unit}.", unit="1/s", stated="α", check=not_negative
     )
-    engine = Choice[str]("Engine.", stated="compiled, for its methods", choices=ENGINES)
     max_step = RealNumber[float]("Largest step, {unit}.", math.inf, unit="s", check=positive)
     max_steps = WholeNumber[int]("Maximum number of steps.", 10_000_000, check=positive)
     timeout = RealNumber[float](

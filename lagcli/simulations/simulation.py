@@ -14,7 +14,6 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.near_singular import next_to_singular
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted
-from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
 from lagcli.engine.system import System
@@ -155,10 +154,6 @@ def ready(
         Monitor of the conserved quantities.
     """
     began = time.perf_counter()
-    if settings.engine != "compiled":
-        from lagcli.simulations.switching.switching_engine import check_engine_switches
-
-        check_engine_switches(equations.model, system, settings)
     if equations.model.inputs:
         from lagcli.simulations.inputs import check_input_range
 
@@ -333,11 +328,11 @@ class Simulation:
             columns.p = trust.p = p
 
         request = self.request._replace(on_parameters=change_parameters)
-        # loads its dependencies before threads are limited
-        engine = engine_named(self.settings.engine)
+        from lagcli.engine.integrate.engine import integrate  # before threads are limited
+
         with one_thread():
             if self.sensitivity is None:
-                run = engine(self.system, request, take, check_cancelled)
+                run = integrate(self.system, request, take, check_cancelled)
             else:
                 run = self.sensitivity.integrate(request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere

@@ -88,12 +88,12 @@ class Variants:
 
     @cached_property
     def prepared(self) -> Prepared | None:
-        """Preparation of the compiled engine that all variants share.
+        """Prepared programs that all variants share.
 
         None if the model's own values have no initial state, or if the model switches: the engine
         caches it then.
         """
-        if self.settings.engine != "compiled" or self.system.switching is not None:
+        if self.system.switching is not None:
             return None
         from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 

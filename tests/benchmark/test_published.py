@@ -18,10 +18,8 @@ from scipy.integrate import quad
 
 import lagcli
 from lagcli.model.model import Model
-from lagcli.settings.resolve import compiled_available
 from lagcli.trajectory.trajectory import Trajectory
 
-ENGINES = ("compiled", "scipy") if compiled_available() else ("scipy",)
 RTOL = 1e-12
 ATOL_OF = {"slider_crank_ivptestset": 1e-16}  # its elastic coordinates are of the order of 1e-5
 
@@ -51,46 +49,20 @@ SLOW = {
     ("slider_crank_ivptestset", 0.1),
 }
 
-#: Cases that take the reference engine more than a second: the compiled engine runs them, and the
-#: reference engine all others.
-LONG_FOR_SCIPY = (
-    "ball_on_turntable",
-    "four_bar_double_a02",
-    "heavy_top",
-    "pendulum_chain_n10",
-    "slider_crank_ivptestset",
-)
-
 CASES = {name: reader.Case(name) for name in reader.case_names()}
 CLOSED = [name for name, case in CASES.items() if case.has_closed_form]
 SINGULAR = [name for name, case in CASES.items() if case.singular]
 
 
-def takes_long(engine: str, name: str) -> bool:
-    """Return whether an engine takes more than a second for a case."""
-    return engine == "scipy" and name in LONG_FOR_SCIPY
-
-
-def closed() -> list:
-    """Return one parameter set per engine and case with a closed form."""
-    return [
-        pytest.param(engine, name, marks=[pytest.mark.slow] if takes_long(engine, name) else [])
-        for engine in ENGINES
-        for name in CLOSED
-    ]
-
-
 def published() -> list:
-    """Return one parameter set per engine and row of reference values."""
-    found = []
-    for engine in ENGINES:
-        for name, case in CASES.items():
-            for row, reference in enumerate(case.references):
-                slow = (name, reference.time) in SLOW or takes_long(engine, name)
-                marks = [pytest.mark.slow] if slow else []
-                label = f"{engine}-{name}-{reference.kind}-t{reference.time:g}-{row}"
-                found.append(pytest.param(engine, name, row, id=label, marks=marks))
-    return found
+    """Return one parameter set per row of reference values."""
+    sets = []
+    for name, case in CASES.items():
+        for row, reference in enumerate(case.references):
+            marks = [pytest.mark.slow] if (name, reference.time) in SLOW else []
+            label = f"{name}-{reference.kind}-t{reference.time:g}-{row}"
+            sets.append(pytest.param(name, row, id=label, marks=marks))
+    return sets
 
 
 @cache
@@ -111,7 +83,7 @@ def along(name: str) -> list[float]:
 
 
 @cache
-def run(engine: str, name: str, slow: float | None) -> Trajectory:
+def run(name: str, slow: float | None) -> Trajectory:
     """Simulate to all times that are not slow, or to one that is."""
     times = {r.time for r in CASES[name].references if (name, r.time) not in SLOW}
     if name in CLOSED:
@@ -119,7 +91,6 @@ def run(engine: str, name: str, slow: float | None) -> Trajectory:
     trajectory = simulate(
         name,
         tuple(sorted(times)) if slow is None else (0.0, slow),
-        engine=engine,
         through_singular=CASES[name].singular,
     )
     assert trajectory.status == "completed", trajectory.message
@@ -178,12 +149,12 @@ def scale(case: reader.Case, reference: reader.Reference, quantity: str, compone
     return now if now > 1e-9 * ever else ever
 
 
-@pytest.mark.parametrize(("engine", "name", "row"), published())
-def test_reference_values(engine: str, name: str, row: int) -> None:
+@pytest.mark.parametrize(("name", "row"), published())
+def test_reference_values(name: str, row: int) -> None:
     case = CASES[name]
     reference = case.references[row]
     slow = reference.time if (name, reference.time) in SLOW else None
-    trajectory = run(engine, name, slow)
+    trajectory = run(name, slow)
     computed = sample(name, trajectory, reference.time)
     wrong = []
     for quantity, components in reference.values.items():
@@ -209,9 +180,9 @@ def test_reference_values(engine: str, name: str, row: int) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize(("engine", "name"), closed())
-def test_closed_forms_along_the_run(engine: str, name: str) -> None:
-    case, trajectory = CASES[name], run(engine, name, None)
+@pytest.mark.parametrize("name", CLOSED)
+def test_closed_forms_along_the_run(name: str) -> None:
+    case, trajectory = CASES[name], run(name, None)
     rows = np.searchsorted(trajectory.time, along(name))
     exact = [case.closed_form(t) for t in along(name)]
     table = {
@@ -270,7 +241,7 @@ def test_stops_before_a_singular_configuration(name: str) -> None:
 
 
 def test_every_case_is_covered() -> None:
-    covered = {p.values[1:] for p in published()}
+    covered = {p.values for p in published()}
     assert covered == {(name, row) for name in CASES for row in range(len(CASES[name].references))}
     assert len(CASES) >= 22  # a case that disappears from the folder is missed
     slow = {name for name, time in SLOW if any(r.time == time for r in CASES[name].references)}

@@ -27,7 +27,7 @@ BY_INTERRUPT = -signal.SIGINT if os.name == "posix" else 130
 
 SUMMARY_KEYS = {
     *("status", "message", "output", "t_start", "t_end", "samples", "steps", "rejected"),
-    *("evaluations", "engine", "method", "formulation", "residual_position", "residual_velocity"),
+    *("evaluations", "method", "formulation", "residual_position", "residual_velocity"),
     *("energy_balance", "energy_scale", "multipliers", "parameters", "initial"),
     *("initial_correction", "coordinates", "seconds", "warnings", "rtol", "atol", "tolerances"),
     *("constraints", "rank", "degrees_of_freedom", "redundant", "conserved", "sensitivity"),

@@ -175,23 +175,8 @@ def test_the_model_file_can_require_derivatives(folder: Path, command: Command) 
     assert drawn.returncode == 0, drawn.stderr
 
 
-@pytest.mark.parametrize("engine", ["compiled", None])
-def test_derivatives_through_impacts_run_on_the_compiled_engine(
-    engine: str | None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["simulate", "bouncing_ball", "--t-end", "0.2", "--sensitivity", "h"]
-    assert run([*words, *(["--engine", engine] if engine else [])]) == 0
-    found = capsys.readouterr()
-    assert "note" not in found.err
-    assert "(compiled engine)" in found.out
-    assert "derivatives of q, v, λ and times of events with respect to h" in found.out
-
-
-def test_models_that_switch_are_rejected_on_the_scipy_engine(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert run(["simulate", "bouncing_ball", "--engine", "scipy"]) == 2
-    found = capsys.readouterr().err
-    assert "only the compiled engine runs models that switch" in found
-    assert "`floor` does not always hold" in found
-    assert "leave out `engine: scipy`" in found
+def test_derivatives_through_impacts(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "bouncing_ball", "--t-end", "0.2", "--sensitivity", "h"]) == 0
+    printed = capsys.readouterr()
+    assert "note" not in printed.err
+    assert "derivatives of q, v, λ and times of events with respect to h" in printed.out

@@ -18,7 +18,6 @@ from trajectories import environment
 
 from lagcli.results import atomic, read
 from lagcli.results.info import describe
-from lagcli.settings.resolve import compiled_available
 
 MODELS = Path(__file__).parents[2] / "models"
 CRANK, PENDULUM, SQUEEZER = (
@@ -29,10 +28,7 @@ CRANK, PENDULUM, SQUEEZER = (
 BY_INTERRUPT = -signal.SIGINT
 ENDLESS = ("--t-end", "1e4", "--samples", "10000000", "--quiet")
 
-pytestmark = [
-    pytest.mark.skipif(not compiled_available(), reason="the reference engine takes too long"),
-    pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc"),
-]
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 
 
 def started(*arguments: str, stdout: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
@@ -131,15 +127,15 @@ def test_a_signal_ends_a_run_soon_and_keeps_its_samples(
 
 
 BEGUN = """
-from lagcli.engine.integrate import compiled_run
+from lagcli.engine.integrate.run import Integration
 
-integrate = compiled_run.Integration.integrate
+integrate = Integration.integrate
 
 def begun(integration):
     print("begun", flush=True)
     integrate(integration)
 
-compiled_run.Integration.integrate = begun
+Integration.integrate = begun
 from lagcli.cli.app import main
 main()
 """

@@ -1,4 +1,4 @@
-"""Contacts, friction and events together with inputs from tables: closed forms, on both engines."""
+"""Contacts, friction and events together with inputs from tables: closed forms."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import lagcli
-from lagcli.settings.methods import methods_of
+from lagcli.settings.methods import METHODS
 
 K, M = 90.0, 2.5
 OMEGA = math.sqrt(K / M)
@@ -29,8 +29,6 @@ initial: {{y: 0.1, y': -1}}
 outputs: {{force: pull}}
 simulation: {{t_end: 2, rtol: 1e-12}}
 """
-METHODS = [(e, m) for e in ("compiled", "scipy") for m in ("DOP853", "Radau")]
-METHODS += [("compiled", "Taylor"), ("compiled", "Rodas5P")]
 
 
 def oscillation(t: np.ndarray, slopes: list[float]) -> np.ndarray:
@@ -57,18 +55,16 @@ def rises() -> list[float]:
     return (np.diff(FORCES) / np.diff(KNOTS)).tolist()
 
 
-@pytest.mark.parametrize(("engine", "method"), METHODS)
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
     ("kind", "slopes"), [("linear", rises), ("step", lambda: [0.0] * 5)], ids=["linear", "step"]
 )
-def test_a_driven_oscillator(
-    engine: str, method: str, kind: str, slopes: Callable[[], list[float]]
-) -> None:
+def test_a_driven_oscillator(method: str, kind: str, slopes: Callable[[], list[float]]) -> None:
     """Kinks and jumps of the force cost no accuracy: the steps end there."""
     # implicit methods of order 5 need far more steps for the last digits
     rtol = 1e-12 if method in ("DOP853", "Taylor") else 1e-9
     model = lagcli.load_text(OSCILLATOR.replace("KIND", kind))
-    run = lagcli.simulate(model, engine=engine, method=method, rtol=rtol, samples=201)
+    run = lagcli.simulate(model, method=method, rtol=rtol, samples=201)
     assert run.status == "completed", run.message
     expected = oscillation(run.time, slopes())
     bound = 1e-9 if rtol == 1e-12 else 1e-7
@@ -112,14 +108,13 @@ simulation: {t_end: 4, samples: 161, rtol: 1e-12}
 """
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
 @pytest.mark.parametrize(("extend", "ends"), [("null", "not-a-knot"), ("hold", "clamped")])
-def test_the_force_of_a_moving_constraint(engine: str, extend: str, ends: str) -> None:
+def test_the_force_of_a_moving_constraint(extend: str, ends: str) -> None:
     """λ = m (g + a ü)/1.01 and ẍ = −(g + a ü)/10.1, with ü of SciPy's spline."""
     times, values = ROAD
     text = WHEEL.replace("TIMES", str(times.tolist())).replace("VALUES", str(values.tolist()))
     text = text.replace(", extend: EXTEND", "" if extend == "null" else f", extend: {extend}")
-    run = lagcli.simulate(lagcli.load_text(text), engine=engine)
+    run = lagcli.simulate(lagcli.load_text(text))
     spline = CubicSpline(times, values, bc_type=ends)
     t = run.time[:-1]  # at the end, a spline that is held has no curvature any more
     acceleration = 9.81 + 1.5 * spline(t, 2)
@@ -179,7 +174,7 @@ def test_derivatives_with_respect_to_parameters() -> None:
     np.testing.assert_allclose(run.dq[:, 0, 0], slope, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize("method", methods_of("compiled"))
+@pytest.mark.parametrize("method", METHODS)
 def test_a_road_under_a_spring_balances_its_energy(method: str) -> None:
     """V depends on a linear input: the power of its motion is counted on either side of a kink."""
     text = OSCILLATOR.replace("KIND", "linear").replace("k/2*y^2", "k/2*(y - c*pull)^2")

@@ -14,14 +14,12 @@ import lagcli
 from lagcli.trajectory.event_log import EventLog
 from lagcli.trajectory.trajectory import Trajectory
 
-pytest.importorskip("lagcli.engine.core.binding")
-
 FOUND = Path(__file__).parents[1] / "found"
 LAWS = ("poisson", "newton", "sequential")
 
 
 def simulate(text: str, **settings: object) -> tuple[Trajectory, EventLog]:
-    run = lagcli.simulate(lagcli.load_text(text), engine="compiled", **settings)  # type: ignore[arg-type]
+    run = lagcli.simulate(lagcli.load_text(text), **settings)  # type: ignore[arg-type]
     assert run.events is not None
     assert run.status == "completed"
     return run, run.events

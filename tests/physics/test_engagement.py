@@ -1,4 +1,4 @@
-"""Constraints that events engage, and conditions that actions end: both engines say the same."""
+"""Constraints that events engage, and conditions that actions end."""
 
 from __future__ import annotations
 

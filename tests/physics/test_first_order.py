@@ -9,7 +9,6 @@ from scipy.linalg import expm
 import lagcli
 from lagcli.errors import ModelError, UsageError
 
-ENGINES = ("compiled", "scipy")
 COUPLED = """
 coordinates: [x, y]
 parameters: {m: 2, k: 4, c: 3}
@@ -21,8 +20,7 @@ simulation: {t_end: 2, samples: 21}
 """
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_overdamped_spring_decays_exponentially(engine: str) -> None:
+def test_overdamped_spring_decays_exponentially() -> None:
     text = """
 coordinates: [x]
 parameters: {k: 4, c: 2, F: 3}
@@ -32,7 +30,7 @@ D: c/2*x'^2
 Q: {x: F}
 initial: {x: 1, x': {guess: 0}}
 """
-    run = lagcli.simulate(lagcli.load_text(text), t_end=2, samples=11, engine=engine)
+    run = lagcli.simulate(lagcli.load_text(text), t_end=2, samples=11)
     expected = 0.75 + 0.25 * np.exp(-2 * run.time)
     assert np.allclose(run.q[:, 0], expected, atol=1e-9)
     assert np.allclose(run.v[:, 0], -2 * (expected - 0.75), atol=1e-8)
@@ -40,7 +38,7 @@ initial: {x: 1, x': {guess: 0}}
     assert np.abs(run.energy_balance).max() < 1e-8
 
 
-@pytest.mark.parametrize("options", [{"engine": "scipy"}, {}, {"method": "Taylor"}])
+@pytest.mark.parametrize("options", [{}, {"method": "Taylor"}])
 def test_maxwell_body_is_a_linear_system_of_third_order(options: dict[str, str]) -> None:
     run = lagcli.simulate(lagcli.load_text(COUPLED), **options)
     m, k, c = 2, 4, 3

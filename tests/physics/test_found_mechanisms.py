@@ -14,7 +14,6 @@ import lagcli
 from lagcli.trajectory.trajectory import Trajectory
 
 FOUND = Path(__file__).parents[1] / "found"
-ENGINES = ("compiled", "scipy")
 
 #: The Bricard mechanism of `bricard_a04` in its joint angles: by its threefold symmetry every other
 #: joint turns alike, and the loop closes where sin a + sin b + sin a sin b = 0.
@@ -76,8 +75,8 @@ simulation: {t_end: 5}
 
 
 @cache
-def run(name: str, engine: str, **options: Any) -> Trajectory:
-    trajectory = lagcli.simulate(lagcli.load(FOUND / f"{name}.yaml"), engine=engine, **options)
+def run(name: str, **options: Any) -> Trajectory:
+    trajectory = lagcli.simulate(lagcli.load(FOUND / f"{name}.yaml"), **options)
     assert trajectory.status == "completed", trajectory.message
     return trajectory
 
@@ -88,12 +87,10 @@ def worst_residual(t: Trajectory) -> float:
     return float(max(position, velocity))
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", ["door_one_hinge", "door_two_hinges", "door_off"])
-def test_door_is_a_pendulum(name: str, engine: str) -> None:
+def test_door_is_a_pendulum(name: str) -> None:
     """About the vertical axis: (m w²/3) θ'' = −m g_x (w/2) sin θ, from rest at θ = π/2."""
-    end = 10.0 if engine == "compiled" else 0.8
-    t = run(name, engine, t_end=end, samples=41)
+    t = run(name, t_end=10.0, samples=41)
     assert worst_residual(t) <= 1e-12
     w, gx, mass = 0.8, 1.7, 20.0
     rate, k = np.sqrt(1.5 * gx / w), np.sin(np.pi / 4)
@@ -114,17 +111,10 @@ def points(t: Trajectory) -> np.ndarray:
     return np.array([t.outputs[f"P3{c}"] for c in "xyz"])
 
 
-@pytest.mark.parametrize(
-    ("engine", "end"),
-    [
-        ("compiled", 2.0),
-        pytest.param("compiled", 10.0, marks=pytest.mark.slow),
-        pytest.param("scipy", 10.0, marks=pytest.mark.slow),
-    ],
-)
-def test_bricard(engine: str, end: float) -> None:
+@pytest.mark.parametrize("end", [2.0, pytest.param(10.0, marks=pytest.mark.slow)])
+def test_bricard(end: float) -> None:
     options: dict[str, Any] = {"t_end": end, "samples": 101}
-    straight, tilted = (run(name, engine, **options) for name in ("bricard_a04", "bricard_tilted"))
+    straight, tilted = (run(name, **options) for name in ("bricard_a04", "bricard_tilted"))
     angles = lagcli.simulate(lagcli.load_text(BRICARD), rtol=1e-12, atol=1e-13, **options)
     assert angles.status == "completed", angles.message
     for t in (straight, tilted):
@@ -134,11 +124,10 @@ def test_bricard(engine: str, end: float) -> None:
     np.testing.assert_allclose(points(straight), points(tilted), atol=1e-7)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_bennett(engine: str) -> None:
+def test_bennett() -> None:
     # the linkage lies flat at 1.01 s
-    options: dict[str, Any] = {"t_end": 5.0 if engine == "compiled" else 1.2, "samples": 101}
-    t = run("bennett", engine, **options)
+    options: dict[str, Any] = {"t_end": 5.0, "samples": 101}
+    t = run("bennett", **options)
     assert worst_residual(t) <= 1e-12
     angle = lagcli.simulate(lagcli.load_text(BENNETT), rtol=1e-12, atol=1e-13, **options)
     np.testing.assert_allclose(t.q[:, 0], angle.q[:, 0], atol=1e-7)
@@ -149,11 +138,10 @@ def test_bennett(engine: str) -> None:
     np.testing.assert_allclose(t.energy_total, t.energy_total[0], atol=1e-7)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_terms_that_vanish_up_to_a_singular_configuration(engine: str) -> None:
+def test_terms_that_vanish_up_to_a_singular_configuration() -> None:
     """x y = 0 with y = 0: x falls to zero in 1 s, where the constraint has no gradient."""
     model = lagcli.load(FOUND / "hostile" / "vanishing-terms.yaml")
-    t = lagcli.simulate(model, engine=engine, t_end=2)
+    t = lagcli.simulate(model, t_end=2)
     assert t.status == "failed"
     assert "singular configuration at t = " in t.message
     assert worst_residual(t) <= 1e-12
@@ -170,4 +158,4 @@ LONG = ("net_rods", "ring100")
     "name", [*OTHERS, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 )
 def test_residuals_of_the_other_models(name: str) -> None:
-    assert worst_residual(run(name, "compiled")) <= 1e-12
+    assert worst_residual(run(name)) <= 1e-12

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.engine.integrate.run import Integration
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.trajectory.trajectory import Trajectory

@@ -279,7 +279,7 @@ def test_sliding_friction_takes_part_with_its_normal_force() -> None:
 
 
 def test_small_simulated_motions_are_those_of_the_linear_model() -> None:
-    """Beside the sliding equilibrium, on both engines: friction follows the normal force."""
+    """Beside the sliding equilibrium: friction follows the normal force."""
     at = 0.3 * 2 * 9.81 / (80 - 0.3 * 60)
     small = 1e-4
     model = lagcli.load_text(PRESSED, set={"x0": at + small, "c": 3})

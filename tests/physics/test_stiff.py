@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from growth import assert_growth
+from oracle import Motion, motion
 from shipped import PATHS, every_model
 
 import lagcli
@@ -25,7 +26,7 @@ STIFF = ("Rodas5P", "Radau")
 
 
 def completed(model: Model, **options: Any) -> Trajectory:
-    trajectory = lagcli.simulate(model, engine=options.pop("engine", "compiled"), **options)
+    trajectory = lagcli.simulate(model, **options)
     assert trajectory.status == "completed", trajectory.message
     return trajectory
 
@@ -181,11 +182,10 @@ SHORT: dict[str, Any] = {"t_end": 0.2, "samples": 5}
 
 
 @cache
-def reference_of(name: str) -> tuple[Model, Trajectory]:
-    """Return a model with its motion by the reference engine, at tight tolerances."""
+def reference_of(name: str) -> tuple[Model, Motion]:
+    """Return a model with its motion by the oracle, at tight tolerances."""
     model = chain(3) if name == "chain" else SLIDER
-    tight = completed(model, method="Radau", engine="scipy", rtol=1e-11, atol=1e-11, **SHORT)
-    return model, tight
+    return model, motion(model, method="Radau", rtol=1e-11, atol=1e-11, **SHORT)
 
 
 @pytest.mark.parametrize("method", [*STIFF, "auto"])
@@ -263,7 +263,7 @@ initial: {x: 1, y: 0, x': 0, y': 0}
         free = completed(pendulum, formulation="index1", **options)
         assert np.abs(free.residual_position).max() > 1e-7
         with pytest.raises(UsageError, match="Baumgarte"):
-            lagcli.simulate(pendulum, formulation="baumgarte", engine="compiled", **options)
+            lagcli.simulate(pendulum, formulation="baumgarte", **options)
 
 
 @pytest.mark.slow

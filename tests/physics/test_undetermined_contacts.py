@@ -14,11 +14,9 @@ from lagcli.arrays import Array
 from lagcli.trajectory.event_log import EventLog, event_sentences
 from lagcli.trajectory.trajectory import Trajectory
 
-pytest.importorskip("lagcli.engine.core.binding")
-
 
 def simulate(text: str, **settings: object) -> tuple[Trajectory, EventLog]:
-    run = lagcli.simulate(lagcli.load_text(text), engine="compiled", **settings)  # type: ignore[arg-type]
+    run = lagcli.simulate(lagcli.load_text(text), **settings)  # type: ignore[arg-type]
     assert run.events is not None
     return run, run.events
 

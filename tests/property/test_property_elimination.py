@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kkt_systems import eliminated, hand_written, whole
 
+from lagcli.engine.core import binding
 from lagcli.engine.linear.elimination import NoElimination, order_at
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
 
 
 @st.composite

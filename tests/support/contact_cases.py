@@ -12,7 +12,7 @@ import yaml
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block, EventEntry, Occurrence, Outcome
-from lagcli.engine.integrate import compiled_engine
+from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.system import System
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
@@ -97,7 +97,7 @@ def run_contact(model: Model, **settings: Any) -> ContactRun:
     given = SettingsOverrides(**{"method": "DOP853", "rtol": 1e-12, **settings})
     simulation = prepare(model, given)
     blocks: list[Array] = []
-    outcome = compiled_engine.run(
+    outcome = integrate(
         simulation.system, simulation.request, lambda x: blocks.append(np.column_stack(x))
     )
     width = simulation.system.sample_layout.size

@@ -36,8 +36,7 @@ def main(wheel: str) -> None:
         assert run("lagcli", "--version") == f"lagcli {version}\n"
         assert "four_bar" in run("lagcli", "models")
         assert "λ" in run("lagcli", "derive", "slider_crank")
-        said = run("lagcli", "simulate", "slider_crank.yaml", "-o", "run.h5")
-        assert "compiled engine" in said, said
+        run("lagcli", "simulate", "slider_crank.yaml", "-o", "run.h5")
         run("lagcli", "info", "run.h5")
         for suffix in ("png", "html"):
             command = "plot" if suffix == "png" else "report"

@@ -18,19 +18,18 @@ from lagcli.analysis.compare.formulations import (
 )
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.integrate.engines import switches
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.settings.methods import FORMULATIONS, METHODS, has, methods_of
-from lagcli.settings.resolve import compiled_available, resolve
+from lagcli.settings.methods import FORMULATIONS, METHODS
+from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.trajectory.samples import Record, Samples
 from lagcli.trajectory.trajectory import joined
 
-#: Formulations in addition to those of the engines, integrated by SciPy's DOP853.
+#: Formulations in addition to those of simulations, integrated by SciPy's DOP853.
 REDUCED = ("ggl", "maggi", "second")
 #: Factor of the reference run's tolerance.
 _TIGHTER = 1e-3
@@ -42,15 +41,13 @@ class ComparedRow(NamedTuple):
 
     formulation: str
     method: str
-    engine: str
     rtol: float
 
 
 def reference_row(settings: Settings, rtols: Sequence[float]) -> ComparedRow:
     """Return the reference run: projection, with the smallest tolerance."""
     rtol = max(_TIGHTER * min(rtols or [settings.rtol]), _LEAST_RTOL)
-    engine = "compiled" if compiled_available() else "scipy"
-    return ComparedRow("projection", "DOP853", engine, rtol)
+    return ComparedRow("projection", "DOP853", rtol)
 
 
 def rows_of(
@@ -61,8 +58,8 @@ def rows_of(
 ) -> tuple[ComparedRow, ...]:
     """Return the runs to compare.
 
-    By default: all formulations with DOP853, all methods of the compiled engine and DOP853
-    of the reference engine with projection, and a tolerance that is a thousand times larger.
+    By default: all formulations with DOP853, all methods with projection, and a tolerance that is a
+    thousand times larger.
     Otherwise all supported combinations of the chosen formulations, methods and tolerances.
 
     Raises
@@ -74,16 +71,14 @@ def rows_of(
     _check(methods, tuple(METHODS), "method")
     rtol = settings.rtol
     if not (formulations or methods or rtols):
-        first = _row("projection", "DOP853", rtol)
-        coarse = _row("projection", "DOP853", min(1e3 * rtol, 0.1))
-        others = [_row(f, "DOP853", rtol) for f in (*FORMULATIONS[1:], *REDUCED)]
-        compiled = methods_of("compiled") if compiled_available() else ()
-        others += [_row("projection", m, rtol) for m in compiled if m != "DOP853"]
-        reference = ComparedRow("projection", "DOP853", "scipy", rtol)
-        rows = [first, *others, reference, coarse]
+        first = ComparedRow("projection", "DOP853", rtol)
+        coarse = ComparedRow("projection", "DOP853", min(1e3 * rtol, 0.1))
+        others = [ComparedRow(f, "DOP853", rtol) for f in (*FORMULATIONS[1:], *REDUCED)]
+        others += [ComparedRow("projection", m, rtol) for m in METHODS if m != "DOP853"]
+        rows = [first, *others, coarse]
     else:
         rows = [
-            _row(formulation, method, tolerance)
+            ComparedRow(formulation, method, tolerance)
             for formulation in formulations or ("projection",)
             for method in methods or ("DOP853",)
             for tolerance in rtols or (rtol,)
@@ -107,18 +102,7 @@ def _check(names: Sequence[str], known: Sequence[str], what: str) -> None:
 def _suits(formulation: str, method: str) -> bool:
     if formulation in REDUCED:
         return method == "DOP853"
-    return any(has(engine, method, formulation) for engine in _engines())
-
-
-def _engines() -> tuple[str, ...]:
-    return ("compiled", "scipy") if compiled_available() else ("scipy",)
-
-
-def _row(formulation: str, method: str, rtol: float) -> ComparedRow:
-    if formulation in REDUCED:
-        return ComparedRow(formulation, method, "scipy", rtol)
-    engine = next(e for e in _engines() if has(e, method, formulation))
-    return ComparedRow(formulation, method, engine, rtol)
+    return formulation in METHODS[method].formulations
 
 
 T = TypeVar("T")
@@ -226,8 +210,6 @@ def compare(
 def _run(simulation: Simulation, row: ComparedRow) -> ComparedRun:
     if row.formulation in REDUCED:
         return _run_reduced(simulation, row)
-    if row.engine == "scipy" and switches(simulation.system):
-        return ComparedRun(row, "not available", "not for contacts, events and kinks")
     blocks: list[Samples] = []
     record, seconds = _timed(lambda: _with(simulation, row).run(blocks.append))
     return _measured(row, joined(blocks), record, seconds)

@@ -45,7 +45,6 @@ def _run(run: ComparedRun) -> dict[str, Any]:
     return {
         "formulation": run.row.formulation,
         "method": run.row.method,
-        "engine": run.row.engine,
         "rtol": run.row.rtol,
         "status": run.status,
         "message": run.message,
@@ -149,13 +148,13 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
         f"{content['model']}: compared with {reference['formulation']}, {reference['method']},"
         f" rtol {reference['rtol']:.0e}",
         "",
-        f"  {'formulation':<11} {'method':<7} {'engine':<8} {'rtol':>5}"
+        f"  {'formulation':<11} {'method':<7} {'rtol':>5}"
         f" {'pos.':>5} {'vel.':>5} {'E':>5} {'Δq':>5} {'Δλ':>5} {'steps':>6} {'CPU s':>6}",
     ]
     notes = []
     for run in content["runs"]:
         name = _FORMULATIONS.get(run["formulation"], run["formulation"])
-        head = f"  {name:<11} {run['method']:<7} {run['engine']:<8} {run['rtol']:>5.0e}"
+        head = f"  {name:<11} {run['method']:<7} {run['rtol']:>5.0e}"
         if run["status"] == "not available":
             lines.append(f"{head}  {run['message']}")
             continue

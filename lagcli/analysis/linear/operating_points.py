@@ -151,7 +151,7 @@ def mode_in_run(model: Model, at: float | None) -> tuple[State, Indices]:
     NumericalError
         The run does not reach it.
     """
-    from lagcli.engine.integrate.engines import engine_named
+    from lagcli.engine.integrate.engine import integrate
     from lagcli.simulations.simulation import prepare
     from lagcli.simulations.start import message_of
 
@@ -171,8 +171,7 @@ def mode_in_run(model: Model, at: float | None) -> tuple[State, Indices]:
             raise Interrupted
 
     request = simulation.request._replace(on_parameters=parameters.append)
-    engine = engine_named(simulation.settings.engine)
-    run = engine(simulation.system, request, blocks.append, check)
+    run = integrate(simulation.system, request, blocks.append, check)
     failed = run.status not in ("completed", "interrupted" if beginning else "completed")
     last = next((block for block in reversed(blocks) if len(block.time)), None)
     if failed or not (beginning or (last is not None and last.time[-1] == at)):

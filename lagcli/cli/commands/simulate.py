@@ -77,7 +77,6 @@ def simulate(
     from lagcli.cli.progress import Progress
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
-    from lagcli.settings.resolve import compiled_available
     from lagcli.simulations.cancellation import Interruption
     from lagcli.simulations.simulation import prepare
     from lagcli.trajectory.extremes import Extremes
@@ -94,12 +93,6 @@ def simulate(
         check_target(output, force=force, meta=meta)
     simulation = prepare(loaded, settings)
     simulation.check_memory()
-    if settings.engine is None and not compiled_available() and not quiet:
-        print(
-            "note: the compiled engine was not built (no C compiler at installation); running on"
-            " the reference engine, which is slower",
-            file=sys.stderr,
-        )
     extremes = Extremes(loaded.constraint_names, simulation.monitor.names)
     writing = 0.0
     with (

@@ -4,7 +4,7 @@ The rank of B is determined from the singular values of its scaled rows. The val
 a singular configuration is monitored inside each step and along the extrapolated path.
 
 SciPy's interpolation and minimization, which are slow to import, are imported when a path is
-examined: in the compiled engine only near a singular configuration.
+examined, only near a singular configuration.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The compiled engine's core: C kernels and their binding, built when the package is installed."""
+"""The core: C kernels and their binding, built when the package is installed."""

@@ -1,1 +1,1 @@
-"""Integration: the contract, the methods, both engines, events, batches."""
+"""Integration: single runs, runs that switch, batches, and the choice of the method."""

@@ -1,10 +1,10 @@
-"""Batches: many runs of one System, eight at a time, by the compiled engine.
+"""Batches: many runs of one System, eight at a time.
 
 The core integrates eight runs through one stream of operations, each in a lane (one slot of the
 vector registers) with its own parameters, state, time and step size; a lane whose run ends takes
 the next. A run that requires a decision (undefined values, a singular configuration ahead,
 stiffness, an inaccurate elimination, limits) leaves its lane;
-`lagcli.engine.integrate.compiled_engine` then repeats it from its initial state. The results of a
+`lagcli.engine.integrate.engine` then repeats it from its initial state. The results of a
 run do not depend on the other runs of the batch, to the last bit.
 """
 
@@ -21,10 +21,9 @@ from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus, Status
-from lagcli.engine.integrate import compiled_engine
-from lagcli.engine.integrate.compiled_engine import freezes
-from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.engine.integrate.engine import integrate, switches
 from lagcli.engine.integrate.prepared import Prepared, unrolled
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.program.program import assemble
 from lagcli.engine.state import State
 from lagcli.engine.system import System
@@ -136,7 +135,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.settings.formulation == "projection"
         and request.rank == len(system.constraints)
         and not len(request.breaks)
-        and not (system.switching or system.nonlinear or freezes(system))
+        and not (switches(system) or system.nonlinear)
         and not system.functions.functions
         and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
     )
@@ -225,7 +224,7 @@ def _singly(
 ) -> Finished:
     """Integrate a single run."""
     blocks: list[Block] = []
-    run = compiled_engine.run(
+    run = integrate(
         system, _of_row(request, parameters, q, v, row), blocks.append, lambda t: check_cancelled()
     )
     if run.status == "interrupted":

@@ -1,4 +1,4 @@
-"""Choice of the compiled engine's method: the requested one, or one by stiffness.
+"""Choice of the integration method: the requested one, or one by stiffness.
 
 ``auto`` starts with the explicit DOP853. If stability rather than accuracy has limited its steps
 for some time, or its step size reaches its minimum, it switches to an implicit method; if that does

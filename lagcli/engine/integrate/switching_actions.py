@@ -1,4 +1,4 @@
-"""Actions of model events at an instant of the compiled engine."""
+"""Actions of model events at an instant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs with contacts, friction and events on the compiled engine.
+"""Runs with contacts, friction and events.
 
 The core finds the instants, their impacts and the next modes. It returns if an event of the model
 has actions: they are performed here, and the core continues with the instant.
@@ -26,8 +26,8 @@ from lagcli.engine.contract import (
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.prepared import Prepared, explicit_time, prepare
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination

@@ -1,6 +1,6 @@
 """The motion and its derivatives in one tape, for power series.
 
-The engines compute a and λ before the right sides of the derivatives, which depend on them. A power
+A run computes a and λ before the right sides of the derivatives, which depend on them. A power
 series needs all of it in one tape: a and λ are computed there by an unrolled elimination; equal
 operations are merged, so that the matrix is factored once.
 """

@@ -1,4 +1,4 @@
-"""The motion and its derivatives as one System, which all engines and methods integrate.
+"""The motion and its derivatives as one System, which all methods integrate.
 
 The coordinates are q and, for each direction θ, s = ∂q/∂θ; the multipliers λ and λ_θ. M and B of
 each block are those of the motion,
@@ -7,7 +7,7 @@ each block are those of the motion,
     M s̈ = (G_q s + G_v ṡ + G_θ) + Bᵀλ_θ,  B s̈ = Γ_q s + Γ_v ṡ + Γ_θ,
     φ = 0,  φ_q s + φ_θ = 0,  ψ = 0,  B ṡ + ψ_q s + ψ_θ = 0.
 
-The right sides of the derivatives depend on a and λ, which the engines compute first; the matrix is
+The right sides of the derivatives depend on a and λ, which are computed first; the matrix is
 factored once for all blocks. Projection and dense output apply to the derivatives as to the motion.
 """
 
@@ -18,9 +18,7 @@ from functools import partial
 
 import numpy as np
 
-from lagcli.engine.layout import (
-    SampleLayout,
-)
+from lagcli.engine.layout import SampleLayout
 from lagcli.engine.linear.blocks import Blocks, inputs_of
 from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.system import JacobianTapes, Pattern, System, TangentBlocks

@@ -1,4 +1,4 @@
-"""Integration of the motion with its derivatives, in either engine."""
+"""Integration of the motion with its derivatives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
-from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.linear.blocks import Blocks
 from lagcli.engine.sensitivity.augmented import with_derivatives
 from lagcli.engine.sensitivity.start import StartDerivatives
@@ -90,7 +89,7 @@ class TangentProblem:
         sink : callable
             Takes the samples in blocks, in order.
         progress : callable, optional
-            As in `lagcli.engine.contract.Engine`.
+            As in `lagcli.engine.integrate.engine.integrate`.
 
         Returns
         -------
@@ -99,10 +98,8 @@ class TangentProblem:
         """
         full = self._whole_request(request, start)
         emit = partial(self._emit, request, sink)
-        if request.settings.engine != "compiled":
-            return self._of_motion(engine_named("scipy")(self.whole, full, emit, progress))
-        from lagcli.engine.integrate.compiled_run import Integration
         from lagcli.engine.integrate.prepared import unrolled
+        from lagcli.engine.integrate.run import Integration
 
         run = Integration(self.whole, full, emit, progress)
         if self._many_runs and run.in_use.worth_unrolling:

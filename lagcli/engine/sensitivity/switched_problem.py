@@ -48,7 +48,7 @@ class SwitchedProblem:
         sink : callable
             Takes the samples in blocks, in order.
         progress : callable, optional
-            As in `lagcli.engine.contract.Engine`.
+            As in `lagcli.engine.integrate.engine.integrate`.
         """
         from lagcli.engine.sensitivity.switched_run import DifferentiatedIntegration
 

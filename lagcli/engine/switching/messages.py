@@ -1,4 +1,4 @@
-"""Messages for the compiled engine's statuses at contacts, from `stops`."""
+"""Messages for the core's statuses at contacts, from `stops`."""
 
 from __future__ import annotations
 

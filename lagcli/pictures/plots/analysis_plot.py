@@ -108,7 +108,7 @@ def _draw_comparison(figure: Any, content: Mapping[str, Any]) -> None:
             "color": style.PALETTE[number % len(style.PALETTE)],
             "ls": ("-", (0, (4, 2)))[number // len(style.PALETTE) % 2],
         }
-        label = f"{run['formulation']}, {run['method']}, {run['engine']}, {run['rtol']:.0e}"
+        label = f"{run['formulation']}, {run['method']}, {run['rtol']:.0e}"
         for ax, name in zip(axes, _COMPARED, strict=True):
             values = _numbers(run["curves"][name])
             drawn = np.where(values > 0, values, np.nan)  # a logarithmic axis has no zero

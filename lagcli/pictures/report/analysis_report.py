@@ -380,7 +380,7 @@ def _special(point: Mapping[str, Any]) -> str:
 
 
 def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
-    reference, head = content["reference"], ["Formulation", "Method", "Engine", "rtol", "Status"]
+    reference, head = content["reference"], ["Formulation", "Method", "rtol", "Status"]
     head += [
         "Position residual",
         "Velocity residual",
@@ -393,7 +393,6 @@ def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[An
         [
             escape(run["formulation"]),
             escape(run["method"]),
-            escape(run["engine"]),
             number(run["rtol"], 3),
             escape(run["status"]),
             *(

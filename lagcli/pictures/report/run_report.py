@@ -386,14 +386,13 @@ def time_button(time: float, digits: int = 6) -> str:
 
 def _phrase(options: Mapping[str, Any]) -> str:
     method, formulation = options.get("method"), options.get("formulation")
-    engine, rtol, atol = (options.get(key) for key in ("engine", "rtol", "atol"))
+    rtol, atol = options.get("rtol"), options.get("atol")
     parts = [f"{method} with {formulation}" if formulation else method]
     if isinstance(atol, Mapping):
         atol = ", ".join(f"{name} {x:g}" for name, x in atol.items())
     absolute = "by size" if atol is None else atol if isinstance(atol, str) else f"{atol:g}"
     tolerances = f"rtol {rtol:g}, atol {absolute}" if rtol else ""
-    parts += [f"{engine} engine" if engine else "", tolerances]
-    return ", ".join(p for p in parts if p)
+    return ", ".join(p for p in (*parts, tolerances) if p)
 
 
 def _worst(residual: Array, scale: Array) -> str:

@@ -23,14 +23,3 @@ def check_clocks(model: Model, system: System, settings: Settings) -> None:
     ]
     if faults:
         raise ModelError(faults)
-    if settings.engine != "compiled":
-        raise ModelError(
-            [
-                Diagnostic(
-                    "not-supported",
-                    f"the clock of event `{values[0].name}` needs the compiled engine",
-                    clocks[0].location,
-                    "leave out `--engine`",
-                )
-            ]
-        )

@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
-from lagcli.engine.integrate.engines import engine_named
+from lagcli.engine.integrate.engine import integrate, switches
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
@@ -108,8 +108,7 @@ class RowGroup:
         self._layout = SampleLayout(Counts(len(model.coordinates), len(model.constraints)))
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
         wanted = [r.signal for r in self.measuring.reductions]
-        compiled = variants.settings.engine == "compiled"
-        self.signals = Signals(variants.equations, [*wanted, *self._extra.values()], compiled)
+        self.signals = Signals(variants.equations, [*wanted, *self._extra.values()])
         self._signal_names = [*self.measuring.names, *self._extra]
 
     def _check_times(self) -> None:
@@ -212,13 +211,10 @@ class RowGroup:
 
     def _prepare(self, check_cancelled: Callable[[], None]) -> IntegrationRequest | Literal[False]:
         variants = self.variants
-        if variants.settings.engine != "compiled" or variants.system.switching is not None:
+        if switches(variants.system):  # each row ends steps where its own branches change
             return False
         from lagcli.engine.integrate.batch import prepare_batch
-        from lagcli.engine.integrate.compiled_engine import freezes
 
-        if freezes(variants.system):  # each row ends steps where its own branches change
-            return False
         try:
             simulation = ready(variants.equations, variants.system, variants.settings, {})
         except (ModelError, NumericalError):
@@ -304,8 +300,7 @@ class RowGroup:
         def take(block: Block) -> None:
             rows.append(np.column_stack(block))
 
-        engine = engine_named(simulation.settings.engine)
-        run = engine(simulation.system, request, take, lambda t: check_cancelled())
+        run = integrate(simulation.system, request, take, lambda t: check_cancelled())
         if run.status == "interrupted":
             raise Interrupted
         said = self._said(run)

@@ -209,8 +209,6 @@ class Signals:
     equations : Equations
     expressions : sequence of expressions
         See `lagcli.model.measures`.
-    compiled : bool
-        Whether the compiled core evaluates them.
 
     Raises
     ------
@@ -218,7 +216,7 @@ class Signals:
         The residual of a position constraint is requested for a nonholonomic constraint.
     """
 
-    def __init__(self, equations: Equations, expressions: Sequence[Basic], compiled: bool):
+    def __init__(self, equations: Equations, expressions: Sequence[Basic]):
         eq = equations
         numbered = {str(i): x for i, x in enumerate(expressions)}
         written = with_forces(eq.model, eq.constraints, numbered)
@@ -230,7 +228,7 @@ class Signals:
         functions = input_functions(eq.model)
         tape = compile_tape(found, state, [*parameters, ENERGY_BEFORE], functions)
         self._evaluate: Callable[[Array, Array], Array] = partial(_run_blocks, tape)
-        if compiled and not functions.functions:
+        if not functions.functions:
             from lagcli.engine.integrate.batch import SampleTape
 
             self._evaluate = SampleTape(tape)

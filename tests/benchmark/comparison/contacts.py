@@ -18,8 +18,8 @@ from scipy.integrate import solve_ivp
 import lagcli
 from comparison.cases import MODELS
 from lagcli.engine.contract import Outcome
-from lagcli.engine.integrate.compiled_engine import freezes
-from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.engine.integrate.engine import switches
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation, prepare
@@ -216,8 +216,7 @@ def _prepared(text: str, numbers: dict[str, float] | None = None, **settings: ob
 def _run(simulation: Simulation) -> tuple[float, Outcome]:
     """Integrate; return the seconds without what prepares and writes, and the outcome."""
     system, request = simulation.system, simulation.request
-    switches = system.switching is not None or freezes(system)
-    kind = SwitchingIntegration if switches else Integration
+    kind = SwitchingIntegration if switches(system) else Integration
     integration = kind(system, request, lambda block: None, None)
     seconds, found = _seconds(integration.run)
     assert found.status == "completed", found.message

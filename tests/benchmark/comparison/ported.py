@@ -1,7 +1,6 @@
 """Models ported from textbooks and other tools: the whole process, in seconds of processor time.
 
-Beside `lagcli simulate` with default options stand the reference engine, SciPy's DOP853 on the same
-System, and, where a checkout of an earlier revision is given, `lagcli simulate` of that one.
+Where a checkout of an earlier revision is given, `lagcli simulate` of that one stands beside.
 """
 
 from __future__ import annotations
@@ -47,13 +46,12 @@ class Ported:
 
     Parameters
     ----------
-    now, before, scipy : float or str or None
-        This revision, the earlier one, the reference engine; None where it was not measured.
+    now, before : float or str or None
+        This revision and the earlier one; None where it was not measured.
     """
 
     now: float | str
     before: float | str | None
-    scipy: float | str | None
 
 
 @dataclass
@@ -85,9 +83,7 @@ def measure_ported(
             sides = [ROOT] if before is None else [ROOT, before]
             seconds = [[_seconds(side, command, folder) for side in sides] for _ in range(rounds)]
             now, *earlier = (_least(column) for column in zip(*seconds, strict=True))
-            simulates = command[0] == "simulate"
-            scipy = _seconds(ROOT, (*command, "--engine", "scipy"), folder) if simulates else None
-            found.rows[name] = Ported(now, earlier[0] if earlier else None, scipy)
+            found.rows[name] = Ported(now, earlier[0] if earlier else None)
             yield found
 
 

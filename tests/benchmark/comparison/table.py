@@ -140,17 +140,15 @@ def ported_section(ported: PortedModels, where: str) -> list[str]:
         return seconds(value) if value is None or isinstance(value, float) else value
 
     earlier = f" Before: revision {ported.revision}." if ported.revision else ""
-    rows = [
-        [name, *map(cell, (row.now, row.before, row.scipy))] for name, row in ported.rows.items()
-    ]
+    rows = [[name, *map(cell, (row.now, row.before))] for name, row in ported.rows.items()]
     return [
         PORTED,
         "",
         "Seconds of processor time of the whole process with default options, start-up and"
         f" writing included: `lagcli simulate` on models of `tests/found`, ported from textbooks"
-        f" and other tools, and `--engine scipy` on the same. {where}{earlier}",
+        f" and other tools. {where}{earlier}",
         "",
-        *_table(["model", "lagcli", "before", "reference engine (SciPy)"], rows),
+        *_table(["model", "lagcli", "before"], rows),
     ]
 
 
@@ -246,7 +244,7 @@ All start from the same consistent state and return q at the same times. One cor
 thread; every method in a process of its own, with a limit on its time. The code is in
 `tests/benchmark/comparison`, one module for each program.
 
-- **lagcli**: model, equations, tapes and start are made once; the compiled engine is timed, which
+- **lagcli**: model, equations, tapes and start are made once; the integration is timed, which
   also projects every sample and returns a, λ and the work done.
 - **lambdify + solve_ivp**: SymPy's `lambdify` with common subexpressions shared and `math` in place
   of NumPy, `numpy.linalg.solve` (SuperLU for the long chains), SciPy's DOP853.

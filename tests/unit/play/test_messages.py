@@ -45,7 +45,7 @@ def test_values_are_those_of_the_page(said: str, shown: str) -> None:
             "the motion; `through_singular` continues through it",
         ),
         ("try a smaller --rtol or --max-step", "try a smaller `rtol` or `max_step`"),
-        ("or --engine scipy, which", "or `engine: scipy`, which"),
+        ("or --method DOP853, which", "or `method: DOP853`, which"),
         ("start the run later: --t-start 0.5", "start the run later: `t_start: 0.5`"),
         ("singular there; try --method Radau", "singular there; try `method: Radau`"),
     ],

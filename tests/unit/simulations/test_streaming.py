@@ -20,17 +20,12 @@ from lagcli.results import open_writer, read, write
 from lagcli.results.csv import writer as csv_writer
 from lagcli.results.formats import Writer
 from lagcli.results.hdf5 import trajectories
-from lagcli.settings.resolve import compiled_available
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
 from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory, joined
 
 MODELS = Path(__file__).parents[3] / "models"
-ENGINES = ("compiled", "scipy")
-
-if not compiled_available():
-    ENGINES = ENGINES[1:]
 
 
 def blocks_of(run: Trajectory, rows: int) -> Iterator[Samples]:
@@ -66,23 +61,13 @@ def block_rows(monkeypatch: pytest.MonkeyPatch) -> object:
     return limit
 
 
-# engines and derived columns
+# samples and derived columns
 
 
-@pytest.mark.parametrize(
-    ("name", "engine"),
-    [
-        ("slider_crank", "scipy"),
-        ("slider_crank", "compiled"),
-        ("rolling_disk", "compiled"),
-        ("andrews_squeezer", "compiled"),
-        ("four_bar", "scipy"),
-        ("four_bar", "compiled"),
-    ],
-)
-def test_a_run_does_not_depend_on_its_blocks(name: str, engine: str, block_rows: object) -> None:
+@pytest.mark.parametrize("name", ["slider_crank", "rolling_disk", "andrews_squeezer", "four_bar"])
+def test_a_run_does_not_depend_on_its_blocks(name: str, block_rows: object) -> None:
     model = lagcli.load(MODELS / f"{name}.yaml")
-    options = {"samples": 21, "engine": engine, "t_end": 0.1 * model.settings.t_end}
+    options = {"samples": 21, "t_end": 0.1 * model.settings.t_end}
     block_rows(4096)
     whole = lagcli.simulate(model, **options)
     assert len(whole.time) == 21
@@ -92,11 +77,10 @@ def test_a_run_does_not_depend_on_its_blocks(name: str, engine: str, block_rows:
         assert_same_motion(lagcli.simulate(model, **options), whole)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_blocks_are_full_except_for_the_last(engine: str, block_rows: object) -> None:
+def test_blocks_are_full_except_for_the_last(block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
-    ready = simulation.prepare(model, SettingsOverrides(samples=21, t_end=0.5, engine=engine))
+    ready = simulation.prepare(model, SettingsOverrides(samples=21, t_end=0.5))
     taken: list[Samples] = []
     record = ready.run(taken.append)
     assert record.status == "completed"
@@ -104,33 +88,28 @@ def test_blocks_are_full_except_for_the_last(engine: str, block_rows: object) ->
     np.testing.assert_array_equal(joined(taken).time, np.linspace(0, 0.5, 21))
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("through", [False, True])
-def test_a_singular_configuration_in_the_second_block(
-    engine: str, through: bool, block_rows: object
-) -> None:
+def test_a_singular_configuration_in_the_second_block(through: bool, block_rows: object) -> None:
     model = lagcli.load(MODELS / "parallelogram.yaml", set_initial={"alpha_1'": "6"})
-    options = {"samples": 401, "t_end": 0.7, "engine": engine, "through_singular": through}
+    options = {"samples": 401, "t_end": 0.7, "through_singular": through}
     block_rows(4096)
     whole = lagcli.simulate(model, **options)
     assert whole.status == ("completed" if through else "failed")
     stop = len(whole.time)
     assert stop == 401 if through else 20 < stop < 401
-    # the reference engine takes seconds to pass the configuration
-    for rows in (stop // 2 + 1, stop - 1, stop, 3) if engine == "compiled" else (stop - 1, 3):
+    for rows in (stop // 2 + 1, stop - 1, stop, 3):
         block_rows(rows)
         assert_same_motion(lagcli.simulate(model, **options), whole)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_value_that_is_not_finite_in_the_second_block(engine: str, block_rows: object) -> None:
+def test_a_value_that_is_not_finite_in_the_second_block(block_rows: object) -> None:
     model = lagcli.load_text("""
 coordinates: [x]
 T: x'^2/2
 V: 2*x - sqrt(x)
 initial: {x: 1, x': -3}
 """)
-    options = {"samples": 401, "t_end": 4, "engine": engine}
+    options = {"samples": 401, "t_end": 4}
     whole = lagcli.simulate(model, **options)
     assert whole.status == "failed"
     assert "`sqrt(x)`" in whole.message
@@ -141,11 +120,10 @@ initial: {x: 1, x': -3}
         assert_same_motion(lagcli.simulate(model, **options), whole)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_exceptions_of_the_sink_propagate(engine: str, block_rows: object) -> None:
+def test_exceptions_of_the_sink_propagate(block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
-    ready = simulation.prepare(model, SettingsOverrides(engine=engine))
+    ready = simulation.prepare(model, SettingsOverrides())
     taken = []
 
     def full(samples: Samples) -> None:

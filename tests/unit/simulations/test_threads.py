@@ -77,20 +77,19 @@ def test_a_command_takes_one_thread_unless_more_are_asked_for(given, expected, t
     assert done.stdout.splitlines()[-1] == f"threads {expected}"
 
 
-@pytest.mark.parametrize("engine", ["compiled", "scipy"])
-def test_a_run_takes_one_thread(free, engine, monkeypatch):
-
+def test_a_run_takes_one_thread(free, monkeypatch):
+    from lagcli.engine.integrate import engine
     from lagcli.simulations import simulation
 
     seen = []
-    find_start, engine_named = simulation.find_start, simulation.engine_named
+    find_start, integrate = simulation.find_start, engine.integrate
 
     def watched(function):
         return lambda *args: (seen.append(blas()), function(*args))[1]
 
     monkeypatch.setattr(simulation, "find_start", watched(find_start))
-    monkeypatch.setattr(simulation, "engine_named", lambda s: watched(engine_named(s)))
-    lagcli.simulate(lagcli.load(PENDULUM), t_end=0.5, samples=3, engine=engine)
+    monkeypatch.setattr(engine, "integrate", watched(integrate))
+    lagcli.simulate(lagcli.load(PENDULUM), t_end=0.5, samples=3)
     assert seen == [{1}, {1}]
     assert blas() == free
 

@@ -15,7 +15,6 @@ import pytest
 import lagcli
 from lagcli.cli.app import run
 from lagcli.results import read
-from lagcli.settings.resolve import compiled_available
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.trust import Trust, undefined_rows
 from lagcli.trajectory.samples import Samples
@@ -180,7 +179,6 @@ def test_trust_is_in_the_samples_alone() -> None:
     assert warning == "the constraint `rod` is violated by 2e-09 of its terms"
 
 
-ENGINES = ["compiled", "scipy"] if compiled_available() else ["scipy"]
 OSCILLATOR = """
 coordinates: [x]
 parameters: {a: 1.5}
@@ -192,24 +190,20 @@ simulation: {t_end: 5, samples: 101}
 FOUND = Path(__file__).parents[2] / "found"
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau"])
-def test_a_direction_cosine_of_a_spinning_body(engine: str, method: str) -> None:
-    if engine == "scipy" and method == "Taylor":
-        pytest.skip("not a method of this engine")
+def test_a_direction_cosine_of_a_spinning_body(method: str) -> None:
     text = (FOUND / "nan_output.yaml").read_text()
     text = text.replace("outputs: {", 'outputs: {other: "sqrt(1 - e[3,3]^2)", ')
-    found = lagcli.simulate(lagcli.load_text(text), engine=engine, method=method)
+    found = lagcli.simulate(lagcli.load_text(text), method=method)
     assert found.warnings == ()
     # e[3,3] is 1 within the residual of the unit length, 1e-14, of which acos takes the root
     for name in ("tilt", "other"):
         assert np.abs(found.outputs[name]).max() < 1e-6
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_an_output_beyond_its_domain(engine: str) -> None:
+def test_an_output_beyond_its_domain() -> None:
     text = OSCILLATOR + "outputs: {tilt: acos(a*x), wall: 1/(x - 1)}"
-    found = lagcli.simulate(lagcli.load_text(text), engine=engine)
+    found = lagcli.simulate(lagcli.load_text(text))
     bad = np.abs(1.5 * np.cos(found.time)) > 1
     tilt, wall = found.warnings
     assert tilt == f"`tilt` is NaN at {bad.sum()} of 101 samples, first at t = 0"

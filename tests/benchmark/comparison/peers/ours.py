@@ -1,4 +1,4 @@
-"""lagcli: the compiled engine, called as `lagcli.simulate` calls it, timed without the rest."""
+"""lagcli: its integration, called as `lagcli.simulate` calls it, timed without the rest."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.system import System
-from lagcli.settings.methods import methods_of
+from lagcli.settings.methods import METHOD_NAMES
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations import simulation
@@ -82,5 +82,5 @@ def _method(name: str) -> Method:
     )
 
 
-#: What the compiled engine has; the stiff methods run where they are meant for.
-METHODS = tuple(_method(name) for name in ("auto", *methods_of("compiled")))
+#: The stiff methods run where they are meant for.
+METHODS = tuple(_method(name) for name in METHOD_NAMES)

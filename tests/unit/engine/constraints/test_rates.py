@@ -10,8 +10,7 @@ from lowered import Lowered, lowered
 
 import lagcli
 from lagcli.engine.constraints.rates import with_rates
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
+from lagcli.engine.core import binding
 
 MODELS = Path(__file__).parents[4] / "models"
 

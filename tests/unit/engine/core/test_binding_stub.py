@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-binding = pytest.importorskip("lagcli.engine.core.binding")
+from lagcli.engine.core import binding
 
 FOLDER = Path(binding.__file__).parent
 STUB = ast.parse((FOLDER / "binding.pyi").read_text(encoding="utf-8"))

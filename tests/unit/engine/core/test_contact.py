@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from lagcli.arrays import Array
+from lagcli.engine.core import binding
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
 
 UNILATERAL, LIMITED, FREE = ContactLaw.UNILATERAL, ContactLaw.LIMITED, ContactLaw.FREE
 FORWARD, BACKWARD = ContactLaw.FORWARD, ContactLaw.BACKWARD

@@ -8,11 +8,10 @@ from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from lagcli.arrays import Array, Indices
+from lagcli.engine.core import binding
 from lagcli.engine.switching.cones import least_norm_within
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem
 from lagcli.engine.switching.switching import RowMode
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
 
 UNILATERAL, LIMITED = ContactLaw.UNILATERAL, ContactLaw.LIMITED
 HOLDS = RowMode.HOLDS

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from random_impacts import random_impact
 
+from lagcli.engine.core import binding
 from lagcli.engine.switching.problem import ContactProblem
 from tests.support.contact_problems import contact_motions
 from tests.support.impact_laws import ImpactLaw, ImpactProblem, resolve_impact
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
 
 LAWS = get_args(ImpactLaw)
 

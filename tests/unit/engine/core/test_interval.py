@@ -9,10 +9,9 @@ import mpmath
 import numpy as np
 import pytest
 
+from lagcli.engine.core import binding
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
 
 ORDER = 4
 #: Smooth operations on f(t) = a + b t + c t², with the ranges of a, and what mpmath has for them.

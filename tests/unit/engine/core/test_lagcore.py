@@ -17,15 +17,14 @@ from lowered import lowered
 
 import lagcli
 from lagcli.engine.contract import Block, IntegrationRequest
+from lagcli.engine.core import binding
 from lagcli.engine.core.headers import headers
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
-compiled_run = pytest.importorskip("lagcli.engine.integrate.compiled_run")
 
 ROOT = Path(__file__).parents[4]
 CORE = ROOT / "lagcli" / "engine" / "core"
@@ -203,7 +202,7 @@ def test_a_c_program_integrates_as_the_binding_does(
 
     monkeypatch.setattr(binding, "Integrator", recorded)
     blocks: list[Block] = []
-    integration = compiled_run.Integration(system, request, blocks.append, None)
+    integration = Integration(system, request, blocks.append, None)
     assert integration.run().status == "completed"
     [block] = blocks
     parts = [block.time, block.q, block.v, block.a, block.multipliers, block.work]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-binding = pytest.importorskip("lagcli.engine.core.binding")
+from lagcli.engine.core import binding
 
 Function = Callable[[float], float]
 #: Functions that are positive at the first place and negative at the second, and their roots.

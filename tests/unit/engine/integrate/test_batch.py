@@ -15,8 +15,8 @@ import lagcli
 from lagcli.engine.contract import Block, Interrupted
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus
-from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.integrate.batch import SampleTape, prepare_batch, run_batch, suits_batch
+from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.program.program import assemble
 from lagcli.engine.state import State
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
@@ -45,7 +45,7 @@ class Runs:
     """Runs of one model with several values of its parameters, from consistent starts."""
 
     def __init__(self, model, names=(), table=None, **options):
-        variants = Variants(model, SettingsOverrides(engine="compiled", **options))
+        variants = Variants(model, SettingsOverrides(**options))
         rows = [dict(zip(names, row, strict=True)) for row in table] if names else [{}]
         self.simulations = [variants.varied(row) for row in rows]
         first = self.simulations[0]
@@ -87,7 +87,7 @@ class Runs:
         changes |= {"state": state, "elimination": None}
         changes["prepared"] = self.request.prepared if kept else None
         request = changed(self.request, **changes)
-        run = compiled_engine.run(self.system, request, blocks.append)
+        run = integrate(self.system, request, blocks.append)
         rows = [np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]) for b in blocks]
         return np.concatenate(rows) if rows else np.empty((0, 0)), run
 

@@ -9,7 +9,6 @@ import pytest
 
 import lagcli
 
-pytest.importorskip("lagcli.engine.core.binding")
 FOUND = Path(__file__).parents[3] / "found"
 
 #: A slider-crank whose rod is as long as its crank, beside pendulums that make B large.

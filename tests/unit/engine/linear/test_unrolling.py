@@ -14,8 +14,6 @@ from lagcli.engine.linear.unrolling import unroll
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import Op
 
-pytest.importorskip("lagcli.engine.core.binding")
-
 MASS = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 0.5], [0.0, 0.5, 2.0]])
 JACOBIAN = np.array([[1.0, -2.0, 0.0], [0.0, 1.0, 1.0]])
 RHS = np.array([1.0, 2.0, -1.0, 0.5, 3.0])

@@ -10,6 +10,7 @@ import pytest
 import symengine as se
 from tape_values import assert_same
 
+from lagcli.engine.core import binding
 from lagcli.engine.program.nodes import VECTOR
 from lagcli.engine.program.program import assemble
 from lagcli.engine.program.subprograms import unpacked
@@ -18,8 +19,6 @@ from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import PLACES, Op
 from lagcli.engine.tape.tape import Builder, Tape
-
-binding = pytest.importorskip("lagcli.engine.core.binding")
 
 BODIES = 300
 

@@ -16,8 +16,6 @@ from lagcli.simulations.simulation import prepare
 from tests.support.contact_cases import run_contact
 from tests.support.switching_models import KANE
 
-pytest.importorskip("lagcli.engine.core.binding")
-
 #: Painlevé's rod: half length 0.5 m, tan θ = 2, whose tip slides backwards.
 ROD = """
 coordinates: [x, y, theta]

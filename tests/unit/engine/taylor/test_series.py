@@ -12,7 +12,7 @@ from lowered import Lowered, lowered
 
 import lagcli
 from lagcli.engine.contract import IntegrationRequest
-from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.linear.elimination import order_at
 from lagcli.engine.linear.unrolling import unroll
 from lagcli.engine.program.vectorize import LINE

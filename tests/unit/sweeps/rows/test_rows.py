@@ -14,7 +14,6 @@ from lagcli.sweeps.row_results import COMPLETED, MissingRows, RowStatus
 from lagcli.sweeps.rows.rows import Runner
 from lagcli.sweeps.rows.workers import Chunks
 
-pytest.importorskip("lagcli.engine.core.binding")
 ROOT = Path(__file__).parents[4]
 
 

@@ -1,9 +1,9 @@
-"""A run of the compiled engine: steps with projection in C, controlled from Python.
+"""A run of a System that does not switch: steps with projection in C, controlled from Python.
 
 The core runs in slices and returns when it is done, when its sample block is full, when a slice is
 over (for interrupts, progress and limits), and when a decision is required: a singular
 configuration ahead or inside the last step, a state that is not finite, a step size at its minimum.
-These are handled by the code of the reference engine.
+These are handled in Python.
 """
 
 from __future__ import annotations
@@ -306,7 +306,7 @@ class Integration:
             self.projection(core.t_bad, *self.split(core.y_bad))
             raise Stop(
                 f"the motion cannot be brought back onto the constraints at t = {core.t_bad:.9g} s;"
-                " try a smaller --rtol or --max-step, or --engine scipy"
+                " try a smaller --rtol or --max-step"
             )
         if status == Status.JUMPED:
             from lagcli.engine.constraints.projection import jumped

@@ -1,4 +1,4 @@
-"""The compiled engine: what it has beyond the contract that both engines keep."""
+"""Single runs: elimination, refinement, samples, redundant constraints, and an oracle."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracle import motion
 
 import lagcli
+from lagcli.engine.integrate import run as single_runs
 from lagcli.errors import UsageError
-from lagcli.settings import resolve
 from lagcli.simulations.simulation import prepare as prepare_simulation
 
 FOUND = Path(__file__).parents[3] / "found"
@@ -27,23 +28,21 @@ initial: {x: 1, y: 0, x': 0, y': 0}
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_engines_agree_on_every_shipped_model(path):
+def test_every_shipped_model_moves_as_by_the_oracle(path):
     model = lagcli.load(path)
     # a tenth of the model's own time: what differs is the error of the tolerance, not its growth
-    end = 0.1 * model.settings.t_end
-    runs = [
-        lagcli.simulate(model, engine=e, t_end=end, samples=21, rtol=1e-11, atol=1e-12)
-        for e in ("compiled", "scipy")
-    ]
-    assert [r.status for r in runs] == ["completed", "completed"]
+    options = {"t_end": 0.1 * model.settings.t_end, "samples": 21}
+    run = lagcli.simulate(model, rtol=1e-11, atol=1e-12, **options)
+    assert run.status == "completed"
+    expected = motion(model, **options)
     for name in ("q", "v", "a", "multipliers"):
-        one, other = (getattr(r, name) for r in runs)
+        one, other = getattr(run, name), getattr(expected, name)
         size = np.abs(other).max(axis=0, initial=0.0).max(initial=0.0)
         # 1e-11 per step, over some hundred steps, and once more in λ and a
         np.testing.assert_allclose(one, other, rtol=0, atol=3e-8 * (size + 1e-3), err_msg=name)
     for name in ("residual_position", "residual_velocity"):
-        scale = getattr(runs[0], name.replace("residual", "scale"))
-        relative = np.abs(getattr(runs[0], name)) / scale
+        scale = getattr(run, name.replace("residual", "scale"))
+        relative = np.abs(getattr(run, name)) / scale
         assert np.nanmax(relative, initial=0.0) <= 1e-12
 
 
@@ -68,11 +67,11 @@ def test_ways_to_eliminate_agree(path, monkeypatch):
     model = lagcli.load(path)
     options = {"t_end": 0.05 * model.settings.t_end, "samples": 6, "rtol": 1e-11, "atol": 1e-12}
     monkeypatch.setattr(prepared, "SHORT", math.inf)
-    runs = [lagcli.simulate(model, engine="compiled", **options)]
+    runs = [lagcli.simulate(model, **options)]
     monkeypatch.setattr(prepared, "MOST_UNROLLED", -1)
-    runs.append(lagcli.simulate(model, engine="compiled", **options))
+    runs.append(lagcli.simulate(model, **options))
     only_densely(monkeypatch)
-    runs.append(lagcli.simulate(model, engine="compiled", **options))
+    runs.append(lagcli.simulate(model, **options))
     for other in runs[1:]:
         assert other.status == "completed", other.message
         for name in ("q", "v", "multipliers"):
@@ -106,9 +105,9 @@ V: 9.81*z
 constraints: {{rod: x^2 + z^2 = 1}}
 initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
 """)
-    expected = lagcli.simulate(model, t_end=1, samples=5, engine="scipy", rtol=1e-11)
+    expected = motion(model, t_end=1, samples=5)
     monkeypatch.setattr(prepared, "order_at", unsuitable)
-    found = lagcli.simulate(model, t_end=1, samples=5, engine="compiled", rtol=1e-11)
+    found = lagcli.simulate(model, t_end=1, samples=5, rtol=1e-11)
     assert found.status == "completed", found.message
     assert len(asked) > 1
     np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-8)
@@ -168,24 +167,24 @@ simulation: {t_end: 0.2, samples: 21, max_steps: 3000}
 def test_a_net_of_rods_keeps_its_order(counted, monkeypatch):
     """An order found for a flat net loses digits where it is folded: refinement regains them."""
     model = lagcli.load(FOUND / "net_rods.yaml", set={"N": 3})
-    found = lagcli.simulate(model, engine="compiled")
+    found = lagcli.simulate(model)
     assert found.status == "completed", found.message
     assert counted == {"order_at": 1, "assemble": 2}
     only_densely(monkeypatch)
-    expected = lagcli.simulate(model, engine="compiled", rtol=1e-10)
+    expected = lagcli.simulate(model, rtol=1e-10)
     np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-7)
     size = np.abs(expected.multipliers).max()
     np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=0, atol=1e-5 * size)
 
 
 def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
-    from lagcli.engine.integrate import compiled_run, prepared
+    from lagcli.engine.integrate import prepared
 
     monkeypatch.setattr(prepared, "SHORT", 0)
     model = lagcli.load(MODELS[0].parent / "andrews_squeezer.yaml")
     looped = lagcli.simulate(model, method="DOP853", samples=11)
     assert not counted["unroll"]
-    monkeypatch.setattr(compiled_run, "STEPS_TO_UNROLL", 10)
+    monkeypatch.setattr(single_runs, "STEPS_TO_UNROLL", 10)
     changed = [lagcli.simulate(model, method="DOP853", samples=11) for _ in range(2)]
     assert counted["unroll"] == 2
     np.testing.assert_allclose(changed[0].q, looped.q, rtol=0, atol=1e-7)
@@ -207,8 +206,8 @@ def test_a_new_order_takes_over_the_other_programs(counted):
 
 
 def test_samples_come_in_blocks():
-    dense = lagcli.simulate(PENDULUM, t_end=3, samples=30001, engine="compiled")
-    sparse = lagcli.simulate(PENDULUM, t_end=3, samples=31, engine="compiled")
+    dense = lagcli.simulate(PENDULUM, t_end=3, samples=30001)
+    sparse = lagcli.simulate(PENDULUM, t_end=3, samples=31)
     np.testing.assert_array_equal(dense.time, np.linspace(0, 3, 30001))
     # the steps do not depend on the samples: what differs is the rounding of the sample times
     np.testing.assert_allclose(dense.q[::1000], sparse.q, rtol=0, atol=1e-14)
@@ -216,7 +215,7 @@ def test_samples_come_in_blocks():
 
 def test_ten_to_the_fifth_samples_take_moments():
     began = time.process_time()
-    trajectory = lagcli.simulate(PENDULUM, t_end=10, samples=100_001, engine="compiled")
+    trajectory = lagcli.simulate(PENDULUM, t_end=10, samples=100_001)
     assert len(trajectory.time) == 100_001
     assert time.process_time() - began < 20  # ten times what a slow machine takes
 
@@ -229,8 +228,8 @@ V: 9.81*y
 constraints: {rod: x^2 + y^2 = 1, again: 3*(x^2 + y^2) = 3}
 initial: {x: 1, y: 0, x': 0, y': 0}
 """)
-    one = lagcli.simulate(PENDULUM, t_end=2, engine="compiled")
-    two = lagcli.simulate(twice, t_end=2, engine="compiled")
+    one = lagcli.simulate(PENDULUM, t_end=2)
+    two = lagcli.simulate(twice, t_end=2)
     np.testing.assert_allclose(two.q, one.q, atol=1e-8)
     rod = one.multipliers[:, 0]
     # λ₁ + 3 λ₂ = λ with λ₁² + λ₂² least: λ₁ = λ/10, λ₂ = 3 λ/10
@@ -238,44 +237,31 @@ initial: {x: 1, y: 0, x': 0, y': 0}
     np.testing.assert_allclose(two.constraint_force, one.constraint_force, atol=1e-6)
 
 
-def test_a_method_that_the_compiled_engine_lacks():
-    assert lagcli.simulate(PENDULUM, t_end=0.1, method="BDF").options["engine"] == "scipy"
-    with pytest.raises(UsageError, match="no method BDF"):
-        lagcli.simulate(PENDULUM, method="BDF", engine="compiled")
-
-
-def test_without_the_extension_the_reference_engine_runs(monkeypatch):
-    monkeypatch.setattr(resolve, "compiled_available", lambda: False)
-    assert lagcli.simulate(PENDULUM, t_end=0.1).options["engine"] == "scipy"
-    with pytest.raises(UsageError, match="was not built"):
-        lagcli.simulate(PENDULUM, engine="compiled")
+def test_unknown_settings_and_methods_are_named_with_those_that_there_are():
+    with pytest.raises(UsageError, match="no method `BDF`; known are auto, DOP853, Taylor"):
+        lagcli.simulate(PENDULUM, method="BDF")
+    with pytest.raises(UsageError, match="no setting `engine`; known are t_start, t_end"):
+        lagcli.simulate(PENDULUM, engine="scipy")
 
 
 def test_a_given_beta_is_used_when_alpha_comes_from_the_step():
-    options = {"t_end": 1, "samples": 11, "formulation": "baumgarte", "engine": "compiled"}
+    options = {"t_end": 1, "samples": 11, "formulation": "baumgarte"}
     followed = lagcli.simulate(PENDULUM, **options)
     given = lagcli.simulate(PENDULUM, **options, beta=50.0)
     assert not np.array_equal(followed.q, given.q)
 
 
-def test_damping_from_the_step_agrees_with_the_reference_engine():
-    options = {"t_end": 2, "samples": 21, "formulation": "baumgarte", "rtol": 1e-10}
-    one, other = (
-        lagcli.simulate(PENDULUM, engine=e, beta=20.0, **options) for e in ("compiled", "scipy")
-    )
-    # both are the motion up to the drift that damping leaves
-    np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-7)
+def test_damping_from_the_step_leaves_the_motion():
+    options = {"t_end": 2, "samples": 21}
+    run = lagcli.simulate(PENDULUM, beta=20.0, formulation="baumgarte", rtol=1e-10, **options)
+    # up to the drift that damping leaves
+    np.testing.assert_allclose(run.q, motion(PENDULUM, **options).q, rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize(("method", "other"), [("Taylor", "DOP853"), ("Rodas5P", "Radau")])
-def test_methods_of_the_compiled_engine_say_what_they_lack(monkeypatch, method, other):
-    with pytest.raises(UsageError, match=rf"has {method}; give --engine compiled, .* {other}"):
-        lagcli.simulate(PENDULUM, method=method, engine="scipy")
-    with pytest.raises(UsageError, match=f"{method} has no Baumgarte stab.*--method {other}"):
+@pytest.mark.parametrize("method", ["Taylor", "Rodas5P", "Radau"])
+def test_methods_say_which_formulation_they_lack(method):
+    with pytest.raises(UsageError, match=f"{method} has no Baumgarte stab.*--method DOP853"):
         lagcli.simulate(PENDULUM, method=method, formulation="baumgarte")
-    monkeypatch.setattr(resolve, "compiled_available", lambda: False)
-    with pytest.raises(UsageError, match=f"{method} needs the compiled engine, which was not buil"):
-        lagcli.simulate(PENDULUM, method=method)
 
 
 CRANKS = """
