@@ -10,6 +10,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.errors import SourceLocation
+from lagcli.model.expression.functions import is_opaque
 from lagcli.model.model import TIME
 
 if TYPE_CHECKING:
@@ -89,6 +90,8 @@ def read_input(expression: Basic) -> tuple[str, int] | None:
     function, order = expression, 0
     if isinstance(expression, se.Derivative):
         function, order = expression.args[0], len(expression.args) - 1
+    if is_opaque(function):
+        return None
     if isinstance(function, se.FunctionSymbol) and function.args == (TIME,):
         return function.get_name(), order
     return None

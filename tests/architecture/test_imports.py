@@ -38,6 +38,7 @@ FOREIGN = {
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "files": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "functions": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},

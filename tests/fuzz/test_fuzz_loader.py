@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import LagcliError, ModelError
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.calls import TENSOR_FUNCTIONS
-from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.units import UnknownUnit, to_si

@@ -13,7 +13,7 @@ from random_models import FUNCTIONS, EveryKey, Meaning, NoValue, RandomModel, St
 
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.errors import ModelError
-from lagcli.model.expression.functions import FUNCTIONS as KNOWN
+from lagcli.functions import FUNCTIONS as KNOWN
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 

@@ -13,8 +13,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tape_values import VARIABLES, applied, batch, exactly, value
 
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.constants import cases, relation
-from lagcli.model.expression.functions import FUNCTIONS
 
 X, Y, Z = VARIABLES
 

@@ -11,7 +11,8 @@ import symengine as se
 
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.functions import FUNCTIONS
+from lagcli.model.expression.functions import apply
 
 try:
     from lagcli.engine.core import binding
@@ -76,4 +77,4 @@ def exactly(expression: se.Basic, point: tuple[float, ...]) -> float:
 def applied(name: str, *arguments: se.Basic) -> se.Basic:
     function = FUNCTIONS[name]
     most = len(arguments) if function.most is None else function.most
-    return function.apply(*arguments[: max(function.fewest, most)])
+    return apply(name, *arguments[: max(function.fewest, most)])

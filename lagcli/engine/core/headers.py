@@ -6,8 +6,10 @@ library.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from enum import IntEnum
+from functools import partial
 
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
@@ -19,7 +21,12 @@ from lagcli.engine.taylor.series_nodes import MAX_ORDER, SeriesOp
 _WRITTEN = "/* Written by setup.py from {}: change that instead.\n *\n"
 _TABLES = """\
  * The lists of operations are macros of a macro X(operation, places, value): the numbers that an
- * operation has in a stream, and its value in C of operands A, B and C. */
+ * operation has in a stream, and its value in C of operands A, B and C.
+ *
+ * The functions are a macro of X(operation, value, enclosure, low, high, slope): the value of A,
+ * the function that encloses it on an interval, the ends of its domain, and the derivative as jets
+ * of A and of the value, C, by add, sub, mul, div, sqr (the square) and functions, up to order n.
+ * The domains are one of X(operation, condition): whether nothing in an interval A has a value. */
 #ifndef LAGCLI_TABLES_H
 #define LAGCLI_TABLES_H
 
@@ -76,6 +83,7 @@ def _tables() -> str:
         _define("LAG_LONGEST", f"{LONGEST} /* elements that a vector has at most */"),
         _define("LAG_INDEXED", f"({1 + INDEXED} - 1) /* the step of operands that are listed */"),
         *(_operations(kind) for kind in (Kind.LIBRARY, Kind.RELATION, Kind.BATCH, Kind.VECTOR)),
+        _functions(),
         _enum("lag_series_op", "SERIES_", SeriesOp),
         *(_define(f"SERIES_{op.name}_PLACES", str(1 + len(op.operands))) for op in SeriesOp),
         _define("LAG_SERIES_ORDER", f"{MAX_ORDER} /* the largest */"),
@@ -109,3 +117,80 @@ def _operations(kind: Kind) -> str:
     """Return the list of the operations of a kind."""
     rows = [f"    X(OP_{op.name}, {PLACES[op]}, {op.c})" for op in Op if op.kind is kind]
     return " \\\n".join([f"#define LAG_{kind.name}_OPERATIONS(X)", *rows]) + "\n"
+
+
+def _functions() -> str:
+    """Return the lists of the functions that jets follow from, and of the ends of domains."""
+    rows, domains = [], []
+    for op in Op:
+        function = op.function
+        if function is None:
+            continue
+        low, high, is_open, _ = function.domain
+        if function.enclosure:
+            assert function.slope is not None
+            slope = function.slope(_JetFunctions(), _Jet("A"), _Jet("C")).text
+            bounds = f"{_number(low)}, {_number(high)}"
+            rows.append(f"    X(OP_{op.name}, {op.c}, {function.enclosure}, {bounds}, {slope})")
+        equal = "=" if is_open else ""
+        conditions = [f"A.high <{equal} {_number(low)}"] * (low > -math.inf)
+        conditions += [f"A.low >{equal} {_number(high)}"] * (high < math.inf)
+        if conditions:
+            domains.append(f"    X(OP_{op.name}, {' || '.join(conditions)})")
+    return "\n".join(
+        " \\\n".join([f"#define {name}(X)", *lines]) + "\n"
+        for name, lines in (("LAG_FUNCTIONS", rows), ("LAG_DOMAINS", domains))
+    )
+
+
+def _number(x: float) -> str:
+    return repr(x) if math.isfinite(x) else f"{'-' if x < 0 else ''}INFINITY"
+
+
+class _Jet:
+    """A jet in C, with the operators of arithmetic."""
+
+    def __init__(self, text: str):
+        self.text = text
+
+    @staticmethod
+    def of(name: str, *operands: _Jet | float) -> _Jet:
+        """Return the jet that a function of C returns."""
+        texts = [x.text if isinstance(x, _Jet) else f"constant({x!r})" for x in operands]
+        return _Jet(f"{name}({', '.join(texts)}, n)")
+
+    def __neg__(self) -> _Jet:
+        return self.of("sub", 0.0, self)
+
+    def __add__(self, other: _Jet | float) -> _Jet:
+        return self.of("add", self, other)
+
+    def __radd__(self, other: float) -> _Jet:
+        return self.of("add", other, self)
+
+    def __sub__(self, other: _Jet | float) -> _Jet:
+        return self.of("sub", self, other)
+
+    def __rsub__(self, other: float) -> _Jet:
+        return self.of("sub", other, self)
+
+    def __mul__(self, other: _Jet | float) -> _Jet:
+        if isinstance(other, _Jet) and other.text == self.text:
+            return self.of("sqr", self)
+        return self.of("mul", self, other)
+
+    def __rmul__(self, other: float) -> _Jet:
+        return self.of("mul", other, self)
+
+    def __truediv__(self, other: _Jet | float) -> _Jet:
+        return self.of("div", self, other)
+
+    def __rtruediv__(self, other: float) -> _Jet:
+        return self.of("div", other, self)
+
+
+class _JetFunctions:
+    """Functions of jets in C, by their names."""
+
+    def __getattr__(self, name: str) -> Callable[[_Jet], _Jet]:
+        return partial(_Jet.of, f"jet_{name}")

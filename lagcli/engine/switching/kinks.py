@@ -19,11 +19,12 @@ from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.functions import Domain
 
 _RELATIONS = (Op.LT, Op.LE)
 _WHOLE: dict[int, int] = {Op.FLOOR: 1, Op.CEIL: -1}
 #: Operations that are undefined for some operands, and may be so beyond a kink.
-_PARTIAL = (Op.SQRT, Op.POW, Op.LOG, Op.ASIN, Op.ACOS, Op.ATANH, Op.ACOSH)
+_PARTIAL = {Op.POW} | {op for op in Op if op.function and op.function.domain != Domain()}
 #: Operations that are never negative.
 _POSITIVE = (Op.SQRT, Op.EXP, Op.ABS, Op.COSH)
 _NOTHING: frozenset[int] = frozenset()

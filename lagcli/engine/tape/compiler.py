@@ -17,6 +17,7 @@ from symengine import Basic
 from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.model.expression.functions import is_opaque
 from lagcli.model.inputs import read_input
 
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
@@ -134,8 +135,8 @@ class _Compiler(Builder):
             return self._cases(e)
         operands = [self.known[_key(a)] for a in e.args]
         kind = type(e)
-        if kind in _OPERATIONS:
-            op = _OPERATIONS[kind]
+        if kind in _OPERATIONS or is_opaque(e):
+            op = Op[e.get_name().upper()] if is_opaque(e) else _OPERATIONS[kind]
             if op.arity == 1:
                 return self.emit(op, *operands)
             return reduce(partial(self.emit, op), operands)  # And and Or may have many

@@ -5,10 +5,9 @@ Griewank & Walther, Evaluating Derivatives, 2008, chapter 3.
 
 from __future__ import annotations
 
-import math
-
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, Op
+from lagcli.engine.tape.slopes import SlopeRules
 from lagcli.engine.tape.tape import Builder, Tape
 
 #: Operations whose results are piecewise constant.
@@ -98,51 +97,36 @@ class _DerivativeRules(Arithmetic):
 
     def over(self, op: Op, y: int, a: int, da: int) -> int:
         """Return the derivative of a function of one number."""
-        one, square = self.one, self.times
         if op == Op.NEG:
             return self.negative(da)
         if op == Op.ABS:
             below = self.emit(Op.LT, a, self.zero)
             return self.emit(Op.SELECT, below, self.negative(da), da)
-        if op == Op.SQRT:
-            return self.quotient(da, self.times(self.constant(2.0), y))
-        if op == Op.LOG:
-            return self.quotient(da, a)
-        if op in (Op.ASIN, Op.ACOS):
-            other = square(a, a)
-            below = self.emit(Op.CLIP, self.minus(one, other), self.plus(one, square(other, other)))
-            found = self.quotient(da, self.emit(Op.SQRT, below))
-            return found if op == Op.ASIN else self.negative(found)
-        if op == Op.ATAN:
-            return self.quotient(da, self.plus(one, square(a, a)))
-        if op == Op.ATANH:
-            return self.quotient(da, self.minus(one, square(a, a)))
-        if op in (Op.ASINH, Op.ACOSH):
-            sign = self.plus if op == Op.ASINH else self.minus
-            return self.quotient(da, self.emit(Op.SQRT, sign(square(a, a), one)))
-        return self.times(self.factor(op, y, a), da)
+        number, register, divisor = _RootsWithBounds(self).of(op, a, y)
+        if divisor is not None:
+            return self.scaled(number, self.quotient(da, divisor))
+        assert register is not None
+        return self.times(self.scaled(number, register), da)
 
-    def factor(self, op: Op, y: int, a: int) -> int:
-        """Return the derivative of a function whose derivative needs no quotient."""
-        if op == Op.EXP:
-            return y
-        if op == Op.SIN:
-            return self.emit(Op.COS, a)
-        if op == Op.COS:
-            return self.negative(self.emit(Op.SIN, a))
-        if op == Op.TAN:
-            return self.plus(self.one, self.times(y, y))
-        if op == Op.SINH:
-            return self.emit(Op.COSH, a)
-        if op == Op.COSH:
-            return self.emit(Op.SINH, a)
-        if op == Op.TANH:
-            return self.minus(self.one, self.times(y, y))
-        assert op in (Op.ERF, Op.ERFC), op.name
-        bell = self.emit(Op.EXP, self.negative(self.times(a, a)))
-        scale = 2 / math.sqrt(math.pi)
-        return self.times(self.constant(scale if op == Op.ERF else -scale), bell)
+    def scaled(self, number: float, a: int) -> int:
+        """Return a number times a register."""
+        if abs(number) == 1.0:
+            return a if number > 0 else self.negative(a)
+        return self.times(self.constant(number), a)
 
     def quotient(self, a: int, b: int) -> int:
         """Return a / b."""
         return self.zero if a == self.zero else self.emit(Op.DIV, a, b)
+
+
+class _RootsWithBounds(SlopeRules):
+    """Rules whose roots of differences are 0 where rounding makes the difference negative."""
+
+    def root(self, a: int) -> int:
+        """Return the register of √a."""
+        builder = self.builder
+        op, *operands = list(builder.operations)[a - builder.inputs]
+        if op == Op.SUB:
+            squares = builder.plus(*[builder.times(x, x) for x in operands])
+            a = builder.emit(Op.CLIP, a, squares)
+        return super().root(a)

@@ -13,12 +13,9 @@ from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
 
 #: Operations that bend a function of time; sums and products inherit from their operands.
-_NONLINEAR = frozenset(
-    (
-        *(Op.DIV, Op.POW, Op.SQRT, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN, Op.ATAN2),
-        *(Op.SINH, Op.COSH, Op.TANH, Op.ASINH, Op.ACOSH, Op.ATANH, Op.EXP, Op.LOG, Op.ERF, Op.ERFC),
-    )
-)
+_NONLINEAR = {Op.DIV} | {
+    op for op in Op if op.function is not None and op not in (Op.FLOOR, Op.CEIL)
+}
 
 
 def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.tape.domains import bounded
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, Kind
 from lagcli.engine.tape.tape import Tape
 
@@ -31,6 +32,9 @@ def _on_arrays(number: int) -> Callable[..., Any]:
     function: Any = getattr(import_module(module), name) if op.array else op.scalar
     if op.kind is Kind.RELATION:
         return lambda a, b: np.where(function(a, b), 1.0, 0.0)
+    if op.function is not None and op.function.domain.rounded:
+        domain = op.function.domain
+        return lambda a: function(bounded(a, domain))
     return function
 
 

@@ -1,15 +1,22 @@
 """The table of operations: each row contains all properties of one operation for Python and C.
 
-`lagcli.engine.core.headers` generates the C side when the core is built, so this module imports
-only the standard library, and names NumPy's and SymEngine's functions by text.
+Rows of functions follow from `lagcli.functions`. `lagcli.engine.core.headers` generates the C side
+when the core is built, so this module imports only the standard library, and names NumPy's and
+SymEngine's functions by text.
 """
 
 from __future__ import annotations
 
 import math
 import operator
+import re
 from collections.abc import Callable
-from enum import Enum, IntEnum
+from enum import IntEnum
+from functools import partial
+from typing import Any
+
+from lagcli import functions
+from lagcli.functions import Domain, Function, Kind, Operation
 
 #: Functions are continued by their bound up to this far beyond their domain, relative to 1 for
 #: `acos`, `asin` and `acosh`, and to the terms of the sum for roots: ten times the relative
@@ -22,32 +29,40 @@ def clipped(a: float, b: float) -> float:
     return 0.0 if a < 0.0 and a * a <= ROUNDING * ROUNDING * b else a
 
 
-def bounded(a: float) -> float:
-    """Return a, or ±1 where it is beyond [−1, 1] by rounding."""
-    return math.copysign(1.0, a) if 1.0 < abs(a) <= 1.0 + ROUNDING else a
+def bounded(a: float, domain: Domain) -> float:
+    """Return a, or the bound of a domain where it is beyond by rounding."""
+    if domain.low - ROUNDING <= a < domain.low:
+        return domain.low
+    return domain.high if domain.high < a <= domain.high + ROUNDING else a
 
 
-def raised(a: float) -> float:
-    """Return a, or 1 where it is below 1 by rounding."""
-    return 1.0 if 1.0 - ROUNDING <= a < 1.0 else a
-
-
-#: The module of the same on arrays.
-_ON_ARRAYS = "lagcli.engine.tape.domains."
-#: The same in C.
 _CLIPPED = f"CHOOSE((A < 0.0) & (A * A <= {ROUNDING * ROUNDING!r} * B), A - A, A)"
-_BOUNDED = f"fabs(A) > 1.0 && fabs(A) <= {1 + ROUNDING!r} ? copysign(1.0, A) : A"
-_RAISED = f"A < 1.0 && A >= {1 - ROUNDING!r} ? 1.0 : A"
 
 
-class Kind(Enum):
-    """How the core executes an operation on several numbers."""
+def _bounded_in_c(domain: Domain) -> str:
+    """Return `bounded` as a C expression of A."""
+    text = "A"
+    if domain.low > -math.inf:
+        text = f"A < {domain.low!r} && A >= {domain.low - ROUNDING!r} ? {domain.low!r} : {text}"
+    if domain.high < math.inf:
+        text = f"A > {domain.high!r} && A <= {domain.high + ROUNDING!r} ? {domain.high!r} : {text}"
+    return text
 
-    LIBRARY = "one number at a time, by the C library"
-    RELATION = "on a batch; the result is 1 where the comparison holds, else 0"
-    BATCH = "on the eight numbers of a batch"
-    VECTOR = "on a batch, and on vectors of registers in a single run"
-    SPECIAL = "by code of its own in each evaluator"
+
+def _at_bound(function: Callable[[float], float], domain: Domain, a: float) -> float:
+    return function(bounded(a, domain))
+
+
+def _row(function: Function) -> tuple[Any, ...]:
+    """Return the row of a function's operation."""
+    operation = function.operation
+    assert operation is not None
+    c, scalar, domain = operation.c, operation.scalar, operation.domain
+    if domain.rounded:
+        c = re.sub(r"\bA\b", _bounded_in_c(domain), c)
+        scalar = partial(_at_bound, scalar, domain)
+    arity, kind, array = operation.arity, operation.kind, operation.array
+    return arity, kind, c, scalar, array, function.symbol, 1, operation
 
 
 class Op(IntEnum):
@@ -70,6 +85,8 @@ class Op(IntEnum):
         Class in SymEngine; empty for operations that the compiler handles separately.
     results : int
         Number of results.
+    function : Operation, optional
+        The function of the grammar that it evaluates.
     """
 
     arity: int
@@ -79,6 +96,22 @@ class Op(IntEnum):
     array: str
     symbol: str
     results: int
+    function: Operation | None
+
+    # operations of functions that the engine uses by name
+    POW: Op
+    SQRT: Op
+    SIN: Op
+    COS: Op
+    TAN: Op
+    ATAN2: Op
+    SINH: Op
+    COSH: Op
+    TANH: Op
+    EXP: Op
+    LOG: Op
+    FLOOR: Op
+    CEIL: Op
 
     def __new__(
         cls,
@@ -89,12 +122,13 @@ class Op(IntEnum):
         array: str = "",
         symbol: str = "",
         results: int = 1,
+        function: Operation | None = None,
     ) -> Op:
         """Number the operations in the order of their rows."""
         op = int.__new__(cls, len(cls.__members__))
         op._value_ = len(cls.__members__)
         op.arity, op.kind, op.c, op.results = arity, kind, c, results
-        op.scalar, op.array, op.symbol = scalar, array, symbol
+        op.scalar, op.array, op.symbol, op.function = scalar, array, symbol, function
         return op
 
     ADD = 2, Kind.VECTOR, "A + B", operator.add
@@ -102,48 +136,7 @@ class Op(IntEnum):
     MUL = 2, Kind.VECTOR, "A * B", operator.mul
     DIV = 2, Kind.VECTOR, "A / B", operator.truediv, "numpy.divide"
     NEG = 1, Kind.VECTOR, "-A", operator.neg
-    POW = 2, Kind.LIBRARY, "pow(A, B)", math.pow, "numpy.power"
-    SQRT = 1, Kind.VECTOR, "SQRT(A)", math.sqrt, "numpy.sqrt"
-    SIN = 1, Kind.BATCH, "SIN(A)", math.sin, "numpy.sin", "sin"
-    COS = 1, Kind.BATCH, "COS(A)", math.cos, "numpy.cos", "cos"
-    TAN = 1, Kind.LIBRARY, "tan(A)", math.tan, "numpy.tan", "tan"
-    ASIN = (
-        1,
-        Kind.LIBRARY,
-        f"asin({_BOUNDED})",
-        lambda a: math.asin(bounded(a)),
-        _ON_ARRAYS + "arcsin",
-        "asin",
-    )
-    ACOS = (
-        1,
-        Kind.LIBRARY,
-        f"acos({_BOUNDED})",
-        lambda a: math.acos(bounded(a)),
-        _ON_ARRAYS + "arccos",
-        "acos",
-    )
-    ATAN = 1, Kind.LIBRARY, "atan(A)", math.atan, "numpy.arctan", "atan"
-    ATAN2 = 2, Kind.LIBRARY, "atan2(A, B)", math.atan2, "numpy.arctan2", "atan2"
-    SINH = 1, Kind.LIBRARY, "sinh(A)", math.sinh, "numpy.sinh", "sinh"
-    COSH = 1, Kind.LIBRARY, "cosh(A)", math.cosh, "numpy.cosh", "cosh"
-    TANH = 1, Kind.LIBRARY, "tanh(A)", math.tanh, "numpy.tanh", "tanh"
-    ASINH = 1, Kind.LIBRARY, "asinh(A)", math.asinh, "numpy.arcsinh", "asinh"
-    ACOSH = (
-        1,
-        Kind.LIBRARY,
-        f"acosh({_RAISED})",
-        lambda a: math.acosh(raised(a)),
-        _ON_ARRAYS + "arccosh",
-        "acosh",
-    )
-    ATANH = 1, Kind.LIBRARY, "atanh(A)", math.atanh, "numpy.arctanh", "atanh"
-    EXP = 1, Kind.LIBRARY, "exp(A)", math.exp, "numpy.exp"
-    LOG = 1, Kind.LIBRARY, "log(A)", math.log, "numpy.log", "log"
-    ERF = 1, Kind.LIBRARY, "erf(A)", math.erf, "scipy.special.erf", "erf"
-    ERFC = 1, Kind.LIBRARY, "erfc(A)", math.erfc, "scipy.special.erfc", "erfc"
-    FLOOR = 1, Kind.LIBRARY, "floor(A)", lambda a: float(math.floor(a)), "numpy.floor", "floor"
-    CEIL = 1, Kind.LIBRARY, "ceil(A)", lambda a: float(math.ceil(a)), "numpy.ceil", "ceiling"
+    vars().update((name, _row(function)) for name, function in functions.OPERATIONS.items())
     ABS = 1, Kind.VECTOR, "ABS(A)", abs, "", "Abs"
     LT = 2, Kind.RELATION, "A < B", operator.lt, "numpy.less", "StrictLessThan"
     LE = 2, Kind.RELATION, "A <= B", operator.le, "numpy.less_equal", "LessThan"
@@ -153,7 +146,7 @@ class Op(IntEnum):
     OR = 2, Kind.BATCH, "LARGER(A, B)", max, "numpy.maximum", "Or"
     NOT = 1, Kind.BATCH, "1.0 - A", lambda a: 1.0 - a, "", "Not"
     SELECT = 3, Kind.BATCH, "CHOOSE(A != 0.0, B, C)", lambda a, b, c: b if a else c, "numpy.where"
-    CLIP = 2, Kind.BATCH, _CLIPPED, clipped, _ON_ARRAYS + "clipped"
+    CLIP = 2, Kind.BATCH, _CLIPPED, clipped, "lagcli.engine.tape.domains.clipped"
     # operations that occur only in programs
     MULADD = 3, Kind.VECTOR, "A * B + C"
     MULSUB = 3, Kind.VECTOR, "A * B - C"

@@ -10,12 +10,12 @@ Series are represented as multiples of others: see `lagcli.engine.taylor.forms`.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import OPERATIONS, Op
+from lagcli.engine.tape.slopes import SlopeRules
 from lagcli.engine.taylor.forms import Form, SeriesForms
 from lagcli.engine.taylor.series_nodes import (
     ZERO,
@@ -47,6 +47,7 @@ class SeriesExpansion(SeriesForms):
         self.slopes: dict[Name, int] = {}  # CHAIN → g
         self.rates: dict[Name, Name] = {}
         self.sums: dict[tuple[Form, Form], Name] = {}
+        self.rules = _SeriesSlopes(self)
 
     def is_invariant(self, x: Name) -> bool:
         """Return whether a register is a number, not a series."""
@@ -74,8 +75,11 @@ class SeriesExpansion(SeriesForms):
             self.tails[to] = self.tail(a)
         elif op == Op.SELECT and self.is_invariant(a):
             self.selected(to, a, b, c)
-        elif op in _SLOPES:
-            scale, slope = _SLOPES[op](self, a, to)
+        elif op.function is not None and op.function.slope is not None:
+            scale, slope, divisor = self.rules.of(op, a, to)
+            if divisor is not None:
+                slope = self.inverse(divisor)
+            assert slope is not None
             self.chain(to, self.builder.constant(scale), a, slope)
         else:
             raise NotAnalytic(op.name.lower())
@@ -188,11 +192,6 @@ class SeriesExpansion(SeriesForms):
         """Return the register of an inverse."""
         return self.div(self.one, a)
 
-    def squared(self, first: float, sign: int, a: int) -> int:
-        """Emit first ± a²."""
-        op = Op.ADD if sign > 0 else Op.SUB
-        return self.builder.emit(op, self.builder.constant(first), self.mul(a, a))
-
     # dependencies
 
     def expand(self, results: Iterable[int], names: Mapping[int, Name] | None = None) -> None:
@@ -274,31 +273,9 @@ class SeriesExpansion(SeriesForms):
         return list(found.values())
 
 
-def _error_slope(e: SeriesExpansion, a: int) -> int:
-    return e.builder.emit(Op.EXP, e.builder.emit(Op.NEG, e.mul(a, a)))
+class _SeriesSlopes(SlopeRules):
+    """Rules whose products and quotients begin series."""
 
-
-def _over_root(e: SeriesExpansion, x: int) -> int:
-    return e.inverse(e.builder.emit(Op.SQRT, x))
-
-
-#: c = f(a) → s and g with c′ = s g a′, from a and c.
-_SLOPES: dict[Op, Callable[[SeriesExpansion, int, int], tuple[float, int]]] = {
-    Op.SQRT: lambda e, a, c: (0.5, e.inverse(c)),
-    Op.SIN: lambda e, a, c: (1.0, e.builder.emit(Op.COS, a)),
-    Op.COS: lambda e, a, c: (-1.0, e.builder.emit(Op.SIN, a)),
-    Op.TAN: lambda e, a, c: (1.0, e.squared(1.0, 1, c)),
-    Op.ASIN: lambda e, a, c: (1.0, _over_root(e, e.squared(1.0, -1, a))),
-    Op.ACOS: lambda e, a, c: (-1.0, _over_root(e, e.squared(1.0, -1, a))),
-    Op.ATAN: lambda e, a, c: (1.0, e.inverse(e.squared(1.0, 1, a))),
-    Op.SINH: lambda e, a, c: (1.0, e.builder.emit(Op.COSH, a)),
-    Op.COSH: lambda e, a, c: (1.0, e.builder.emit(Op.SINH, a)),
-    Op.TANH: lambda e, a, c: (1.0, e.squared(1.0, -1, c)),
-    Op.ASINH: lambda e, a, c: (1.0, _over_root(e, e.squared(1.0, 1, a))),
-    Op.ACOSH: lambda e, a, c: (1.0, _over_root(e, e.squared(-1.0, 1, a))),
-    Op.ATANH: lambda e, a, c: (1.0, e.inverse(e.squared(1.0, -1, a))),
-    Op.EXP: lambda e, a, c: (1.0, c),
-    Op.LOG: lambda e, a, c: (1.0, e.inverse(a)),
-    Op.ERF: lambda e, a, c: (2.0 / math.sqrt(math.pi), _error_slope(e, a)),
-    Op.ERFC: lambda e, a, c: (-2.0 / math.sqrt(math.pi), _error_slope(e, a)),
-}
+    def __init__(self, expansion: SeriesExpansion):
+        super().__init__(expansion.builder)
+        self.product, self.quotient = expansion.mul, expansion.div  # type: ignore[method-assign]

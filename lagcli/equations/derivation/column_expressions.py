@@ -9,7 +9,7 @@ from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.functions import apply
 from lagcli.model.model import multiplier
 
 #: Symbols for the work of the powers since the first sample, and for the total energy there.
@@ -48,7 +48,7 @@ def largest(values: Sequence[Basic]) -> Basic:
     """Return the largest magnitude; 0 for an empty sequence."""
     if not values:
         return se.Integer(0)
-    return FUNCTIONS["max"].apply(*[FUNCTIONS["abs"].apply(x) for x in values])
+    return apply("max", *[apply("abs", x) for x in values])
 
 
 def power_applied(eq: Equations) -> Basic:

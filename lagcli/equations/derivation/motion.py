@@ -10,7 +10,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
-from lagcli.model.expression.functions import KINKS, derivative
+from lagcli.model.expression.functions import derivative, kinks_of
 from lagcli.model.model import Model
 
 ZERO = se.Integer(0)
@@ -101,7 +101,7 @@ class Motion:
             return expression.diff(symbol)
         kinked = self._kinked.get(expression)
         if kinked is None:
-            kinked = self._kinked[expression] = bool(expression.atoms(*KINKS))
+            kinked = self._kinked[expression] = bool(kinks_of(expression))
         return derivative(expression, symbol) if kinked else expression.diff(symbol)
 
     def sum_diff(self, terms: Iterable[Basic], symbol: Basic) -> Basic:

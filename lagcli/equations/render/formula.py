@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, ClassVar
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token
 from lagcli.equations.render.names import Notation
+from lagcli.functions import FUNCTIONS, Spelling
 
+_OF_VECTORS = {"norm": Spelling(fences=("‖", "‖"), latex_fences=(r"\lVert ", r" \rVert"))}
+_SPELLINGS = {name: f.spelling for name, f in FUNCTIONS.items()} | _OF_VECTORS
 #: Functions whose argument needs no parentheses if it is a name: sin φ.
-PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
+PREFIX = {name for name, spelling in _SPELLINGS.items() if spelling.prefix}
+
+
+def spelling_of(function: str) -> Spelling:
+    """Return how formulas write a function."""
+    return _SPELLINGS.get(function, Spelling())
 
 
 #: Added to the depth of breaks before factors without brackets, which are the last to be broken.
@@ -28,6 +35,11 @@ def factor_depth(factors: Sequence[Node], i: int, depth: int) -> int:
     base = factor.base if isinstance(factor, t.Power) else factor
     numbered = i == 1 and isinstance(factors[0], t.Number)
     return depth if isinstance(base, t.Sum | t.Vector) and not numbered else depth + LAST_RESORT
+
+
+def is_named(node: Node) -> bool:
+    """Whether a formula is a function that starts with its name, not with a delimiter."""
+    return isinstance(node, t.Call) and spelling_of(node.function).fences is None
 
 
 class FormulaWriter:
@@ -115,10 +127,8 @@ class FormulaWriter:
 class DisplayWriter(FormulaWriter):
     """Writer for formulas that are set in two dimensions, with fractions and roots."""
 
-    #: Separator between a function and a name, and delimiters of the argument of ``abs`` and
-    #: others.
+    #: Separator between a function and a name.
     space = " "
-    fences: ClassVar[Mapping[str, Any]] = {}
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
         """Return tokens in brackets of matching size."""
@@ -136,7 +146,7 @@ class DisplayWriter(FormulaWriter):
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
-        called = not product and isinstance(node, t.Call) and node.function not in self.fences
+        called = not product and is_named(node)
         number = not product and isinstance(node, t.Number) and "frac" in self.number(node.value)
         if isinstance(node, compound) or dotted or called or number:
             return self._fenced(self.tokens(node, depth + 1))

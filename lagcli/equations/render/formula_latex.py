@@ -8,18 +8,18 @@ from fractions import Fraction
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token, flat
-from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, factor_depth, rows_of
+from lagcli.equations.render.formula import (
+    PREFIX,
+    DisplayWriter,
+    cases_of,
+    factor_depth,
+    rows_of,
+    spelling_of,
+)
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "=", "⊥": r"\perp"}
-_FUNCTIONS = {
-    **{f: rf"\{f}" for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log", "min", "max")},
-    **{"asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan"},
-}
-_FENCES = {"abs": (r"\lvert ", r" \rvert"), "norm": (r"\lVert ", r" \rVert")}
-_FENCES["floor"] = (r"\lfloor ", r" \rfloor")
-_FENCES["ceil"] = _FENCES["ceiling"] = (r"\lceil ", r" \rceil")
 #: Largest numerator, denominator or radicand that is not broken, in characters: half a page wide.
 _WIDE = 45
 _TALL = (r"\frac", r"\begin")
@@ -28,7 +28,7 @@ _TALL = (r"\frac", r"\begin")
 class LatexFormula(DisplayWriter):
     """Writer for formulas in LaTeX."""
 
-    space, fences = " ", _FENCES
+    space = " "
 
     def latex(self, node: Node) -> str:
         """Return a formula on one line."""
@@ -120,15 +120,16 @@ class LatexFormula(DisplayWriter):
             and base.function in PREFIX
             and isinstance(node.exponent, t.Number)
         ):
-            return [_FUNCTIONS[base.function], raised, *self._arguments(base, depth)]
+            return [spelling_of(base.function).latex, raised, *self._arguments(base, depth)]
         if isinstance(base, t.Symbol) and base.name in self.names.with_own_latex:
             return [f"{{{self._symbol(base)}}}", raised]
         return [*self._tight(base, depth), raised]
 
     def _write_call(self, node: t.Call, depth: int) -> list[Token]:
         name, arguments = node.function, node.arguments
-        if name in _FENCES:
-            opening, closing = _FENCES[name]
+        spelling = spelling_of(name)
+        if spelling.latex_fences is not None:
+            opening, closing = spelling.latex_fences
             return [opening, self.latex(arguments[0]), closing]
         if name in ("dot", "cross"):
             sign = r" \cdot " if name == "dot" else r" \times "
@@ -138,8 +139,8 @@ class LatexFormula(DisplayWriter):
             return [rf"\mathrm{{e}}^{{{self.latex(arguments[0])}}}"]
         if name == "transpose":
             return [*self._tight(arguments[0], depth), r"^{\mathsf{T}}"]
-        macro = _FUNCTIONS.get(name)
-        if macro is None:
+        macro = spelling.latex
+        if not macro:
             stem, _, index = name.partition("_")
             macro = rf"\operatorname{{{latex_ascii(stem)}}}" + (f"_{{{index}}}" if index else "")
         return [macro, *self._arguments(node, depth)]

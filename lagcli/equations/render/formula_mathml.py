@@ -11,15 +11,20 @@ from html import escape, unescape
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token
-from lagcli.equations.render.formula import LAST_RESORT, PREFIX, DisplayWriter, cases_of, rows_of
+from lagcli.equations.render.formula import (
+    LAST_RESORT,
+    PREFIX,
+    DisplayWriter,
+    cases_of,
+    is_named,
+    rows_of,
+    spelling_of,
+)
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
-_FUNCTIONS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
-_FENCES = {"abs": ("|", "|"), "norm": ("‖", "‖"), "floor": ("⌊", "⌋"), "ceil": ("⌈", "⌉")}
-_FENCES["ceiling"] = _FENCES["ceil"]
 _THIN = '<mspace width="0.17em"/>'
 _APPLY, _TIMES = "<mo>\u2061</mo>", "<mo>\u2062</mo>"
 _TALL = ("<mfrac>", "<mtable")
@@ -42,7 +47,7 @@ class MathmlFormula(DisplayWriter):
 
     plus, minus = operator("+"), operator("−")
     negative, comma = operator("−", "prefix"), operator(",")
-    space, fences = _THIN, _FENCES
+    space = _THIN
 
     def mathml(self, node: Node) -> str:
         """Return a formula without line breaks as one element."""
@@ -160,8 +165,9 @@ class MathmlFormula(DisplayWriter):
 
     def _write_call(self, node: t.Call, depth: int) -> list[Token]:
         name, arguments = node.function, node.arguments
-        if name in _FENCES:
-            opening, closing = _FENCES[name]
+        spelling = spelling_of(name)
+        if spelling.fences is not None:
+            opening, closing = spelling.fences
             return [_between(opening, self.mathml(arguments[0]), closing)]
         if name in ("dot", "cross"):
             sign = operator("⋅" if name == "dot" else "×")
@@ -172,7 +178,7 @@ class MathmlFormula(DisplayWriter):
         if name == "transpose":
             base = _row(_joined(self._tight(arguments[0], depth)))
             return [f'<msup>{base}<mi mathvariant="normal">T</mi></msup>']
-        stem, _, index = _FUNCTIONS.get(name, name).partition("_")
+        stem, _, index = (spelling.mathml or name).partition("_")
         sign = f"<mi>{escape(stem)}</mi>"
         if len(stem) == 1:
             sign = f'<mi mathvariant="normal">{escape(stem)}</mi>'
@@ -253,4 +259,4 @@ def _row(mathml: str) -> str:
 def _named(factor: Node) -> bool:
     """Whether a factor starts with a function name, which needs a space before it."""
     base = factor.base if isinstance(factor, t.Power) else factor
-    return isinstance(base, t.Call) and base.function not in _FENCES
+    return is_named(base)

@@ -8,8 +8,6 @@ from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.model import model as symbols
 
-_FUNCTIONS = {"ceiling": "ceil"}  # names that differ between SymEngine and the grammar
-
 
 def grammar_text(node: Node) -> str:
     """Return a formula as text of the model grammar.
@@ -40,8 +38,7 @@ def grammar_text(node: Node) -> str:
         case t.Root():
             return f"{'sqrt' if node.degree == 2 else 'cbrt'}({grammar_text(node.radicand)})"
         case t.Call():
-            name = _FUNCTIONS.get(node.function, node.function)
-            return f"{name}({', '.join(map(grammar_text, node.arguments))})"
+            return f"{node.function}({', '.join(map(grammar_text, node.arguments))})"
         case t.Component():
             part = f".{node.subscript}" if node.subscript.isalpha() else f"[{node.subscript}]"
             return f"{_base(node.of)}{part}"

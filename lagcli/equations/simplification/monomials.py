@@ -17,6 +17,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.expression.algebra import constant_value
+from lagcli.model.expression.functions import apply, is_opaque, name_of_function
 from lagcli.model.model import Model, acceleration, multiplier, velocity
 
 Exact = int | Fraction
@@ -365,12 +366,15 @@ class MonomialExpansion:
         return self._one(Generator("cases", "", (e,)))
 
     def _function(self, e: Basic) -> Polynomial:
-        name = type(e).__name__.lower()
+        name = name_of_function(e)
         arguments = e.args
         if self.values:
             numbers = [self._number(a) for a in arguments]
             if all(n is not None for n in numbers):
-                value = float(e.func(*[float(n) for n in numbers if n is not None]))
+                exact = [float(n) for n in numbers if n is not None]
+                value = float(
+                    apply(name, *map(se.RealDouble, exact)) if is_opaque(e) else e.func(*exact)
+                )
                 return self._constant(value) or {}
         if name in ("sin", "cos", "tan") and isinstance(arguments[0], se.Add | se.Mul):
             sign, argument = self.oriented(arguments[0])

@@ -10,6 +10,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import read_column_name, read_dotted_name
+from lagcli.functions import FUNCTIONS, DimensionRule
 from lagcli.model.dimensions.evaluation import Disagreement
 from lagcli.model.dimensions.free_numbers import is_constant
 from lagcli.model.dimensions.model_units import (
@@ -390,7 +391,11 @@ def _alike(known: NamedDimensions, sides: tuple[Tree, ...], reason: str, event: 
             known.findings.append(UnitFinding(wrong, "events", name))
 
 
-_ANGLES = (se.asin, se.acos, se.atan, se.atan2)
+_ANGLES = tuple(
+    getattr(se, function.symbol)
+    for function in FUNCTIONS.values()
+    if function.symbol and function.dimension in (DimensionRule.ANGLE, DimensionRule.DIRECTION)
+)
 
 
 def symbolic_unit(model: Model, expression: Basic) -> str | None:

@@ -7,6 +7,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+from lagcli.functions import FUNCTIONS, DimensionRule
 from lagcli.model.dimensions.free_numbers import FreeNumbers, is_constant, is_small, is_zero
 from lagcli.model.expression.dimension import (
     ANGLE,
@@ -88,16 +89,6 @@ class Lookup(Protocol):
     def each(self, tree: IndexedSumExpr) -> Iterator[None]:
         """Iterate over the terms of a sum whose dimensions may differ."""
         ...
-
-
-_NUMBERS = {
-    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "exp2"),
-    *("expm1", "log", "log10", "log2", "log1p", "floor", "ceil", "erf", "erfc", "degrees"),
-}
-_ANGLES = {"asin", "acos", "atan", "radians"}
-_ALIKE = {"abs", "fabs", "min", "max", "hypot"}
-_SIGNS = {"sign", "step"}
-_ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 
 
 class DimensionEvaluator:
@@ -305,27 +296,34 @@ class DimensionEvaluator:
 
     def _call(self, tree: CallExpr) -> Value:
         name, arguments = tree.function, tree.arguments
-        if name in _NUMBERS or name in _ANGLES:
-            plain = [self.dimensionless(a, f"the argument of `{name}`") for a in arguments]
-            if all(x is NUMBER or x is ZERO for x in plain):
-                return NUMBER
-            return ONE if name in _NUMBERS else ANGLE
-        if name in _ALIKE:
-            return self.alike(arguments, "arguments")
-        if name in _SIGNS:
-            self.value(arguments[0])
-            return ONE
-        if name in _ROOTS:
-            return power(self.scalar(arguments[0]), _ROOTS[name])
-        if name == "pow":
-            return self.raised(*arguments)
-        if name == "atan2":
-            self.alike(arguments, "arguments")
-            return ANGLE
+        if name in FUNCTIONS:
+            return self._function(name, FUNCTIONS[name].dimension, arguments)
         if name == "if":
             self.value(arguments[0])
             return self.alike(arguments[1:], "cases")
         return self._tensor_call(tree)
+
+    def _function(
+        self, name: str, rule: DimensionRule | Fraction, arguments: tuple[Tree, ...]
+    ) -> Value:
+        if isinstance(rule, Fraction):
+            return power(self.scalar(arguments[0]), rule)
+        match rule:
+            case DimensionRule.NUMBER | DimensionRule.ANGLE:
+                plain = [self.dimensionless(a, f"the argument of `{name}`") for a in arguments]
+                if all(x is NUMBER or x is ZERO for x in plain):
+                    return NUMBER
+                return ONE if rule is DimensionRule.NUMBER else ANGLE
+            case DimensionRule.SAME:
+                return self.alike(arguments, "arguments")
+            case DimensionRule.DIRECTION:
+                self.alike(arguments, "arguments")
+                return ANGLE
+            case DimensionRule.SIGN:
+                self.value(arguments[0])
+                return ONE
+            case DimensionRule.POWER:
+                return self.raised(*arguments)
 
     def _tensor_call(self, tree: CallExpr) -> Value:
         name, arguments = tree.function, tree.arguments

@@ -13,12 +13,13 @@ import symengine as se
 from symengine import Basic
 from symengine.lib.symengine_wrapper import Boolean
 
+from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression import tensors
 from lagcli.model.expression.algebra import count_operations
 from lagcli.model.expression.calls import TENSOR_FUNCTIONS, check_call, tensor_call
 from lagcli.model.expression.constants import fault, relation
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.functions import apply
 from lagcli.model.expression.tensors import ShapeError, Tensor, kind_of
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
@@ -341,8 +342,8 @@ class _ExpressionBuilder:
         if name == "pow":
             return self.raised(tree, *arguments)
         function = FUNCTIONS[name]
-        value = function.apply(*(a.value for a in arguments))
-        if not function.smooth:
+        value = apply(name, *(a.value for a in arguments))
+        if function.opaque or not function.smooth:
             self.scope.mark_nonsmooth()
         copies = function.copies(len(arguments))
         return self.made(tree, value, arguments, copies, levels=copies.bit_length())

@@ -8,8 +8,8 @@ from typing import Protocol
 import symengine as se
 from symengine import Basic
 
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression import tensors
-from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tensors import ShapeError, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import CallExpr, Name
@@ -31,27 +31,8 @@ TENSOR_FUNCTIONS: dict[str, tuple[str, ...]] = {
 }
 
 _OTHER_NAMES = {
-    "arcsin": "asin",
-    "arccos": "acos",
-    "arctan": "atan",
-    "arctan2": "atan2",
-    "arcsinh": "asinh",
-    "arccosh": "acosh",
-    "arctanh": "atanh",
-    "ln": "log",
-    "lg": "log10",
-    "sgn": "sign",
-    "signum": "sign",
-    "ceiling": "ceil",
-    "heaviside": "step",
-    "Heaviside": "step",
-    "Abs": "abs",
-    "piecewise": "if",
-    "where": "if",
-    "mod": "floor",
-    "sine": "sin",
-    "cosine": "cos",
-    "tangent": "tan",
+    **{alias: name for name, f in FUNCTIONS.items() for alias in f.aliases},
+    **{"piecewise": "if", "where": "if"},
 }
 _ZERO, _ONE = se.Integer(0), se.Integer(1)
 _AXES = {

@@ -14,6 +14,8 @@ from fractions import Fraction
 import symengine as se
 from symengine import Basic
 
+from lagcli.functions import FUNCTIONS
+
 _LARGEST_BITS = 1024  # of a double
 
 _RELATIONS: dict[str, Callable[[Basic, Basic], Basic]] = {
@@ -46,12 +48,22 @@ def number(expression: Basic) -> float:
         if isinstance(expression, se.Rational):  # SymEngine truncates, Python rounds
             numerator, denominator = map(int, expression.get_num_den())
             return numerator / denominator
-        value = float(expression.n(53, real=True))
+        value = float(_evaluated(expression).n(53, real=True))
     except (RuntimeError, OverflowError):  # SymEngine's error messages for complex results
         value = math.nan
     if not math.isfinite(value):
         raise ValueError("not a real, finite number")
     return value
+
+
+def _evaluated(expression: Basic) -> Basic:
+    """Return a constant with the values of functions that SymEngine does not know."""
+    values = {}
+    for call in expression.atoms(se.FunctionSymbol):
+        function = FUNCTIONS.get(call.get_name())
+        if function is not None and function.operation is not None:
+            values[call] = se.RealDouble(function.operation.scalar(*map(number, call.args)))
+    return expression.xreplace(values) if values else expression
 
 
 def fault(value: Basic) -> str | None:
@@ -64,7 +76,7 @@ def fault(value: Basic) -> str | None:
     if value in (se.zoo, se.oo, -se.oo):
         return too_large
     try:
-        result = float(value.n(53, real=True))
+        result = float(_evaluated(value).n(53, real=True))
     except OverflowError:
         return too_large
     except RuntimeError:

@@ -1,4 +1,4 @@
-"""Scalar functions of the expression language as SymEngine expressions.
+"""Scalar functions of the expression language as SymEngine expressions, and their derivatives.
 
 Functions that SymEngine cannot differentiate (abs, sign, min, max, step) become piecewise
 expressions, so that their derivatives are correct wherever they exist.
@@ -7,152 +7,72 @@ expressions, so that their derivatives are correct wherever they exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import symengine as se
 from symengine import Basic
 
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.constants import cases, number, relation, whole
 
 ZERO = se.Integer(0)
 
 
-def _once(_: int) -> int:
-    return 1
+class _Symbolic:
+    """What the expressions and derivatives of functions are made of: see `lagcli.functions`."""
+
+    zero, one, pi = ZERO, se.Integer(1), se.pi
+    cases, relation = staticmethod(cases), staticmethod(relation)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(se, name)
+
+    def floor(self, x: Basic) -> Basic:
+        """Return ⌊x⌋."""
+        return se.floor(x) if x.free_symbols else whole(math.floor, x)
+
+    def ceiling(self, x: Basic) -> Basic:
+        """Return ⌈x⌉."""
+        return se.ceiling(x) if x.free_symbols else whole(math.ceil, x)
 
 
-class Function(NamedTuple):
-    """A scalar function: its arity and its SymEngine expression.
+_SYMBOLIC = _Symbolic()
+#: The names in the grammar of SymEngine's functions that have another name.
+_NAMES = {f.symbol: name for name, f in FUNCTIONS.items() if f.symbol not in ("", name)}
+_OPAQUE = {name for name, f in FUNCTIONS.items() if f.opaque}
 
-    ``copies`` returns how often the result repeats each argument, given their number; ``smooth`` is
-    False for piecewise expressions and functions with jumps.
+
+def apply(name: str, *arguments: Basic) -> Basic:
+    """Return a function of expressions.
+
+    Raises
+    ------
+    ValueError
+        The value of a constant is undefined.
     """
-
-    fewest: int
-    most: int | None
-    apply: Callable[..., Basic]
-    copies: Callable[[int], int] = _once
-    smooth: bool = True
-
-
-def _abs(x: Basic) -> Basic:
-    return cases(relation(">=", x, ZERO), x, -x)
-
-
-def _sign(x: Basic) -> Basic:
-    below = cases(relation("<", x, ZERO), se.Integer(-1), ZERO)
-    return cases(relation(">", x, ZERO), se.Integer(1), below)
+    function = FUNCTIONS[name]
+    if function.expression is not None:
+        return function.expression(_SYMBOLIC, *arguments)
+    if function.symbol:
+        return getattr(se, function.symbol)(*arguments)
+    if any(x.free_symbols for x in arguments):
+        return se.Function(name)(*arguments)
+    assert function.operation is not None
+    return se.RealDouble(function.operation.scalar(*map(number, arguments)))
 
 
-def _min(*xs: Basic) -> Basic:
-    return _chosen("<=", xs)
+def name_of_function(expression: Basic) -> str:
+    """Return the name in the grammar of an expression's outermost function."""
+    if isinstance(expression, se.FunctionSymbol):
+        return str(expression.get_name())
+    name = type(expression).__name__.lower()
+    return _NAMES.get(name, name)
 
 
-def _max(*xs: Basic) -> Basic:
-    return _chosen(">=", xs)
-
-
-def _chosen(sign: str, xs: Sequence[Basic]) -> Basic:
-    """Return the minimum or maximum by bisection: each level of cases repeats its arguments."""
-    if len(xs) == 1:
-        return xs[0]
-    half = len(xs) // 2
-    left, right = _chosen(sign, xs[:half]), _chosen(sign, xs[half:])
-    return cases(relation(sign, left, right), left, right)
-
-
-def _copies_in_halves(count: int) -> int:
-    return int(2 ** (count - 1).bit_length())
-
-
-def _step(x: Basic) -> Basic:
-    return cases(relation(">=", x, ZERO), se.Integer(1), ZERO)
-
-
-def _log(x: Basic, base: Basic | None = None) -> Basic:
-    return se.log(x) if base is None else se.log(x) / se.log(base)
-
-
-def _log10(x: Basic) -> Basic:
-    return se.log(x) / se.log(se.Integer(10))
-
-
-def _log2(x: Basic) -> Basic:
-    return se.log(x) / se.log(se.Integer(2))
-
-
-def _cbrt(x: Basic) -> Basic:
-    third = se.Rational(1, 3)
-    if x.free_symbols:
-        return cases(relation(">=", x, ZERO), x**third, -((-x) ** third))
-    return x**third if number(x) >= 0 else -((-x) ** third)
-
-
-def _hypot(*xs: Basic) -> Basic:
-    return se.sqrt(se.Add(*[x**2 for x in xs]))
-
-
-def _floor(x: Basic) -> Basic:
-    return se.floor(x) if x.free_symbols else whole(math.floor, x)
-
-
-def _ceil(x: Basic) -> Basic:
-    return se.ceiling(x) if x.free_symbols else whole(math.ceil, x)
-
-
-_ONE_ARGUMENT: dict[str, Callable[..., Basic]] = {
-    "sin": se.sin,
-    "cos": se.cos,
-    "tan": se.tan,
-    "asin": se.asin,
-    "acos": se.acos,
-    "atan": se.atan,
-    "sinh": se.sinh,
-    "cosh": se.cosh,
-    "tanh": se.tanh,
-    "asinh": se.asinh,
-    "acosh": se.acosh,
-    "atanh": se.atanh,
-    "exp": se.exp,
-    "exp2": lambda x: se.Integer(2) ** x,
-    "expm1": lambda x: se.exp(x) - 1,
-    "log10": _log10,
-    "log2": _log2,
-    "log1p": lambda x: se.log(1 + x),
-    "sqrt": se.sqrt,
-    "cbrt": _cbrt,
-    "abs": _abs,
-    "fabs": _abs,
-    "sign": _sign,
-    "step": _step,
-    "floor": _floor,
-    "ceil": _ceil,
-    "erf": se.erf,
-    "erfc": se.erfc,
-    "degrees": lambda x: x * 180 / se.pi,
-    "radians": lambda x: x * se.pi / 180,
-}
-
-_REPEATING: dict[str, Callable[[int], int]] = {
-    **dict.fromkeys(["abs", "fabs", "cbrt"], lambda _: 3),
-    "sign": lambda _: 2,
-}
-
-_NOT_SMOOTH = {"abs", "fabs", "cbrt", "sign", "step", "floor", "ceil"}
-
-FUNCTIONS: dict[str, Function] = {
-    **{
-        name: Function(1, 1, apply, _REPEATING.get(name, _once), name not in _NOT_SMOOTH)
-        for name, apply in _ONE_ARGUMENT.items()
-    },
-    "log": Function(1, 2, _log),
-    "atan2": Function(2, 2, se.atan2, smooth=False),  # atan2(x, x) is written with sign(x)
-    "pow": Function(2, 2, lambda x, y: x**y),
-    "hypot": Function(1, None, _hypot),
-    "min": Function(1, None, _min, _copies_in_halves, smooth=False),
-    "max": Function(1, None, _max, _copies_in_halves, smooth=False),
-}
+def is_opaque(expression: Basic) -> bool:
+    """Return whether an expression is a function of the grammar that SymEngine does not know."""
+    return isinstance(expression, se.FunctionSymbol) and expression.get_name() in _OPAQUE
 
 
 _JUMPS = (se.floor, se.ceiling, se.sign)
@@ -171,7 +91,7 @@ def derivative(expression: Basic, symbol: Basic) -> Basic:
 
 def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
     """Differentiate by the chain rule, with a symbol for each piecewise part."""
-    kinks = expression.atoms(*KINKS)
+    kinks = kinks_of(expression)
     if not kinks:
         return expression.diff(symbol)
     held = {kink: se.Symbol(f"\ufdd0{i}") for i, kink in enumerate(kinks)}
@@ -188,9 +108,22 @@ def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> 
     return se.Add(*slopes).xreplace({name: kink for kink, name in held.items()})
 
 
+def kinks_of(expression: Basic) -> set[Basic]:
+    """Return the parts that SymEngine does not differentiate."""
+    kinks: set[Basic] = expression.atoms(*KINKS)
+    if _OPAQUE:
+        kinks |= {x for x in expression.atoms(se.FunctionSymbol) if is_opaque(x)}
+    return kinks
+
+
 def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
     if isinstance(kink, _JUMPS) or symbol not in kink.free_symbols:
         return ZERO
+    if isinstance(kink, se.FunctionSymbol):
+        (x,), operation = kink.args, FUNCTIONS[kink.get_name()].operation
+        assert operation is not None
+        assert operation.slope is not None
+        return operation.slope(_SYMBOLIC, x, kink) * _chain_rule(x, symbol, known)
     values = [_chain_rule(value, symbol, known) for value in kink.args[0::2]]
     return pieces(values, kink.args[1::2])
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from fractions import Fraction
 
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, Token
 from lagcli.model.expression.units import is_unit, to_si
 

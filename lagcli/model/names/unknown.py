@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import Broken
-from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, error_at, is_name
 from lagcli.model.expression.trees import Name, as_written
 from lagcli.model.names.members import format_members, members_clause

@@ -13,7 +13,7 @@ from lagcli.model import model as symbols
 from lagcli.model.draft import Draft, Formula, Indices, Parsed
 from lagcli.model.expression.algebra import is_zero, nonlinear_in
 from lagcli.model.expression.constants import cases, number, relation
-from lagcli.model.expression.functions import FUNCTIONS, KINKS, derivative
+from lagcli.model.expression.functions import KINKS, apply, derivative
 from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.keys import LIMIT, keys_of
 from lagcli.model.model import SIGN, Constraint, MultiplierLimit, multiplier, velocity
@@ -39,7 +39,7 @@ def has_friction(declaration: Declaration) -> bool:
 
 def abs_multiplier(constraint: str) -> Basic:
     """Return |λ| of a constraint as an expression of the model."""
-    return FUNCTIONS["abs"].apply(symbols.multiplier(constraint))
+    return apply("abs", symbols.multiplier(constraint))
 
 
 class ContactFields:
@@ -336,7 +336,7 @@ class SmoothForces(NamedTuple):
             assert row.limit is not None
             s, level = row.expression, row.limit.kinetic
             for sign in (1, -1):
-                kink = FUNCTIONS["sign"].apply(sign * s)
+                kink = apply("sign", sign * s)
                 part = -sign * multiplier(row.name) / level
                 parts[kink] = cases(relation(">", level, _ZERO), part, kink)
         return {name: x.xreplace(parts) for name, x in outputs.items()} if parts else dict(outputs)
@@ -408,11 +408,11 @@ def _signed(kink: Basic) -> Basic | None:
     if not isinstance(condition, se.StrictLessThan):
         return None
     s = condition.args[1] - condition.args[0]
-    return s if FUNCTIONS["sign"].apply(s) == kink else None
+    return s if apply("sign", s) == kink else None
 
 
 def _is_abs(kink: Basic) -> bool:
-    return bool(FUNCTIONS["abs"].apply(kink.args[0]) == kink)
+    return bool(apply("abs", kink.args[0]) == kink)
 
 
 def _rates(expression: Basic) -> list[Basic]:
@@ -491,7 +491,7 @@ def _nonnegative(expression: Basic, constants: Symbols) -> bool:
         return _nonnegative(base, constants)
     if isinstance(expression, se.Piecewise):
         cases = expression.args[::2]
-        enough = any if FUNCTIONS["max"].apply(*cases) == expression else all
+        enough = any if apply("max", *cases) == expression else all
         return _is_abs(expression) or enough(_nonnegative(x, constants) for x in cases)
     return False
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 from symengine import Basic
 
 from lagcli.columns import SCALARS
+from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import Draft, Formula, Parsed
 from lagcli.model.expression.building import name_errors
 from lagcli.model.expression.calls import TENSOR_FUNCTIONS
-from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.grammar import KEYWORDS
 from lagcli.model.expression.tokens import is_name
 from lagcli.model.expression.trees import Name, walk

@@ -12,7 +12,7 @@ from symengine import Basic
 from lagcli.columns import SLIP, read_column_name
 from lagcli.model.draft import Draft, Formula, Indices, Parsed
 from lagcli.model.expression.dimension import SECOND, same
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.functions import apply
 from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.expression.quantities import Quantity, formula_of, read_quantity
 from lagcli.model.expression.tokens import ExpressionError, error_at
@@ -210,14 +210,14 @@ class ConditionReader:
                 return self._function(tree.operands[0], indices, -sign)
             parts = [self._function(part, indices, sign) for part in tree.operands]
             least = (tree.operator == "and") == (sign > 0)
-            return FUNCTIONS["min" if least else "max"].apply(*parts)
+            return apply("min" if least else "max", *parts)
         assert isinstance(tree, Comparison)
         values = [self._value(part, indices) for part in tree.operands]
         parts = [
             sign * (b - a if operator in ("<", "<=") else a - b)
             for a, b, operator in zip(values, values[1:], tree.operators, strict=False)
         ]
-        return FUNCTIONS["min" if sign > 0 else "max"].apply(*parts)
+        return apply("min" if sign > 0 else "max", *parts)
 
     def _value(self, tree: Tree, indices: Indices) -> Basic:
         value = self.formulas[id(tree)].scalar(indices)

@@ -107,6 +107,11 @@ static lag_interval increasing(double (*f)(double), lag_interval a)
     return outwards(f(a.low), f(a.high), FUNCTION);
 }
 
+static lag_interval decreasing(double (*f)(double), lag_interval a)
+{
+    return outwards(f(a.high), f(a.low), FUNCTION);
+}
+
 /* The sine, or the cosine. */
 static lag_interval wave(lag_interval a, int cosine)
 {
@@ -123,12 +128,11 @@ static lag_interval wave(lag_interval a, int cosine)
     return (lag_interval){fmax(r.low, -1.0), fmin(r.high, 1.0)};
 }
 
-static lag_interval tangent(lag_interval a)
+static lag_interval tangent(double (*f)(double), lag_interval a)
 {
-    if (!(a.high - a.low < PI) || floor(a.low / PI + 0.5) != floor(a.high / PI + 0.5)
-        || !(tan(a.low) <= tan(a.high)))
+    if (!(a.high - a.low < PI) || floor(a.low / PI + 0.5) != floor(a.high / PI + 0.5) || !(f(a.low) <= f(a.high)))
         return LAG_ANYTHING; /* across a pole */
-    return increasing(tan, a);
+    return increasing(f, a);
 }
 
 static lag_interval root(lag_interval a)
@@ -215,13 +219,6 @@ static lag_interval next_coefficient(const lag_interval *a, const lag_interval *
     return lag_interval_scale(sum, 1.0 / k);
 }
 
-/* The rest of c = f(a), whose value is c_0, where w = f'(a). */
-static void integrate(const lag_interval *a, const lag_interval *w, lag_interval *c, int order)
-{
-    for (int k = 1; k <= order; ++k)
-        c[k] = next_coefficient(a, w, k);
-}
-
 static void root_jet(const lag_interval *a, lag_interval *c, int order)
 {
     c[0] = root(a[0]);
@@ -296,59 +293,6 @@ static void power_jet(const lag_interval *a, const lag_interval *b, lag_interval
         lag_jet_multiply(a, a, c, order);
 }
 
-/* plus + sign a^2 */
-static void plus_square(double plus, double sign, const lag_interval *a, lag_interval *c, int order)
-{
-    lag_jet_multiply(a, a, c, order);
-    for (int k = 0; k <= order && sign < 0.0; ++k)
-        c[k] = negative(c[k]);
-    c[0] = lag_interval_add(c[0], POINT(plus));
-}
-
-/* The inverse functions of sine, cosine and the like, by their derivatives. */
-static void inverse_jet(int op, const lag_interval *a, lag_interval *c, int order)
-{
-    static const lag_interval one[JET] = {{1.0, 1.0}};
-    lag_interval w[JET], x[JET], within = {fmax(a[0].low, -1.0), fmin(a[0].high, 1.0)};
-    if ((op == OP_ASIN || op == OP_ACOS || op == OP_ATANH) && !(within.low <= within.high)) {
-        for (int k = 0; k <= order; ++k)
-            c[k] = LAG_ANYTHING;
-        return;
-    }
-    switch (op) {
-    case OP_ASIN:
-        c[0] = increasing(asin, within);
-        break;
-    case OP_ACOS:
-        c[0] = outwards(acos(within.high), acos(within.low), FUNCTION);
-        break;
-    case OP_ATAN:
-        c[0] = increasing(atan, a[0]);
-        break;
-    case OP_ASINH:
-        c[0] = increasing(asinh, a[0]);
-        break;
-    case OP_ACOSH:
-        c[0] = a[0].low >= 1.0 ? increasing(acosh, a[0]) : LAG_ANYTHING;
-        break;
-    default:
-        c[0] = a[0].low > -1.0 && a[0].high < 1.0 ? increasing(atanh, a[0]) : LAG_ANYTHING;
-    }
-    if (order == 0)
-        return;
-    const double plus = op == OP_ACOSH ? -1.0 : 1.0;
-    const double sign = op == OP_ATAN || op == OP_ASINH || op == OP_ACOSH ? 1.0 : -1.0;
-    plus_square(plus, sign, a, w, order - 1);
-    if (op != OP_ATAN && op != OP_ATANH) {
-        root_jet(w, x, order - 1);
-        memcpy(w, x, (size_t)order * sizeof *w);
-    }
-    quotient(one, w, x, order - 1);
-    for (int k = 0; k < order && op == OP_ACOS; ++k)
-        x[k] = negative(x[k]);
-    integrate(a, x, c, order);
-}
-
 static void angle_jet(const lag_interval *y, const lag_interval *x, lag_interval *c, int order)
 {
     lag_interval w[JET], z[JET], rate[JET];
@@ -376,34 +320,102 @@ static void angle_jet(const lag_interval *y, const lag_interval *x, lag_interval
         c[k] = lag_interval_scale(rate[k - 1], 1.0 / k);
 }
 
-/* tan and tanh: their derivatives are 1 + c^2 and 1 - c^2. */
-static void tangent_jet(const lag_interval *a, lag_interval *c, int hyperbolic, int order)
+/* Jets as values, of which the derivatives in tables.h are made. n is the order. */
+
+typedef struct {
+    lag_interval k[JET];
+} jet;
+
+static inline jet constant(double x)
 {
-    lag_interval w[JET];
-    c[0] = hyperbolic ? increasing(tanh, a[0]) : tangent(a[0]);
-    if (!(c[0].high < INFINITY)) { /* across a pole, although the derivative has one sign */
+    return (jet){{POINT(x)}};
+}
+
+static inline jet add(jet a, jet b, int n)
+{
+    for (int k = 0; k <= n; ++k)
+        a.k[k] = lag_interval_add(a.k[k], b.k[k]);
+    return a;
+}
+
+static inline jet sub(jet a, jet b, int n)
+{
+    for (int k = 0; k <= n; ++k)
+        a.k[k] = subtract(a.k[k], b.k[k]);
+    return a;
+}
+
+static inline jet mul(jet a, jet b, int n)
+{
+    jet c;
+    lag_jet_multiply(a.k, b.k, c.k, n);
+    return c;
+}
+
+static inline jet sqr(jet a, int n)
+{
+    jet c;
+    lag_jet_multiply(a.k, a.k, c.k, n);
+    return c;
+}
+
+static inline jet div(jet a, jet b, int n)
+{
+    jet c;
+    quotient(a.k, b.k, c.k, n);
+    return c;
+}
+
+static inline jet jet_sqrt(jet a, int n)
+{
+    jet c;
+    root_jet(a.k, c.k, n);
+    return c;
+}
+
+static inline jet jet_exp(jet a, int n)
+{
+    jet c;
+    exponential_jet(a.k, c.k, n);
+    return c;
+}
+
+static inline jet jet_log(jet a, int n)
+{
+    jet c;
+    logarithm_jet(a.k, c.k, n);
+    return c;
+}
+
+/* Functions that follow from their derivative. */
+#define DEFINE(op, value, enclosure, low, high, slope) \
+    static double value_##op(double A) \
+    { \
+        return value; \
+    } \
+    static jet slope_##op(jet A, jet C, int n) \
+    { \
+        (void)A, (void)C; \
+        return slope; \
+    }
+LAG_FUNCTIONS(DEFINE)
+
+static void function_jet(lag_interval (*enclose)(double (*)(double), lag_interval), double (*value)(double),
+                         double low, double high, jet (*slope)(jet, jet, int), const lag_interval *a,
+                         lag_interval *c, int order)
+{
+    const lag_interval within = {fmax(a[0].low, low), fmin(a[0].high, high)};
+    jet x, y;
+    c[0] = within.low <= within.high ? enclose(value, within) : LAG_ANYTHING;
+    if (!(lag_interval_size(c[0]) < INFINITY)) { /* across a pole, although the derivative has one sign */
         constant_jet(c[0], c, order);
         return;
     }
+    memcpy(x.k, a, (size_t)(order + 1) * sizeof *a);
     for (int k = 1; k <= order; ++k) {
-        plus_square(1.0, hyperbolic ? -1.0 : 1.0, c, w, k - 1);
-        c[k] = next_coefficient(a, w, k);
+        memcpy(y.k, c, (size_t)k * sizeof *c);
+        c[k] = next_coefficient(a, slope(x, y, k - 1).k, k);
     }
-}
-
-/* erf and erfc: their derivatives are +-2 / sqrt(pi) exp(-a^2). */
-static void error_function_jet(const lag_interval *a, lag_interval *c, int complement, int order)
-{
-    lag_interval w[JET], x[JET];
-    c[0] = complement ? outwards(erfc(a[0].high), erfc(a[0].low), FUNCTION) : increasing(erf, a[0]);
-    if (order == 0)
-        return;
-    plus_square(0.0, -1.0, a, x, order - 1);
-    exponential_jet(x, w, order - 1);
-    const double factor = (complement ? -2.0 : 2.0) / sqrt(PI);
-    for (int k = 0; k < order; ++k)
-        w[k] = lag_interval_scale(w[k], factor);
-    integrate(a, w, c, order);
 }
 
 static void magnitude_jet(const lag_interval *a, lag_interval *c, int order)
@@ -452,21 +464,15 @@ static void choice_jet(const lag_interval *a, const lag_interval *b, const lag_i
 }
 
 /* Whether an operation has no value anywhere in an interval. */
-static int has_no_value(int op, lag_interval a, const lag_interval *b)
+static int has_no_value(int op, lag_interval A, const lag_interval *b)
 {
     switch (op) {
-    case OP_SQRT:
-        return a.high < 0.0;
-    case OP_LOG:
-        return a.high <= 0.0;
-    case OP_ASIN:
-    case OP_ACOS:
-    case OP_ATANH:
-        return a.low > 1.0 || a.high < -1.0;
-    case OP_ACOSH:
-        return a.high < 1.0;
+#define DOMAIN(op, outside) \
+    case op: \
+        return outside;
+        LAG_DOMAINS(DOMAIN)
     case OP_POW:
-        return a.high < 0.0 && b->low == b->high && b->low != floor(b->low);
+        return A.high < 0.0 && b->low == b->high && b->low != floor(b->low);
     default:
         return 0;
     }
@@ -531,18 +537,11 @@ static void operate(int op, const lag_interval *a, const lag_interval *b, const 
     case OP_COSH:
         wave_jets(a, w, out, 1.0, order);
         break;
-    case OP_TAN:
-    case OP_TANH:
-        tangent_jet(a, out, op == OP_TANH, order);
+#define CASE(op, value, enclosure, low, high, slope) \
+    case op: \
+        function_jet(enclosure, value_##op, low, high, slope_##op, a, out, order); \
         break;
-    case OP_ASIN:
-    case OP_ACOS:
-    case OP_ATAN:
-    case OP_ASINH:
-    case OP_ACOSH:
-    case OP_ATANH:
-        inverse_jet(op, a, out, order);
-        break;
+        LAG_FUNCTIONS(CASE)
     case OP_ATAN2:
         angle_jet(a, b, out, order);
         break;
@@ -551,10 +550,6 @@ static void operate(int op, const lag_interval *a, const lag_interval *b, const 
         break;
     case OP_LOG:
         logarithm_jet(a, out, order);
-        break;
-    case OP_ERF:
-    case OP_ERFC:
-        error_function_jet(a, out, op == OP_ERFC, order);
         break;
     case OP_FLOOR:
         constant_jet((lag_interval){floor(a[0].low), floor(a[0].high)}, out, order);

@@ -16,8 +16,8 @@ from tape_values import VARIABLES, applied, batch, exactly, value
 
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.constants import cases
-from lagcli.model.expression.functions import FUNCTIONS
 
 X, Y, Z = VARIABLES
 

@@ -17,8 +17,9 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.render import render
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.simplification.arrange import Arranger
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.building import build
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.functions import apply
 from lagcli.model.expression.grammar import parse
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized
@@ -151,8 +152,8 @@ def test_every_function_of_the_grammar_reads_back(name):
     x, y = equations.q
     arguments = [x, y][: max(function.fewest, 1 if function.most == 1 else 2)]
     for expression in (
-        function.apply(*arguments),
-        3 * function.apply(*[a / 2 for a in arguments]) ** 2 - x,
+        apply(name, *arguments),
+        3 * apply(name, *[a / 2 for a in arguments]) ** 2 - x,
     ):
         text = grammar_text(Arranger(equations.model).arrange(expression))
         for seed in range(3):

@@ -15,7 +15,7 @@ from lagcli.equations.presentation.typeset import (
     Symbol,
 )
 from lagcli.equations.simplification.branches import cases_node, condition_node
-from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.functions import apply
 
 X, Y, Z = se.symbols("x y z")
 
@@ -39,7 +39,7 @@ def arrange(e: se.Basic) -> Node:
     ],
 )
 def test_functions_are_called_by_their_names(name: str, arguments: tuple[se.Basic, ...]) -> None:
-    found = cases_node(FUNCTIONS[name].apply(*arguments), arrange)
+    found = cases_node(apply(name, *arguments), arrange)
     assert isinstance(found, Call)
     assert found.function == name
     assert sorted(map(str, found.arguments)) == sorted(str(arrange(a)) for a in arguments)

@@ -10,10 +10,11 @@ import pytest
 import symengine as se
 from numpy.typing import NDArray
 
+from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.building import MAX_DEPTH, build
 from lagcli.model.expression.calls import TENSOR_FUNCTIONS
 from lagcli.model.expression.constants import fault, number, relation
-from lagcli.model.expression.functions import FUNCTIONS, derivative
+from lagcli.model.expression.functions import apply, derivative
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
@@ -81,8 +82,8 @@ def test_min_and_max_of_many(count: int) -> None:
     numbers = [math.sin(7 * i) for i in range(count)]
     symbols = [se.Symbol(f"a{i}") for i in range(count)]
     values = {s: se.RealDouble(x) for s, x in zip(symbols, numbers, strict=True)}
-    assert number(FUNCTIONS["min"].apply(*symbols).subs(values)) == min(numbers)
-    assert number(FUNCTIONS["max"].apply(*symbols).subs(values)) == max(numbers)
+    assert number(apply("min", *symbols).subs(values)) == min(numbers)
+    assert number(apply("max", *symbols).subs(values)) == max(numbers)
 
 
 @pytest.mark.parametrize(
