@@ -26,7 +26,8 @@ typedef struct {
     double *stages;                    /* 16 n */
     double *dense;                     /* 7 n */
     int dense_ready;
-    int dense_inaccurate;              /* at (failure.t, failure.y), where an instant is searched for */
+    int searching;                     /* whether instants are searched for: the dense output must be accurate */
+    int dense_inaccurate;              /* ... but is not, at (failure.t, failure.y) */
     int finishing;                     /* the last step is accepted and not yet sampled */
     double *trial;                     /* n: scratch */
     double *work;                      /* 2 N, 2 n and 3 nc: scratch */

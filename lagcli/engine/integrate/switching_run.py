@@ -361,12 +361,4 @@ class SwitchingIntegration(Integration):
         rows."""
         if not self.split_system.rows:
             return rows
-        fixed, whole = self.system.sample_layout, self.whole.sample_layout
-        out = np.empty((len(rows), whole.size))
-        out[:, : whole.multipliers.start] = rows[:, : fixed.multipliers.start]
-        multipliers = out[:, whole.multipliers]
-        columns = [*rows.T[fixed.multipliers], *rows.T[fixed.size :]]
-        for constraint, column in zip(self.split_system.order, columns, strict=True):
-            multipliers[:, constraint] = column
-        out[:, whole.work] = rows[:, fixed.work]
-        return out
+        return rows[:, self.split_system.sample_columns]

@@ -7,6 +7,9 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
+from lagcli.arrays import Indices
 from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Builder, Tape
@@ -27,8 +30,6 @@ class SplitSystem:
         limit friction: they are solved for together with it.
     base : tuple of int
         The other constraints.
-    order : tuple of int
-        All constraints, as the core has them in samples.
     """
 
     def __init__(self, system: System):
@@ -40,7 +41,6 @@ class SplitSystem:
         self.rows = (*switched, *sorted(limiting.difference(switched)))
         left = set(range(len(system.constraints))).difference(self.rows)
         self.base = tuple(sorted(left))
-        self.order = (*self.base, *self.rows)
         self._programs: dict[int, tuple[Tape, Program]] = {}
 
     @cached_property
@@ -81,6 +81,19 @@ class SplitSystem:
         if id(tape) not in self._programs:  # the tape is kept, and with it its identity
             self._programs[id(tape)] = tape, assemble(tape)
         return self._programs[id(tape)][1]
+
+    @cached_property
+    def sample_columns(self) -> Indices:
+        """The column of the core's samples for each column of the System's.
+
+        The core has λ of the base before the work, and λ of the rows after it.
+        """
+        core, whole = self.fixed.sample_layout, self.system.sample_layout
+        places = range(core.size + len(self.rows))
+        multipliers = [*places[core.multipliers], *places[core.size :]]
+        column = dict(zip([*self.base, *self.rows], multipliers, strict=True))
+        own = [column[k] for k in range(len(column))]
+        return np.array([*range(whole.multipliers.start), *own, core.work.start])
 
     @property
     def pattern(self) -> list[tuple[int, int]]:

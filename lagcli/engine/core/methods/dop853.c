@@ -137,7 +137,7 @@ static void add_dense_stages(lag_run *run)
         if (lag_derivative(run, t, trial, run->step.stages + i * s))
             for (int m = 0; m < n; ++m)
                 run->step.stages[i * s + m] = NAN;
-        else if (run->switching.used && !lag_is_accurate(run, t, trial))
+        else if (run->step.searching && !lag_is_accurate(run, t, trial))
             run->step.dense_inaccurate = 1;
     }
     run->step.dense_ready = ALL_STAGES;

@@ -83,7 +83,9 @@ int lag_look_for_instant(lag_run *run)
     lag_switching *sw = &run->switching;
     const size_t n = (size_t)lag_size(&run->system);
     if (!sw->located) {
+        run->step.searching = 1;
         const int found = lag_find_instant(run);
+        run->step.searching = 0;
         if (run->step.dense_inaccurate) {
             run->step.dense_ready = run->step.dense_inaccurate = 0;
             return LAG_INACCURATE;
