@@ -13,10 +13,10 @@ from pathlib import Path
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
-from lagcli.model.draft import Draft
 from lagcli.model.inputs import Input, InputData
 from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model, ModelEvent
+from lagcli.model.names.draft import Draft
 from lagcli.model.names.families import Declaration, declarations
 from lagcli.model.reading import check_text, read_text
 from lagcli.model.sections.constraints import declare_constraints, read_constraints
@@ -159,26 +159,26 @@ def _model(
         functions,
         input_entries,
     )
-    parameters, constants = read_parameters(draft, parameter_entries, overrides)
+    parameters = read_parameters(draft, parameter_entries, overrides)
     inputs = _read_inputs(draft, input_entries, data)
     coordinates = expand_coordinates(
-        draft, coordinate_entries, constants, any(p.unit for p in parameters.values())
+        draft, coordinate_entries, any(p.unit for p in parameters.values())
     )
-    defined = expand_definitions(draft, definition_entries, constants)
+    defined = expand_definitions(draft, definition_entries)
     report_overlaps(draft)
     check_functions(draft, functions)
-    constrained = declare_constraints(draft, constraint_entries, constants)
+    constrained = declare_constraints(draft, constraint_entries)
     definitions = read_definitions(draft, defined)
     kinetic, potential = read_energies(draft)
     dissipation = read_scalar(draft, "D")
-    constraints = read_constraints(draft, constraint_entries, constrained, constants)
-    forces = read_forces(draft, definitions, constants, draft.entries("Q") or [])
+    constraints = read_constraints(draft, constraint_entries, constrained)
+    forces = read_forces(draft, definitions, draft.entries("Q") or [])
     if potential is not None:
         lagrangian = -potential if kinetic is None else kinetic - potential
         constraints += first_order_constraints(
             draft, coordinates, lagrangian, dissipation, forces, constraints
         )
-    smooth = dry_friction(draft, forces, dissipation, constants)
+    smooth = dry_friction(draft, forces, dissipation)
     constraints += smooth.rows
     closed = read_closed(draft, constraints)
     if inputs:
@@ -188,24 +188,24 @@ def _model(
         energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
         used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
-    positions, velocities, spins = read_initial(draft, constants, initial_overrides)
-    outputs, output_units = read_outputs(draft, constants)
+    positions, velocities, spins = read_initial(draft, initial_overrides)
+    outputs, output_units = read_outputs(draft)
     outputs = smooth.of_forces(outputs)
     events: tuple[ModelEvent, ...] = ()
     if draft.get("events") is not None or not all(c.active for c in constraints):
         from lagcli.model.sections.events import EventNames, read_events
 
-        known = EventNames(constants, parameters, definitions, constraints, outputs)
+        known = EventNames(parameters, definitions, constraints, outputs)
         events = read_events(draft, known)
-    settings, settings_need = read_settings(draft, constants)
+    settings, settings_need = read_settings(draft)
     view_errors: tuple[Diagnostic, ...] = ()
     if drawn:
-        view = read_view(draft, constants, definitions, constraints)
+        view = read_view(draft, definitions, constraints)
     else:
         essential, draft.report = draft.report, Diagnostics([])
         view = None
         try:
-            view = read_view(draft, constants, definitions, constraints)
+            view = read_view(draft, definitions, constraints)
             draft.report.finish()
         except ModelError as error:
             view, view_errors = None, tuple(error.diagnostics)
@@ -214,7 +214,7 @@ def _model(
     if draft.get("fit") is not None:
         from lagcli.model.sections.fit import read_fit
 
-        fit = read_fit(draft, constants, parameters, outputs)
+        fit = read_fit(draft, parameters, outputs)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     title = draft.text(draft.get("title"), "`title`")
     description = draft.text(draft.get("description"), "`description`")

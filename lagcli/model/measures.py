@@ -19,17 +19,16 @@ from symengine import Basic
 
 from lagcli.columns import RESIDUALS, SCALARS, SLIP, ColumnName
 from lagcli.model.diagnostics import Broken, Diagnostics
-from lagcli.model.expression.building import build, name_errors
 from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse
-from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tensors import Sized, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import CallExpr, IndexedSumExpr, Name, NumberExpr, Tree, walk
 from lagcli.model.model import ContactChange, Model
+from lagcli.model.names.building import build, name_errors
 from lagcli.model.names.expansion import expand, rebuilt
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context
+from lagcli.model.names.namespace import Allowed
+from lagcli.model.names.scope import Scope
 from lagcli.model.yaml.source import Scalar, Source
 
 _NAME = r"[^\W\d][\w.]*(?:\[[^\]]*\])?"
@@ -217,11 +216,11 @@ def read_measures(model: Model, texts: Sequence[tuple[str, str]]) -> tuple[Measu
     return tuple(found)
 
 
-class _SignalScope(ModelScope):
+class _SignalScope(Scope):
     """The names of a model, its outputs and the columns of result files."""
 
-    def __init__(self, model: Model, context: Context):
-        super().__init__(model.names, context)
+    def __init__(self, model: Model, where: str):
+        super().__init__(model.names, where, Allowed.ACCELERATIONS)
         self.model = model
 
     def column(self, name: Name) -> Basic | None:
@@ -242,7 +241,7 @@ class _SignalScope(ModelScope):
             known = ", ".join(self.names.constraints) or "none"
             raise ExpressionError(
                 "unknown-name",
-                f"{self.context.where} uses `{text}`, but the model has no constraint `{whole}`",
+                f"{self.where} uses `{text}`, but the model has no constraint `{whole}`",
                 name.start,
                 name.end,
                 f"its constraints are {known}",
@@ -261,10 +260,10 @@ class _SignalScope(ModelScope):
         value = self.column(name)
         return super().lookup(name) if value is None else Sized(value)
 
-    def check_series(self, tree: IndexedSumExpr) -> ModelScope:
+    def check_series(self, tree: IndexedSumExpr) -> Scope:
         """Return the scope of a sum's term."""
         inside = super().check_series(tree)
-        found = _SignalScope(self.model, self.context)
+        found = _SignalScope(self.model, self.where)
         found.bound = inside.bound
         return found
 
@@ -327,8 +326,8 @@ class _MeasureReader:
     def __init__(self, model: Model, name: str, text: str):
         self.model, self.name, self.text = model, name, text
         where = f"the measure `{name}`" if name != text else "the measure"
-        self.signals = _SignalScope(model, Context(where, accelerations=True, multipliers=True))
-        self.values = _ValueScope(model, Context(where, accelerations=True, multipliers=True))
+        self.signals = _SignalScope(model, where)
+        self.values = _ValueScope(model, where)
         self.reductions: list[Reduction] = []
         self.events: Mapping[str, EventMeasure] = {}
 

@@ -14,15 +14,15 @@ from symengine import Basic
 from lagcli.columns import ColumnName
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
+from lagcli.model.expression.tensors import Value
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
-from lagcli.model.names.scoping import Value
 from lagcli.settings.settings import SettingsOverrides
 
 if TYPE_CHECKING:
     from lagcli.model.inputs import Input, InputData
+    from lagcli.model.names.namespace import Namespace
     from lagcli.model.sections.fit import FitBlock
-    from lagcli.model.symbols import Symbols
 
 Kind = Literal["holonomic", "nonholonomic", "nonlinear"]
 #: The sign between the sides of a constraint.
@@ -358,7 +358,7 @@ class Model:
     settings: SettingsOverrides
     settings_need: frozenset[str]
     trees: Mapping[str, Tree]
-    names: Symbols
+    names: Namespace
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
     view: View | None = None

@@ -8,11 +8,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lagcli.errors import Diagnostic, ModelError, SourceLocation
-from lagcli.model.expression.quantities import unit_of
 from lagcli.model.expression.tokens import is_number
 from lagcli.model.expression.units import to_si
 from lagcli.model.loader import load_text
 from lagcli.model.model import InitialValue, Model, Parameter
+from lagcli.model.names.draft import unit_of
 from lagcli.model.names.members import family_of
 from lagcli.model.sections.initial import GUESS
 from lagcli.model.yaml.composing import compose

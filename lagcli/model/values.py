@@ -8,13 +8,13 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.diagnostics import Diagnostics
-from lagcli.model.draft import Draft
-from lagcli.model.expression.building import build
-from lagcli.model.expression.quantities import constant, evaluate, formula_of, read_quantity
+from lagcli.model.expression.constants import constant
 from lagcli.model.model import Model, Written
-from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.building import build
+from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
+from lagcli.model.names.namespace import Allowed
+from lagcli.model.names.scope import Scope
 from lagcli.model.sections.parameters import override_node
-from lagcli.model.symbols import Context
 from lagcli.model.yaml.source import Mapping, Scalar, Source
 
 
@@ -37,7 +37,7 @@ def given_expression(model: Model, option: str, text: str) -> Basic:
     node = Scalar(source, (0, 0), (0, len(text)), text)
     draft = _draft(model, source)
     parsed = draft.parse(node, what)
-    found = None if parsed is None else draft.scalar(parsed, Context(what))
+    found = None if parsed is None else draft.scalar(parsed, what)
     draft.report.finish()
     assert found is not None
     return found
@@ -53,17 +53,15 @@ def given_value(model: Model, option: str, name: str, text: str) -> float:
     """
     node, what = override_node(option, name, text), f"the value of `{name}`"
     draft = _draft(model, node.source)
-    quantity = read_quantity(draft, node, what, draft.names)
+    quantity = read_quantity(draft, node, what)
     found: float | None = None
     if quantity is not None:
-        context = Context(what, coordinates=False, definitions=False, time=False)
-        formula = formula_of(draft, quantity, context, draft.names)
-        expression = None if formula is None else formula.scalar()
-        if expression is not None:
+        value = QuantityValue(draft, quantity, what, Allowed.PARAMETERS)
+        if quantity.number is not None:
+            found = value.number()
+        elif (expression := value.expression()) is not None:
             values = {se.Symbol(n): x for n, x in model.parameter_values.items()}
-            found = float(expression.subs(values)) * float(quantity.factor)
-        elif formula is None:
-            found = evaluate(draft, quantity, None, what)
+            found = float(expression.subs(values))
     draft.report.finish()
     assert found is not None
     return found
@@ -72,9 +70,6 @@ def given_value(model: Model, option: str, name: str, text: str) -> float:
 def _draft(model: Model, source: Source) -> Draft:
     """Return a draft with the names of a loaded model."""
     return Draft(source, Mapping(source, (0, 0), (0, 0), {}), Diagnostics([]), names=model.names)
-
-
-_CONTEXT = Context("", coordinates=False, definitions=False, time=False)
 
 
 def dependent_values(model: Model, varied: Collection[str]) -> dict[str, Basic]:
@@ -150,7 +145,7 @@ class _Resolver:
 
     def built(self, written: Written) -> Basic:
         """Build an expression in the symbols of the parameters, in SI."""
-        scope = ModelScope(self.model.names, _CONTEXT, tuple(written.indices))
+        scope = Scope(self.model.names, "", Allowed.PARAMETERS, written.indices)
         scope.values.update(written.indices)
         return build(written.tree, scope).value * constant(float(written.factor))
 

@@ -18,13 +18,12 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.written import scope_of
 from lagcli.errors import SourceLocation
 from lagcli.model.expression import trees
-from lagcli.model.expression.building import build
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.grammar import Tree
-from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tensors import Tensor, Value
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import NO_INDICES, TIME
-from lagcli.model.names.scoping import Value
+from lagcli.model.names.building import build
 
 _NAMED = 8  # largest number of coordinates whose values a message lists
 

@@ -11,7 +11,6 @@ import symengine as se
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from lagcli.model.expression.building import build
 from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
@@ -25,8 +24,9 @@ from lagcli.model.expression.trees import (
     Tree,
 )
 from lagcli.model.loader import load_text
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.names.building import build
+from lagcli.model.names.namespace import Namespace
+from lagcli.model.names.scope import Scope
 from lagcli.simulations.simulation import simulate
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -52,11 +52,11 @@ def _larger(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 EXPRESSIONS = st.recursive(ATOMS, _larger, max_leaves=12)
 POINTS = st.tuples(*[st.floats(0.1, 2)] * 3)
-NAMES = Symbols(parameters={n: (lambda n=n: se.Symbol(n)) for n in "abc"})
+NAMES = Namespace(parameters={n: (lambda n=n: se.Symbol(n)) for n in "abc"})
 
 
 def evaluated(tree: Tree, point: tuple[float, ...]) -> float:
-    value = build(tree, ModelScope(NAMES, Context("it"))).value
+    value = build(tree, Scope(NAMES, "it")).value
     at = {se.Symbol(n): se.RealDouble(x) for n, x in zip("abc", point, strict=True)}
     return number(value.subs(at))
 

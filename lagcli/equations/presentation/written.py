@@ -14,14 +14,14 @@ from lagcli.equations.presentation import typeset
 from lagcli.equations.presentation.typeset import Node, product_of, quotient_of, sum_of
 from lagcli.equations.simplification.monomials import Exact
 from lagcli.model.expression import trees
-from lagcli.model.expression.building import build
+from lagcli.model.expression.constants import constant
 from lagcli.model.expression.grammar import Tree
-from lagcli.model.expression.quantities import constant
+from lagcli.model.expression.tensors import Sized
 from lagcli.model.model import Constraint, Model
+from lagcli.model.names.building import build
 from lagcli.model.names.members import family_of
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.names.namespace import Allowed, Namespace
+from lagcli.model.names.scope import Scope
 
 _HALF = typeset.Number(Fraction(1, 2))
 
@@ -113,13 +113,13 @@ def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
     return tuple(build(side, scope).value for side in sides if side is not None)
 
 
-def scope_of(model: Model) -> ModelScope:
+def scope_of(model: Model) -> Scope:
     """Return the scope of a model, with definitions expanded."""
-    return ModelScope(_names(model), Context("the formula", accelerations=True, multipliers=True))
+    return Scope(_names(model), "the formula", Allowed.ACCELERATIONS)
 
 
 @lru_cache(maxsize=2)  # cached: a formula is written for each of many members
-def _names(model: Model) -> Symbols:
+def _names(model: Model) -> Namespace:
     families: dict[str, set[str]] = {}
     for kind, known in (
         ("coordinate", model.coordinate_names),
@@ -129,7 +129,7 @@ def _names(model: Model) -> Symbols:
         for name in known:
             if "[" in name:
                 families.setdefault(family_of(name), set()).add(kind)
-    return Symbols(
+    return Namespace(
         coordinates=dict.fromkeys(model.coordinate_names),
         constraints=dict.fromkeys(model.constraint_names),
         parameters={name: partial(se.Symbol, name) for name in model.parameters},

@@ -37,7 +37,7 @@ from lagcli.model.expression.trees import (
 from lagcli.model.expression.units import read_unit, si_notation
 from lagcli.model.model import NO_INDICES, Definition, Model, Parameter, Written
 from lagcli.model.names.dependencies import topological_order
-from lagcli.model.names.members import Indices, family_of, with_indices
+from lagcli.model.names.members import IndexEvaluator, family_of, with_indices
 
 _PASSES = 4  # number of passes over definitions that refer to other members of their family
 _DENOMINATOR = 12  # largest denominator of exponents given by parameters
@@ -84,7 +84,7 @@ class NamedDimensions:
         self._changed = False  # whether the dimension of a name has changed
         self._early = False  # whether a definition was used before it had a dimension
         self._indices: dict[str, int] = {}
-        self._index = Indices(self._indices, self._whole)
+        self._index = IndexEvaluator(self._indices, self._whole)
         self.evaluator = DimensionEvaluator(self, strict=True)
         self.numbers = self.evaluator.numbers
         self._coordinates()

@@ -20,11 +20,11 @@ from lagcli.model.expression.dimension import (
     same,
     unit_of,
 )
-from lagcli.model.expression.quantities import unit_of as unit_of_node
 from lagcli.model.expression.trees import Name, NumberExpr, ProductExpr, Tree, walk
 from lagcli.model.expression.units import read_unit, si_notation
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import Model
+from lagcli.model.names.draft import unit_of as unit_of_node
 from lagcli.model.names.members import family_of
 from lagcli.model.yaml.source import Mapping, Sequence, YamlNode
 from lagcli.model.yaml.source import Scalar as ScalarNode

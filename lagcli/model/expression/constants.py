@@ -132,3 +132,9 @@ def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:
     if condition == se.false or when_true == when_false:
         return when_false
     return se.Piecewise((when_true, condition), (when_false, se.true))
+
+
+def constant(value: float) -> Basic:
+    """Return a number as an expression; integers are exact, so that x^n can be an integer power."""
+    exact = value.is_integer() and abs(value) < 2**53
+    return se.Integer(int(value)) if exact else se.RealDouble(value)

@@ -1,9 +1,9 @@
-"""Vectors, matrices and rotations with SymEngine entries."""
+"""Values of expressions: scalars, vectors, matrices and rotations with SymEngine entries."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import symengine as se
 from symengine import Basic
@@ -70,6 +70,32 @@ class Tensor(NamedTuple):
     def map(self, function: Callable[[Basic], Basic]) -> Tensor:
         """Apply a function to each entry."""
         return Tensor(tuple(tuple(function(x) for x in row) for row in self.rows))
+
+
+Value: TypeAlias = "Basic | Tensor"
+
+
+class Sized(NamedTuple):
+    """A value with its size, nesting depth and order of derivative.
+
+    Parameters
+    ----------
+    value : expression, vector or matrix
+    size : int
+        Number of operations when fully expanded.
+    depth : int
+        Nesting depth of functions, powers and products.
+    constant : bool
+        Whether it contains no symbols.
+    order : int
+        Highest derivative of a coordinate in it; negative without coordinates.
+    """
+
+    value: Value
+    size: int = 1
+    depth: int = 0
+    constant: bool = False
+    order: int = -1
 
 
 class RotationFactor(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from copy import copy
 from itertools import islice
-from typing import NamedTuple, Protocol
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.grammar import COMPONENTS, parse
@@ -28,15 +27,9 @@ from lagcli.model.expression.trees import (
     VectorExpr,
     walk,
 )
+from lagcli.model.names.namespace import Macro, Namespace
 
 MAX_NODES = 50_000  # of one expression with its functions expanded
-
-
-class Macro(NamedTuple):
-    """A function with its expression; None if the expression has an error."""
-
-    arguments: tuple[str, ...]
-    tree: Tree | None
 
 
 #: Built-in macros: the kinetic energy of a rigid body.
@@ -48,28 +41,7 @@ MACROS: Mapping[str, Macro] = {
 }
 
 
-class Declared(Protocol):
-    """The names of a model used by expansion."""
-
-    @property
-    def functions(self) -> Mapping[str, Macro]:
-        """The model's functions."""
-        ...
-
-    def declared(self, text: str) -> bool:
-        """Whether a name is declared."""
-        ...
-
-    def may_be_vector(self, text: str) -> bool:
-        """Whether a name may stand for a vector or matrix."""
-        ...
-
-    def resolve(self, name: Name) -> tuple[str, int]:
-        """Return a name without its derivative, and the order of the derivative."""
-        ...
-
-
-def expand(tree: Tree, names: Declared, inside: tuple[str, ...] = ()) -> Tree:
+def expand(tree: Tree, names: Namespace, inside: tuple[str, ...] = ()) -> Tree:
     """Return a tree with functions and components of vectors expanded.
 
     ``body(m, J, r, R)`` and the model's functions are replaced by their expressions, at the
@@ -79,7 +51,7 @@ def expand(tree: Tree, names: Declared, inside: tuple[str, ...] = ()) -> Tree:
     Parameters
     ----------
     tree : Tree
-    names : Declared
+    names : Namespace
     inside : tuple of str
         The function whose expression it is.
 
@@ -93,7 +65,7 @@ def expand(tree: Tree, names: Declared, inside: tuple[str, ...] = ()) -> Tree:
     return _Expansion(names).tree(tree, inside)
 
 
-def component_of(name: Name, names: Declared) -> Tree:
+def component_of(name: Name, names: Namespace) -> Tree:
     """Return the component of a declared vector that a name denotes; other names unchanged."""
     text, primes = names.resolve(name)
     if names.declared(text):
@@ -125,7 +97,7 @@ def component_of(name: Name, names: Declared) -> Tree:
 class _Expansion:
     """Expands one tree."""
 
-    def __init__(self, names: Declared):
+    def __init__(self, names: Namespace):
         self.names = names
 
     def tree(self, tree: Tree, calls: tuple[str, ...] = ()) -> Tree:

@@ -7,14 +7,14 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from lagcli.model.diagnostics import Broken
-from lagcli.model.draft import NO_INDICES, Draft, Entry, Indices
 from lagcli.model.expression.grammar import KEYWORDS, Span, parse_spans
 from lagcli.model.expression.tokens import ExpressionError, error_at, is_name, words
 from lagcli.model.expression.trees import BRACKETS, Range, Tree
+from lagcli.model.names.draft import NO_INDICES, Draft, Entry, Indices
 from lagcli.model.names.members import descending, names_in
-from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.namespace import Allowed
+from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
 
 #: Component and derivative of a member: ``r[1].x'``.
@@ -160,15 +160,8 @@ def a(what: str) -> str:
     return f"an {what}" if what[0] in "aeiou" else f"a {what}"
 
 
-def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[Member]:
+def members_of(draft: Draft, declaration: Declaration) -> list[Member]:
     """Return the members that an entry declares; report an invalid range.
-
-    Parameters
-    ----------
-    draft : Draft
-    declaration : Declaration
-    names : Symbols
-        Names that a range may use: parameters with their values.
 
     Raises
     ------
@@ -178,7 +171,7 @@ def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[M
     d = declaration
     if not d.spans:
         return [Member(d.name + d.part, d)]
-    scope = ModelScope(names, Context(f"the index of `{d.name}`", False, definitions=False))
+    scope = Scope(draft.names, f"the index of `{d.name}`", Allowed.NUMBERS)
     with draft.report.expression(d.key):
         try:
             if d.family in draft.names.broken:
@@ -213,7 +206,7 @@ def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[M
 def _values(
     draft: Draft,
     d: Declaration,
-    scope: ModelScope,
+    scope: Scope,
     span: Range | Tree,
     before: tuple[int, ...],
     count: int,
@@ -225,8 +218,8 @@ def _values(
     if not isinstance(span, Range):
         return [scope.indices.at(span)]
     found = scope.indices.range(span)
-    draft.members += len(found)
-    if draft.members > MAX_ALL or count * len(found) > MAX_ALL:
+    draft.names.member_count += len(found)
+    if draft.names.member_count > MAX_ALL or count * len(found) > MAX_ALL:
         raise error_at(
             "too-large",
             f"the families of this model have more than {MAX_ALL:,} members",
@@ -237,6 +230,11 @@ def _values(
     if found.stop < found.start:
         raise descending(span, found)
     return found
+
+
+def expanded(draft: Draft, declared: Iterable[Declaration]) -> list[Member]:
+    """Return all members of several entries."""
+    return [member for d in declared for member in members_of(draft, d)]
 
 
 def by_name(draft: Draft, found: Iterable[Member], singles_win: bool = False) -> dict[str, Member]:

@@ -101,7 +101,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-class Indices(NamedTuple):
+class IndexEvaluator(NamedTuple):
     """Evaluator of indices and ranges.
 
     Parameters

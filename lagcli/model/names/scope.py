@@ -1,15 +1,15 @@
-"""Scope of an expression: checks and resolves its names."""
+"""Scope of an expression: what the place of an expression allows, and the values of its names."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
-from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tensors import Sized, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
     ComponentExpr,
@@ -20,9 +20,8 @@ from lagcli.model.expression.trees import (
     walk,
 )
 from lagcli.model.inputs import input_function
-from lagcli.model.names.derivatives import check_derivative
 from lagcli.model.names.members import (
-    Indices,
+    IndexEvaluator,
     descending,
     family_of,
     form_errors,
@@ -30,27 +29,34 @@ from lagcli.model.names.members import (
     names_in,
     with_indices,
 )
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context, Symbols, motion
+from lagcli.model.names.namespace import Allowed, Namespace, motion
 
 
-class ModelScope:
-    """Scope of one expression in a model.
+class Scope:
+    """The names of a model at the place of one expression.
 
     Parameters
     ----------
-    names : Symbols
-    context : Context
-    bound : collection of str
-        Indices that have a value in the expression.
+    names : Namespace
+    where : str
+        Description of the expression, for messages.
+    allowed : Allowed
+    indices : collection of str
+        Names of the indices that have a value in the expression.
     """
 
-    def __init__(self, names: Symbols, context: Context, bound: Collection[str] = ()):
-        self.names = names
-        self.context = context
-        self.bound = frozenset(bound)
+    def __init__(
+        self,
+        names: Namespace,
+        where: str,
+        allowed: Allowed = Allowed.MOTION,
+        indices: Collection[str] = (),
+    ):
+        self.names, self.where, self.allowed = names, where, allowed
+        self.parameters = names.constants if allowed == Allowed.NUMBERS else names.parameters
+        self.bound = frozenset(indices)
         self.values: dict[str, int] = {}
-        self.indices = Indices(self.values, self._whole)
+        self.indices = IndexEvaluator(self.values, self._whole)
         self.missing: dict[int, ExpressionError] = {}
         # names without indices, with their order of derivative
         self._good: set[tuple[str, int]] = set()
@@ -62,7 +68,8 @@ class ModelScope:
 
     def mark_nonsmooth(self) -> None:
         """Record that a function with kinks or jumps is used."""
-        self.names.smooth = False
+        if self.allowed != Allowed.NUMBERS:  # a value is no function
+            self.names.smooth = False
 
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
@@ -107,20 +114,20 @@ class ModelScope:
         if text in names.coordinates or "coordinate" in kinds:
             self._check_coordinate(name, primes)
         elif text in names.definitions or "definition" in kinds:
-            if not self.context.definitions:
+            if self.allowed < Allowed.MOTION:
                 raise self._not_here(name, "definitions")
         elif "." in text:
             self._dotted(name, text)
         elif text in names.parameters or "parameter" in kinds:
-            check_derivative(names.inputs, name, text, primes)
+            _check_derivative(names.inputs, name, text, primes)
         elif text in ("t", "pi") or text in names.inputs:
-            if text != "pi" and not self.context.time:
+            if text != "pi" and self.allowed < Allowed.MOTION:
                 raise self._not_here(name, "time")
-            check_derivative(names.inputs, name, text, primes)
+            _check_derivative(names.inputs, name, text, primes)
         else:
             from lagcli.model.names.unknown import unknown
 
-            raise unknown(names, self.context, name)
+            raise unknown(self, name)
 
     def check_index(self, tree: Tree) -> None:
         """Raise ExpressionError for a name that is not allowed in an index or a range.
@@ -149,9 +156,9 @@ class ModelScope:
                 raise self._error("bad-index", name, f"{message}`{shown}` is a {what}")
             from lagcli.model.names.unknown import unknown_index
 
-            raise unknown_index(names, self.context, name)
+            raise unknown_index(self, name)
 
-    def check_series(self, tree: IndexedSumExpr) -> ModelScope:
+    def check_series(self, tree: IndexedSumExpr) -> Scope:
         """Return the scope of a sum's term.
 
         Raises
@@ -169,7 +176,7 @@ class ModelScope:
                 tree,
                 "write a product with the number of terms",
             )
-        return ModelScope(self.names, self.context, self.bound | {tree.index})
+        return Scope(self.names, self.where, self.allowed, self.bound | {tree.index})
 
     def check_index_name(self, index: str, tree: Tree) -> None:
         """Raise ExpressionError for an index that would shadow another name."""
@@ -230,10 +237,10 @@ class ModelScope:
         """
         if order > 2:
             raise error_at("too-many-primes", _HIGHEST, tree)
-        if order == 2 and not self.context.accelerations:
+        if order == 2 and self.allowed < Allowed.ACCELERATIONS:
             raise error_at(
                 "not-allowed-here",
-                f"{self.context.where} cannot depend on accelerations, but uses the derivative of"
+                f"{self.where} cannot depend on accelerations, but uses the derivative of"
                 " a velocity",
                 tree,
                 _ACCELERATIONS,
@@ -253,7 +260,7 @@ class ModelScope:
             return None
         if "." in text:
             return self._dotted(name, text)
-        value = names.parameters[text]() if text in names.parameters else None
+        value = self.parameters[text]() if text in self.parameters else None
         return value if isinstance(value, se.Symbol) else None
 
     def at(self) -> str:
@@ -287,8 +294,8 @@ class ModelScope:
             return self._definition(name, text, primes)
         if "." in text:
             return Sized(self._dotted(name, text))
-        if text in self.names.parameters:
-            value = self.names.parameters[text]()
+        if text in self.parameters:
+            value = self.parameters[text]()
             return Sized(value, constant=not value.free_symbols)
         if text in self.names.inputs:
             return Sized(input_function(text, primes))
@@ -309,8 +316,8 @@ class ModelScope:
             return Sized(motion(text, primes), order=primes)
         if text in names.definitions:
             return self._definition(name, text, primes)
-        if text in names.parameters:
-            value = names.parameters[text]() if not primes else se.Integer(0)
+        if text in self.parameters:
+            value = self.parameters[text]() if not primes else se.Integer(0)
             return Sized(value, constant=not value.free_symbols)
         if family_of(text) in names.broken or names.incomplete:
             raise Broken
@@ -320,7 +327,7 @@ class ModelScope:
             self.missing[name.start] = self._error(
                 "no-member",
                 name,
-                f"{self.context.where} uses `{text}`{self.at()}, but {others}",
+                f"{self.where} uses `{text}`{self.at()}, but {others}",
                 f"shorten the range, or define the missing member under `definitions`: `{text}: 0`",
             )
         return Sized(se.Symbol(text))
@@ -355,12 +362,12 @@ class ModelScope:
         return self._error(
             "not-allowed-here",
             name,
-            f"{self.context.where} cannot depend on {what}, but uses `{shown}`",
+            f"{self.where} cannot depend on {what}, but uses `{shown}`",
             help_,
         )
 
     def _check_coordinate(self, name: Name, primes: int) -> None:
-        if not self.context.coordinates:
+        if self.allowed < Allowed.MOTION:
             raise self._not_here(name, "coordinates", "it may depend on parameters only")
         self._check_order(name, primes)
 
@@ -368,7 +375,7 @@ class ModelScope:
         """Raise for derivatives of a coordinate that are too high, here or anywhere."""
         if order > 2:
             raise self._error("too-many-primes", name, _HIGHEST)
-        if order == 2 and not self.context.accelerations:
+        if order == 2 and self.allowed < Allowed.ACCELERATIONS:
             raise self._not_here(name, "accelerations", _ACCELERATIONS)
 
     def _definition(self, name: Name, text: str, primes: int) -> Sized:
@@ -388,7 +395,7 @@ class ModelScope:
     def _dotted(self, name: Name, text: str) -> Basic:
         """Return the symbol of a multiplier or constraint force, before indices have values."""
         head, *rest = text.split(".")
-        if head in ("lambda", "Qc") and not self.context.multipliers:
+        if head in ("lambda", "Qc") and self.allowed < Allowed.MULTIPLIERS:
             used = (
                 "multipliers may be used in `Q`, `limit`, `outputs`, conditions of events and the"
                 " vectors of a `view`"
@@ -407,7 +414,7 @@ class ModelScope:
         raise self._error(
             "unknown-name",
             name,
-            f"{self.context.where} uses `{text}`, which is not declared",
+            f"{self.where} uses `{text}`, which is not declared",
             "names with dots are `lambda.CONSTRAINT`, `Qc.COORDINATE` and"
             " `Qc.CONSTRAINT.COORDINATE`;\na decimal number needs no letters around its point",
         )
@@ -433,9 +440,33 @@ class ModelScope:
         if not self._knows(what, part):
             from lagcli.model.names.unknown import unknown_part
 
-            raise unknown_part(self.names, self.context, name, (text, part, self.at()), what)
+            raise unknown_part(self, name, (text, part), what)
 
 
+def _check_derivative(inputs: Mapping[str, int], name: Name, text: str, primes: int) -> None:
+    """Raise ExpressionError for an undefined derivative of an input, a parameter, t or pi."""
+    if primes <= min(inputs.get(text, 0), _HIGHEST_OF_INPUTS):
+        return
+    shown = text + "'" * primes
+    if text in ("t", "pi"):
+        raise error_at("constant", f"`{text}` has no time derivative", name)
+    if text not in inputs:
+        message = f"`{text}` is a parameter: its time derivative is zero"
+        raise error_at("constant", message, name)
+    if primes > _HIGHEST_OF_INPUTS:
+        message = f"the highest derivative of an input is `{text}''`"
+        raise error_at("too-many-primes", message, name)
+    kind = "linear between its rows" if primes == _HIGHEST_OF_INPUTS else "a step function"
+    raise error_at(
+        "not-smooth",
+        f"`{text}` is {kind}: it has no derivative `{shown}`",
+        name,
+        f"give `{text}` the interpolation `cubic`",
+    )
+
+
+#: The highest derivative of an input in an expression.
+_HIGHEST_OF_INPUTS = 2
 _HIGHEST = "the highest derivative of a coordinate is the acceleration, q''"
 _ACCELERATIONS = "accelerations may be used in `outputs` and in the vectors of a `view`"
 

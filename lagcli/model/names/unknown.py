@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
 from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.tokens import ExpressionError, error_at, is_name
 from lagcli.model.expression.trees import Name, as_written
 from lagcli.model.names.members import format_members, members_clause
+from lagcli.model.names.namespace import Allowed, Namespace
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.model.symbols import Context, Symbols
+
+if TYPE_CHECKING:
+    from lagcli.model.names.scope import Scope
 
 _CONSTANTS = {
     "dt": "a time derivative is written with primes: `x'`",
@@ -20,7 +26,7 @@ _CONSTANTS = {
 }
 
 
-def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
+def unknown(scope: Scope, name: Name) -> ExpressionError:
     """Return the error for an undeclared name, with similar names.
 
     Raises
@@ -28,7 +34,7 @@ def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
     Broken
         A malformed declaration may have been meant to declare it.
     """
-    text = name.text
+    names, text = scope.names, name.text
     base = text.partition("[")[0]
     if names.incomplete or base in names.suspects:
         raise Broken
@@ -36,7 +42,7 @@ def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
         what = names.lines.get(base, ("name", 0))[0]
         return error_at(
             "not-a-family",
-            f"{context.where} uses a member of `{base}`, but `{base}` is a single {what}",
+            f"{scope.where} uses a member of `{base}`, but `{base}` is a single {what}",
             name,
             f"write `{base}` without an index, or declare a family, as in `{base}[1..3]`",
             base,
@@ -46,21 +52,21 @@ def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
         which = f": {members_clause(base, members)}" if members else ""
         return error_at(
             "a-family",
-            f"{context.where} uses `{text}`, which is a family{which}",
+            f"{scope.where} uses `{text}`, which is a family{which}",
             name,
             f"name a member, as in `{members[0] if members else base + '[1]'}`",
             text,
         )
     return error_at(
         "unknown-name",
-        f"{context.where} uses `{as_written(name)}`, which is not declared",
+        f"{scope.where} uses `{as_written(name)}`, which is not declared",
         name,
-        _help(names, context, name, base),
+        _help(scope, name, base),
         text,
     )
 
 
-def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionError:
+def unknown_index(scope: Scope, name: Name) -> ExpressionError:
     """Return the error for an undeclared name in an index or a range.
 
     Raises
@@ -68,13 +74,14 @@ def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionErr
     Broken
         A malformed declaration may have been meant to declare it.
     """
+    names = scope.names
     if names.incomplete or name.text in names.suspects:
         raise Broken
-    close = _close(names, Context(context.where, False, definitions=False), name.text)
+    close = _close(names, Allowed.PARAMETERS, name.text)
     index = name.text if is_name(name.text) else "i"
     return error_at(
         "unknown-name",
-        f"{context.where} uses `{as_written(name)}` in an index, which is not declared",
+        f"{scope.where} uses `{as_written(name)}` in an index, which is not declared",
         name,
         did_you_mean(close)
         or f"declare the index in the name of the entry, as in `name[{index} = 1..N]: …`, or"
@@ -83,7 +90,7 @@ def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionErr
     )
 
 
-def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None:
+def _help(scope: Scope, name: Name, base: str) -> str | None:
     text = name.text
     if text == "lambda":
         return "name the constraint: `lambda.NAME`"
@@ -93,19 +100,20 @@ def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None
         return "numbers are finite"
     if text in _CONSTANTS:
         return _CONSTANTS[text]
-    if context.coordinates and (velocity := meant_derivative(names, as_written(name))):
+    motion = scope.allowed >= Allowed.MOTION
+    if motion and (velocity := meant_derivative(scope.names, as_written(name))):
         return f"a time derivative is written with primes: `{velocity}`"
-    if close := _close(names, context, text):
+    if close := _close(scope.names, scope.allowed, text):
         return did_you_mean(close)
     if text != base:
         return f"declare the family, for instance under `coordinates`: `{base}[1..3]`"
-    if name.primes or not context.coordinates:
+    if name.primes or not motion:
         block = "coordinates" if name.primes else "parameters"
         return f"declare it under `{block}`"
     return f"declare it, for instance under `parameters`: `{text}: 1`"
 
 
-def meant_derivative(names: Symbols, text: str) -> str | None:
+def meant_derivative(names: Namespace, text: str) -> str | None:
     """Return ``x'`` for ``xdot`` and ``x''`` for ``xddot`` if x is a coordinate or definition."""
     base, bracket, index = text.partition("[")
     for suffix, primes in (("ddot", "''"), ("dot", "'")):
@@ -117,18 +125,19 @@ def meant_derivative(names: Symbols, text: str) -> str | None:
     return None
 
 
-def _close(names: Symbols, context: Context, text: str) -> list[str]:
-    """Return the most similar names allowed in the context, with their kinds."""
+def _close(names: Namespace, allowed: Allowed, text: str) -> list[str]:
+    """Return the most similar of the allowed names, with their kinds."""
+    tables: list[tuple[Collection[str], str]] = [(names.parameters, "parameter")]
+    if allowed >= Allowed.MOTION:
+        tables += [
+            (names.coordinates, "coordinate"),
+            (names.definitions, "definition"),
+            (names.inputs, "input"),
+        ]
     known: list[str] = []
-    for mapping, kind, allowed in (
-        (names.parameters, "parameter", True),
-        (names.coordinates, "coordinate", context.coordinates),
-        (names.definitions, "definition", context.definitions),
-        (names.inputs, "input", context.time),
-    ):
-        if allowed:
-            known += [k for k in mapping if not k.endswith("]")]
-            known += [k for k, kinds in names.families.items() if kind in kinds]
+    for table, kind in tables:
+        known += [k for k in table if not k.endswith("]")]
+        known += [k for k, kinds in names.families.items() if kind in kinds]
     shown = []
     for other in nearest(text, known):
         what, line = names.lines.get(other, ("", 0))
@@ -142,16 +151,14 @@ def _shown(text: str) -> str:
     return text.replace("[]", "[i]")
 
 
-def unknown_part(
-    names: Symbols, context: Context, name: Name, used: tuple[str, str, str], what: str
-) -> ExpressionError:
+def unknown_part(scope: Scope, name: Name, used: tuple[str, str], what: str) -> ExpressionError:
     """Return the error for a dotted name whose constraint or coordinate is not declared.
 
     Parameters
     ----------
-    names, context, name : Symbols, Context, Name
-    used : three of str
-        The whole name, its unknown part, and the index values for messages.
+    scope, name : Scope, Name
+    used : two of str
+        The whole name, and its unknown part.
     what : str
         "constraint" or "coordinate".
 
@@ -160,7 +167,7 @@ def unknown_part(
     Broken
         A malformed declaration may have been meant to declare it.
     """
-    text, part, at = used
+    names, (text, part) = scope.names, used
     text = as_written(name) if "[]" in text else text
     base = part.partition("[")[0]
     if base in names.suspects or names.incomplete or f"{base}[]" in names.broken:
@@ -173,7 +180,7 @@ def unknown_part(
     help_ = f"the members are {format_members(base, members)}" if members else did_you_mean(close)
     return error_at(
         "unknown-name",
-        f"{context.where} uses `{text}`{at}, but there is no {what} `{_shown(part)}`",
+        f"{scope.where} uses `{text}`{scope.at()}, but there is no {what} `{_shown(part)}`",
         name,
         help_ or f"the model has no {what}s",
     )

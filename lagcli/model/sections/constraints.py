@@ -11,7 +11,6 @@ from symengine import Basic
 
 from lagcli.columns import SLIP
 from lagcli.model import model as symbols
-from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
 from lagcli.model.expression.algebra import (
     count_terms,
     expand_terms,
@@ -20,7 +19,7 @@ from lagcli.model.expression.algebra import (
     nonlinear_in,
 )
 from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.tensors import ShapeError, Tensor, kind_of
+from lagcli.model.expression.tensors import ShapeError, Tensor, Value, kind_of
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import (
     CallExpr,
@@ -34,29 +33,26 @@ from lagcli.model.expression.trees import (
 )
 from lagcli.model.keys import CONSTRAINT, keys_of
 from lagcli.model.model import Constraint, Relation
+from lagcli.model.names.draft import NO_INDICES, Draft, Formula, Indices, Parsed
 from lagcli.model.names.expansion import expand
-from lagcli.model.names.families import Declaration, Member, by_name
+from lagcli.model.names.families import Declaration, Member, by_name, expanded
 from lagcli.model.names.members import family_of
 from lagcli.model.names.scope import uses
-from lagcli.model.names.scoping import Value
 from lagcli.model.sections.contacts import ContactFields, has_friction, slip_equation
-from lagcli.model.sections.coordinates import expanded, unit_length
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.sections.coordinates import unit_length
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
 _EXPANDED = 1000  # largest number of terms of a constraint that is expanded to find cancellations
 _EXAMPLE = "x^2 + y^2 = l^2"
 
 
-def declare_constraints(
-    draft: Draft, declared: list[Declaration], constants: Symbols
-) -> dict[str, Member]:
+def declare_constraints(draft: Draft, declared: list[Declaration]) -> dict[str, Member]:
     """Return the constraints declared by the entries, by name; add the names to the draft."""
     names = draft.names
     families = [d for d in declared if d.spans]
     names.constraint_families = {d.family for d in families}
     names.constraint_families |= {d.family + SLIP for d in families if has_friction(d)}
-    members = by_name(draft, expanded(draft, declared, constants))
+    members = by_name(draft, expanded(draft, declared))
     for name, member in members.items():
         names.constraints[name] = None
         if has_friction(member.declaration):
@@ -65,10 +61,10 @@ def declare_constraints(
 
 
 def read_constraints(
-    draft: Draft, declared: list[Declaration], members: Mapping[str, Member], constants: Symbols
+    draft: Draft, declared: list[Declaration], members: Mapping[str, Member]
 ) -> tuple[Constraint, ...]:
     """Return the constraints that can be built, each followed by its friction."""
-    readers = {id(d): _ConstraintReader(draft, d, constants) for d in declared}
+    readers = {id(d): _ConstraintReader(draft, d) for d in declared}
     found: dict[tuple[int, str], list[Constraint]] = {}
     for name, member in members.items():
         d = member.declaration
@@ -89,13 +85,13 @@ def read_constraints(
 class _ConstraintReader:
     """Reads one entry: its equation, impacts, friction and limits."""
 
-    def __init__(self, draft: Draft, d: Declaration, constants: Symbols):
+    def __init__(self, draft: Draft, d: Declaration):
         what = f"constraint `{d.title}`"
         self.draft, self.what, self.declaration = draft, what, d
         self.builder: _ConstraintBuilder | None = None
         self.slip: _ConstraintBuilder | None = None
         if d.kind:
-            self.fields = ContactFields(draft, d, {}, "=", constants)
+            self.fields = ContactFields(draft, d, {}, "=")
             equation = _Equation(d.key, *unit_length(d))
             self.builder = _ConstraintBuilder(draft, d, what, equation, None)
             return
@@ -108,7 +104,7 @@ class _ConstraintReader:
             return
         equation = read
         self.builder = _ConstraintBuilder(draft, d, what, equation, description)
-        self.fields = ContactFields(draft, d, fields, equation.relation, constants)
+        self.fields = ContactFields(draft, d, fields, equation.relation)
         if parsed := slip_equation(draft, fields, what):
             slipping = _Equation(parsed.node, parsed.tree, None)
             self.slip = _ConstraintBuilder(draft, d, f"`slip` of {what}", slipping, None)
@@ -222,9 +218,8 @@ class _ConstraintBuilder:
         self.what = what
         self.node, self.left, self.right, self.relation = equation
         trees = [self.left] if self.right is None else [self.left, self.right]
-        context = Context(self.what)
         self.sides = [
-            Formula(draft, Parsed(self.node, tree), context, indices=declaration.indices)
+            Formula(draft, Parsed(self.node, tree), self.what, indices=declaration.indices)
             for tree in trees
         ]
         self.good = True
@@ -267,7 +262,7 @@ class _ConstraintBuilder:
             formula = Formula(
                 self.draft,
                 Parsed(self.node, tree),
-                self.sides[0].context,
+                self.what,
                 indices=tuple(indices),
             )
             sized = formula.value(indices)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import symengine as se
@@ -10,16 +10,16 @@ from symengine import Basic
 
 from lagcli.columns import SLIP
 from lagcli.model import model as symbols
-from lagcli.model.draft import Draft, Formula, Indices, Parsed
 from lagcli.model.expression.algebra import is_zero, nonlinear_in
 from lagcli.model.expression.constants import cases, number, relation
 from lagcli.model.expression.functions import KINKS, apply, derivative
 from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.keys import LIMIT, keys_of
 from lagcli.model.model import SIGN, Constraint, MultiplierLimit, multiplier, velocity
+from lagcli.model.names.draft import Draft, Formula, Indices, Parsed
 from lagcli.model.names.families import Declaration
+from lagcli.model.names.namespace import Allowed
 from lagcli.model.spelling import shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, SourceLocation, YamlNode
 
@@ -52,8 +52,6 @@ class ContactFields:
     fields : mapping of str to Node
     relation : Relation
         The relation of the equation.
-    constants : Symbols
-        The parameters with their values.
     """
 
     def __init__(
@@ -62,10 +60,8 @@ class ContactFields:
         declaration: Declaration,
         fields: Mapping[str, YamlNode],
         relation: symbols.Relation,
-        constants: Symbols,
     ):
         self.draft, self.declaration, self.fields = draft, declaration, fields
-        self.constants = constants
         self.what = f"constraint `{declaration.title}`"
         self.unilateral = relation != "="
         self.good = True
@@ -133,8 +129,8 @@ class ContactFields:
             self.good = False
             return None
         self.draft.trees[f"constraints.{self.declaration.title}.{key}"] = parsed.tree
-        context = Context(what, multipliers=multipliers)
-        return Formula(self.draft, parsed, context, indices=self.declaration.indices)
+        allowed = Allowed.MULTIPLIERS if multipliers else Allowed.MOTION
+        return Formula(self.draft, parsed, what, allowed, self.declaration.indices)
 
     def _pair(self, field: str, multipliers: bool = False) -> _Pair | None:
         """Return the formulas of a value, or of {static, kinetic}."""
@@ -268,7 +264,7 @@ class ContactFields:
         if value is None:
             self.good = False
             return None
-        known = self.constants.parameters
+        known = self.draft.names.constants
         symbols_in = value.free_symbols
         if any(s.name not in known for s in symbols_in):
             return value
@@ -343,7 +339,7 @@ class SmoothForces(NamedTuple):
 
 
 def dry_friction(
-    draft: Draft, forces: Mapping[str, Basic], dissipation: Basic | None, constants: Symbols
+    draft: Draft, forces: Mapping[str, Basic], dissipation: Basic | None
 ) -> SmoothForces:
     """Return the forces without dry friction, and the rows of dry friction.
 
@@ -362,8 +358,6 @@ def dry_friction(
         Q by coordinate.
     dissipation : expression or None
         D.
-    constants : Symbols
-        The parameters with their values.
     """
     left, found = dict(forces), list[Constraint]()
 
@@ -376,7 +370,7 @@ def dry_friction(
             s = _signed(kink)
             if s is None or not _is_slip(s) or kink not in left[name].atoms(se.Piecewise):
                 continue
-            force = _force(draft, left, kink, s, constants)
+            force = _force(draft, left, kink, s)
             if force is None:
                 continue
             for other in left:
@@ -390,7 +384,7 @@ def dry_friction(
         force = derivative(dissipation.xreplace({kink: _HELD}), _HELD)
         if force == _ZERO or _HELD in force.free_symbols or _rates(force):
             continue
-        if _nonnegative(force, constants):
+        if _nonnegative(force, draft.names.constants):
             dissipation = dissipation.xreplace({kink: _ZERO})
             moving = {x.name for x in _rates(s)}
             name = next(x for x in draft.names.coordinates if velocity(x).name in moving)
@@ -430,9 +424,7 @@ def _is_slip(s: Basic) -> bool:
     )
 
 
-def _force(
-    draft: Draft, forces: Mapping[str, Basic], kink: Basic, s: Basic, constants: Symbols
-) -> Basic | None:
+def _force(draft: Draft, forces: Mapping[str, Basic], kink: Basic, s: Basic) -> Basic | None:
     """Return F of dry friction in Q; None if it is another force."""
     rates = _rates(s)
     force: Basic | None = None
@@ -452,7 +444,7 @@ def _force(
     if not all(is_zero(c + force * slope) for c, slope in pairs):
         return None
     for written in (force, _distributed(force), se.expand(force)):
-        if _nonnegative(written, constants):
+        if _nonnegative(written, draft.names.constants):
             return written
     return None
 
@@ -466,10 +458,9 @@ def _distributed(expression: Basic) -> Basic:
     return expression
 
 
-def _nonnegative(expression: Basic, constants: Symbols) -> bool:
+def _nonnegative(expression: Basic, known: Mapping[str, Callable[[], Basic]]) -> bool:
     """Return whether an expression is known not to be negative, from its form and its
     parameters."""
-    known = constants.parameters
     if all(x.name in known for x in expression.free_symbols):
         values = {x: known[x.name]() for x in expression.free_symbols}
         try:
@@ -477,22 +468,22 @@ def _nonnegative(expression: Basic, constants: Symbols) -> bool:
         except ValueError:
             return False
     if isinstance(expression, se.Add):
-        return all(_nonnegative(x, constants) for x in expression.args)
+        return all(_nonnegative(x, known) for x in expression.args)
     if isinstance(expression, se.Mul):  # two factors of parameters may both be negative
         fixed = [x for x in expression.args if all(s.name in known for s in x.free_symbols)]
         moving = [x for x in expression.args if x not in fixed]
-        return all(_nonnegative(x, constants) for x in (se.Mul(*fixed), *moving))
+        return all(_nonnegative(x, known) for x in (se.Mul(*fixed), *moving))
     if isinstance(expression, se.Pow):
         base, exponent = expression.args
         if isinstance(exponent, se.Number) and (
             not isinstance(exponent, se.Integer) or int(exponent) % 2 == 0
         ):
             return True  # a square; a root has no negative value
-        return _nonnegative(base, constants)
+        return _nonnegative(base, known)
     if isinstance(expression, se.Piecewise):
         cases = expression.args[::2]
         enough = any if apply("max", *cases) == expression else all
-        return _is_abs(expression) or enough(_nonnegative(x, constants) for x in cases)
+        return _is_abs(expression) or enough(_nonnegative(x, known) for x in cases)
     return False
 
 

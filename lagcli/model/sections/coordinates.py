@@ -8,7 +8,6 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft
 from lagcli.model.expression.tokens import is_name
 from lagcli.model.expression.trees import (
     BRACKETS,
@@ -23,10 +22,11 @@ from lagcli.model.expression.trees import (
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, si_notation, to_si
 from lagcli.model.keys import COORDINATE, keys_of
 from lagcli.model.model import Coordinate
-from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
+from lagcli.model.names.draft import Draft
+from lagcli.model.names.families import Declaration, Member, by_name, expanded, read_key
 from lagcli.model.names.members import family_of, indices_of
+from lagcli.model.names.namespace import DOTS
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import DOTS, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
 
 _OTHER_KEYS = {
@@ -282,18 +282,18 @@ def declare(
 
 
 def expand_coordinates(
-    draft: Draft, entries: list[CoordinateEntry], constants: Symbols, with_units: bool
+    draft: Draft, entries: list[CoordinateEntry], with_units: bool
 ) -> tuple[Coordinate, ...]:
     """Return the coordinates, and add them to the draft's names.
 
     Parameters
     ----------
-    draft, entries, constants : Draft, list of CoordinateEntry, Symbols
+    draft, entries : Draft, list of CoordinateEntry
     with_units : bool
         Whether the model has units; points are then in m.
     """
     given = {id(entry.declaration): entry.coordinate for entry in entries}
-    members = expanded(draft, (entry.declaration for entry in entries), constants)
+    members = expanded(draft, (entry.declaration for entry in entries))
     found = by_name(draft, members)
     draft.names.coordinates = dict.fromkeys(found)
     with_units = with_units or any(entry.coordinate.unit for entry in entries)
@@ -312,11 +312,6 @@ def _named(coordinate: Coordinate, member: Member, with_units: bool) -> Coordina
     if kind and unit is None and with_units:
         unit = KINDS[kind].unit
     return coordinate._replace(name=member.name, latex=latex, unit=unit)
-
-
-def expanded(draft: Draft, found: Iterable[Declaration], constants: Symbols) -> list[Member]:
-    """Return all members of several entries."""
-    return [member for d in found for member in members_of(draft, d, constants)]
 
 
 def report_overlaps(draft: Draft) -> None:

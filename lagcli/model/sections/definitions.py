@@ -12,23 +12,30 @@ from symengine import Basic
 from lagcli.columns import SCALARS
 from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import Broken
-from lagcli.model.draft import Draft, Formula, Parsed
-from lagcli.model.expression.building import name_errors
-from lagcli.model.expression.calls import TENSOR_FUNCTIONS
 from lagcli.model.expression.grammar import KEYWORDS
+from lagcli.model.expression.tensors import Sized
 from lagcli.model.expression.tokens import is_name
 from lagcli.model.expression.trees import Name, walk
 from lagcli.model.keys import DEFINITION, OUTPUT, keys_of
 from lagcli.model.model import Definition
+from lagcli.model.names.building import name_errors
+from lagcli.model.names.calls import TENSOR_FUNCTIONS
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
-from lagcli.model.names.expansion import MACROS, Macro, expand
-from lagcli.model.names.families import Declaration, Member, by_name, declarations, valid_name
+from lagcli.model.names.draft import Draft, Formula, Parsed
+from lagcli.model.names.expansion import MACROS, expand
+from lagcli.model.names.families import (
+    Declaration,
+    Member,
+    by_name,
+    declarations,
+    expanded,
+    valid_name,
+)
 from lagcli.model.names.members import family_of
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.sections.coordinates import expanded, si_unit, value_of
+from lagcli.model.names.namespace import DOTS, Allowed, Macro
+from lagcli.model.names.scope import Scope
+from lagcli.model.sections.coordinates import si_unit, value_of
 from lagcli.model.spelling import shorten
-from lagcli.model.symbols import DOTS, Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
 
 
@@ -37,11 +44,9 @@ class _DefinitionEntry(NamedTuple):
     description: str | None
 
 
-def expand_definitions(
-    draft: Draft, declared: list[Declaration], constants: Symbols
-) -> dict[str, Member]:
+def expand_definitions(draft: Draft, declared: list[Declaration]) -> dict[str, Member]:
     """Return the declared definitions by name; add the names to the draft."""
-    members = by_name(draft, expanded(draft, declared, constants))
+    members = by_name(draft, expanded(draft, declared))
 
     def unbuilt(name: str) -> Sized:
         raise Unbuilt(name)
@@ -70,8 +75,8 @@ def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, D
             return
         formula = formulas.get(id(declaration))
         if formula is None:
-            context = Context(f"the definition `{declaration.title}`")
-            formula = Formula(draft, entry.parsed, context, indices=declaration.indices)
+            what = f"the definition `{declaration.title}`"
+            formula = Formula(draft, entry.parsed, what, indices=declaration.indices)
             formulas[id(declaration)] = formula
         sized = formula.value(members[name].indices)
         if sized is None:
@@ -251,12 +256,12 @@ def check_functions(draft: Draft, declared: list[Declaration]) -> None:
             }
 
 
-class _FunctionScope(ModelScope):
+class _FunctionScope(Scope):
     """Scope of a function's expression, in which its arguments may have any value."""
 
     def __init__(self, draft: Draft, name: str, macro: Macro):
-        context = Context(f"the function `{name}`", accelerations=True, multipliers=True)
-        super().__init__(draft.names, context, macro.arguments)
+        where = f"the function `{name}`"
+        super().__init__(draft.names, where, Allowed.ACCELERATIONS, macro.arguments)
 
     def check(self, name: Name) -> None:
         """Check a name that is not an argument."""
@@ -270,12 +275,12 @@ class _FunctionScope(ModelScope):
 _COLUMNS = {"t", "time", *(quantity.name for quantity in SCALARS)}
 
 
-def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], dict[str, str]]:
+def read_outputs(draft: Draft) -> tuple[dict[str, Basic], dict[str, str]]:
     """Return the outputs and their units, by name."""
     found: dict[str, Basic] = {}
     units: dict[str, str] = {}
     declared = declarations(draft, draft.entries("outputs") or [], "output")
-    members = by_name(draft, expanded(draft, declared, constants))
+    members = by_name(draft, expanded(draft, declared))
     named: dict[int, list[str]] = {}
     for name, member in members.items():
         named.setdefault(id(member.declaration), []).append(name)
@@ -299,8 +304,7 @@ def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], di
         parsed = draft.parse(node, what) if node is not None else None
         if parsed is None:
             continue
-        context = Context(what, accelerations=True, multipliers=True)
-        formula = Formula(draft, parsed, context, indices=d.indices)
+        formula = Formula(draft, parsed, what, Allowed.ACCELERATIONS, d.indices)
         draft.trees[f"outputs.{d.title}"] = parsed.tree
         for name in own:
             value = formula.scalar(members[name].indices)

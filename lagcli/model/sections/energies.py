@@ -7,16 +7,15 @@ from collections.abc import Iterable, Mapping
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.draft import Draft, Entry, Formula, Parsed
 from lagcli.model.expression.algebra import is_zero, nonlinear_in
-from lagcli.model.expression.tensors import Tensor, angular_velocity
+from lagcli.model.expression.tensors import Tensor, Value, angular_velocity
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.model import RATE, Constraint, Coordinate, Definition, coordinate, velocity
+from lagcli.model.names.draft import Draft, Entry, Formula, Parsed
 from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
 from lagcli.model.names.members import members_clause
-from lagcli.model.names.scoping import Value
+from lagcli.model.names.namespace import Allowed
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
 
 
@@ -72,20 +71,19 @@ def read_scalar(draft: Draft, key: str) -> Basic | None:
     if parsed is None:
         return None
     draft.trees[key] = parsed.tree
-    return draft.scalar(parsed, Context(f"`{key}`"))
+    return draft.scalar(parsed, f"`{key}`")
 
 
 def read_forces(
     draft: Draft,
     definitions: Mapping[str, Definition],
-    constants: Symbols,
     entries: list[Entry],
     block: str = "Q",
 ) -> dict[str, Basic]:
     """Return Q_i by coordinate: Σ F·∂r/∂q_i over the entries of `Q`, or of impulses of an event."""
     terms: dict[str, list[Basic]] = {}
     declared = [_acted_on(draft, key, node, block) for _, key, node in entries]
-    groups = [members_of(draft, d, constants) for d in declared if d is not None]
+    groups = [members_of(draft, d) for d in declared if d is not None]
     unique = by_name(draft, [member for group in groups for member in group])
     for group in groups:
         if group:
@@ -126,7 +124,7 @@ def _read_force(
     if parsed is None:
         return
     draft.trees[f"{block}.{d.title}"] = parsed.tree
-    formula = Formula(draft, parsed, Context(what, multipliers=True), indices=d.indices)
+    formula = Formula(draft, parsed, what, Allowed.MULTIPLIERS, d.indices)
     for member in members:
         name = member.name
         if name in names.coordinates:

@@ -10,11 +10,9 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import SLIP, read_column_name
-from lagcli.model.draft import Draft, Formula, Indices, Parsed
 from lagcli.model.expression.dimension import SECOND, same
 from lagcli.model.expression.functions import apply
 from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.quantities import Quantity, formula_of, read_quantity
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Comparison, LogicalExpr, Tree
 from lagcli.model.expression.units import read_unit
@@ -28,15 +26,14 @@ from lagcli.model.model import (
     ModelEvent,
     Parameter,
 )
+from lagcli.model.names.draft import Draft, Formula, Indices, Parsed, QuantityValue, read_quantity
 from lagcli.model.names.expansion import expand
-from lagcli.model.names.families import Declaration, by_name, declarations
-from lagcli.model.names.members import Indices as IndexValues
-from lagcli.model.names.members import with_indices
-from lagcli.model.sections.coordinates import expanded
+from lagcli.model.names.families import Declaration, by_name, declarations, expanded
+from lagcli.model.names.members import IndexEvaluator, with_indices
+from lagcli.model.names.namespace import Allowed
 from lagcli.model.sections.energies import read_forces
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
@@ -166,9 +163,9 @@ class ConditionReader:
             )
 
     def _operand(self, tree: Tree) -> None:
-        context = Context(f"`when` of {self.what}", accelerations=True, multipliers=True)
+        what, allowed = f"`when` of {self.what}", Allowed.ACCELERATIONS
         parsed = Parsed(self.node, tree)
-        self.formulas[id(tree)] = Formula(self.draft, parsed, context, indices=self.indices)
+        self.formulas[id(tree)] = Formula(self.draft, parsed, what, allowed, self.indices)
 
     # of one member
 
@@ -246,7 +243,7 @@ class ConditionReader:
         """Return the name of a member, ``hit[2]`` of ``hit[i]``."""
         name, _, index = row.partition("[")
         left, _ = parse_equation(index.removesuffix("]"))
-        return with_indices(f"{name}[]", [IndexValues(dict(indices), lambda _: 0).at(left)])
+        return with_indices(f"{name}[]", [IndexEvaluator(dict(indices), lambda _: 0).at(left)])
 
 
 class _Wrong(Exception):
@@ -257,27 +254,6 @@ def watched_row(constraint: str, change: ContactChange, names: dict[str, None]) 
     """Return the row that a contact's change refers to: that of its friction for slip."""
     friction = constraint + SLIP
     return friction if change in ("slips", "sticks") and friction in names else constraint
-
-
-class _Time(NamedTuple):
-    """A time as read: a number with a unit, or a formula of parameters."""
-
-    quantity: Quantity
-    formula: Formula | None
-
-    def value(self, indices: Indices) -> Basic | None:
-        """Return its value in s; None if it has an error."""
-        factor, written = self.quantity.factor, self.quantity.number
-        if self.formula is None:
-            assert written is not None
-            value: Basic | None = se.Rational(written.numerator, written.denominator)
-        else:
-            value = self.formula.scalar(indices)
-        if value is None or factor == 1:
-            return value
-        if isinstance(factor, float):
-            return value * factor
-        return value * se.Rational(factor.numerator, factor.denominator)
 
 
 class ClockReader:
@@ -311,9 +287,9 @@ class ClockReader:
         )
         self.good = self.period is not None and (offset is None or self.offset is not None)
 
-    def _time(self, field: str, node: YamlNode) -> _Time | None:
+    def _time(self, field: str, node: YamlNode) -> QuantityValue | None:
         draft, what = self.draft, f"`{field}` of event `{self.title}`"
-        quantity = read_quantity(draft, node, what, draft.names)
+        quantity = read_quantity(draft, node, what)
         if quantity is None:
             return None
         if quantity.unit and not same(read_unit(quantity.unit).dimension, SECOND):
@@ -325,15 +301,14 @@ class ClockReader:
             )
             return None
         draft.trees[f"events.{self.title}.{field}"] = quantity.parsed.tree
-        context = Context(what, coordinates=False, definitions=False, time=False)
-        formula = formula_of(draft, quantity, context, draft.names, self.indices)
-        return _Time(quantity, formula) if formula is None or formula.good else None
+        value = QuantityValue(draft, quantity, what, Allowed.PARAMETERS, self.indices)
+        return value if value.good else None
 
     def built(self, indices: Indices) -> EventClock | None:
         """Return the clock for an index; None if it has an error."""
         assert self.period is not None
-        period = self.period.value(indices)
-        offset = se.Integer(0) if self.offset is None else self.offset.value(indices)
+        period = self.period.expression(indices)
+        offset = se.Integer(0) if self.offset is None else self.offset.expression(indices)
         if period is None or offset is None:
             self.good = False
             return None
@@ -357,15 +332,12 @@ class EventNames(NamedTuple):
 
     Parameters
     ----------
-    constants : Symbols
-        The parameters with their values.
     parameters : mapping of str to Parameter
     definitions : mapping of str to Definition
     constraints : tuple of Constraint
     outputs : mapping of str to expression
     """
 
-    constants: Symbols
     parameters: Mapping[str, Parameter]
     definitions: Mapping[str, Definition]
     constraints: tuple[Constraint, ...]
@@ -375,7 +347,7 @@ class EventNames(NamedTuple):
 def read_events(draft: Draft, known: EventNames) -> tuple[ModelEvent, ...]:
     """Return the valid events; report constraints that no event engages."""
     declared = declarations(draft, draft.entries("events") or [], "event")
-    members = by_name(draft, expanded(draft, declared, known.constants))
+    members = by_name(draft, expanded(draft, declared))
     readers = {id(d): _EventReader(draft, d, known) for d in declared}
     found = []
     for name, member in members.items():
@@ -583,9 +555,10 @@ class _EventReader:
             if target is None or parsed is None:
                 self.good = False
                 continue
-            context = Context(f"`set` of {self.what}", accelerations=True, multipliers=True)
+            what = f"`set` of {self.what}"
             self.draft.trees[f"events.{self.declaration.title}.set.{target}"] = parsed.tree
-            yield target, Formula(self.draft, parsed, context, indices=self.declaration.indices)
+            indices = self.declaration.indices
+            yield target, Formula(self.draft, parsed, what, Allowed.ACCELERATIONS, indices)
 
     def _target(self, text: str, key: Scalar) -> str | None:
         names = self.draft.names
@@ -605,7 +578,7 @@ class _EventReader:
                     or f"it can set {', '.join(f'`{x}`' for x in every[:6])} and parameters",
                 )
             return None
-        needs = self.draft.parameter_needs
+        needs = names.needs
         users = [other for other, used in needs.items() if text in used]
         if text in names.structural:
             self.fault(
@@ -639,9 +612,7 @@ class _EventReader:
             )
             return {}
         where = f"events.{self.declaration.title}.impulse"
-        known = self.known
-        entries = list(node)
-        return read_forces(self.draft, known.definitions, known.constants, entries, where)
+        return read_forces(self.draft, self.known.definitions, list(node), where)
 
     # of one member
 

@@ -10,16 +10,15 @@ from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft
 from lagcli.model.expression.dimension import same
-from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity, unit_of
 from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
 from lagcli.model.model import Parameter
+from lagcli.model.names.draft import Draft, QuantityValue, read_quantity, unit_of
+from lagcli.model.names.namespace import Allowed
 from lagcli.model.sections.coordinates import si_unit
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
 
 _EXAMPLE = (
@@ -97,7 +96,6 @@ class FitBlock(NamedTuple):
 
 def read_fit(
     draft: Draft,
-    constants: Symbols,
     parameters: dict[str, Parameter],
     outputs: dict[str, Basic],
 ) -> FitBlock | None:
@@ -116,7 +114,7 @@ def read_fit(
         names = " and no ".join(f"`{name}`" for name in missing)
         draft.report.add("missing-value", f"`fit` has no {names}", node.location, _EXAMPLE)
         return None
-    reader = _FitReader(draft, constants, parameters, outputs)
+    reader = _FitReader(draft, parameters, outputs)
     data = reader.files(fields["data"])
     observed = reader.observed(fields["observe"])
     fitted = reader.fitted(fields["parameters"])
@@ -133,11 +131,10 @@ class _FitReader:
     def __init__(
         self,
         draft: Draft,
-        constants: Symbols,
         parameters: dict[str, Parameter],
         outputs: dict[str, Basic],
     ):
-        self.draft, self.constants = draft, constants
+        self.draft = draft
         self.parameters, self.outputs = parameters, outputs
 
     def not_a_mapping(self, node: YamlNode, what: str, help_: str) -> None:
@@ -247,7 +244,7 @@ class _FitReader:
         parsed = self.draft.parse(key, what)
         if parsed is None:
             return None
-        return self.draft.scalar(parsed, Context(what, accelerations=True, multipliers=True))
+        return self.draft.scalar(parsed, what, Allowed.ACCELERATIONS)
 
     def check_sigmas(self, observed: list[ObservedQuantity]) -> None:
         without = [x for x in observed if x.sigma is None]
@@ -340,9 +337,5 @@ class _FitReader:
         return False
 
     def number(self, node: YamlNode, what: str) -> float | None:
-        quantity = read_quantity(self.draft, node, what, self.constants)
-        if quantity is None:
-            return None
-        context = Context(what, coordinates=False, definitions=False, time=False)
-        formula = formula_of(self.draft, quantity, context, self.constants)
-        return evaluate(self.draft, quantity, formula, what)
+        quantity = read_quantity(self.draft, node, what)
+        return None if quantity is None else QuantityValue(self.draft, quantity, what).number()

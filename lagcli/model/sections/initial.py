@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import replace
 from fractions import Fraction
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft, Formula, Indices
 from lagcli.model.expression.grammar import Span
-from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import without_dots
 from lagcli.model.expression.trees import (
@@ -25,14 +22,15 @@ from lagcli.model.expression.trees import (
 )
 from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import Constraint, InitialValue, Written
+from lagcli.model.names.draft import Draft, Formula, Indices, Quantity, QuantityValue, read_quantity
 from lagcli.model.names.expansion import substituted
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, indices_of, members_clause
+from lagcli.model.names.namespace import Allowed
 from lagcli.model.names.scope import uses
 from lagcli.model.sections.coordinates import KINDS, components
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
@@ -60,8 +58,6 @@ class InitialReader:
     draft : Draft
     declaration : Declaration
         The entry, with its value as node.
-    constants : Symbols
-        Parameters with their values.
     fixed : bool
         Whether the value is fixed unless it is written as a guess.
     quantity : Quantity, optional
@@ -72,7 +68,6 @@ class InitialReader:
         self,
         draft: Draft,
         declaration: Declaration,
-        constants: Symbols,
         fixed: bool = True,
         quantity: Quantity | None = None,
     ):
@@ -80,13 +75,11 @@ class InitialReader:
         self.what = what = f"the initial value of `{declaration.title}`"
         node, own = unwrapped(draft, declaration.node, what)
         self.fixed, self.quantity = fixed and own, quantity
-        names = initial_names(draft, constants)
         if node is not None and quantity is None:
-            self.quantity = read_quantity(draft, node, what, names)
+            self.quantity = read_quantity(draft, node, what)
         if self.quantity is not None:
-            context = Context(what, coordinates=False, definitions=False, time=False)
             indices, tree = declaration.indices, self.quantity.parsed.tree
-            self.formula = formula_of(draft, self.quantity, context, names, indices)
+            self.value = QuantityValue(draft, self.quantity, what, indices=indices)
             self.varies = any(uses(tree, index) for index in indices)
         self.same: float | None = None
 
@@ -96,18 +89,12 @@ class InitialReader:
             return
         value = self.same
         if value is None:
-            value = evaluate(self.draft, self.quantity, self.formula, self.what, indices)
+            value = self.value.number(indices)
             self.same = None if self.varies else value
         if value is not None:
             quantity = self.quantity
             written = Written(quantity.parsed.tree, quantity.factor, indices)
             values[name] = InitialValue(value, self.fixed, self.location, written, quantity.unit)
-
-
-def initial_names(draft: Draft, constants: Symbols) -> Symbols:
-    """Return the names allowed in initial values: parameters with their values."""
-    names = draft.names
-    return replace(constants, coordinates=names.coordinates, definitions=names.definitions)
 
 
 def unwrapped(draft: Draft, node: YamlNode, what: str) -> tuple[YamlNode | None, bool]:
@@ -151,8 +138,6 @@ class VectorReader:
     kind : str
         One of `KINDS`. The derivative of a quaternion is given by the angular velocity in the body
         frame.
-    constants : Symbols
-        Parameters with their values.
     """
 
     def __init__(
@@ -160,9 +145,8 @@ class VectorReader:
         draft: Draft,
         declaration: Declaration,
         kind: str,
-        constants: Symbols,
     ):
-        self.draft, self.declaration, self.constants = draft, declaration, constants
+        self.draft, self.declaration = draft, declaration
         self.what = f"the initial value of `{declaration.title}`"
         self.rotates = kind == "quaternion"
         self.turning = self.rotates and bool(declaration.primes)
@@ -183,12 +167,11 @@ class VectorReader:
             return
         for part, item in zip(self.parts, node.items, strict=True):
             own = self.declaration._replace(node=item, part=f".{part}")
-            self.cells[part] = InitialReader(self.draft, own, self.constants, self.fixed)
+            self.cells[part] = InitialReader(self.draft, own, self.fixed)
 
     def written(self, node: YamlNode) -> None:
         """Read an expression, such as ``l*[1, 0, 0]`` or ``rot_z(30 deg)``."""
-        names = initial_names(self.draft, self.constants)
-        quantity = read_quantity(self.draft, node, self.what, names)
+        quantity = read_quantity(self.draft, node, self.what)
         if quantity is None:
             return
         tree = quantity.parsed.tree
@@ -196,7 +179,7 @@ class VectorReader:
         for part, component in trees.items():
             own = quantity._replace(parsed=quantity.parsed._replace(tree=component))
             declared = self.declaration._replace(part=f".{part}", node=node)
-            reader = InitialReader(self.draft, declared, self.constants, self.fixed, own)
+            reader = InitialReader(self.draft, declared, self.fixed, own)
             self.cells[part] = reader
 
     def parts_of(self, tree: Tree, quantity: Quantity) -> dict[str, Tree]:
@@ -211,10 +194,8 @@ class VectorReader:
             }
         if isinstance(tree, VectorExpr) and len(tree.items) == len(self.parts):
             return dict(zip(self.parts, tree.items, strict=True))
-        context = Context(self.what, coordinates=False, definitions=False, time=False)
-        names = initial_names(self.draft, self.constants)
         indices = self.declaration.indices
-        formula = Formula(self.draft, quantity.parsed, context, names, indices)
+        formula = Formula(self.draft, quantity.parsed, self.what, Allowed.NUMBERS, indices)
         sized = formula.value(dict.fromkeys(indices, 1))
         if sized is None:
             return {}
@@ -334,9 +315,7 @@ def _states_closed(draft: Draft, name: str, node: YamlNode) -> bool:
     return stated and named and canonical_name(draft, name, vectors=True) is None
 
 
-def read_initial(
-    draft: Draft, constants: Symbols, overrides: Mapping[str, object]
-) -> tuple[Values, Values, Spins]:
+def read_initial(draft: Draft, overrides: Mapping[str, object]) -> tuple[Values, Values, Spins]:
     """Return the initial coordinates and velocities, by coordinate, and which ω are fixed."""
     names = draft.names
     entries = draft.entries("initial")
@@ -347,7 +326,7 @@ def read_initial(
         if _states_closed(draft, name, node):
             continue
         declaration = _declaration(draft, name, key, node)
-        for member, reader in _values(draft, declaration, constants) if declaration else ():
+        for member, reader in _values(draft, declaration) if declaration else ():
             readers[id(member.declaration)] = reader
             if not _enter(draft, attempted, member):
                 break
@@ -358,7 +337,7 @@ def read_initial(
     for canonical, option in given.items():
         node = override_node("--set-initial", option, overrides[option])
         declaration = _named(draft, canonical, node, guess_or(node))
-        for member, reader in _values(draft, declaration, constants):
+        for member, reader in _values(draft, declaration):
             name = member.name + "'" * member.declaration.primes
             if not member.declaration.part or name not in given:
                 jobs[name] = (reader, member.indices)
@@ -386,11 +365,9 @@ def _spins(jobs: Mapping[str, tuple[Reader, Indices]]) -> Spins:
     return found
 
 
-def _values(
-    draft: Draft, declaration: Declaration, constants: Symbols
-) -> Iterator[tuple[Member, Reader]]:
+def _values(draft: Draft, declaration: Declaration) -> Iterator[tuple[Member, Reader]]:
     """Yield the targets of an entry, and the readers of their values."""
-    members = members_of(draft, declaration, constants)
+    members = members_of(draft, declaration)
     kind = draft.names.kinds.get(declaration.family)
     value, fixed = declaration.node, True
     if isinstance(value, MappingNode) and "guess" in value.entries:
@@ -400,7 +377,7 @@ def _values(
         kind is None or rotation or any(isinstance(item, Sequence) for item in value.items)
     )
     if not (split and declaration.several):
-        yield from _readers(draft, declaration, members, kind, constants)
+        yield from _readers(draft, declaration, members, kind)
         return
     assert isinstance(value, Sequence)
     if len(value.items) != len(members):
@@ -414,7 +391,7 @@ def _values(
         members = members[: len(value.items)]
     for member, item in zip(members, value.items, strict=False):
         own = declaration._replace(node=item if fixed else guessed(declaration.node, item))
-        yield from _readers(draft, own, [member._replace(declaration=own)], kind, constants)
+        yield from _readers(draft, own, [member._replace(declaration=own)], kind)
 
 
 def _readers(
@@ -422,14 +399,13 @@ def _readers(
     declaration: Declaration,
     members: Iterable[Member],
     kind: str | None,
-    constants: Symbols,
 ) -> Iterator[tuple[Member, Reader]]:
     """Yield members, each component of a vector separately, with the reader of their value."""
     if kind is None:
-        reader: Reader = InitialReader(draft, declaration, constants)
+        reader: Reader = InitialReader(draft, declaration)
         yield from ((member, reader) for member in members)
         return
-    reader = VectorReader(draft, declaration, kind, constants)
+    reader = VectorReader(draft, declaration, kind)
     parts = [part._replace(kind=kind) for part in components(declaration, kind)]
     for member in members:
         for d in parts:

@@ -13,13 +13,12 @@ from symengine import Basic, Derivative, FunctionSymbol
 
 from lagcli.errors import FileError, SourceLocation
 from lagcli.model.csv_table import CsvTable, read_bytes
-from lagcli.model.draft import Draft
 from lagcli.model.expression.dimension import SECOND, same
-from lagcli.model.expression.quantities import read_quantity
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, to_si
 from lagcli.model.inputs import EXTENSIONS, INTERPOLATIONS, Input, InputData, read_input
 from lagcli.model.keys import INPUT, keys_of
 from lagcli.model.model import Constraint
+from lagcli.model.names.draft import Draft, read_quantity
 from lagcli.model.names.families import Declaration
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
@@ -205,7 +204,7 @@ class _InputEntry:
     ) -> float | None:
         """Return a number, optionally with a unit, in SI; report errors."""
         own = None if units is None else unit
-        read = read_quantity(self.draft, node, f"a {what} of {self.what}", self.draft.names, own)
+        read = read_quantity(self.draft, node, f"a {what} of {self.what}", own)
         if read is None:
             return None
         if read.number is None:

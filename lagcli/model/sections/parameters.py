@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -13,27 +12,25 @@ from symengine import Basic
 
 from lagcli.errors import SourceLocation
 from lagcli.model.diagnostics import Broken
-from lagcli.model.draft import Draft, Formula
+from lagcli.model.expression.constants import constant
 from lagcli.model.expression.dimension import same
-from lagcli.model.expression.quantities import (
-    Quantity,
-    constant,
-    evaluate,
-    formula_of,
-    read_quantity,
-    unit_of,
-)
 from lagcli.model.expression.tokens import is_number
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, si_notation, to_si
 from lagcli.model.keys import PARAMETER, keys_of
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
+from lagcli.model.names.draft import (
+    Draft,
+    Quantity,
+    QuantityValue,
+    read_quantity,
+    unit_of,
+)
 from lagcli.model.names.families import Declaration, Member, bounds, by_name, members_of
 from lagcli.model.names.members import family_of, members_clause, names_in
 from lagcli.model.sections.definitions import report_circle
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
 
@@ -58,17 +55,8 @@ class _Job(NamedTuple):
 
 def read_parameters(
     draft: Draft, declared: list[Declaration], overrides: Mapping[str, object]
-) -> tuple[dict[str, Parameter], Symbols]:
-    """Evaluate the parameters, and add them to the draft's names.
-
-    Returns
-    -------
-    parameters : dict of str to Parameter
-        Parameters that have a value.
-    constants : Names
-        Only the parameters, represented by their values, for use where a number is required. In the
-        draft's names a parameter is represented by its symbol.
-    """
+) -> dict[str, Parameter]:
+    """Return the parameters that have a value; add their symbols and values to the names."""
     reader = _ParameterReader(draft, overrides)
     names = list(reader.read(declared))
     for name, given in overrides.items():
@@ -76,9 +64,8 @@ def read_parameters(
             _report_unknown_override(draft, name, given, names)
     reader.evaluate()
     draft.names.parameters = {name: partial(se.Symbol, name) for name in names}
-    draft.names.constants = reader.constants.parameters
-    draft.parameter_needs = reader.needs()
-    return {name: reader.found[name] for name in names if name in reader.found}, reader.constants
+    draft.names.needs = reader.needs()
+    return {name: reader.found[name] for name in names if name in reader.found}
 
 
 def _plain(name: str) -> str:
@@ -93,11 +80,11 @@ class _ParameterReader:
         self.overrides = {_plain(name): value for name, value in overrides.items()}
         self.jobs: dict[str, _Job] = {}
         self.found: dict[str, Parameter] = {}
-        self.formulas: dict[int, Formula | None] = {}
+        self.values: dict[int, QuantityValue] = {}
         self.broken: set[str] = set()
         self.expanded = False
         self.known: dict[str, partial[Basic]] = {}
-        self.constants = replace(draft.names, parameters=self.known, constants=self.known)
+        draft.names.parameters = draft.names.constants = self.known
 
     # from entries to members
 
@@ -131,7 +118,7 @@ class _ParameterReader:
         """Return the members declared by an entry; evaluates the parameters in its range."""
         while True:
             try:
-                return members_of(self.draft, d, self.constants)
+                return members_of(self.draft, d)
             except Unbuilt as need:
                 build_on_demand([need.name], self.build, self.cycle)
 
@@ -183,7 +170,7 @@ class _ParameterReader:
         if value is None or not good or (not d.spans and d.name in self.overrides):
             return entry
         nodes = value.items if isinstance(value, Sequence) and d.several else [value]
-        read = [read_quantity(draft, node, what, self.constants, unit) for node in nodes]
+        read = [read_quantity(draft, node, what, unit) for node in nodes]
         quantities = tuple(q for q in read if q is not None)
         if len(quantities) == len(read):
             return entry._replace(quantities=quantities)
@@ -205,7 +192,7 @@ class _ParameterReader:
                 f"write the unit: --set '{name}={value.value} {unit}'",
             )
             return None
-        quantity = read_quantity(self.draft, value, what, self.constants, unit)
+        quantity = read_quantity(self.draft, value, what, unit)
         if quantity is None or stated is None:
             return quantity
         if quantity.unit is None:
@@ -275,12 +262,10 @@ class _ParameterReader:
             )
             return None
         where = f"the parameter `{d.title}`"
-        if id(quantity) not in self.formulas:
-            context = Context(where, coordinates=False, definitions=False, time=False)
-            formula = formula_of(self.draft, quantity, context, self.constants, d.indices)
-            self.formulas[id(quantity)] = formula
-        formula = self.formulas[id(quantity)]
-        value = evaluate(self.draft, quantity, formula, where, job.member.indices)
+        if id(quantity) not in self.values:
+            own = QuantityValue(self.draft, quantity, where, indices=d.indices)
+            self.values[id(quantity)] = own
+        value = self.values[id(quantity)].number(job.member.indices)
         if value is None:
             return None
         written = Written(parsed.tree, quantity.factor, job.member.indices)
@@ -321,7 +306,7 @@ def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, P
     found = {family_of(name) for name in draft.names.structural}
     stack = list(found)
     while stack:
-        for name in draft.parameter_needs.get(stack.pop(), ()):
+        for name in draft.names.needs.get(stack.pop(), ()):
             if name not in found:
                 found.add(name)
                 stack.append(name)

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 from typing import Any
 
-from lagcli.model.draft import Draft
 from lagcli.model.expression.dimension import same
-from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity
 from lagcli.model.expression.units import read_unit
+from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
 from lagcli.model.names.families import members_of, read_key
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.sections.parameters import names_used
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
 from lagcli.settings.kinds import Choice, Flag, Names, Times, Tolerances, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
 
-def read_settings(draft: Draft, constants: Symbols) -> tuple[SettingsOverrides, frozenset[str]]:
+def read_settings(draft: Draft) -> tuple[SettingsOverrides, frozenset[str]]:
     """Return the settings of the file, and the parameters they depend on."""
     needs: set[str] = set()
-    return _read(draft, constants, needs), frozenset(needs)
+    return _read(draft, needs), frozenset(needs)
 
 
-def _read(draft: Draft, constants: Symbols, needs: set[str]) -> SettingsOverrides:
+def _read(draft: Draft, needs: set[str]) -> SettingsOverrides:
     node = draft.get("simulation")
     if draft.entries("simulation") is None or not isinstance(node, Mapping):
         return SettingsOverrides()
     fields = draft.fields(node, "`simulation`", tuple(SettingsOverrides.DECLARED))
     settings = SettingsOverrides(
-        **{name: _value(draft, name, field, constants, needs) for name, field in fields.items()}
+        **{name: _value(draft, name, field, needs) for name, field in fields.items()}
     )
     for problem in settings.problems():
         place = fields.get(problem.key, node)
@@ -38,7 +36,7 @@ def _read(draft: Draft, constants: Symbols, needs: set[str]) -> SettingsOverride
     return settings
 
 
-def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]) -> Any:
+def _value(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> Any:
     """Return the value of a setting; None if it has an error."""
     declared = SettingsOverrides.DECLARED[name]
     match declared:
@@ -51,16 +49,16 @@ def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: s
             words = [word for item in items if (word := _word(draft, name, item)) is not None]
             return words if len(words) == len(items) else None
         case WholeNumber():
-            return _whole_number(draft, name, node, constants, needs)
+            return _whole_number(draft, name, node, needs)
         case Times():
             items = node.items if isinstance(node, Sequence) else [node]
             what = f"a time of `{name}`" if isinstance(node, Sequence) else f"`{name}`"
-            times = [_number(draft, what, item, constants, needs, declared.unit) for item in items]
+            times = [_number(draft, what, item, needs, declared.unit) for item in items]
             return None if None in times else times
         case Tolerances() if isinstance(node, Mapping):
-            return _tolerances(draft, node, constants, needs)
+            return _tolerances(draft, node, needs)
     unit = None if isinstance(declared, Tolerances) else declared.unit
-    return _number(draft, f"`{name}`", node, constants, needs, unit)
+    return _number(draft, f"`{name}`", node, needs, unit)
 
 
 def _word(draft: Draft, name: str, node: YamlNode) -> str | None:
@@ -83,10 +81,8 @@ def _flag(draft: Draft, name: str, node: YamlNode) -> bool | None:
     return None
 
 
-def _whole_number(
-    draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]
-) -> int | None:
-    value = _number(draft, f"`{name}`", node, constants, needs, "")
+def _whole_number(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> int | None:
+    value = _number(draft, f"`{name}`", node, needs, "")
     if value is None or value == int(value):
         return None if value is None else int(value)
     draft.report.add(
@@ -98,20 +94,18 @@ def _whole_number(
     return None
 
 
-def _tolerances(
-    draft: Draft, node: Mapping, constants: Symbols, needs: set[str]
-) -> dict[str, float] | None:
+def _tolerances(draft: Draft, node: Mapping, needs: set[str]) -> dict[str, float] | None:
     """Return the absolute tolerances by coordinate and velocity (``phi'``)."""
     found: dict[str, float] = {}
     for name, (key, entry) in node.entries.items():
-        value = _number(draft, f"the tolerance of `{shorten(name)}`", entry, constants, needs)
-        for canonical in _members(draft, name, key, constants):
+        value = _number(draft, f"the tolerance of `{shorten(name)}`", entry, needs)
+        for canonical in _members(draft, name, key):
             if value is not None:
                 found[canonical] = value
     return found or None
 
 
-def _members(draft: Draft, name: str, key: Scalar, constants: Symbols) -> list[str]:
+def _members(draft: Draft, name: str, key: Scalar) -> list[str]:
     """Return the coordinates or velocities that an entry names; report an unknown name."""
     found = canonical_name(draft, name)
     if found is not None:
@@ -122,7 +116,7 @@ def _members(draft: Draft, name: str, key: Scalar, constants: Symbols) -> list[s
         if declaration is None:
             return []
         ending = "'" * declaration.primes
-        members = [member.name for member in members_of(draft, declaration, constants)]
+        members = [member.name for member in members_of(draft, declaration)]
         if members and all(member in names.coordinates for member in members):
             return [member + ending for member in members]
     if not names.incomplete:
@@ -141,12 +135,11 @@ def _number(
     draft: Draft,
     what: str,
     node: YamlNode,
-    constants: Symbols,
     needs: set[str],
     expected: str | None = None,
 ) -> float | None:
     """Return the value of a number, whose unit must have the dimension of the expected one."""
-    quantity = read_quantity(draft, node, what, constants)
+    quantity = read_quantity(draft, node, what)
     if quantity is None:
         return None
     if expected is not None and quantity.unit is not None:
@@ -161,6 +154,4 @@ def _number(
             )
             return None
     needs.update(names_used(quantity.parsed.tree))
-    context = Context(what, coordinates=False, definitions=False, time=False)
-    formula = formula_of(draft, quantity, context, constants)
-    return evaluate(draft, quantity, formula, what)
+    return QuantityValue(draft, quantity, what).number()

@@ -11,7 +11,6 @@ from typing import Literal, NamedTuple
 from symengine import Basic
 
 from lagcli.model.diagnostics import Broken
-from lagcli.model.draft import Draft, Formula, Indices
 from lagcli.model.expression.algebra import is_zero
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.grammar import Span, parse, parse_spans
@@ -29,12 +28,13 @@ from lagcli.model.model import (
     coordinate,
     velocity,
 )
+from lagcli.model.names.draft import Draft, Formula, Indices
 from lagcli.model.names.families import Declaration, by_name, declarations, members_of
 from lagcli.model.names.members import format_members, members_clause, with_indices
-from lagcli.model.names.scope import ModelScope, uses
+from lagcli.model.names.namespace import Allowed
+from lagcli.model.names.scope import Scope, uses
 from lagcli.model.sections.coordinates import si_unit
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
@@ -64,7 +64,6 @@ _SHORT = r"[^\W\d_](?:\d|_[^\W_]{1,2})?"  # names that are labels: O, P1, x_A
 
 def read_view(
     draft: Draft,
-    constants: Symbols,
     definitions: Mapping[str, Definition],
     constraints: tuple[Constraint, ...],
 ) -> View | None:
@@ -73,8 +72,6 @@ def read_view(
     Parameters
     ----------
     draft : Draft
-    constants : Names
-        Parameters with their values, for ranges.
     definitions, constraints : mapping, tuple
         Names without errors.
     """
@@ -89,18 +86,17 @@ def read_view(
             "begin with its points, as in\nview:\n  points:\n    A: [x_A, y_A]",
         )
         return None
-    return _ViewReader(draft, constants, definitions, constraints).read(node)
+    return _ViewReader(draft, definitions, constraints).read(node)
 
 
 class _ViewReader:
     def __init__(
         self,
         draft: Draft,
-        constants: Symbols,
         definitions: Mapping[str, Definition],
         constraints: tuple[Constraint, ...],
     ):
-        self.draft, self.constants = draft, constants
+        self.draft = draft
         self.constraints = {c.name: c for c in constraints}
         self.points = Points(draft, definitions)
         self.plain: list[str] = []  # points that are not members of families
@@ -150,7 +146,7 @@ class _ViewReader:
     def read_points(self) -> None:
         """Read the points; the first valid one determines the number of dimensions."""
         declared = self.entries("points", "point")
-        members = [m for d in declared for m in members_of(self.draft, d, self.constants)]
+        members = [m for d in declared for m in members_of(self.draft, d)]
         unique = by_name(self.draft, members)
         self.points.declared = dict.fromkeys(unique)
         self.plain = [d.name for d in declared if not d.spans]
@@ -160,7 +156,7 @@ class _ViewReader:
             if parsed is None:
                 continue
             self.draft.trees[f"view.points.{d.title}"] = parsed.tree
-            formula = Formula(self.draft, parsed, Context(what), indices=d.indices)
+            formula = Formula(self.draft, parsed, what, indices=d.indices)
             for member in (m for m in unique.values() if m.declaration is d):
                 place = self.tuple_of(formula, member.indices, (2, 3))
                 if place is None:
@@ -186,7 +182,7 @@ class _ViewReader:
         formula.good = False
         error = ExpressionError(
             "shape",
-            f"{formula.context.where} must be a vector of {wanted}, not {kind}",
+            f"{formula.scope.where} must be a vector of {wanted}, not {kind}",
             tree.start,
             tree.end,
             "all points of a view have two coordinates, or all have three: `[x, y]`, `[x, y, z]`",
@@ -213,7 +209,7 @@ class _ViewReader:
 
     def along(self, path: Path, kind: _Kind, d: Declaration | None) -> Iterator[Segment]:
         """Yield the lines along the points of one entry."""
-        found = each(self.draft, path, self.constants, d, self.points.at)
+        found = each(self.draft, path, d, self.points.at)
         for points, name, _ in found:
             for start, end in pairwise(points):
                 yield Segment(kind, name if d is not None else f"{start}-{end}", start, end)
@@ -228,7 +224,7 @@ class _ViewReader:
             path = read_path(self.draft, item, what, 1, _EXAMPLES[key])
             if path is None:
                 continue
-            for points, _, _ in each(self.draft, path, self.constants, None, self.points.at):
+            for points, _, _ in each(self.draft, path, None, self.points.at):
                 yield points[0]
 
     def labels(self) -> dict[str, str | None]:
@@ -244,10 +240,10 @@ class _ViewReader:
             text = self.draft.text(d.node, f"the label of `{d.title}`")
             path = read_path(self.draft, d.key, "a label", 1, "A") if not d.spans else None
             if path is not None:
-                for points, _, _ in each(self.draft, path, self.constants, None, self.points.at):
+                for points, _, _ in each(self.draft, path, None, self.points.at):
                     found[points[0]] = text
             elif d.spans:
-                members = [m.name for m in members_of(self.draft, d, self.constants)]
+                members = [m.name for m in members_of(self.draft, d)]
                 missing = [name for name in members if name not in self.points.declared]
                 if missing:
                     self.draft.report.add(
@@ -282,7 +278,7 @@ class _ViewReader:
                 continue
             if path is None or radius is None:
                 continue
-            for points, name, indices in each(self.draft, path, self.constants, d, self.points.at):
+            for points, name, indices in each(self.draft, path, d, self.points.at):
                 size = radius.scalar(indices)
                 if size is None:
                     break
@@ -342,8 +338,8 @@ class _ViewReader:
             place = read_path(self.draft, fields["at"], f"`at` of {what}", 1, "A")
         if path is None or place is None:
             return
-        moving = each(self.draft, path, self.constants, d, self.points.at)
-        standing = each(self.draft, place, self.constants, d, self.points.at)
+        moving = each(self.draft, path, d, self.points.at)
+        standing = each(self.draft, place, d, self.points.at)
         for (points, name, _), (at, _, _) in zip(moving, standing, strict=False):
             rates = tuple(map(self.draft.names.derivative, self.points.found[points[0]]))
             yield Arrow(name, "velocity", at, rates, unit=unit)
@@ -356,7 +352,7 @@ class _ViewReader:
         formula = self.formula(d, fields, "components", what, multipliers=True)
         if path is None or formula is None:
             return
-        for at, name, indices in each(self.draft, path, self.constants, d, self.points.at):
+        for at, name, indices in each(self.draft, path, d, self.points.at):
             components = self.tuple_of(formula, indices, (2, 3))
             if components is None:
                 break
@@ -371,8 +367,8 @@ class _ViewReader:
         named = read_path(draft, fields["force"], f"`force` of {what}", 1, "guide")
         if path is None or named is None:
             return
-        places = each(draft, path, self.constants, d, self.points.at)
-        forces = each(draft, named, self.constants, d, partial(constraint_named, draft))
+        places = each(draft, path, d, self.points.at)
+        forces = each(draft, named, d, partial(constraint_named, draft))
         for (at, name, _), ((constraint,), _, _) in zip(places, forces, strict=False):
             parts = components_of(constraint, self.constraints)
             found = [self.constraints[part] for part in parts if part in self.constraints]
@@ -431,8 +427,8 @@ class _ViewReader:
         if parsed is None:
             return None
         self.draft.trees[f"view.{d.title}.{key}"] = parsed.tree
-        context = Context(where, accelerations=multipliers, multipliers=multipliers)
-        return Formula(self.draft, parsed, context, indices=d.indices)
+        allowed = Allowed.ACCELERATIONS if multipliers else Allowed.MOTION
+        return Formula(self.draft, parsed, where, allowed, d.indices)
 
 
 _FOR = r"\s+for\s+"
@@ -462,7 +458,7 @@ class Points:
         self.declared: dict[str, None] = {}
         self.dimension = 0
 
-    def at(self, tree: Name, scope: ModelScope) -> str:
+    def at(self, tree: Name, scope: Scope) -> str:
         """Return the name of the point that a tree denotes.
 
         Raises
@@ -487,7 +483,7 @@ class Points:
             raise Broken
         raise ExpressionError(
             "unknown-name",
-            f"{scope.context.where} uses `{text}`{scope.at()}, which is not a point of the view",
+            f"{scope.where} uses `{text}`{scope.at()}, which is not a point of the view",
             tree.start,
             tree.end,
             self._help(tree, text),
@@ -506,7 +502,7 @@ class Points:
         return did_you_mean(close) or f"its points are {shown}"
 
 
-def member_name(tree: Name, scope: ModelScope) -> str:
+def member_name(tree: Name, scope: Scope) -> str:
     """Return a name with its indices as numbers."""
     for index in tree.indices:
         scope.check_index(index)
@@ -603,15 +599,14 @@ def _names(tree: Tree, what: str, count: int | None, example: str) -> Iterator[N
 def each(
     draft: Draft,
     path: Path,
-    constants: Symbols,
     declaration: Declaration | None,
-    resolve: Callable[[Name, ModelScope], str],
+    resolve: Callable[[Name, Scope], str],
 ) -> Iterator[tuple[tuple[str, ...], str, Indices]]:
     """Yield the points of a path for each value of its index.
 
     Parameters
     ----------
-    draft, path, constants : Draft, Path, Names
+    draft, path : Draft, Path
     declaration : Declaration or None
         The entry whose value is the path and whose key has its index. If not given, the index
         follows the path.
@@ -626,7 +621,7 @@ def each(
     indices : mapping of str to int
     """
     over = path.declaration if declaration is None else declaration
-    scope = ModelScope(draft.names, Context(path.what), over.indices)
+    scope = Scope(draft.names, path.what, indices=over.indices)
     if declaration is not None and path.declaration.spans:
         draft.report.add(
             "bad-range",
@@ -643,7 +638,7 @@ def each(
             "use the index, or give it once",
         )
         return
-    for member in members_of(draft, over, constants):
+    for member in members_of(draft, over):
         scope.values.update(member.indices)
         with draft.report.expression(path.node):
             points = tuple(resolve(name, scope) for name in path.names)
@@ -655,7 +650,7 @@ def each(
 _COMPONENTS = {"x", "y", "z", *map(str, range(1, 10))}
 
 
-def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
+def constraint_named(draft: Draft, tree: Name, scope: Scope) -> str:
     """Return the constraint that a tree names.
 
     Raises
@@ -676,7 +671,7 @@ def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
     help_ = f"the members are {format_members(base, members)}" if members else None
     raise ExpressionError(
         "unknown-name",
-        f"{scope.context.where} names `{text}`{scope.at()}, which is not a constraint",
+        f"{scope.where} names `{text}`{scope.at()}, which is not a constraint",
         tree.start,
         tree.end,
         help_ or did_you_mean(nearest(text, known) or known[:3]) or "the model has no constraints",

@@ -16,7 +16,6 @@ import symengine as se
 from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
 from lagcli.files import check_readable, read_failure
 from lagcli.model.csv_table import split_title
-from lagcli.model.expression.building import build, name_errors
 from lagcli.model.expression.constants import number as constant_value
 from lagcli.model.expression.dimension import same
 from lagcli.model.expression.grammar import parse
@@ -24,9 +23,10 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, decimal
 from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, read_unit, to_si
 from lagcli.model.model import Model
-from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.building import build, name_errors
+from lagcli.model.names.namespace import Allowed, Namespace
+from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import did_you_mean, nearest
-from lagcli.model.symbols import Context, Symbols
 from lagcli.sweeps.plan import factors
 from lagcli.sweeps.plan.factors import Distribution, TableFactor
 
@@ -217,7 +217,7 @@ class _VaryReader:
         return value
 
     def expression(self, text: str, start: int) -> Value:
-        scope = ModelScope(Symbols(), Context("a value", False, definitions=False, time=False))
+        scope = Scope(Namespace(), "a value", Allowed.NUMBERS)
         try:
             tree = parse(text)
             errors, _ = name_errors(tree, scope)

@@ -12,7 +12,7 @@ from lagcli.errors import ModelError
 from lagcli.model.loader import load_text
 from lagcli.model.rewriting import rewrite
 
-MODELS = Path(__file__).parents[4] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 
 TEXT = """\
 coordinates: [x]   # a comment

@@ -28,12 +28,12 @@ from lagcli.equations.render import render
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import Notation
 from lagcli.model.expression.algebra import constant_value
-from lagcli.model.expression.building import build
 from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tensors import Sized
 from lagcli.model.loader import load, load_text
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.names.building import build
+from lagcli.model.names.namespace import Namespace
+from lagcli.model.names.scope import Scope
 
 FOUND = Path(__file__).parents[3] / "found"
 WHIPPLE = FOUND / "whipple_bicycle.yaml"
@@ -51,7 +51,7 @@ class Reader:
     def __init__(self, equations, content, at):
         self.at = {se.Symbol(name): se.RealDouble(x) for name, x in at.items()}
         model = equations.model
-        self.names = Symbols(
+        self.names = Namespace(
             coordinates=model.coordinate_names,
             constraints=model.constraint_names,
             parameters={name: partial(se.Symbol, name) for name in model.parameters},
@@ -62,7 +62,7 @@ class Reader:
             self.names.definitions[entry["name"]] = partial(Sized, se.RealDouble(value), 1)
 
     def __call__(self, text: str) -> float:
-        built = build(parse(text), ModelScope(self.names, Context("the test"))).value
+        built = build(parse(text), Scope(self.names, "the test")).value
         return float(built.xreplace(self.at).n(53, real=True))
 
 

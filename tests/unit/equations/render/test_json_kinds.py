@@ -15,12 +15,12 @@ from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import number
 from lagcli.equations.reduction.second_kind import second_kind
 from lagcli.equations.render import render
-from lagcli.model.expression.building import build
 from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tensors import Sized
 from lagcli.model.loader import load
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.names.building import build
+from lagcli.model.names.namespace import Allowed, Namespace
+from lagcli.model.names.scope import Scope
 from lagcli.simulations.partition import partition
 
 MODELS = Path(__file__).parents[4] / "models"
@@ -32,7 +32,7 @@ class Reader:
     def __init__(self, found, abbreviations):
         model = found.equations.model
         self.values = dict(found.values)
-        self.symbols = Symbols(
+        self.symbols = Namespace(
             coordinates=model.coordinate_names,
             constraints=model.constraint_names,
             parameters={name: bound(se.Symbol, name) for name in model.parameters},
@@ -45,8 +45,10 @@ class Reader:
             self.symbols.parameters[x["name"]] = bound(se.Symbol, x["name"])
 
     def __call__(self, text: str) -> float:
-        context = Context("the test", accelerations=True, multipliers=True)
-        return number(build(parse(text), ModelScope(self.symbols, context)).value, self.values)
+        return number(
+            build(parse(text), Scope(self.symbols, "the test", Allowed.ACCELERATIONS)).value,
+            self.values,
+        )
 
 
 @pytest.mark.parametrize(

@@ -18,12 +18,12 @@ from lagcli.equations.render import render
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.simplification.arrange import Arranger
 from lagcli.functions import FUNCTIONS
-from lagcli.model.expression.building import build
 from lagcli.model.expression.functions import apply
 from lagcli.model.expression.grammar import parse
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.expression.tensors import Sized
+from lagcli.model.names.building import build
+from lagcli.model.names.namespace import Allowed, Namespace
+from lagcli.model.names.scope import Scope
 
 TOLERANCE = 1e-12  # rounding of some hundred terms
 
@@ -31,15 +31,14 @@ TOLERANCE = 1e-12  # rounding of some hundred terms
 def read(text: str, equations: Equations) -> se.Basic:
     """Build an expression from text, by the loader's own grammar."""
     model = equations.model
-    names = Symbols(
+    names = Namespace(
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,
         parameters={name: partial(se.Symbol, name) for name in model.parameters},
         definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
         inputs={name: x.smoothness for name, x in model.inputs.items()},
     )
-    context = Context("the test", accelerations=True, multipliers=True)
-    return build(parse(text), ModelScope(names, context)).value
+    return build(parse(text), Scope(names, "the test", Allowed.ACCELERATIONS)).value
 
 
 def assert_same(text: str, expression: se.Basic, equations: Equations, seed: int = 8) -> None:

@@ -17,11 +17,10 @@ from lagcli.equations.simplification.factors import (
 from lagcli.equations.simplification.grouping import groups, pairs
 from lagcli.equations.simplification.monomials import MonomialExpansion, Polynomial
 from lagcli.equations.simplification.trigonometry import shorten
-from lagcli.model.expression.building import build
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load_text
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.symbols import Context
+from lagcli.model.names.building import build
+from lagcli.model.names.scope import Scope
 
 MODEL = load_text(
     "coordinates: [a, b]\nparameters: {m: 1, M: 2, l: 1}\nT: M*l^2*a'^2/2 + m*b'^2/2\n"
@@ -34,7 +33,7 @@ def expansion() -> MonomialExpansion:
 
 
 def expression(text: str) -> se.Basic:
-    return build(parse(text), ModelScope(MODEL.names, Context("it"))).value
+    return build(parse(text), Scope(MODEL.names, "it")).value
 
 
 def value(terms: Polynomial, made_of: MonomialExpansion, at: dict[str, float]) -> float:

@@ -9,7 +9,7 @@ from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import IndexedSumExpr, Name
 from lagcli.model.names.members import (
     MAX_MEMBERS,
-    Indices,
+    IndexEvaluator,
     family_of,
     form_errors,
     format_members,
@@ -56,7 +56,7 @@ def parameter(name: Name) -> int:
     return 7
 
 
-INDICES = Indices({"i": 3}, parameter)
+INDICES = IndexEvaluator({"i": 3}, parameter)
 
 
 @pytest.mark.parametrize(

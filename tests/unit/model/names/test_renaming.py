@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from lagcli.model.expression.building import build
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load_text
-from lagcli.model.names.renaming import ExpressionTemplate
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.symbols import Context
+from lagcli.model.names.building import ExpressionTemplate, build
+from lagcli.model.names.scope import Scope
 
 MODEL = load_text(
     "coordinates: [x[1..6]]\nparameters: {k: 1}\nT: sum(x[i]'^2, i = 1..6)/2\n"
@@ -27,7 +25,7 @@ MODEL = load_text(
     ],
 )
 def test_renamed_expressions_are_those_built_again(text: str, built: int) -> None:
-    scope = ModelScope(MODEL.names, Context("it"), ("i",))
+    scope = Scope(MODEL.names, "it", indices=("i",))
     count = 0
 
     def counted(tree):

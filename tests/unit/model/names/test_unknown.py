@@ -8,8 +8,9 @@ from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name
+from lagcli.model.names.namespace import Allowed
+from lagcli.model.names.scope import Scope
 from lagcli.model.names.unknown import meant_derivative, unknown, unknown_index, unknown_part
-from lagcli.model.symbols import Context, Symbols
 
 MODEL = """
 coordinates: [phi, "x[1..2]"]
@@ -18,12 +19,11 @@ T: mass/2*(phi'^2 + x[1]'^2 + x[2]'^2)
 constraints: {guide: x[1] = length}
 initial: {phi: 0, phi': 0, "x[1]": 2, "x[2]": 0, "x[1..2]'": 0}
 """
-WHERE = Context("the expression")
 
 
-@pytest.fixture(name="names")
-def names_of_the_model() -> Symbols:
-    return lagcli.load_text(MODEL).names
+@pytest.fixture(name="scope")
+def scope_of_the_model() -> Scope:
+    return Scope(lagcli.load_text(MODEL).names, "the expression")
 
 
 def named(text: str) -> Name:
@@ -50,34 +50,32 @@ def said(error: ExpressionError) -> tuple[str, str, str]:
         ("x", "a-family", "`x[1]`"),
     ],
 )
-def test_unknown_names(names: Symbols, text: str, kind: str, help_: str) -> None:
-    found = said(unknown(names, WHERE, named(text)))
+def test_unknown_names(scope: Scope, text: str, kind: str, help_: str) -> None:
+    found = said(unknown(scope, named(text)))
     assert found[0] == kind
     assert found[1].startswith("the expression uses `")
     assert help_ in found[2]
 
 
-def test_a_context_without_coordinates_suggests_parameters_alone(names: Symbols) -> None:
-    here = Context("the parameter", coordinates=False)
-    assert "phi" not in said(unknown(names, here, named("phix")))[2]
-    assert "declare it under `parameters`" in said(unknown(names, here, named("zzzzzz")))[2]
+def test_a_context_without_coordinates_suggests_parameters_alone(scope: Scope) -> None:
+    here = Scope(scope.names, "the parameter", Allowed.PARAMETERS)
+    assert "phi" not in said(unknown(here, named("phix")))[2]
+    assert "declare it under `parameters`" in said(unknown(here, named("zzzzzz")))[2]
 
 
-def test_what_may_have_been_declared_in_error_is_not_reported(names: Symbols) -> None:
-    names.suspects.add("stick")
+def test_what_may_have_been_declared_in_error_is_not_reported(scope: Scope) -> None:
+    scope.names.suspects.add("stick")
     with pytest.raises(Broken):
-        unknown(names, WHERE, named("stick"))
+        unknown(scope, named("stick"))
     with pytest.raises(Broken):
-        unknown_index(names, WHERE, named("stick"))
+        unknown_index(scope, named("stick"))
     with pytest.raises(Broken):
-        unknown_part(
-            names, WHERE, named("lambda.stick"), ("lambda.stick", "stick", ""), "constraint"
-        )
+        unknown_part(scope, named("lambda.stick"), ("lambda.stick", "stick"), "constraint")
 
 
-def test_unknown_names_in_indices(names: Symbols) -> None:
-    assert "name[k = 1..N]" in said(unknown_index(names, WHERE, named("k")))[2]
-    assert "`mass` (parameter" in said(unknown_index(names, WHERE, named("mas")))[2]
+def test_unknown_names_in_indices(scope: Scope) -> None:
+    assert "name[k = 1..N]" in said(unknown_index(scope, named("k")))[2]
+    assert "`mass` (parameter" in said(unknown_index(scope, named("mas")))[2]
 
 
 @pytest.mark.parametrize(
@@ -87,9 +85,9 @@ def test_unknown_names_in_indices(names: Symbols) -> None:
         ("x[3]", "coordinate", "there is no coordinate `x[3]`", "the members are x[1..2]"),
     ],
 )
-def test_unknown_parts(names: Symbols, part: str, what: str, message: str, help_: str) -> None:
+def test_unknown_parts(scope: Scope, part: str, what: str, message: str, help_: str) -> None:
     text = f"lambda.{part}"
-    found = said(unknown_part(names, WHERE, named("mass"), (text, part, ""), what))
+    found = said(unknown_part(scope, named("mass"), (text, part), what))
     assert message in found[1]
     assert help_ in found[2].replace("`", "")
 
@@ -98,8 +96,8 @@ def test_unknown_parts(names: Symbols, part: str, what: str, message: str, help_
     ("text", "meant"),
     [("phidot", "phi'"), ("phiddot", "phi''"), ("xdot[1]", "x[1]'"), ("ydot", None), ("phi", None)],
 )
-def test_derivatives_that_are_meant(names: Symbols, text: str, meant: str | None) -> None:
-    assert meant_derivative(names, text) == meant
+def test_derivatives_that_are_meant(scope: Scope, text: str, meant: str | None) -> None:
+    assert meant_derivative(scope.names, text) == meant
 
 
 VECTOR = """

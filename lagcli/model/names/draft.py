@@ -1,27 +1,30 @@
-"""Draft of a model during loading: YAML nodes, symbol table, diagnostics, and entry parsing."""
+"""Reading of a model file: its entries, expressions and quantities, and the diagnostics."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping as MappingOf
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import partial
 from typing import NamedTuple
 
+import symengine as se
 from symengine import Basic
 
 from lagcli.model.diagnostics import Broken, Diagnostics
-from lagcli.model.expression.building import build, name_errors
+from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse
-from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tensors import Sized, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
-from lagcli.model.expression.trees import Tree
+from lagcli.model.expression.trees import NumberExpr, SumExpr, Tree
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, is_unit, to_si
 from lagcli.model.model import NO_INDICES
+from lagcli.model.names.building import ExpressionTemplate, build, name_errors
 from lagcli.model.names.expansion import expand
-from lagcli.model.names.renaming import ExpressionTemplate
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
+from lagcli.model.names.namespace import Allowed, Namespace
+from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
 
 Entry = tuple[str, Scalar, YamlNode]
@@ -30,22 +33,18 @@ Indices = MappingOf[str, int]
 
 @dataclass(eq=False, repr=False)
 class Draft:
-    """State of loading a model file.
+    """A model file that is being read.
 
     Parameters
     ----------
     source : Source
     root : Mapping
     report : Diagnostics
-    names : Symbols
+    names : Namespace
     trees : dict of str to Tree
         Syntax trees of the expressions, by key: ``T``, ``Q.phi``, ``outputs.rod_force``.
     misspelled_keys : set of str
         Keys that the file misspells, whose error has been reported.
-    members : int
-        Number of family members so far.
-    parameter_needs : mapping of str to lists of str
-        Parameters that each parameter depends on.
     left_out : list of str
         Components of vector constraints that hold for all values of the coordinates.
     """
@@ -53,11 +52,9 @@ class Draft:
     source: Source
     root: Mapping
     report: Diagnostics
-    names: Symbols = field(default_factory=Symbols)
+    names: Namespace = field(default_factory=Namespace)
     trees: dict[str, Tree] = field(default_factory=dict)
     misspelled_keys: set[str] = field(default_factory=set)
-    members: int = 0
-    parameter_needs: MappingOf[str, list[str]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
     # entries
@@ -178,15 +175,9 @@ class Draft:
         text = node.source.between(node.start, node.end)
         return Scalar(node.source, node.start, node.end, text)
 
-    def build(self, parsed: Parsed, context: Context, names: Symbols | None = None) -> Sized | None:
-        """Build the value of an expression; report errors."""
-        return Formula(self, parsed, context, names).value()
-
-    def scalar(
-        self, parsed: Parsed, context: Context, names: Symbols | None = None
-    ) -> Basic | None:
+    def scalar(self, parsed: Parsed, where: str, allowed: Allowed = Allowed.MOTION) -> Basic | None:
         """Build a scalar expression; report errors."""
-        return Formula(self, parsed, context, names).scalar()
+        return Formula(self, parsed, where, allowed).scalar()
 
 
 class Parsed(NamedTuple):
@@ -197,17 +188,17 @@ class Parsed(NamedTuple):
 
 
 class Formula:
-    """Expression of a model file, built for each value of its index.
+    """Expression of a model file, built for each value of its indices.
 
-    An error is reported once, for the first index value that causes it.
+    An error is reported once, for the first index values that cause it.
 
     Parameters
     ----------
     draft : Draft
     parsed : Parsed
-    context : Context
-    names : Symbols, optional
-        Symbol table; the draft's by default.
+    where : str
+        Description of the expression, for messages.
+    allowed : Allowed
     indices : tuple of str
         Names of the entry's indices.
     """
@@ -216,12 +207,12 @@ class Formula:
         self,
         draft: Draft,
         parsed: Parsed,
-        context: Context,
-        names: Symbols | None = None,
+        where: str,
+        allowed: Allowed = Allowed.MOTION,
         indices: tuple[str, ...] = (),
     ):
-        self.draft, self.parsed, self.context = draft, parsed, context
-        self.scope = ModelScope(names or draft.names, context, indices)
+        self.draft, self.parsed = draft, parsed
+        self.scope = Scope(draft.names, where, allowed, indices)
         errors, broken = name_errors(parsed.tree, self.scope)
         for error in errors:
             draft.report.add_expression_error(error, parsed.node)
@@ -271,13 +262,193 @@ class Formula:
             self.good = False
             error = error_at(
                 "shape",
-                f"{self.context.where} must be a scalar, not {sized.value.kind}",
+                f"{self.scope.where} must be a scalar, not {sized.value.kind}",
                 self.parsed.tree,
                 "a scalar product is `dot(a, b)`",
             )
             self.draft.report.add_expression_error(error, self.parsed.node)
             return None
         return sized.value
+
+
+_WITH_UNIT = re.compile(
+    r"\s*([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)"
+    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|[°˚℃℉]|1\s*/).*)",
+    re.DOTALL,
+)
+
+
+_LARGEST = 2**1023  # larger numbers may be beyond a double, which building an expression reports
+
+
+class Quantity(NamedTuple):
+    """A number with a unit, or an expression, parsed but not evaluated."""
+
+    parsed: Parsed
+    factor: Factor
+    unit: str | None
+
+    @property
+    def number(self) -> Fraction | None:
+        """The exact number; None for any other expression."""
+        sign, tree = 1, self.parsed.tree
+        if isinstance(tree, SumExpr) and len(tree.terms) == 1:
+            sign, tree = tree.terms[0]
+        if not isinstance(tree, NumberExpr) or tree.value >= _LARGEST:
+            return None
+        return sign * tree.value
+
+
+def read_quantity(
+    draft: Draft, node: YamlNode, what: str, unit: str | None = None
+) -> Quantity | None:
+    """Parse a number with a unit, or an expression with a separate unit.
+
+    Parameters
+    ----------
+    draft : Draft
+    node : Node
+    what : str
+        Name of the quantity, for messages.
+    unit : str, optional
+        Valid unit given in a separate field.
+    """
+    report, names = draft.report, draft.names
+    if not isinstance(node, Scalar):
+        report.add(
+            "wrong-type",
+            f"{what} must be a number or an expression, not {node.what}",
+            node.location,
+            "write a number, or an expression of parameters",
+        )
+        return None
+    if node.missing:
+        report.add(
+            "missing-value",
+            f"{what} has no value",
+            node.location,
+            "write a number, or an expression of parameters",
+        )
+        return None
+    text = node.value
+    if match := _WITH_UNIT.fullmatch(text.replace("−", "-")):
+        own = match[2].strip()
+        if match[1] == "0" and re.match("[xXoObB][0-9a-fA-F]", own):
+            location = node.span(match.start(1), match.end(2))
+            message = f"`{shorten(text.strip())}` is not a number"
+            report.add("syntax", message, location, "write a decimal number")
+            return None
+        if names.declared(own.split("*")[0].strip()) and (own[-1].isdigit() or not is_unit(own)):
+            location = node.span(match.start(1), match.end(2))
+            help_ = f"write a product as `{match[1]}*{own}`"
+            report.add("syntax", f"`{text.strip()}` is not a number with a unit", location, help_)
+            return None
+        try:
+            factor = to_si(own)
+        except UnknownUnit as error:
+            start = match.start(2)
+            location = node.span(start, start + len(own))
+            help_ = UNIT_HELP
+            if re.fullmatch(r"[^\W\d]+(?:-[^\W\d]+)+", own):
+                help_ = f"write a product of units as `{own.replace('-', '*')}`"
+            elif re.search("[-+]", own):
+                help_ = "write an expression with a unit as `{value: 2 + 1/2, unit: m}`"
+            report.add("unknown-unit", f"{what}: {error}", location, help_)
+            return None
+        if unit is not None:
+            report.add(
+                "contradiction",
+                f"{what} has two units, `{own}` and `{unit}`",
+                node.span(match.start(2), match.start(2) + len(own)),
+                "keep one of them",
+            )
+            return None
+        # leading blanks preserve the offsets of the number
+        text, unit = " " * match.start(1) + match[1], own
+    else:
+        factor = to_si(unit) if unit else 1
+    with report.expression(node):
+        try:
+            tree = expand(parse(text), names)
+            return Quantity(Parsed(node, tree), factor, unit)
+        except ExpressionError as error:
+            if error.message.startswith("an operator is missing") and error.help:
+                error.help += ";\nwrite an expression with a unit as `{value: 2*pi, unit: rad/s}`"
+            raise
+    return None
+
+
+def unit_of(node: YamlNode | None) -> str | None:
+    """Return the unit after a number, or None."""
+    match = _WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
+    return match[2].strip() if match and is_unit(match[2].strip()) else None
+
+
+class QuantityValue:
+    """Value of a quantity in SI, for each value of its entry's indices.
+
+    Parameters
+    ----------
+    draft : Draft
+    quantity : Quantity
+    what : str
+        Name of the quantity, for messages.
+    allowed : Allowed
+    indices : tuple of str
+        Names of the entry's indices.
+    """
+
+    def __init__(
+        self,
+        draft: Draft,
+        quantity: Quantity,
+        what: str,
+        allowed: Allowed = Allowed.NUMBERS,
+        indices: tuple[str, ...] = (),
+    ):
+        self.draft, self.quantity, self.what = draft, quantity, what
+        self.formula: Formula | None = None
+        if quantity.number is None:
+            self.formula = Formula(draft, quantity.parsed, what, allowed, indices)
+
+    @property
+    def good(self) -> bool:
+        """Whether no error has been found in it."""
+        return self.formula is None or self.formula.good
+
+    def expression(self, indices: Indices = NO_INDICES) -> Basic | None:
+        """Return the value as an expression; report errors."""
+        written, factor = self.quantity.number, self.quantity.factor
+        value: Basic | None
+        if self.formula is not None:
+            value = self.formula.scalar(indices)
+        else:
+            assert written is not None
+            value = se.Rational(written.numerator, written.denominator)
+        if value is None or factor == 1:
+            return value
+        if isinstance(factor, float) or not isinstance(value, se.Rational):
+            return value * float(factor)
+        # exact until the last step: 7 mm is 0.007 m
+        return value * se.Rational(factor.numerator, factor.denominator)
+
+    def number(self, indices: Indices = NO_INDICES) -> float | None:
+        """Return the value as a number; report errors."""
+        value = self.expression(indices)
+        if value is None:
+            return None
+        try:
+            return number(value)
+        except ValueError:
+            if self.formula is not None:
+                self.formula.good = False
+            self.draft.report.add(
+                "not-a-number",
+                f"{self.what} is not a real, finite number",
+                self.quantity.parsed.node.location,
+                "the largest number is 1.8e308",
+            )
+        return None
 
 
 _EXAMPLES = {

@@ -6,7 +6,7 @@ size of each result is bounded, and every constant is checked as soon as it is b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import symengine as se
@@ -17,10 +17,9 @@ from lagcli.functions import FUNCTIONS
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression import tensors
 from lagcli.model.expression.algebra import count_operations
-from lagcli.model.expression.calls import TENSOR_FUNCTIONS, check_call, tensor_call
 from lagcli.model.expression.constants import fault, relation
 from lagcli.model.expression.functions import apply
-from lagcli.model.expression.tensors import ShapeError, Tensor, kind_of
+from lagcli.model.expression.tensors import ShapeError, Sized, Tensor, kind_of
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
     CallExpr,
@@ -36,9 +35,10 @@ from lagcli.model.expression.trees import (
     SumExpr,
     Tree,
     VectorExpr,
+    walk,
 )
-from lagcli.model.names.renaming import ExpressionTemplate
-from lagcli.model.names.scoping import Scope, Sized
+from lagcli.model.names.calls import TENSOR_FUNCTIONS, check_call, tensor_call
+from lagcli.model.names.scope import Scope
 
 MAX_POWER = 1000  # larger constant exponents are typos
 MAX_BITS = 10_000  # size of an exact number
@@ -444,3 +444,68 @@ class _ExpressionBuilder:
         if len({len(row) for row in rows}) > 1:
             raise ShapeError("the rows of a matrix must have equal length")
         return self.made(tree, Tensor(tuple(rows)), parts)
+
+
+class ExpressionTemplate:
+    """Expression tree whose values are obtained by renaming symbols where possible.
+
+    Parameters
+    ----------
+    tree : Tree
+    scope : Scope
+        Provides the current values of the indices.
+    build : callable
+        Builds the tree with these values.
+    """
+
+    def __init__(self, tree: Tree, scope: Scope, build: Callable[[Tree], Sized]):
+        self.tree, self.scope, self.build = tree, scope, build
+        parts = list(walk(tree))
+        self.members = [p for p in parts if isinstance(p, Name) and p.indices]
+        # if an index is used as a number, each value gives a different expression
+        self.renamable = not any(
+            isinstance(p, IndexedSumExpr)
+            or (isinstance(p, ComponentExpr) and p.indices)
+            or (isinstance(p, Name) and scope.has_value(p.text))
+            for p in parts
+        )
+        self.first: tuple[list[Basic], Sized] | None = None
+
+    def value(self) -> Sized:
+        """Return the value for the current index values."""
+        symbols = self._symbols() if self.renamable else None
+        if symbols is None:
+            return self.build(self.tree)
+        if self.first is not None:
+            names = _renaming(self.first[0], symbols)
+            if names is not None:
+                return _renamed(self.first[1], names)
+        built = self.build(self.tree)
+        if not (isinstance(built.value, Tensor) and built.value.factors):  # of a rotation
+            self.first = symbols, built
+        return built
+
+    def _symbols(self) -> list[Basic] | None:
+        found: list[Basic] = []
+        for name in self.members:
+            symbol = self.scope.symbol(name)
+            if symbol is None:
+                return None
+            found.append(symbol)
+        return found
+
+
+def _renaming(old: Sequence[Basic], new: Sequence[Basic]) -> dict[Basic, Basic] | None:
+    """Return the mapping from old to new symbols; None if it is not one-to-one."""
+    names: dict[Basic, Basic] = {}
+    for a, b in zip(old, new, strict=True):
+        if names.setdefault(a, b) != b:
+            return None
+    return names if len(set(names.values())) == len(names) else None
+
+
+def _renamed(sized: Sized, names: dict[Basic, Basic]) -> Sized:
+    value = sized.value
+    if isinstance(value, Tensor):
+        return sized._replace(value=value.map(lambda x: x.xreplace(names)))
+    return sized._replace(value=value.xreplace(names))

@@ -1,21 +1,24 @@
-"""Derivatives of names that are no coordinates."""
+"""Scope of an expression: derivatives of names that are not coordinates."""
 
 from __future__ import annotations
 
 import pytest
+import symengine as se
 
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name
-from lagcli.model.names.derivatives import check_derivative
+from lagcli.model.names.namespace import Namespace
+from lagcli.model.names.scope import Scope
 
 INPUTS = {"cubic": 2, "line": 1, "step": 0, "sine": 5}
+SCOPE = Scope(Namespace(inputs=INPUTS, parameters={"m": lambda: se.Symbol("m")}), "the expression")
 
 
 @pytest.mark.parametrize(
     ("text", "primes"), [("cubic", 2), ("line", 1), ("step", 0), ("sine", 2), ("m", 0), ("t", 0)]
 )
 def test_derivatives_that_there_are(text: str, primes: int) -> None:
-    check_derivative(INPUTS, Name(0, 1, text, primes), text, primes)
+    SCOPE.check(Name(0, 1, text, primes))
 
 
 @pytest.mark.parametrize(
@@ -30,6 +33,6 @@ def test_derivatives_that_there_are(text: str, primes: int) -> None:
 )
 def test_derivatives_that_there_are_not(text: str, primes: int, message: str) -> None:
     with pytest.raises(ExpressionError) as error:
-        check_derivative(INPUTS, Name(3, 9, text, primes), text, primes)
+        SCOPE.check(Name(3, 9, text, primes))
     assert message in error.value.message
     assert (error.value.start, error.value.end) == (3, 9)

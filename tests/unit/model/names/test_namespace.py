@@ -1,15 +1,15 @@
-"""The symbol table: what names stand for, and total derivatives."""
+"""The namespace: what names stand for, and total derivatives."""
 
 from __future__ import annotations
 
 import symengine as se
 
 from lagcli.model.expression.trees import Name
-from lagcli.model.symbols import Symbols
+from lagcli.model.names.namespace import Namespace
 
 
-def table() -> Symbols:
-    return Symbols(
+def table() -> Namespace:
+    return Namespace(
         coordinates=dict.fromkeys(["x", "p[1]", "p[2]", "a_dot"]),
         parameters={"m": lambda: se.Symbol("m")},
         definitions={"R": lambda: None},  # type: ignore[dict-item,return-value]

@@ -8,7 +8,7 @@ import pytest
 import symengine as se
 
 from lagcli.errors import ModelError
-from lagcli.model.expression.quantities import constant
+from lagcli.model.expression.constants import constant
 from lagcli.model.loader import load_text
 
 

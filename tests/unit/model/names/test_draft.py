@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lagcli.model.diagnostics import Diagnostics
-from lagcli.model.draft import Draft
-from lagcli.model.symbols import Context
+from lagcli.model.names.draft import Draft
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Source
 
@@ -69,7 +68,7 @@ def test_what_is_no_scalar_expression(text: str, message: str) -> None:
     made = draft(text)
     parsed = made.parse(made.get("a"), "`a`")  # type: ignore[arg-type]
     if parsed is not None:
-        assert made.scalar(parsed, Context("`a`")) is None
+        assert made.scalar(parsed, "`a`") is None
     assert message in str(messages(made))
 
 
@@ -77,5 +76,5 @@ def test_an_expression_becomes_a_value() -> None:
     made = draft("a: 2*x*y\n")
     parsed = made.parse(made.get("a"), "`a`")  # type: ignore[arg-type]
     assert parsed is not None
-    assert str(made.scalar(parsed, Context("`a`"))) == "2*x*y"
+    assert str(made.scalar(parsed, "`a`")) == "2*x*y"
     assert messages(made) == []

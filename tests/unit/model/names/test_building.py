@@ -11,33 +11,32 @@ import symengine as se
 from numpy.typing import NDArray
 
 from lagcli.functions import FUNCTIONS
-from lagcli.model.expression.building import MAX_DEPTH, build
-from lagcli.model.expression.calls import TENSOR_FUNCTIONS
 from lagcli.model.expression.constants import fault, number, relation
 from lagcli.model.expression.functions import apply, derivative
 from lagcli.model.expression.grammar import parse
-from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tensors import Sized, Tensor
 from lagcli.model.expression.tokens import ExpressionError
-from lagcli.model.names.scope import ModelScope
-from lagcli.model.names.scoping import Sized
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.names.building import MAX_DEPTH, build
+from lagcli.model.names.calls import TENSOR_FUNCTIONS
+from lagcli.model.names.namespace import Allowed, Namespace
+from lagcli.model.names.scope import Scope
 
 Array = NDArray[np.float64]
 
 X, Y, DX, DY, T = (se.Symbol(n) for n in ("x", "y", "x'", "y'", "t"))
 
 
-def scope(definitions: dict[str, str] | None = None, **context: bool) -> ModelScope:
+def scope(definitions: dict[str, str] | None = None, allowed: Allowed = Allowed.MOTION) -> Scope:
     """Return a scope with coordinates x, y, a parameter m, and definitions."""
-    names = Symbols(
+    names = Namespace(
         coordinates=("x", "y"), constraints=("rod",), parameters={"m": lambda: se.Symbol("m")}
     )
     built: dict[str, Sized] = {}
     names.definitions = {}
     for name, text in (definitions or {}).items():
-        built[name] = build(parse(text), ModelScope(names, Context("d", **context)))
+        built[name] = build(parse(text), Scope(names, "d", allowed))
         names.definitions = {n: (lambda n=n: built[n]) for n in built}
-    return ModelScope(names, Context("it", **context))
+    return Scope(names, "it", allowed)
 
 
 def value(text: str, **definitions: str):
@@ -218,7 +217,7 @@ def test_primes_are_total_time_derivatives(text: str) -> None:
 
 
 def test_two_primes_bring_accelerations() -> None:
-    inner = scope({"d": "x^2"}, accelerations=True)
+    inner = scope({"d": "x^2"}, Allowed.ACCELERATIONS)
     found = build(parse("d''"), inner).value
     assert se.expand(found - 2 * DX**2 - 2 * X * se.Symbol("x''")) == 0
     with pytest.raises(ExpressionError, match="accelerations"):

@@ -1,9 +1,10 @@
-"""Symbol table of a model: every declared name."""
+"""Namespace of a model: the names that it declares, and what they stand for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import NamedTuple
 
 import symengine as se
@@ -12,9 +13,8 @@ from symengine import Basic
 from lagcli.errors import SourceLocation
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
-from lagcli.model.expression.trees import Name
-from lagcli.model.names.expansion import Macro
-from lagcli.model.names.scoping import Sized
+from lagcli.model.expression.tensors import Sized
+from lagcli.model.expression.trees import Name, Tree
 
 DOTS = (("_ddot", 2), ("_dot", 1))
 
@@ -24,20 +24,34 @@ def motion(name: str, order: int) -> Basic:
     return se.Symbol(name + "'" * order)
 
 
-class Context(NamedTuple):
-    """Context of an expression: its description for messages, and the kinds of names it may use."""
+class Allowed(IntEnum):
+    """Kinds of names that an expression may use; each includes those before it."""
 
-    where: str
-    coordinates: bool = True
-    accelerations: bool = False
-    multipliers: bool = False
-    definitions: bool = True
-    time: bool = True
+    NUMBERS = 0
+    """Parameters, represented by their values."""
+    PARAMETERS = 1
+    """Parameters, represented by their symbols."""
+    MOTION = 2
+    """Coordinates, velocities, definitions, inputs and time."""
+    MULTIPLIERS = 3
+    """Multipliers and constraint forces."""
+    ACCELERATIONS = 4
+    """Accelerations."""
+
+
+class Macro(NamedTuple):
+    """A function with its expression; None if the expression has an error."""
+
+    arguments: tuple[str, ...]
+    tree: Tree | None
 
 
 @dataclass(eq=False, repr=False)
-class Symbols:
-    """Symbol table of a model.
+class Namespace:
+    """The declared names of a model.
+
+    While a model is loaded, its sections add the names that they declare; the loaded model keeps it
+    for expressions that are given later, such as measures of sweeps.
 
     Parameters
     ----------
@@ -46,7 +60,8 @@ class Symbols:
     parameters, definitions : mappings of str to callables
         Functions that return the value of a name, or raise Broken if its declaration is in error.
     constants : mapping of str to callables
-        Functions that return the numeric value of a parameter, for use in indices.
+        Functions that return the numeric value of a parameter, for indices and other places that
+        need a number.
     families : dict of str to set of str
         Names of families, as ``x[]``, and the kinds of their members: coordinate, definition.
     broken_constraints : set of str
@@ -65,6 +80,10 @@ class Symbols:
         Known functions of time, and how often each may be differentiated.
     structural : set of str
         Parameters used in an index or a range.
+    needs : mapping of str to lists of str
+        Names that the value of each parameter or family of parameters depends on.
+    member_count : int
+        Number of members of all families so far.
     functions : mapping of str to Macro
         The model's functions.
     kinds : mapping of str to str
@@ -89,6 +108,8 @@ class Symbols:
     broken: set[str] = field(default_factory=set)
     suspects: set[str] = field(default_factory=set)
     structural: set[str] = field(default_factory=set)
+    needs: Mapping[str, list[str]] = field(default_factory=dict)
+    member_count: int = 0
     functions: Mapping[str, Macro] = field(default_factory=dict)
     kinds: Mapping[str, str] = field(default_factory=dict)
     incomplete: bool = False

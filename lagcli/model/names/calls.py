@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Protocol
-
 import symengine as se
 from symengine import Basic
 
@@ -13,6 +10,7 @@ from lagcli.model.expression import tensors
 from lagcli.model.expression.tensors import ShapeError, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import CallExpr, Name
+from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import did_you_mean, nearest
 
 TENSOR_FUNCTIONS: dict[str, tuple[str, ...]] = {
@@ -42,21 +40,7 @@ _AXES = {
 }
 
 
-class CallScope(Protocol):
-    """Scope of a function call."""
-
-    def declared(self, text: str) -> bool:
-        """Whether a name is declared."""
-
-    @property
-    def functions(self) -> Collection[str]:
-        """The names of the model's functions."""
-
-    def derivative(self, expression: Basic) -> Basic:
-        """Return the total time derivative."""
-
-
-def check_call(tree: CallExpr, scope: CallScope) -> None:
+def check_call(tree: CallExpr, scope: Scope) -> None:
     """Raise ExpressionError for an unknown function or a wrong number of arguments."""
     name, count = tree.function, len(tree.arguments)
     fewest: int
@@ -95,7 +79,7 @@ def _count_help(tree: CallExpr) -> str | None:
     return None
 
 
-def _unknown(tree: CallExpr, scope: CallScope) -> ExpressionError:
+def _unknown(tree: CallExpr, scope: Scope) -> ExpressionError:
     name, end = tree.function, tree.start + len(tree.function)
     if scope.declared(name):
         message, help_ = f"`{name}` is not a function", f"write a product as `{name}*(…)`"
@@ -114,7 +98,7 @@ def name_of(name: str) -> str:
     return _OTHER_NAMES.get(name, name)
 
 
-def tensor_call(name: str, arguments: list[Basic | Tensor], scope: CallScope) -> Basic | Tensor:
+def tensor_call(name: str, arguments: list[Basic | Tensor], scope: Scope) -> Basic | Tensor:
     """Apply a vector or rotation function to arguments of the right kinds.
 
     Raises
