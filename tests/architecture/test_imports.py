@@ -469,3 +469,18 @@ def test_simulate_can_be_called_whatever_was_imported_first() -> None:
         "assert lagcli.simulate(m, t_end=0.01, samples=2).status == 'completed'"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
+
+
+def test_no_file_of_the_core_includes_itself_by_way_of_others() -> None:
+    core = PACKAGE / "engine" / "core"
+    graph: dict[str, set[str]] = {}
+    for file in sorted(core.rglob("*.[ch]")):
+        own = str(file.relative_to(core).with_suffix(""))
+        included = re.findall(
+            r'^#include "(.*)\.h"', file.read_text(encoding="utf-8"), re.MULTILINE
+        )
+        graph.setdefault(own, set()).update(set(included) - {own})
+    for own in [name for names in graph.values() for name in names if name not in graph]:
+        graph[own] = set()  # a header that the build writes
+    assert {"run", "motion", "switching/instant", "batch/batch"} <= set(graph)
+    assert circles(graph) == []

@@ -1,22 +1,13 @@
 #include "breaks.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
-#include "methods/implicit.h"
 #include "methods/method.h"
 #include "motion.h"
 #include "sizes.h"
 #include "step.h"
 #include "switching/clock.h"
-
-#define RESOLUTION (16.0 * DBL_EPSILON) /* of |t|: closer times coincide */
-
-double lag_coincidence(double t)
-{
-    return RESOLUTION * fabs(t);
-}
 
 /* The piece of a function from a time on: its origin and its coefficients. */
 static void take_piece(const lag_function *f, double t, double *piece)
@@ -35,25 +26,6 @@ static void take_piece(const lag_function *f, double t, double *piece)
     memcpy(piece + 1, f->coefficients + low * (f->degree + 1), (size_t)(f->degree + 1) * sizeof(double));
 }
 
-void lag_renew_tapes(lag_run *run)
-{
-    lag_switching *sw = &run->switching;
-    lag_derivatives *w = &run->derivatives;
-    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->system.tangent, &run->series.values,
-                         run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
-                         &sw->forces, &sw->condition_tape, &sw->force_condition_tape, &sw->kinks.tape, &sw->enclosure.gaps,
-                         &w->dynamics, &w->constraint, &w->functions, &w->limits, &w->impact, &w->forces,
-                         &w->conditions, &w->force_conditions, &w->kinks, &w->kink_rates, &run->resolution.tape};
-    for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
-        if (tapes[i] && tapes[i]->registers)
-            lag_tape_set(tapes[i], run->np, run->parameters);
-    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
-        sw->enclosure.tapes[i].stale = 1;
-    run->resolution.jets.stale = 1;
-    if (run->series.order)
-        lag_series_invariant(&run->series);
-}
-
 /* Set the pieces of the functions from the current time on in all tapes. */
 static void take_pieces(lag_run *run)
 {
@@ -61,14 +33,6 @@ static void take_pieces(lag_run *run)
     for (int i = 0; i < b->function_count; ++i)
         take_piece(b->functions + i, run->step.t, run->parameters + b->functions[i].first);
     lag_renew_tapes(run);
-}
-
-void lag_set_stop(lag_run *run)
-{
-    const lag_breaks *b = &run->breaks;
-    const double tick = lag_next_tick(run);
-    const double stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
-    run->step.t_stop = tick < stop - lag_coincidence(stop) ? tick : stop;
 }
 
 void lag_breaks_start(lag_run *run)

@@ -7,15 +7,6 @@
 /* Begin, or continue, at run->step.t: find the next break, at which steps must end. */
 void lag_breaks_start(lag_run *run);
 
-/* Let steps end at the next break, at the next tick of a clock, or at the end of the run. */
-void lag_set_stop(lag_run *run);
-
-/* The difference from t of times that coincide with it. */
-double lag_coincidence(double t);
-
-/* Set the run's parameters in all tapes. */
-void lag_renew_tapes(lag_run *run);
-
 /* Whether the last step ended at a break that has not been passed. */
 int lag_at_break(const lag_run *run);
 

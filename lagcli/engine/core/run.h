@@ -51,20 +51,20 @@ typedef struct {
     int stiff, not_stiff;              /* consecutive steps that were so */
 } lag_stiffness;
 
-/* motion.c: Baumgarte's stabilization. */
+/* equations.c: Baumgarte's stabilization. */
 typedef struct {
     int active;
     double alpha, beta;
     int alpha_from_step, beta_from_alpha;
 } lag_baumgarte;
 
-/* project.c: the projection. */
+/* project_system.c: the projection. */
 typedef struct {
     int active;
     double *scale_position, *scale_velocity;   /* nh, nc */
 } lag_projection;
 
-/* motion.c: how a and lambda are found. */
+/* solution.c: how a and lambda are found. */
 enum lag_solution { LAG_BY_LU, LAG_BY_TAPE, LAG_BY_LDL };
 
 typedef struct {
@@ -82,21 +82,21 @@ typedef struct {
     int other_right;                   /* index of another right side in the tape's inputs */
 } lag_solver;
 
-/* motion.c: the elimination in a loop. */
+/* solution.c: the elimination in a loop. */
 typedef struct {
     lag_elimination plan;
     double *factors;                   /* inverse of D: 2 (nq + nc); L */
     double *product;                   /* as long as L */
 } lag_factors;
 
-/* motion.c: the dense matrix, bordered by the dependencies of B's rows: N = nq + nc + nc - rank. */
+/* solution.c: the dense matrix, bordered by the dependencies of B's rows: N = nq + nc + nc - rank. */
 typedef struct {
     double *matrix, *lu;               /* N*N each; NULL until they are needed */
     int *pivots;                       /* N */
     double *weight;                    /* nc: scales the rows of B times sizes to order one */
 } lag_dense_matrix;
 
-/* watch.c and motion.c: the rows of B. */
+/* watch.c and solution.c: the rows of B. */
 typedef struct {
     int rank;                          /* of B at the initial state */
     double *sizes;                     /* nq: changes of the coordinates that count as equal, by their
@@ -156,7 +156,7 @@ typedef struct {
     double start, end, step;           /* steps up to this resolve them between these times */
 } lag_resolution;
 
-/* motion.c and project.c: the state that a status is about. */
+/* equations.c and project_system.c: the state that a status is about. */
 typedef struct {
     double t;
     double *y;                         /* n */

@@ -116,6 +116,28 @@ int lag_sizes_again(lag_run *run)
     return LAG_RUNNING;
 }
 
+/* Raise the sizes of changes in y, and set the absolute tolerances of a step's. */
+static void sizes_of_changes(lag_run *run)
+{
+    const lag_derivatives *w = &run->derivatives;
+    lag_tolerances *tolerances = &run->tolerances;
+    const int nq = run->system.nq, first = 2 * nq + 1;
+    const double h = SUMMING * run->step.h;
+    for (int k = 0; k < w->n; ++k)
+        for (int part = 0; part < 2; ++part) {
+            double *size = tolerances->size + first + (2 * k + part) * nq;
+            double *atol = tolerances->atol + first + (2 * k + part) * nq, largest = 0.0;
+            const double *change = run->step.y + first + (2 * k + part) * nq;
+            for (int i = 0; i < nq; ++i) {
+                size[i] = fmax(size[i], fabs(change[i]));
+                largest = fmax(largest, size[i]);
+            }
+            for (int i = 0; i < nq; ++i)
+                atol[i] = OF_DERIVATIVES * tolerances->rtol * size[i] + ROUNDING * largest
+                          + h * tolerances->acceleration_terms[i] * (part ? 1.0 : run->step.h) + NO_SIZE;
+        }
+}
+
 void lag_sizes_update(lag_run *run)
 {
     const int nq = run->system.nq, motion = nq / run->system.blocks;
@@ -144,7 +166,7 @@ void lag_sizes_update(lag_run *run)
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
                                                  : FOLLOWING * run->tolerances.rtol * size[2 * nq] + NO_SIZE;
     if (run->derivatives.n)
-        lag_sizes_of_changes(run);
+        sizes_of_changes(run);
 }
 
 void lag_first_step(lag_run *run, double order)

@@ -5,7 +5,6 @@
 
 #include "linear/dense.h"
 #include "linear/ldl.h"
-#include "motion.h"
 #include "tape/vectors.h"
 
 /* Order of the dense linear system. */

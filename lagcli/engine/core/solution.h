@@ -2,10 +2,7 @@
 #ifndef LAGCLI_SOLUTION_H
 #define LAGCLI_SOLUTION_H
 
-#include "run.h"
-
-/* The factors of the matrix available for the state of the dynamics tape. */
-enum lag_factored { LAG_NOT_FACTORED, LAG_FACTORED, LAG_FACTORED_DENSE };
+#include "evaluate.h"
 
 /* How a and lambda are computed now: as run->solver.by says, or densely (0). */
 enum lag_solution lag_solving_by(const lag_run *run);

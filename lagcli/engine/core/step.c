@@ -1,13 +1,17 @@
 #include "step.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "methods/method.h"
-#include "motion.h"
+#include "evaluate.h"
 #include "resolution.h"
 #include "switching/rows.h"
+
+double lag_coincidence(double t)
+{
+    return RESOLUTION * fabs(t);
+}
 
 double lag_step_size(lag_run *run)
 {

@@ -2,7 +2,14 @@
 #ifndef LAGCLI_STEP_H
 #define LAGCLI_STEP_H
 
+#include <float.h>
+
 #include "run.h"
+
+#define RESOLUTION (16.0 * DBL_EPSILON) /* of |t|: closer times coincide */
+
+/* The difference from t of times that coincide with it. */
+double lag_coincidence(double t);
 
 /* Begin to try a step. Returns its size, limited by t_stop; 0 if it is below the minimum. */
 double lag_step_size(lag_run *run);

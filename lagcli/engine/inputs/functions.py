@@ -20,7 +20,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 
-#: Times closer than this, relative to |t|, coincide; core/breaks.c has the same value.
+#: Times closer than this, relative to |t|, coincide; core/step.h has the same value.
 RESOLUTION = 16 * float(np.finfo(float).eps)
 
 

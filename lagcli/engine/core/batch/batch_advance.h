@@ -1,4 +1,4 @@
-/* Runs in lanes: start, steps, and end; see run.c and dop853.c for a single run. */
+/* Runs in lanes: start, steps, and end; see advance.c and dop853.c for a single run. */
 
 #define WORTH 300           /* remaining steps that justify another method, as in engine/integrate/methods.py */
 

@@ -6,6 +6,7 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "project.h"
+#include "project_system.h"
 #include "sizes.h"
 #include "watch.h"
 

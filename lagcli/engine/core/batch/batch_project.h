@@ -1,4 +1,4 @@
-/* Projection onto the constraints in eight lanes; see project.c for one. */
+/* Projection onto the constraints in eight lanes; see project_system.c for one. */
 
 /* Put the largest residual over its scale to worst and the residuals' sum to sum (of lanes); measure
  * the scales of some lanes. */
@@ -22,7 +22,7 @@ static void batch_positions(const lag_octet *o, int lanes, double *worst, double
     }
 }
 
-/* Raise the scales of phi in some lanes to the least ones at y (of lanes): see project.c. The dynamics
+/* Raise the scales of phi in some lanes to the least ones at y (of lanes): see project_system.c. The dynamics
  * tape holds the same factors afterwards: what other lanes do with them does not depend on it. */
 static void batch_raise_scales(const lag_octet *o, const double *t, const double *y, int lanes)
 {
@@ -156,7 +156,7 @@ static int batch_project(const lag_octet *o, const double *t, double *y, int lan
         batch_move(y, o->right, nq, open);
     }
     failed |= open;
-    /* linear in the velocities: see project.c */
+    /* linear in the velocities: see project_system.c */
     for (int iteration = 0; iteration < 2; ++iteration) {
         batch_evaluate(c, s, t, y, LAG_VELOCITIES);
         open = batch_velocities(o, lanes & ~failed);

@@ -1,5 +1,5 @@
 /* Samples: taken from the dense output of the steps in the lanes, then brought onto the constraints
- * eight at a time for each run; see run.c for one. */
+ * eight at a time for each run; see sample.c for one. */
 
 #define TOGETHER 64         /* number of samples of a run that are collected */
 

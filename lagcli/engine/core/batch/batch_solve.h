@@ -1,4 +1,4 @@
-/* Contents of the dynamics tapes of eight lanes: matrices, factors, solutions; see motion.c for one. */
+/* Contents of the dynamics tapes of eight lanes: matrices, factors, solutions; see solution.c for one. */
 
 /* An output of a tape, eight numbers. */
 #define OUTPUT(tape, i) ((tape)->registers + (tape)->outputs[i])
@@ -117,7 +117,7 @@ static void batch_refined(const lag_octet *o, double *x)
             AT(x + i) += READ(o->right + i);
 }
 
-/* The lanes in which the elimination is not accurate enough: lag_inaccuracy of motion.c. */
+/* The lanes in which the elimination is not accurate enough: lag_inaccuracy of equations.c. */
 static int batch_inaccurate(const lag_octet *o, double rtol)
 {
     const int n = o->system->nq + o->system->nc;

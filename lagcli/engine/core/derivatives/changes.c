@@ -3,10 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "breaks.h"
 #include "linear/dense.h"
-#include "motion.h"
-#include "sizes.h"
+#include "equations.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
 
@@ -254,7 +252,7 @@ static int differentiate_sliding(lag_run *run, double t, const double *y, int co
         rate[side] = next, next += 1 + count;
         take_side(run, side == 0);
         sw->kinks.slides = -1;
-        bad |= lag_accelerate(run, t, y, 0, &power);
+        bad |= lag_accelerate_on_branch(run, t, y, 0, &power);
         --run->step.evaluations;
         if (!bad)
             bad = differentiate_on_branches(run, t, y, count, directions, changes[side], changes[side] + count * size);
@@ -501,23 +499,3 @@ int lag_width_of_changes(const lag_run *run)
     return run->derivatives.n * (3 * run->system.nq + run->switching.nc);
 }
 
-void lag_sizes_of_changes(lag_run *run)
-{
-    const lag_derivatives *w = &run->derivatives;
-    lag_tolerances *tolerances = &run->tolerances;
-    const int nq = run->system.nq, first = 2 * nq + 1;
-    const double h = SUMMING * run->step.h;
-    for (int k = 0; k < w->n; ++k)
-        for (int part = 0; part < 2; ++part) {
-            double *size = tolerances->size + first + (2 * k + part) * nq;
-            double *atol = tolerances->atol + first + (2 * k + part) * nq, largest = 0.0;
-            const double *change = run->step.y + first + (2 * k + part) * nq;
-            for (int i = 0; i < nq; ++i) {
-                size[i] = fmax(size[i], fabs(change[i]));
-                largest = fmax(largest, size[i]);
-            }
-            for (int i = 0; i < nq; ++i)
-                atol[i] = OF_DERIVATIVES * tolerances->rtol * size[i] + ROUNDING * largest
-                          + h * tolerances->acceleration_terms[i] * (part ? 1.0 : run->step.h) + NO_SIZE;
-        }
-}

@@ -39,7 +39,4 @@ int lag_write_changes(lag_run *run, double t, const double *y, double *row);
 /* How many numbers these are. */
 int lag_width_of_changes(const lag_run *run);
 
-/* Raise the sizes of changes in y, and set the absolute tolerances of a step's. */
-void lag_sizes_of_changes(lag_run *run);
-
 #endif

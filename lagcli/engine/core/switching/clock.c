@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "breaks.h"
+#include "step.h"
 #include "switching/watched.h"
 
 /* The time of a tick by its number, rounded once. */
@@ -32,6 +32,14 @@ double lag_next_tick(const lag_run *run)
     for (int i = 0; i < run->switching.clocks; ++i)
         next = fmin(next, run->switching.clock[i].next);
     return next;
+}
+
+void lag_set_stop(lag_run *run)
+{
+    const lag_breaks *b = &run->breaks;
+    const double tick = lag_next_tick(run);
+    const double stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
+    run->step.t_stop = tick < stop - lag_coincidence(stop) ? tick : stop;
 }
 
 int lag_ticks_at(const lag_run *run, double t)

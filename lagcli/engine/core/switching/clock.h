@@ -10,6 +10,9 @@ void lag_clocks_start(lag_run *run);
 /* The time of the next tick; infinity if there is none. */
 double lag_next_tick(const lag_run *run);
 
+/* Let steps end at the next break, at the next tick of a clock, or at the end of the run. */
+void lag_set_stop(lag_run *run);
+
 /* Whether a clock ticks at a time. */
 int lag_ticks_at(const lag_run *run, double t);
 

@@ -19,12 +19,6 @@
 /* The tapes; GAPS has phi alone, which most steps of contacts need. */
 enum { GAPS, ROWS, CONDITIONS, KINKS };
 
-int lag_is_enclosed(enum lag_watched what)
-{
-    return what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP || what == LAG_WATCH_KINK || what == LAG_WATCH_CONDITION
-           || what == LAG_WATCH_TIME;
-}
-
 void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
 {
     lag_switching *sw = &run->switching;

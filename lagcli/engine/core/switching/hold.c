@@ -4,8 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "motion.h"
-#include "project.h"
+#include "project_system.h"
+#include "solution.h"
 #include "switching/rows.h"
 
 #define HOLD_STEPS 10       /* Newton steps of a projection */

@@ -3,8 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "breaks.h"
-#include "motion.h"
+#include "equations.h"
 
 #define AHEAD 1e-7          /* of a step, or of the run: look-ahead at which accelerations determine a side */
 #define AROUND 1e-4         /* of a step: interval of difference quotients of a surface's function */
@@ -185,7 +184,7 @@ int lag_slide(lag_run *run, double t, const double *y, int refined, double *powe
         double *out = of_side[side];
         take_branch(run, kink, branch_beside(k, kink, side));
         k->slides = -1;
-        const int bad = lag_accelerate(run, t, y, refined, out + size - 1);
+        const int bad = lag_accelerate_on_branch(run, t, y, refined, out + size - 1);
         k->slides = kink;
         if (bad)
             return 1;
@@ -328,7 +327,7 @@ int lag_choose_branches(lag_run *run)
     for (int i = 0; i < 1 << n; ++i) {
         const int sides = i ^ preferred;
         take_sides(run, n, list, sides);
-        if (lag_accelerate(run, run->step.t, run->step.y, 0, &power))
+        if (lag_accelerate_on_branch(run, run->step.t, run->step.y, 0, &power))
             continue;
         --run->step.evaluations;
         look_ahead(run, run->solver.a);

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "motion.h"
+#include "solution.h"
 
 #define RANK 1e-10          /* of the largest pivot: rows below it are linearly dependent */
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "motion.h"
+#include "equations.h"
 #include "switching/rows.h"
 
 #define NO_SPEED 1e-11      /* of the largest terms of psi so far: zero velocity ... */

@@ -42,6 +42,9 @@ double lag_condition_noise(const lag_condition *condition);
 /* Whether a function may become negative without an effect: that of a condition that triggers when it begins. */
 int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w);
 
+/* Whether a function is enclosed: those of (t, q, v) are, those of a and lambda are not. */
+int lag_is_enclosed(enum lag_watched what);
+
 /* Whether a function depends only on t. */
 int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
 

@@ -1,0 +1,109 @@
+#include "project_system.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "solution.h"
+#include "tape/vectors.h"
+
+/* Raise the scales of phi to the least ones at y. Changes run->step.work beyond the right side, phi and its
+ * scale. */
+static void raise_scales(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *d = &s->dynamics;
+    double *own = run->step.work + 3 * s->nc, *square = own + s->nc, *compliance = square + s->nc;
+    double size = 0.0;
+    lag_evaluate(d, s, t, y, LAG_ALL);
+    memset(own, 0, 2 * (size_t)s->nc * sizeof(double));
+    for (int j = 0; j < s->nq; ++j) {
+        const double mass = s->mass_diagonal[j] < 0 ? 0.0 : OUT(d, s->mass_diagonal[j]);
+        compliance[j] = 0.0;
+        compliance[s->unit[j]] = fmax(compliance[s->unit[j]], mass); /* the inertia, so far */
+    }
+    for (int j = s->nq - 1; j >= 0; --j) {
+        const double inertia = compliance[s->unit[j]];
+        size = fmax(size, inertia * y[j] * y[j]);
+        compliance[j] = inertia > 0.0 ? 1.0 / inertia : 0.0;
+    }
+    for (int i = 0; i < s->nb; ++i) {
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
+        const double b = OUT(d, lag_first_jacobian(s) + i);
+        own[row] += fabs(b * y[column]);
+        square[row] += b * b * compliance[column];
+    }
+    for (int i = 0; i < s->nh; ++i) {
+        const int k = s->holonomic[i];
+        const double least = fmax(own[k], LEAST_PART * sqrt(size) * sqrt(square[k]));
+        if (least > run->projection.scale_position[i]) /* unless it is undefined */
+            run->projection.scale_position[i] = least;
+    }
+}
+
+int lag_project_system(lag_run *run, double t, double *y)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *c = &s->constraint;
+    const int nq = s->nq, nc = s->nc, nh = s->nh;
+    const int scale_position = lag_constraint_position_scale(s);
+    const int scale_velocity = lag_constraint_velocity_scale(s);
+    const int first_velocity = lag_constraint_velocity(s);
+    const lag_vector_kernel *vectors = lag_vectors();
+    double *rhs = run->step.work, *residual = rhs + nc, *scale = residual + nc, *x = run->solver.a;
+    double best = INFINITY;
+    int met = 0;
+    if (nc == 0)
+        return LAG_RUNNING;
+    run->failure.t = t;
+    memcpy(run->failure.y, y, (size_t)lag_size(s) * sizeof(double));
+    if (lag_factor(run, t, y))
+        return LAG_UNDEFINED;
+    for (int iteration = 0; iteration < PROJECTIONS; ++iteration) {
+        lag_evaluate(c, s, t, y, LAG_POSITIONS);
+        if (!isfinite(vectors->pick(nh, c->registers, c->outputs, residual)))
+            return LAG_UNDEFINED;
+        vectors->pick(nh, c->registers, c->outputs + scale_position, scale);
+        double worst = vectors->largest(nh, residual, scale, run->projection.scale_position);
+        if (iteration == RAISE && worst > RESIDUAL) {
+            raise_scales(run, t, y);
+            worst = vectors->largest(nh, residual, scale, run->projection.scale_position);
+        }
+        met = worst <= RESIDUAL;
+        if (best <= NOT_REACHED && worst >= 0.5 * best && !met) {
+            /* rounding errors are reached: keep the better of the last two */
+            if (worst > best)
+                memcpy(y, run->step.trial, (size_t)nq * sizeof(double));
+            met = 1;
+        }
+        if (met)
+            break;
+        best = worst;
+        memcpy(run->step.trial, y, (size_t)nq * sizeof(double));
+        memset(rhs, 0, (size_t)nc * sizeof(double));
+        for (int i = 0; i < nh; ++i)
+            rhs[s->holonomic[i]] = -residual[i];
+        if (!isfinite(lag_correction(run, rhs, x)))
+            return LAG_UNDEFINED;
+        for (int i = 0; i < nq; ++i)
+            y[i] += x[i];
+    }
+    if (!met)
+        return LAG_OFF;
+    /* linear in the velocities: the second pass removes rounding, and the effect of the change of B since it was
+     * factored */
+    for (int iteration = 0; iteration < 2; ++iteration) {
+        lag_evaluate(c, s, t, y, LAG_VELOCITIES);
+        if (!isfinite(vectors->pick(nc, c->registers, c->outputs + first_velocity, residual)))
+            return LAG_UNDEFINED;
+        vectors->pick(nc, c->registers, c->outputs + scale_velocity, scale);
+        if (vectors->largest(nc, residual, scale, run->projection.scale_velocity) <= RESIDUAL)
+            break;
+        for (int i = 0; i < nc; ++i)
+            rhs[i] = -residual[i];
+        if (!isfinite(lag_correction(run, rhs, x)))
+            return LAG_UNDEFINED;
+        for (int i = 0; i < nq; ++i)
+            y[nq + i] += x[i];
+    }
+    return LAG_RUNNING;
+}
