@@ -18,21 +18,19 @@ from lagcli.analysis.local.contacts import (
     ContactStatus,
 )
 from lagcli.analysis.local.gradients import Point
-from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.local_equations import DerivedModel, LocalEquations
 from lagcli.analysis.local.operating_point import Tangent, tangent_of
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.linear.dense import decompose
-from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
 from lagcli.engine.switching.switching import SwitchedRow
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations, derive
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.model.model import TIME, Constraint, Model, multiplier
 from lagcli.model.sections.contacts import abs_multiplier
-from lagcli.simulations.start import find_start
 
 if TYPE_CHECKING:
     from symengine import Basic
@@ -70,7 +68,7 @@ class RowValues(NamedTuple):
     multiplier_scale: Array
 
 
-class SwitchedModel:
+class SwitchedModel(DerivedModel):
     """A model whose constraints come and go, and its equations in each mode.
 
     Parameters
@@ -79,19 +77,11 @@ class SwitchedModel:
     """
 
     def __init__(self, model: Model):
-        self.model = model
-        self.equations: Equations = derive(model)
-        self.system = lower(self.equations)
+        super().__init__(model)
         assert self.system.switching is not None
         self.rows: tuple[SwitchedRow, ...] = self.system.switching.rows
         self.names = tuple(self.system.constraints[row.row] for row in self.rows)
-        self.t = model.settings.t_start or 0.0
         self._modes = lru_cache(maxsize=None)(self._in_mode)
-
-    @cached_property
-    def start(self) -> ConsistentState:
-        """The consistent start of the model; ModelError or NumericalError without one."""
-        return find_start(self.equations, self.system, self.t)
 
     def local(self, modes: Modes, near: State) -> ModeEquations:
         """Return the equations in a mode, started from the state of the mode next to another."""
@@ -159,7 +149,9 @@ class ModeEquations(LocalEquations):
         self.p = near.p
         self.whole = switched.equations
 
-    def _find_start(self) -> ConsistentState:
+    @cached_property
+    def start(self) -> ConsistentState:
+        """The consistent state next to the given one."""
         from lagcli.engine.constraints.initial import consistent_state
 
         free = np.zeros(len(self._near.q), bool)
@@ -245,7 +237,7 @@ class ModeEquations(LocalEquations):
         return np.array(self._tape(point.inputs())[: len(self.switched.system.constraints)])
 
     def contacts(self, point: Point) -> tuple[ContactStatus, ...]:
-        """Return what each switched row does at a point."""
+        """Return the state of each switched row at a point."""
         values = self.values(point)
         found = []
         for k, (row, name, mode) in enumerate(

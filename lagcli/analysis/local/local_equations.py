@@ -45,8 +45,8 @@ _CONSTANT = 1e-9
 _ITERATIONS, _SETTLED = 30, 1e-14
 
 
-class LocalEquations:
-    """The equations of a model with their derivatives, at single points.
+class DerivedModel:
+    """A model with its equations, their System and its consistent start.
 
     Parameters
     ----------
@@ -56,12 +56,29 @@ class LocalEquations:
     def __init__(self, model: Model):
         self.model = model
         self.equations: Equations = derive(model)
+        self.system: System = lower(self.equations)
+        self.t = model.settings.t_start or 0.0
+
+    @cached_property
+    def start(self) -> ConsistentState:
+        """The consistent initial state; raises ModelError or NumericalError if there is none."""
+        return find_start(self.equations, self.system, self.t)
+
+
+class LocalEquations(DerivedModel):
+    """The equations of a model with their derivatives, at single points.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        super().__init__(model)
         #: The equations of all modes: those of a model that does not switch.
         self.whole: Equations = self.equations
-        self.system: System = lower(self.equations)
         self.jacobian_tape = motion_jacobians(self.equations, self.system)
         self.p = tuple(model.parameter_values.values())
-        self.t = model.settings.t_start or 0.0
         self.evaluator_of = lru_cache(maxsize=4)(lambda p: Evaluator(self.system, p))
 
     @cached_property
@@ -69,20 +86,12 @@ class LocalEquations:
         eq = self.equations
         return Gradients.of(eq, [c.velocity for c in eq.constraints], eq.q)
 
-    @cached_property
-    def start(self) -> ConsistentState:
-        """The consistent initial state; raises ModelError or NumericalError if there is none."""
-        return self._find_start()
-
-    def _find_start(self) -> ConsistentState:
-        return find_start(self.equations, self.system, self.t)
-
     def express(self, expression: Basic) -> Basic:
         """Return an expression of the whole model in the multipliers of these equations."""
         return expression
 
     def contacts(self, point: Point) -> tuple[ContactStatus, ...]:
-        """Return what contacts, limits and friction do at a point: nothing, without any."""
+        """Return the states of contacts, limits and friction at a point; empty without them."""
         return ()
 
     def margins(self, point: Point) -> Array:

@@ -19,10 +19,9 @@ import numpy as np
 
 from lagcli.analysis.local.gradients import MotionJacobians
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.analysis.local.operating_point import Indices, OperatingPoint
-from lagcli.analysis.local.steady import Condition, Residual, SteadyProblem
+from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.steady import Condition, IndependentVelocities, Residual, SteadyProblem
 from lagcli.arrays import Array
-from lagcli.engine.linear import dense
 from lagcli.equations.symmetry.conserved import ConservedQuantity
 from lagcli.errors import NumericalError
 
@@ -140,24 +139,12 @@ class RelativeProblem(SteadyProblem):
         return found
 
     def _velocity(
-        self,
-        q: Array,
-        speeds: Array,
-        d: dense.Decomposition,
-        drift: Array,
-        free: Indices,
-        basis: Array,
+        self, q: Array, speeds: Array, drift: Array, free: IndependentVelocities
     ) -> Array:
         return np.asarray(self._columns(q) @ speeds)
 
     def _acceleration(
-        self,
-        v: Array,
-        speeds: Array,
-        d: dense.Decomposition,
-        rhs: Array,
-        free: Indices,
-        basis: Array,
+        self, v: Array, speeds: Array, rhs: Array, free: IndependentVelocities
     ) -> Array:
         return np.asarray(self.frame(speeds) @ v)
 

@@ -120,6 +120,28 @@ _BESIDE = 1e-2  # distance of trial points for other roots, relative to these le
 _STRAINED = 1e6
 
 
+class IndependentVelocities(NamedTuple):
+    """The coordinates with prescribed velocities, and the others as functions of them.
+
+    Parameters
+    ----------
+    decomposition : Decomposition
+        Of B.
+    coordinates : tuple of int
+    basis : (nq, n) array
+        Admissible velocities as functions of the independent ones.
+    """
+
+    decomposition: dense.Decomposition
+    coordinates: Indices
+    basis: Array
+
+    def completed(self, rhs: Array) -> Array:
+        """Return the X with B X = rhs, (m,) or (m, k), that is zero for these coordinates."""
+        x = least(self.decomposition, rhs.reshape(len(rhs), -1)).reshape(-1, *rhs.shape[1:])
+        return np.asarray(x - self.basis @ x[list(self.coordinates)])
+
+
 class Residual(NamedTuple):
     """The residual R(q, λ) and the quantities computed with it.
 
@@ -261,12 +283,13 @@ class SteadyProblem:
             return self._undefined(q, multipliers, p, speeds)
         d = self.local.decomposition(c, sizes, zero)
         preferred = (*self.held, *self.sought) if chosen is None else chosen
-        free, basis = independent(d.null, sizes, preferred, self.local.entering)
-        v = self._velocity(q, speeds, d, c.drift, free, basis)
+        chosen_basis = independent(d.null, sizes, preferred, self.local.entering)
+        free = IndependentVelocities(d, *chosen_basis)
+        v = self._velocity(q, speeds, c.drift, free)
         dynamics = evaluator.dynamics(self.t, q, v)
         if not dynamics.finite or not np.isfinite(c.position).all():
             return self._undefined(q, multipliers, p, speeds)
-        a = self._acceleration(v, speeds, d, dynamics.rhs, free, basis)
+        a = self._acceleration(v, speeds, dynamics.rhs, free)
         inertial = dynamics.mass_matrix @ a
         if self.local.reactive is not None:
             dynamics = self.local.dynamics(Point(self.t, q, v, a, multipliers, p))
@@ -283,38 +306,24 @@ class SteadyProblem:
             point,
             np.concatenate([balance, c.position, [value for value, _ in more]]),
             np.concatenate([shared_scale(scale, sizes), position, [size for _, size in more]]),
-            d,
-            free,
-            basis,
+            *free,
             dynamics,
             speeds,
         )
 
     def _velocity(
-        self,
-        q: Array,
-        speeds: Array,
-        d: dense.Decomposition,
-        drift: Array,
-        free: Indices,
-        basis: Array,
+        self, q: Array, speeds: Array, drift: Array, free: IndependentVelocities
     ) -> Array:
         """Return v."""
         given = {**self.held, **dict(zip(self.sought, speeds.tolist(), strict=True))}
-        target = np.array([given.get(j, 0.0) for j in free])
-        return self._completed(d, -drift, free, basis) + basis @ target
+        target = np.array([given.get(j, 0.0) for j in free.coordinates])
+        return free.completed(-drift) + free.basis @ target
 
     def _acceleration(
-        self,
-        v: Array,
-        speeds: Array,
-        d: dense.Decomposition,
-        rhs: Array,
-        free: Indices,
-        basis: Array,
+        self, v: Array, speeds: Array, rhs: Array, free: IndependentVelocities
     ) -> Array:
         """Return a."""
-        return self._completed(d, rhs, free, basis)
+        return free.completed(rhs)
 
     def _undefined(
         self, q: Array, multipliers: Array, p: tuple[float, ...], speeds: Array
@@ -326,12 +335,6 @@ class SteadyProblem:
         empty = dense.decompose(jacobian, 0)
         dynamics = self.local.evaluator(p).dynamics(self.t, q, zero)
         return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics, speeds)
-
-    @staticmethod
-    def _completed(d: dense.Decomposition, rhs: Array, free: Indices, basis: Array) -> Array:
-        """Return the x with B x = rhs that is zero for the free coordinates."""
-        found = least(d, rhs[:, None])[:, 0]
-        return np.asarray(found - basis @ found[list(free)])
 
     def multipliers(self, found: Residual) -> Array:
         """Return the λ of least norm that balance the forces best."""
@@ -388,8 +391,8 @@ class SteadyProblem:
 
     def changed(self, found: Residual, rhs: Array) -> Array:
         """Return the X with B X = rhs whose rows of the independent velocities are zero."""
-        x = least(found.decomposition, rhs)
-        return np.asarray(x - found.basis @ x[list(found.independent)])
+        free = IndependentVelocities(found.decomposition, found.independent, found.basis)
+        return free.completed(rhs)
 
     # Newton's method
 
@@ -637,23 +640,6 @@ def velocity_coordinate(names: Sequence[str], text: str) -> str:
         remedy = did_you_mean(nearest(text, known)) or f"there are {', '.join(known[:20])}"
         raise UsageError(f"--steady `{text}` is not a velocity of the model; {remedy}")
     return name
-
-
-def held_velocities(names: Sequence[str], steady: Mapping[str, float]) -> dict[str, float]:
-    """Return velocities by the names of their coordinates.
-
-    Raises
-    ------
-    UsageError
-        A name is no velocity, or a value is not finite.
-    """
-    found = {}
-    for text, value in steady.items():
-        name = velocity_coordinate(names, text)
-        if not np.isfinite(value):
-            raise UsageError(f"--steady {text}={value}: give a finite value")
-        found[name] = float(value)
-    return found
 
 
 def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
