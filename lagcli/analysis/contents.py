@@ -1,42 +1,90 @@
-"""Text output for the contents of analysis files, by command."""
+"""Contents of analysis files as text and as sections, by the command that wrote them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
-from lagcli.errors import FileError
+from lagcli.analysis.output.tables import ResultSection
+
+
+class _Outputs(NamedTuple):
+    """What is made of a content: text, and sections with units of coordinates and of λ."""
+
+    text: Callable[[Mapping[str, Any]], str]
+    sections: Callable[[Mapping[str, Any], Mapping[str, str]], list[ResultSection]]
 
 
 def format_content(content: Mapping[str, Any]) -> str:
-    """Return the text that the command prints for a content.
+    """Return the text that the command prints for a content."""
+    return _outputs(content).text(content)
 
-    Raises
-    ------
-    FileError
-        The content is of a command that this version does not have.
+
+def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[ResultSection]:
+    """Return the sections of a content.
+
+    Parameters
+    ----------
+    content : mapping
+        Content printed by ``--json``.
+    units : mapping of str to str
+        Units of coordinates, and of λ by column.
     """
+    return _outputs(content).sections(content, units)
+
+
+def result_sections(result: object) -> list[ResultSection]:
+    """Return the sections of what an analysis of the Python interface returned, in SI.
+
+    Parameters
+    ----------
+    result : LinearModel, ModalAnalysis, Equilibria, BifurcationDiagram, FormulationComparison or \
+            FitResult
+    """
+    from lagcli.analysis.compare.comparison import FormulationComparison
+    from lagcli.analysis.compare.description import describe_comparison
+    from lagcli.analysis.equilibria.description import describe_diagram, describe_equilibria
+    from lagcli.analysis.equilibria.diagram import BifurcationDiagram
+    from lagcli.analysis.equilibria.equilibrium import Equilibria
+    from lagcli.analysis.fit.result import FitResult, fit_sections
+    from lagcli.analysis.linear.description import describe_linear, describe_modes
+    from lagcli.analysis.linear.linear_model import LinearModel
+    from lagcli.analysis.linear.modes import ModalAnalysis
+
+    match result:
+        case FitResult():
+            return fit_sections(result)
+        case LinearModel():
+            return content_sections(describe_linear(result), {})
+        case ModalAnalysis():
+            return content_sections(describe_modes(result), {})
+        case Equilibria():
+            return content_sections(describe_equilibria(result), {})
+        case BifurcationDiagram():
+            return content_sections(describe_diagram(result), {})
+        case FormulationComparison():
+            return content_sections(describe_comparison(result), {})
+    raise TypeError(f"there are no sections of {type(result).__name__}")
+
+
+def _outputs(content: Mapping[str, Any]) -> _Outputs:
     match content["command"]:
         case "compare":
-            from lagcli.analysis.compare.description import format_comparison
+            from lagcli.analysis.compare import description as compare
 
-            return format_comparison(content)
+            return _Outputs(compare.format_comparison, compare.sections)
         case "linearize":
-            from lagcli.analysis.linear.description import format_linear
+            from lagcli.analysis.linear import description as linear
 
-            return format_linear(content)
+            return _Outputs(linear.format_linear, linear.linear_sections)
         case "modes":
-            from lagcli.analysis.linear.description import format_modes
+            from lagcli.analysis.linear import description as linear
 
-            return format_modes(content)
-        case "equilibrium" if "branches" in content:
-            from lagcli.analysis.equilibria.description import format_diagram
-
-            return format_diagram(content)
+            return _Outputs(linear.format_modes, linear.modes_sections)
         case "equilibrium":
-            from lagcli.analysis.equilibria.description import format_equilibria
+            from lagcli.analysis.equilibria import description as equilibria
 
-            return format_equilibria(content)
-    raise FileError(
-        f"the file was written by lagcli {content['command']}, which this version does not have"
-    )
+            if "branches" in content:
+                return _Outputs(equilibria.format_diagram, equilibria.diagram_sections)
+            return _Outputs(equilibria.format_equilibria, equilibria.equilibria_sections)
+    raise ValueError(f"there is no output of {content['command']}")

@@ -9,7 +9,8 @@ from page_checks import TEXTS
 from patience import PATIENCE
 
 import lagcli
-from lagcli.pictures.report.notebook import trajectory_html
+from lagcli.pictures.report.notebook import _RESULTS, analysis_html, trajectory_html
+from lagcli.settings.settings import SettingsOverrides
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,26 @@ def test_the_html_of_a_run(run):
     (page,) = re.findall(r'srcdoc="([^"]*)"', text)
     assert html.unescape(page).startswith("<!doctype html>")
     assert "Plot of the run" in text
+
+
+def test_results_of_analyses_are_tables():
+    crank, hoop = lagcli.load("slider_crank"), lagcli.load("bead_on_rotating_hoop")
+    results = {
+        "modes": lagcli.modes(crank),
+        "matrices": lagcli.linearize(crank, inputs=["tau"]),
+        "equilibria": lagcli.equilibrium(hoop),
+        "branches": lagcli.follow_equilibria(hoop, "Omega", 3.0, 3.2),
+        "runs": lagcli.compare(crank, SettingsOverrides(t_end=0.01), ["projection"]),
+    }
+    shown = {name: analysis_html(x) for name, x in results.items()}
+    assert "Eigenvalue [1/s]" in shown["modes"]
+    assert '<span class="name">tau</span>' in shown["matrices"]
+    assert "Potential energy" in shown["equilibria"]
+    assert re.search(r"branch point.*>3\.13209195", shown["branches"])
+    assert "DOP853" in shown["runs"]
+    assert not any("<img" in text for text in shown.values())
+    known = {(f"lagcli.analysis.{module}", type_) for module, type_ in _RESULTS}
+    assert {(type(x).__module__, type(x).__name__) for x in results.values()} <= known
 
 
 def test_a_browser_shows_a_run(run, visit, until, tmp_path):

@@ -10,6 +10,19 @@ import numpy as np
 
 from lagcli.analysis.compare.comparison import ComparedRun, FormulationComparison
 from lagcli.analysis.compare.two_models import ModelComparison, QuantityDifference
+from lagcli.analysis.output.tables import (
+    ModelName,
+    Phrase,
+    PlotPlace,
+    Remark,
+    ResultColumn,
+    ResultSection,
+    ResultTable,
+    SectionBlock,
+    TextColumn,
+    names_of,
+    unit_of,
+)
 from lagcli.analysis.output.text import WIDTH
 from lagcli.arrays import Array, Indices
 from lagcli.model.model import Model
@@ -22,6 +35,7 @@ _FORMULATIONS = {"ggl": "GGL", "maggi": "Maggi", "second": "second kind"}
 _POINTS = 400
 _CURVES = 12  # number of multipliers with curves in a file of two models: those that differ most
 _SHOWN = 12  # largest number of names in a line
+_IDENTIFYING = 3  # columns of formulation, method and tolerance
 #: Differences below this part of the size are rounding errors.
 _ROUNDING = 1e-13
 #: Largest residual of constraints, relative to their terms, of a run that is still the model's.
@@ -144,35 +158,26 @@ def format_comparison(content: Mapping[str, Any]) -> str:
 
 def _formulations(content: Mapping[str, Any]) -> list[str]:
     reference = content["reference"]
+    table = _runs_table(content["runs"])
+    head, *rows = table.lines()
+    names = table._replace(columns=table.columns[:_IDENTIFYING]).lines()[1:]
     lines = [
         f"{content['model']}: compared with {reference['formulation']}, {reference['method']},"
         f" rtol {reference['rtol']:.0e}",
         "",
-        f"  {'formulation':<11} {'method':<7} {'rtol':>5}"
-        f" {'pos.':>5} {'vel.':>5} {'E':>5} {'Δq':>5} {'Δλ':>5} {'steps':>6} {'CPU s':>6}",
+        head,
     ]
     notes = []
-    for run in content["runs"]:
+    for run, row, identified in zip(content["runs"], rows, names, strict=True):
         name = _FORMULATIONS.get(run["formulation"], run["formulation"])
-        head = f"  {name:<11} {run['method']:<7} {run['rtol']:>5.0e}"
         if run["status"] == "not available":
-            lines.append(f"{head}  {run['message']}")
+            lines.append(f"{identified}  {run['message']}")
             continue
-        figures = [
-            run[x]
-            for x in (
-                "drift_position",
-                "drift_velocity",
-                "energy",
-                "difference_q",
-                "difference_lambda",
-            )
-        ]
-        cells = "".join(f" {'–' if x is None else f'{x:.0e}':>5}" for x in figures)
-        lines.append(f"{head}{cells} {run['steps']:>6} {run['seconds']:>6.2f}")
+        lines.append(row)
         if run["status"] != "completed":
             notes.append(f"{name}, {run['method']}: {run['status']}: {run['message']}")
-        violated = max(x for x in (*figures[:2], 0.0) if x is not None)
+        drifts = (run["drift_position"], run["drift_velocity"], 0.0)
+        violated = max(x for x in drifts if x is not None)
         if violated > _VIOLATED:
             notes.append(
                 f"{name}, {run['method']}, rtol {run['rtol']:.0e}: the constraints are violated by"
@@ -188,6 +193,44 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
     for note in notes:
         lines += wrapped(f"note: {note}", WIDTH, "  ", " " * 8)
     return lines
+
+
+def _runs_table(runs: Sequence[Mapping[str, Any]], caption: str = "") -> ResultTable:
+    """Return the table of runs, with the names of formulations as text shows them."""
+
+    def values(key: str) -> list[Any]:
+        return [run[key] for run in runs]
+
+    formulations = [_FORMULATIONS.get(x, x) for x in values("formulation")]
+    figures = (
+        ("drift_position", "Position residual", "pos."),
+        ("drift_velocity", "Velocity residual", "vel."),
+        ("energy", "Error of the energy balance [J]", "E"),
+        ("difference_q", "Largest Δq", "Δq"),
+        ("difference_lambda", "Largest Δλ", "Δλ"),
+    )
+
+    def rounded(key: str) -> list[str]:
+        return ["–" if x is None else f"{x:.0e}" for x in values(key)]
+
+    seconds = ["" if x is None else f"{x:.2f}" for x in values("seconds")]
+    columns = (
+        ResultColumn(
+            "Formulation",
+            values("formulation"),
+            text=TextColumn("formulation", "  {:<11}", formulations),
+        ),
+        ResultColumn("Method", values("method"), text=TextColumn("method", " {:<7}")),
+        ResultColumn("rtol", values("rtol"), "", 3, TextColumn("rtol", " {:>5}", rounded("rtol"))),
+        ResultColumn("Status", values("status")),
+        *(
+            ResultColumn(label, values(key), "", 2, TextColumn(head, " {:>5}", rounded(key)))
+            for key, label, head in figures
+        ),
+        ResultColumn("Steps", values("steps"), text=TextColumn("steps", " {:>6}")),
+        ResultColumn("Time", values("seconds"), "s", 2, TextColumn("CPU s", " {:>6}", seconds)),
+    )
+    return ResultTable(Phrase(caption), columns)
 
 
 def _two_models(content: Mapping[str, Any]) -> list[str]:
@@ -219,3 +262,50 @@ def _two_models(content: Mapping[str, Any]) -> list[str]:
             where = content["model"] if number == 0 else content["other"]
             lines.append(f"  only in {where}: {', '.join(names[:_SHOWN])}{more}")
     return lines
+
+
+# tables
+
+
+def sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[ResultSection]:
+    """Return the section of a comparison; ``units`` by coordinate, and of λ by column."""
+    if "other" in content:
+        return [_models_section(content, units)]
+    table = _runs_table([content["reference"], *content["runs"]], "The first row is the reference")
+    drawn = PlotPlace("Residuals and differences over time")
+    return [ResultSection("runs", "Comparison", [table, drawn])]
+
+
+def _models_section(content: Mapping[str, Any], units: Mapping[str, str]) -> ResultSection:
+    parts = ("coordinates", ""), ("multipliers", "lambda."), ("outputs", "")
+    found = [(prefix + x["name"], x) for part, prefix in parts for x in content[part]]
+    rows = [x for _, x in found]
+    columns = (
+        ResultColumn("Quantity", [ModelName(name) for name, _ in found]),
+        ResultColumn("Largest difference", [x["difference"] for x in rows], digits=3),
+        ResultColumn("Unit", [unit_of(name, units) for name, _ in found]),
+        ResultColumn("At time", [x["time"] for x in rows], "s"),
+        ResultColumn(
+            "Relative", [x["difference"] / x["size"] if x["size"] else "" for x in rows], digits=2
+        ),
+        ResultColumn(
+            "Remark", ["explained: see below" if x.get("explained") else "" for x in rows]
+        ),
+    )
+    failed = any(status != "completed" for status in content["status"])
+    blocks: list[SectionBlock] = []
+    if failed:
+        blocks.append(Remark(", ".join(content["status"]), kind="failure"))
+    blocks.append(ResultTable(Phrase(f"{content['model']} and {content['other']}"), columns))
+    if any(x["explained"] for x in content["multipliers"]):
+        said = (
+            "Explained: the Lagrangians differ by F times the constraint, which does not change the"
+            " motion but reduces λ by F."
+        )
+        blocks.append(Remark(said, kind="note"))
+    for model, key in (("model", "only_first"), ("other", "only_second")):
+        if content[key]:
+            only = f"Only in {content[model]}: "
+            blocks.append(Remark(only, names_of(content[key]), ".", "note"))
+    blocks.append(PlotPlace("Differences and multipliers over time"))
+    return ResultSection("models", "Two models", blocks)

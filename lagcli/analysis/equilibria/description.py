@@ -11,10 +11,26 @@ import numpy as np
 from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
 from lagcli.analysis.equilibria.equilibrium import Equilibria, Equilibrium
 from lagcli.analysis.local.contacts import contact_lines, describe_contacts
-from lagcli.analysis.output.text import entry, listed, without_rounding
+from lagcli.analysis.output.tables import (
+    ModelName,
+    Phrase,
+    PlotPlace,
+    Remark,
+    ResultColumn,
+    ResultSection,
+    ResultTable,
+    SectionBlock,
+    StateQuantity,
+    UnitText,
+    more,
+    state_quantities,
+    unit_of,
+)
+from lagcli.analysis.output.text import entry, listed, state_lines, without_rounding
 from lagcli.arrays import Array
 
 _EIGENVALUES = 6  # items per line
+_EQUILIBRIA = 24  # largest number of equilibria in a table
 _ROUNDING = 1e-12  # real parts below this part of the imaginary ones are not shown
 
 
@@ -69,16 +85,11 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
     lines = [f"{content['model']}: {count}{f' with {held}' if held else ''}{where}"]
     for number, x in enumerate(found, 1):
         lines.append(f"{number:>3}  {_verdict(x)}, V = {x['potential'] + 0.0:.6g} J")
-        rates = {f"{name}'": value for name, value in x["v"].items() if value}
         if x["speeds"]:
             speeds = without_rounding(x["speeds"])
             lines += entry("speeds", listed([f"{k} = {v:.9g}" for k, v in speeds.items()]), 5)
-        values = without_rounding(x["q"])
-        values |= {k: v for k, v in without_rounding(rates).items() if v}
-        lines += entry("q", listed([f"{k} = {v:.6g}" for k, v in values.items()]), 5)
+        lines += state_lines(x, 5)
         if x["multipliers"]:
-            values = without_rounding(x["multipliers"])
-            lines += entry("λ", listed([f"{k} {v:.6g}" for k, v in values.items()]), 5)
             rows = x["constraint_forces"].items()
             forces = {f"{c} on {q}": v for c, row in rows for q, v in row.items()}
             shown = [f"{k} {v:.6g}" for k, v in without_rounding(forces).items() if v]
@@ -242,21 +253,21 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             lines += entry("λ", listed(ends), 4)
     for point in content["special_points"]:
         rate = f", {point['frequency']:.6g} rad/s" if point["frequency"] is not None else ""
-        note = point.get("crossing") or point.get("contact")
-        crossing = f" ({note})" if note else ""
         lines.append(
-            f"  {point['kind']}{crossing} on branch {point['branch']}:"
+            f"  {_kind(point)} on branch {point['branch']}:"
             f" {name} = {point['parameter']:.12g}{rate}"
         )
         if point["stability"] is not None:
             before, after = map(shown_verdict, point["stability"])
             lines += entry("verdict", f"{before}, then {after}", 4)
-        values = without_rounding(point["q"])
-        lines += entry("q", listed([f"{k} = {x:.6g}" for k, x in values.items()]), 4)
-        if point["multipliers"]:
-            values = without_rounding(point["multipliers"])
-            lines += entry("λ", listed([f"{k} {x:.6g}" for k, x in values.items()]), 4)
+        lines += state_lines(point, 4, rates=False)
     return "\n".join(lines)
+
+
+def _kind(point: Mapping[str, Any]) -> str:
+    """Return the kind of a special point, with the type of a branch point or the contact."""
+    note = point.get("crossing") or point.get("contact")
+    return str(point["kind"]) + (f" ({note})" if note else "")
 
 
 def _verdicts(branch: Mapping[str, Any], changes: Sequence[float]) -> str:
@@ -285,3 +296,70 @@ def _verdicts(branch: Mapping[str, Any], changes: Sequence[float]) -> str:
 
 def _range_of(columns: Mapping[str, Sequence[float]]) -> list[str]:
     return [f"{name} {min(x) + 0.0:.6g} to {max(x) + 0.0:.6g}" for name, x in columns.items()]
+
+
+# tables
+
+
+def equilibria_sections(
+    content: Mapping[str, Any], units: Mapping[str, str]
+) -> list[ResultSection]:
+    """Return the section of equilibria; ``units`` by coordinate, and of λ by column."""
+    found = content["equilibria"]
+    if not found:
+        return [ResultSection("equilibria", "Equilibria", [Remark("None were found.")])]
+    shown = found[:_EQUILIBRIA]
+    rows = [
+        StateQuantity("Stability", UnitText(), [x["stability"] for x in shown]),
+        *state_quantities(shown, units),
+    ]
+    if any(x["potential"] is not None for x in shown):
+        energies = [x["potential"] for x in shown]
+        rows.append(StateQuantity("Potential energy", UnitText("J"), energies))
+    columns = [
+        ResultColumn("Quantity", [x.name for x in rows]),
+        ResultColumn("Unit", [x.unit for x in rows]),
+        *(
+            ResultColumn(f"No. {i + 1}", [x.values[i] for x in rows], digits=8)
+            for i in range(len(shown))
+        ),
+    ]
+    starts = content["starts"]
+    caption = Phrase(f"{len(found)} from {starts} starts" if starts > 1 else "Found")
+    blocks: list[SectionBlock] = [ResultTable(caption, columns), *more(len(found), len(shown))]
+    return [ResultSection("equilibria", "Equilibria", blocks)]
+
+
+def diagram_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[ResultSection]:
+    """Return the sections of a bifurcation diagram; ``units`` as of `equilibria_sections`."""
+    name, branches, points = content["parameter"], content["branches"], content["special_points"]
+    origins = [x["origin"] for x in branches]
+    table = (
+        ResultColumn("Branch", [str(i) for i in range(len(branches))]),
+        ResultColumn("Leaves", ["" if x is None else f"branch {x}" for x in origins]),
+        ResultColumn("Points", [len(x["parameter"]) for x in branches]),
+        ResultColumn(f"{name} from", [min(x["parameter"]) for x in branches]),
+        ResultColumn("to", [max(x["parameter"]) for x in branches]),
+        ResultColumn(
+            "Stable", [f"{sum(x['stable'])} of {len(x['stable'])} points" for x in branches]
+        ),
+    )
+    plot = PlotPlace(f"Branches of equilibria over {name}")
+    listed: list[SectionBlock] = [plot, ResultTable(Phrase("Branches"), table)]
+    sections = [ResultSection("branches", f"Equilibria over {name}", listed)]
+    if points:
+        frequencies = [x["frequency"] for x in points]
+        columns = [
+            ResultColumn("Point", [_kind(x) for x in points]),
+            ResultColumn("Branch", [str(x["branch"]) for x in points]),
+            ResultColumn(name, [x["parameter"] for x in points], unit_of(name, units) or "1", 12),
+            ResultColumn("Frequency", ["" if x is None else x for x in frequencies], "rad/s", 8),
+            *(
+                ResultColumn(ModelName(prefix + key), [x[part][key] for x in points])
+                for part, prefix in (("q", ""), ("multipliers", "lambda."))
+                for key in points[0][part]
+            ),
+        ]
+        caption = Phrase("Folds, branch points, Hopf points, changes of contacts")
+        sections.append(ResultSection("special", "Bifurcations", [ResultTable(caption, columns)]))
+    return sections

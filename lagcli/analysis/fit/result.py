@@ -10,6 +10,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.analysis.fit.uncertainty import ParameterCombination
+from lagcli.analysis.output.tables import (
+    Cell,
+    ModelName,
+    Phrase,
+    PlotPlace,
+    Remark,
+    ResultColumn,
+    ResultSection,
+    ResultTable,
+    SectionBlock,
+    TextColumn,
+    UnitText,
+)
 from lagcli.arrays import Array
 from lagcli.results.listing import wrapped
 
@@ -249,16 +262,7 @@ def format_fit(result: FitResult) -> str:
         chance = f" (probability {result.probability:.2g})"
         lines += _entry("chi-square", square + (chance if result.freedom > 0 else ""))
     lines += [""]
-    percent = f"{100 * result.level:g} % interval ({result.intervals})"
-    width = max(10, *(len(_label(result, i)) for i in range(len(result.names))))
-    lines.append(f"  {'quantity':<{width}}  {'value':>12}  {'std. error':>10}  {percent}")
-    for i in range(len(result.names)):
-        error, low, high = (x[i] for x in (result.standard_errors, result.low, result.high))
-        note = _note(result, i)
-        shown = note or f"{_number(low, error)} to {_number(high, error)}"
-        said = f"{error:>10.2g}" if math.isfinite(error) else f"{'-':>10}"
-        value = _number(result.values[i], error)
-        lines.append(f"  {_label(result, i):<{width}}  {value:>12}  {said}  {shown}")
+    lines += fitted_table(result).lines()
     lines += [""]
     strong = _strong(result)
     if strong:
@@ -278,6 +282,103 @@ def format_fit(result: FitResult) -> str:
     for reason, count in sorted(result.failures.items(), key=lambda x: -x[1])[:3]:
         lines += _entry("", f"{count}: {reason}")
     return "\n".join(lines)
+
+
+def fitted_table(result: FitResult) -> ResultTable:
+    """Return the table of the fitted quantities."""
+    every = range(len(result.names))
+    errors = [float(x) for x in result.standard_errors]
+    known = [math.isfinite(x) for x in errors]
+    notes = [_note(result, i) for i in every]
+    ends = list(zip(result.low.tolist(), result.high.tolist(), strict=True))
+    labels = [_label(result, i) for i in every]
+    width = max(10, *map(len, labels))
+    shown = [
+        note or f"{_number(low, error)} to {_number(high, error)}"
+        for note, (low, high), error in zip(notes, ends, errors, strict=True)
+    ]
+    values = [_number(x, error) for x, error in zip(result.values, errors, strict=True)]
+    texts = [f"{error:.2g}" if finite else "-" for error, finite in zip(errors, known, strict=True)]
+    percent = f"{100 * result.level:g} % interval ({result.intervals})"
+    columns = (
+        ResultColumn(
+            "Quantity",
+            [ModelName(name) for name in result.names],
+            text=TextColumn("quantity", f"  {{:<{width}}}", labels),
+        ),
+        ResultColumn(
+            "Value", result.values.tolist(), "", 8, TextColumn("value", "  {:>12}", values)
+        ),
+        ResultColumn("Unit", [UnitText(result.units.get(name, "")) for name in result.names]),
+        ResultColumn(
+            "Standard error",
+            [error if finite else "" for error, finite in zip(errors, known, strict=True)],
+            "",
+            2,
+            TextColumn("std. error", "  {:>10}", texts),
+        ),
+        ResultColumn(
+            percent,
+            [Phrase("{} to {}", x, 8) if ok else "" for x, ok in zip(ends, known, strict=True)],
+            text=TextColumn(percent, "  {}", shown),
+        ),
+        ResultColumn("Start", result.start.tolist()),
+        ResultColumn("Remark", [_remark(result, i) for i in every]),
+    )
+    return ResultTable(Phrase("Fitted quantities"), columns)
+
+
+def fit_sections(result: FitResult) -> list[ResultSection]:
+    """Return the sections of a fit."""
+    fitted: list[SectionBlock] = []
+    if not result.converged:
+        fitted.append(Remark(result.message, kind="failure"))
+    freedom = f"{{}} for {result.freedom} degrees of freedom"
+    facts: list[tuple[str, Cell]] = [
+        ("Measured values", str(result.count)),
+        ("Chi-square", Phrase(freedom, (result.chi_square,))),
+        ("Probability", ""),
+        ("Standard deviations", "estimated from the residuals" * result.sigma_estimated),
+        ("Runs", f"{result.runs}, {sum(result.failures.values())} failed"),
+    ]
+    if not math.isnan(result.probability):
+        facts[2] = ("Probability", Phrase("{}", (result.probability,), 2))
+    if len(result.costs) > 1:
+        agreeing = f"{result.agreeing_starts} of {len(result.costs)} end at these values"
+        facts.append(("Starts", agreeing))
+    facts = [x for x in facts if x[1]]
+    columns = [
+        ResultColumn("", [label for label, _ in facts]),
+        ResultColumn("", [x for _, x in facts]),
+    ]
+    fitted += [fitted_table(result), ResultTable(Phrase("The fit"), columns, facts=True)]
+    names = [ModelName(name) for name in result.names]
+    correlation = [
+        ResultColumn("", names),
+        *(
+            ResultColumn(name, x.tolist(), "", 3)
+            for name, x in zip(names, result.correlation.T, strict=True)
+        ),
+    ]
+    unidentified = [
+        Remark("Not identified: ", list(zip(x.names, x.changes, strict=True)))
+        for x in result.combinations
+    ]
+    table = ResultTable(Phrase("Correlation of the errors"), correlation)
+    return [
+        ResultSection("fit", "Fitted quantities", fitted),
+        ResultSection(
+            "data", "Data and model", [PlotPlace("Measured values, the model and residuals")]
+        ),
+        ResultSection("correlation", "Correlation", [table, *unidentified]),
+    ]
+
+
+def _remark(result: FitResult, i: int) -> str:
+    """Return the remark of a table on a quantity."""
+    if result.active[i]:
+        return f"at its bound {result.active[i]}"
+    return "" if math.isfinite(result.standard_errors[i]) else "not identified by the data"
 
 
 def _strong(result: FitResult) -> list[str]:

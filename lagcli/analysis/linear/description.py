@@ -14,12 +14,33 @@ from lagcli.analysis.linear.modes import ModalAnalysis, Mode
 from lagcli.analysis.local.contacts import contact_lines, describe_contacts
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.output.files import check_analysis_target, write_bytes, write_content
-from lagcli.analysis.output.text import WIDTH, entry, listed, without_rounding
+from lagcli.analysis.output.tables import (
+    Cell,
+    ModelName,
+    Phasor,
+    Phrase,
+    PlotPlace,
+    Remark,
+    ResultColumn,
+    ResultSection,
+    ResultTable,
+    SectionBlock,
+    TextColumn,
+    more,
+    names_of,
+    state_quantities,
+    unit_of,
+)
+from lagcli.analysis.output.text import WIDTH, entry, state_lines
 from lagcli.model.model import Model
 from lagcli.results.listing import wrapped
 
 _SHOWN = 6  # components of a shape that are listed
 _ENTRIES = 12  # largest number of rows and columns of a printed matrix
+#: Largest numbers of modes, of components of shapes, and of quantities of a point in tables.
+_MODES, _COMPONENTS, _QUANTITIES = 12, 24, 72
+#: Components below this part of the largest of a shape are omitted from tables.
+_NONE = 1e-9
 
 
 def describe_point(found: OperatingPoint, linear: LinearModel) -> dict[str, Any]:
@@ -92,6 +113,150 @@ def _by_name(names: Sequence[str], shape: np.ndarray) -> dict[str, list[float]]:
     return {name: [z.real, z.imag] for name, z in zip(names, shape.tolist(), strict=True)}
 
 
+# tables
+
+
+def linear_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[ResultSection]:
+    """Return the sections of a linear model; ``units`` by coordinate, and of λ by column."""
+    lists = {"states x": "states", "inputs u": "inputs", "outputs y": "outputs"}
+    blocks: list[SectionBlock] = [
+        Remark(f"{label}: ", names_of(content[key])) for label, key in lists.items() if content[key]
+    ]
+    columns = {"A": "states", "B": "inputs", "C": "states", "D": "inputs", "E": "states"}
+    for name, key in columns.items():
+        rows = content[name]
+        if not rows or not rows[0] or (name == "E" and content["form"] != "descriptor"):
+            continue
+        if max(len(rows), len(rows[0])) > _ENTRIES:
+            blocks.append(Remark(f"{_size(name, rows)}; the file has them."))
+            continue
+        labels = content["outputs"] if name in "CD" else content["states"]
+        entries = zip(*rows, strict=True)
+        table = [
+            ResultColumn("", [ModelName(label) for label in labels]),
+            *(
+                ResultColumn(ModelName(x), values, digits=8)
+                for x, values in zip(content[key], entries, strict=True)
+            ),
+        ]
+        blocks.append(ResultTable(Phrase(name), table))
+    equation = "ẋ = A x" if content["form"] == "reduced" else "E ẋ = A x"
+    equation += " + B u" * bool(content["inputs"])
+    return [
+        _point_section(content, units),
+        ResultSection("linear", f"Linear model, {equation}", blocks),
+    ]
+
+
+def modes_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[ResultSection]:
+    """Return the sections of modes; ``units`` by coordinate, and of λ by column."""
+    every, point = content["modes"], _point_section(content, units)
+    if not every:
+        nothing = Remark("None: the constraints determine the motion.")
+        return [point, ResultSection("modes", "Modes", [nothing])]
+    about = (
+        "The coordinate that carries the most kinetic energy is 1; complex components are magnitude"
+        " and phase. An oscillation of amplitude ε about λ₀ has λ(t) = λ₀ + ε Re(δλ eˢᵗ)."
+        " `lagcli animate FILE --mode N` shows the motion."
+    )
+    drawn = PlotPlace("Eigenvalues in the complex plane")
+    shapes = [
+        *_shapes(every, "position", "Shapes", "Coordinate", "δ", "", units),
+        *_shapes(
+            every,
+            "multipliers",
+            "δλ in the same scale",
+            "Multiplier",
+            "δλ ",
+            "lambda.",
+            units,
+        ),
+    ]
+    return [
+        point,
+        ResultSection("modes", "Modes", [_modes_table(content), drawn]),
+        ResultSection("shapes", "Shapes", [*shapes, Remark(about, kind="note")]),
+    ]
+
+
+def _point_section(content: Mapping[str, Any], units: Mapping[str, str]) -> ResultSection:
+    """Return the description of the point of linearization."""
+    point = content["operating_point"]
+    rows = state_quantities([point], units)
+    shown = rows[:_QUANTITIES]
+    columns = (
+        ResultColumn("Quantity", [x.name for x in shown]),
+        ResultColumn("Value", [x.values[0] for x in shown], digits=8),
+        ResultColumn("Unit", [x.unit for x in shown]),
+    )
+    caption = Phrase(f"About {point['name']}, t = {{}} s", (point["time"],))
+    notes = [Remark(f"{x[0].upper()}{x[1:]}.", kind="note") for x in content["notes"]]
+    blocks: list[SectionBlock] = [
+        ResultTable(caption, columns),
+        *more(len(rows), len(shown)),
+        *notes,
+    ]
+    return ResultSection("point", "Operating point", blocks)
+
+
+def _modes_table(content: Mapping[str, Any]) -> ResultTable:
+    every = content["modes"]
+    swings = [bool(mode["eigenvalue"][1]) for mode in every]
+
+    def swinging(key: str) -> list[Cell]:
+        return [x[key] if swing else "" for x, swing in zip(every, swings, strict=True)]
+
+    columns = (
+        ResultColumn("Mode", [x["number"] for x in every], text=TextColumn("mode", "  {:>4}")),
+        ResultColumn(
+            "Eigenvalue",
+            [complex(*x["eigenvalue"]) for x in every],
+            "1/s",
+            9,
+            TextColumn("eigenvalue, 1/s", "  {:<27}"),
+        ),
+        ResultColumn("Frequency", swinging("frequency"), "Hz", text=TextColumn("Hz", "{:>10}")),
+        ResultColumn(
+            "Damping ratio", swinging("damping_ratio"), "", 4, TextColumn("damping", "  {:>9}")
+        ),
+        ResultColumn("Time constant", [x["time_constant"] or "" for x in every], "s", 4),
+        ResultColumn("Kind", [x["kind"] for x in every], text=TextColumn("kind", "  {}")),
+    )
+    return ResultTable(Phrase("By the magnitude of the eigenvalue"), columns)
+
+
+def _shapes(
+    every: Sequence[Mapping[str, Any]],
+    part: str,
+    caption: str,
+    label: str,
+    sign: str,
+    prefix: str,
+    units: Mapping[str, str],
+) -> list[SectionBlock]:
+    """Return the table of shapes in the coordinates or multipliers; none without any."""
+    names = list(every[0][part])
+    shown = names[:_COMPONENTS]
+    if not shown:
+        return []
+    columns = [
+        ResultColumn(label, [ModelName(sign + name) for name in shown]),
+        ResultColumn("Unit", [unit_of(prefix + name, units) for name in shown]),
+        *(
+            ResultColumn(f"Mode {mode['number']}", _components(mode[part], shown), digits=4)
+            for mode in every[:_MODES]
+        ),
+    ]
+    return [ResultTable(Phrase(caption), columns), *more(len(names), len(shown))]
+
+
+def _components(shape: Mapping[str, Sequence[float]], names: Sequence[str]) -> list[Cell]:
+    """Return components of a shape, with zeros for rounding errors."""
+    values = {name: complex(*x) for name, x in shape.items()}
+    largest = max(map(abs, values.values()))
+    return [Phasor(z) if abs(z) > _NONE * largest else 0.0 for z in map(values.__getitem__, names)]
+
+
 # text
 
 
@@ -125,16 +290,7 @@ def format_modes(content: Mapping[str, Any]) -> str:
     if not content["modes"]:
         lines.append("  no modes: the constraints determine the motion")
         return "\n".join([*lines, *_notes(content)])
-    lines += ["", f"  {'mode':>4}  {'eigenvalue, 1/s':<27}{'Hz':>10}  {'damping':>9}  kind"]
-    for mode in content["modes"]:
-        s = complex(*mode["eigenvalue"])
-        frequency = f"{mode['frequency']:.6g}" if s.imag else ""
-        damping = f"{mode['damping_ratio']:.4g}" if s.imag else ""
-        lines.append(
-            f"  {mode['number']:>4}  {_eigenvalue(s):<27}{frequency:>10}  {damping:>9}"
-            f"  {mode['kind']}"
-        )
-    lines.append("")
+    lines += ["", *_modes_table(content).lines(), ""]
     for mode in content["modes"]:
         shape = _shape(mode["position"])
         forces = _shape({f"λ {k}": v for k, v in mode["multipliers"].items()})
@@ -148,19 +304,8 @@ def format_modes(content: Mapping[str, Any]) -> str:
 def _head(content: Mapping[str, Any], what: str) -> list[str]:
     point = content["operating_point"]
     lines = [f"{content['model']}: {what} {point['name']}"]
-    rates = {f"{name}'": value for name, value in point["v"].items() if value}
-    values = without_rounding(point["q"]) | {k: x for k, x in without_rounding(rates).items() if x}
-    lines += entry("q", listed([f"{name} = {value:.6g}" for name, value in values.items()]))
-    if point["multipliers"]:
-        values = without_rounding(point["multipliers"])
-        lines += entry("λ", listed([f"{name} {value:.6g}" for name, value in values.items()]))
+    lines += state_lines(point, 2)
     return [*lines, *contact_lines(point.get("contacts", ()), 2)]
-
-
-def _eigenvalue(s: complex) -> str:
-    if not s.imag:
-        return f"{s.real:.9g}"
-    return f"{s.real:.9g} ± {s.imag:.9g}i" if s.real else f"± {s.imag:.9g}i"
 
 
 def _shape(components: Mapping[str, Sequence[float]]) -> str:
@@ -183,14 +328,18 @@ def _component(z: complex) -> str:
 def _matrix(name: str, rows: Sequence[Sequence[float]]) -> Iterator[str]:
     columns = len(rows[0]) if rows else 0
     if len(rows) > _ENTRIES or columns > 6:
-        nonzero = sum(1 for row in rows for x in row if x)
-        yield f"  {name}: {len(rows)} by {columns}, {nonzero} entries are not zero (--json, -o)"
+        yield f"  {_size(name, rows)} (--json, -o)"
         return
     texts = [[f"{x:.6g}" for x in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
     for i, row in enumerate(texts):
         cells = "  ".join(f"{x:>{w}}" for x, w in zip(row, widths, strict=True))
         yield f"  {name + ' =' if not i else '':<5}[ {cells} ]"
+
+
+def _size(name: str, rows: Sequence[Sequence[float]]) -> str:
+    nonzero = sum(1 for row in rows for x in row if x)
+    return f"{name}: {len(rows)} by {len(rows[0]) if rows else 0}, {nonzero} entries are not zero"
 
 
 def _notes(content: Mapping[str, Any]) -> Iterator[str]:

@@ -138,7 +138,8 @@ class IndependentVelocities(NamedTuple):
 
     def completed(self, rhs: Array) -> Array:
         """Return the X with B X = rhs, (m,) or (m, k), that is zero for these coordinates."""
-        x = least(self.decomposition, rhs.reshape(len(rhs), -1)).reshape(-1, *rhs.shape[1:])
+        one = rhs.ndim == 1
+        x = least(self.decomposition, rhs[:, None])[:, 0] if one else least(self.decomposition, rhs)
         return np.asarray(x - self.basis @ x[list(self.coordinates)])
 
 

@@ -1,1 +1,1 @@
-"""Output of analyses: text and files."""
+"""Output of analyses: tables, text and files."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from lagcli.results.listing import wrapped
 
@@ -28,3 +29,24 @@ def without_rounding(values: Mapping[str, float]) -> dict[str, float]:
     """Return values with zeros for rounding errors relative to the largest value."""
     least = 1e-13 * max(map(abs, values.values()), default=0.0)
     return {name: value if abs(value) > least else 0.0 for name, value in values.items()}
+
+
+def state_lines(state: Mapping[str, Any], indent: int, rates: bool = True) -> list[str]:
+    """Return the lines with q and λ of a state, from its JSON values.
+
+    Parameters
+    ----------
+    state : mapping
+    indent : int
+    rates : bool
+        Whether velocities that are not zero are listed too.
+    """
+    values = without_rounding(state["q"])
+    if rates:
+        moving = {f"{name}'": value for name, value in state["v"].items() if value}
+        values |= {name: x for name, x in without_rounding(moving).items() if x}
+    lines = entry("q", listed([f"{name} = {x:.6g}" for name, x in values.items()]), indent)
+    if state["multipliers"]:
+        multipliers = without_rounding(state["multipliers"])
+        lines += entry("λ", listed([f"{name} {x:.6g}" for name, x in multipliers.items()]), indent)
+    return lines

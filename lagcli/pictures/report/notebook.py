@@ -17,6 +17,15 @@ if TYPE_CHECKING:
 
 
 _HEIGHT = 560  # pixels of an animation
+#: Results of analyses: their modules in `lagcli.analysis` and their types.
+_RESULTS = (
+    ("compare.comparison", "FormulationComparison"),
+    ("equilibria.diagram", "BifurcationDiagram"),
+    ("equilibria.equilibrium", "Equilibria"),
+    ("fit.result", "FitResult"),
+    ("linear.linear_model", "LinearModel"),
+    ("linear.modes", "ModalAnalysis"),
+)
 
 
 def register() -> None:
@@ -34,6 +43,10 @@ def register() -> None:
         ("text/markdown", "lagcli.model.model", "Model", model_markdown),
         ("text/markdown", "lagcli.equations.derivation.lagrange", "Equations", equations_markdown),
         ("text/html", "lagcli.trajectory.trajectory", "Trajectory", trajectory_html),
+        *(
+            ("text/html", f"lagcli.analysis.{module}", type_, analysis_html)
+            for module, type_ in _RESULTS
+        ),
     ):
         formatters[format_].for_type_by_name(module, type_, function)
 
@@ -51,6 +64,15 @@ def equations_markdown(equations: Equations) -> str:
     from lagcli.simulations.start import degrees_of_freedom
 
     return render(equations, format="markdown", freedom=degrees_of_freedom(equations))
+
+
+def analysis_html(result: object) -> str:
+    """Return the result of an analysis in HTML: the tables of its report, in SI."""
+    from lagcli.analysis.contents import result_sections
+    from lagcli.pictures.report.analysis_report import rendered
+
+    sections = rendered(result_sections(result), None)
+    return "\n".join(f"<h4>{html.escape(x.title)}</h4>{x.body}" for x in sections if x.body)
 
 
 def trajectory_html(trajectory: Trajectory) -> str:
