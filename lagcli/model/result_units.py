@@ -1,9 +1,13 @@
-"""Units of a model's quantities, by the names of columns in results."""
+"""What results store of a model besides its text: units by column, and what pictures need."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from symengine import Symbol
+
 from lagcli.columns import ColumnName
-from lagcli.model.model import Model
+from lagcli.model.model import TIME, Model, coordinate
 
 
 def result_units(model: Model) -> dict[str, str]:
@@ -29,3 +33,20 @@ def result_units(model: Model) -> dict[str, str]:
             found[column] = units.of_residual(c.name, holonomic, what == "velocity")
     found |= {name: units.of_output(name) for name in model.outputs}
     return {name: unit for name, unit in found.items() if unit is not None}
+
+
+def result_display(model: Model) -> dict[str, Any]:
+    """Return what pictures need of a model, as in ``Record.display``."""
+    return {
+        "latex": {c.name: c.latex for c in model.coordinates if c.latex},
+        "definitions": [*model.definitions, *model.inputs],
+        "jumping": _jumping_outputs(model) if model.switches else [],
+    }
+
+
+def _jumping_outputs(model: Model) -> list[str]:
+    """Return the outputs that may jump: those that depend on more than q, t and parameters."""
+    changed = {name for event in model.events for name in event.action.set}
+    continuous = {TIME, *map(coordinate, model.coordinate_names)}
+    continuous |= {Symbol(name) for name in model.parameters if name not in changed}
+    return [name for name, value in model.outputs.items() if not value.free_symbols <= continuous]

@@ -1,11 +1,10 @@
-"""The curves of a run by name: values, units and labels."""
+"""The curves of a run that plots, reports and the live page draw: names, values, units, labels."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ from lagcli.columns import (
     unit_of_column,
 )
 from lagcli.equations.render.names import GREEK, Notation, split
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import UsageError
 from lagcli.model.names.members import format_members
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.pictures.run_file import RunFile
@@ -51,28 +50,39 @@ class Curve(NamedTuple):
         Name on the command line, equal to the column of a CSV file.
     field : str
         Field of `Samples`; an output is ``outputs/NAME``.
-    place : tuple of int
-        Index in the field after the time; for ``constraint_force_by``, constraint and coordinate.
+    place : tuple of int or None
+        Index in the field after the time; None if the curve is 0.
     group : str
         Label of the group of curves that share a panel.
     unit : str
         SI unit; empty if unknown.
     label : str
-        Label for matplotlib: with TeX between dollar signs.
+        Label in legends; see `Catalogue`.
     log : bool
         Whether its magnitude is drawn on a logarithmic axis.
+    scale : float
+        Divisor of the values.
     largest : bool
         Whether it is the largest magnitude in the field, relative to each constraint's scale.
     """
 
     name: str
     field: str
-    place: tuple[int, ...]
+    place: tuple[int, ...] | None
     group: str
     unit: str
     label: str
     log: bool = False
+    scale: float = 1.0
     largest: bool = False
+
+    def of(self, block: Mapping[str, Array]) -> Array:
+        """Return the values in a block of samples, (nt,); not of the largest magnitude."""
+        values = block[self.field]
+        if self.place is None:
+            return np.zeros(len(values))
+        chosen: Array = np.moveaxis(values, 0, -1)[self.place]
+        return chosen if self.scale == 1 else chosen / self.scale
 
 
 class Catalogue:
@@ -80,15 +90,18 @@ class Catalogue:
 
     Parameters
     ----------
-    run : Run
+    run : RunFile
+    tex : bool
+        Whether labels are for matplotlib, with TeX between dollar signs and names as typed if they
+        are not letters; otherwise they are plain text, in which an underscore begins a subscript.
     """
 
-    def __init__(self, run: RunFile):
-        self.run = run
+    def __init__(self, run: RunFile, tex: bool = False):
+        self.run, self.tex = run, tex
         self._places = {name: i for i, name in enumerate(run.coordinates)}
         self._constraints = {name: i for i, name in enumerate(run.constraints)}
         self._conserved = {name: i for i, name in enumerate(run.conserved_names)}
-        self._derivatives = {curve.name: curve for curve in _derivatives(run)}
+        self._derivatives = {curve.name: curve for curve in self._differentiated()}
 
     def find(self, text: str) -> list[Curve]:
         """Return the curves that match a name, in which * is a wildcard.
@@ -131,7 +144,7 @@ class Catalogue:
         if name in _RESIDUALS:
             known = not np.isnan(self.run.record.scale_velocity).any()
             group, label = "relative residuals" if known else "residuals", _RESIDUALS[name].label
-            return Curve(name, name, (), group, "", label, log=True, largest=True)
+            return Curve(name, name, None, group, "", label, log=True, largest=True)
         if name in self._derivatives:
             return self._derivatives[name]
         if name in self.run.outputs:
@@ -141,15 +154,37 @@ class Catalogue:
             return Curve(name, f"outputs/{name}", (), group, unit, self._look(name))
         return None
 
+    def of(self, quantity: str) -> list[Curve]:
+        """Return the curves of a quantity of `lagcli.columns.QUANTITIES`, but not of each term."""
+        run = self.run
+        names = column_names(
+            BY_NAME[quantity], run.coordinates, run.constraints, (), run.conserved_names
+        )
+        return [self._of(name) for name in names]
+
+    def forces(self, columns: Iterable[tuple[str, str]]) -> list[Curve]:
+        """Return the forces of constraints on coordinates, given their names."""
+        return [self._of(ColumnName("constraint_force_by", c, q)) for c, q in columns]
+
+    def outputs(self) -> list[Curve]:
+        """Return the curves of the outputs."""
+        return [curve for curve in map(self._named, self.run.outputs) if curve is not None]
+
     def _of(self, name: ColumnName) -> Curve:
         """Return the curve of a column."""
-        quantity = BY_NAME[name.quantity]
-        unit = unit_of_column(name, self.run.record.units) or ""
-        place = [self._constraints[name.constraint]] if name.constraint else []
-        place += [self._places[name.coordinate]] if name.coordinate else []
-        place += [self._conserved[name.conserved]] if name.conserved else []
+        quantity, run = BY_NAME[name.quantity], self.run
+        unit = unit_of_column(name, run.record.units) or ""
+        place: tuple[int, ...] | None
+        if quantity.along == "term":
+            acting = run.terms.acting(self._constraints[name.constraint])
+            term = acting.get(self._places[name.coordinate])
+            place = None if term is None else (term,)
+        else:
+            axis = self._constraints, self._places, self._conserved
+            parts = name.constraint, name.coordinate, name.conserved
+            place = tuple(at[part] for at, part in zip(axis, parts, strict=True) if part)
         return Curve(
-            *(str(name), quantity.name, tuple(place), quantity.panel, unit, self._label(name)),
+            *(str(name), quantity.name, place, quantity.panel, unit, self._label(name)),
             log=quantity.role == "residual",
         )
 
@@ -163,15 +198,29 @@ class Catalogue:
         if quantity.name == "multipliers":
             return self._multiplier(name)
         if name.constraint or name.conserved:
-            return raw(name.constraint or name.conserved)
+            return self._raw(name.constraint or name.conserved)
         label = quantity.label or str(name)
-        return f"${label}$" if len(label) == 1 else label
+        return f"${label}$" if self.tex and len(label) == 1 else label
 
     def _force(self, q: str, constraint: str) -> str:
         sign = self._look(q)
+        if not self.tex:
+            return sign
         mark = sign.strip("$") if sign.startswith("$") else rf"\mathrm{{{_word(q)}}}"
         above = rf"\mathrm{{{_word(constraint)}}}" if constraint else "c"
         return f"$Q^{{{above}}}_{{{mark}}}$"
+
+    def _differentiated(self) -> Iterator[Curve]:
+        """Yield the derivatives: ``dphi/dl``."""
+        run = self.run
+        for quantity in DERIVATIVES if run.sensitivity else ():
+            differentiated = self.of(quantity.name.removeprefix("d"))
+            names = derivative_names(quantity, run.coordinates, run.constraints, run.sensitivity)
+            places = product(range(len(differentiated)), range(len(run.sensitivity)))
+            for name, (i, j) in zip(names, places, strict=True):
+                by = run.sensitivity[j]
+                label = raw(name) if self.tex else f"∂{differentiated[i].label}/∂{by}"
+                yield Curve(name, quantity.name, (i, j), f"{quantity.name}/d{by}", "", label)
 
     # names
 
@@ -232,21 +281,22 @@ class Catalogue:
 
     # notation
 
-    @cached_property
-    def notation(self) -> Notation | None:
-        """Notation of the model's names; None if the result contains no model."""
-        try:
-            return Notation(self.run.model)
-        except LagcliError:
-            return None  # the names as typed are sufficient
-
     def _look(self, name: str, dots: int = 0) -> str:
-        return look(self.notation, name, dots)
+        names = self.run.notation
+        if self.tex:
+            return look(names, name, dots)
+        return str(ColumnName("qva"[dots], "", name)) if names is None else names.text(name, dots)
 
     def _multiplier(self, name: ColumnName) -> str:
-        if self.notation is None:
-            return raw(str(name))
-        return f"${self.notation.latex_multiplier(name.constraint)}$"
+        names = self.run.notation
+        if names is None:
+            return self._raw(str(name))
+        if self.tex:
+            return f"${names.latex_multiplier(name.constraint)}$"
+        return names.multiplier(name.constraint)
+
+    def _raw(self, text: str) -> str:
+        return raw(text) if self.tex else text
 
 
 def look(names: Notation | None, name: str, dots: int = 0) -> str:
@@ -278,17 +328,6 @@ def look_of_value(names: Notation | None, name: str) -> str:
     return look(names, base, dots) if known else raw(name)
 
 
-def _derivatives(run: RunFile) -> Iterator[Curve]:
-    """Yield the derivatives of a run: ``dphi/dl``."""
-    for quantity in DERIVATIVES if run.sensitivity else ():
-        along = run.coordinates if quantity.axes[1] == "coordinate" else run.constraints
-        names = derivative_names(quantity, run.coordinates, run.constraints, run.sensitivity)
-        places = product(range(len(along)), range(len(run.sensitivity)))
-        for name, place in zip(names, places, strict=True):
-            group = f"{quantity.name}/d{run.sensitivity[place[1]]}"
-            yield Curve(name, quantity.name, place, group, "", raw(name))
-
-
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
     """Return the values of curves and of the time, by name.
 
@@ -306,23 +345,22 @@ def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
     pieces: dict[str, list[Array]] = {name: [] for name in wanted}
     for block in run.blocks(list(dict.fromkeys(c.field for c in wanted.values()))):
         for name, curve in wanted.items():
-            pieces[name].append(_values(run, curve, block[curve.field]))
+            pieces[name].append(_magnitudes(run, curve, block))
     return {
-        name: drawable(np.concatenate(found)) if found else np.empty(0)
-        for name, found in pieces.items()
+        name: drawable(np.concatenate(values)) if values else np.empty(0)
+        for name, values in pieces.items()
     }
 
 
-def _values(run: RunFile, curve: Curve, values: Array) -> Array:
+def _magnitudes(run: RunFile, curve: Curve, block: Mapping[str, Array]) -> Array:
+    """Return the values of a curve, or their magnitudes on a logarithmic axis."""
     if curve.largest:
-        scale = getattr(run.record, BY_NAME[curve.field].scale)
+        values, scale = block[curve.field], getattr(run.record, BY_NAME[curve.field].scale)
         known = ~np.isnan(values).all(axis=0) if len(values) else np.ones(len(scale), dtype=bool)
         relative = np.abs(values[:, known]) / np.where(np.isnan(scale[known]), 1.0, scale[known])
         return np.asarray(relative.max(axis=1, initial=0.0))
-    if curve.field == "constraint_force_by":
-        return run.terms.column(values, *curve.place)
-    chosen = values.T[curve.place[::-1]]
-    return np.abs(chosen) if curve.log else np.array(chosen)
+    values = curve.of(block)
+    return np.abs(values) if curve.log else np.array(values)
 
 
 def _plain(text: str) -> str:

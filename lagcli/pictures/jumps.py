@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from symengine import Symbol
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import PANELS, read_column_name
-from lagcli.errors import LagcliError
-from lagcli.model.model import TIME, Model, coordinate
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import evenly
 from lagcli.trajectory.event_log import EventLog
@@ -39,28 +36,6 @@ def marks(log: EventLog | None) -> Array:
     return times[evenly(len(times), _MARKS)]
 
 
-def jumping_outputs(model: Model) -> frozenset[str]:
-    """Return the outputs that may jump: those that depend on more than q, t and parameters."""
-    changed = {name for event in model.events for name in event.action.set}
-    continuous = {TIME, *map(coordinate, model.coordinate_names)}
-    continuous |= {Symbol(name) for name in model.parameters if name not in changed}
-    return frozenset(
-        name for name, value in model.outputs.items() if not value.free_symbols <= continuous
-    )
-
-
-def jumps_of(run: RunFile) -> Jumps:
-    """Return the jumps of the curves of a run."""
-    log = run.record.events
-    outputs: Container[str] = ()
-    if log is not None and len(log) and run.outputs:
-        try:
-            outputs = jumping_outputs(run.model)
-        except LagcliError:  # without the model, the outputs that jump are unknown
-            outputs = ()
-    return Jumps(log, run.coordinates, run.constraints, outputs)
-
-
 class Jumps:
     """Inserts jumps at the instants of a log into curves, which are straight between samples.
 
@@ -71,22 +46,13 @@ class Jumps:
 
     Parameters
     ----------
-    log : EventLog or None
-    coordinates, constraints : sequence of str
-        Names, in the model's order.
-    outputs : container of str
-        Names of outputs that may jump.
+    run : RunFile
     """
 
-    def __init__(
-        self,
-        log: EventLog | None,
-        coordinates: Sequence[str],
-        constraints: Sequence[str],
-        outputs: Container[str] = (),
-    ):
-        self.log, self.coordinates, self.constraints = log, tuple(coordinates), tuple(constraints)
-        self.outputs = outputs
+    def __init__(self, run: RunFile):
+        self.log = run.record.events
+        self.coordinates, self.constraints = run.coordinates, run.constraints
+        self.outputs = run.record.display.get("jumping", ())
 
     def drawn(self, name: str, time: Array, values: Array) -> tuple[Array, Array]:
         """Return one curve with its values right before and after each instant.

@@ -6,17 +6,19 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.errors import ModelError, UsageError
-from lagcli.model.loader import load, load_text
-from lagcli.model.model import Model
+from lagcli.equations.render.names import Notation
+from lagcli.errors import LagcliError, ModelError, UsageError
 from lagcli.results.formats import open_reader
-from lagcli.simulations.inputs import input_data
 from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
 
 _NONE = np.empty(0)
 
@@ -101,7 +103,7 @@ class RunFile:
             start += length
             for name, values in block.items():
                 pieces[name].append(values[chosen])
-        return {name: np.concatenate(found or [_NONE]) for name, found in pieces.items()}
+        return {name: np.concatenate(values or [_NONE]) for name, values in pieces.items()}
 
     def blocks(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield fields of `Samples` by name, in blocks that fit in memory."""
@@ -130,6 +132,9 @@ class RunFile:
             The model file cannot be read.
         """
         record = self.record
+        from lagcli.model.loader import load_text
+        from lagcli.simulations.inputs import input_data
+
         # as expressions, which are in SI regardless of the file's unit
         parameters = {name: f"{value!r}*1" for name, value in record.parameters.items()}
         # the text may lack some of them
@@ -159,6 +164,8 @@ class RunFile:
     def _other_model(
         self, path: str, parameters: Mapping[str, str], initial: Mapping[str, float]
     ) -> Model:
+        from lagcli.model.loader import load
+
         try:
             return load(path, parameters, initial)
         except ModelError as error:
@@ -169,6 +176,20 @@ class RunFile:
                 f"{path} is not the model of {self.name}: {options[0].message}"
             ) from None
 
+    @cached_property
+    def notation(self) -> Notation | None:
+        """The notation of the model's names; None if the result does not describe them."""
+        if self._model_file is not None:
+            try:
+                return Notation(self.model)
+            except LagcliError:
+                return None  # the names as typed are sufficient
+        display = self.record.display
+        if not display:
+            return None
+        declared = (*self.coordinates, *self.record.parameters, *display["definitions"])
+        return Notation.of_names(declared, len(self.constraints), display["latex"])
+
     @property
     def initial(self) -> Mapping[str, float]:
         """The first sample as initial values by name (``phi'``); none without samples."""
@@ -176,8 +197,8 @@ class RunFile:
             return {}
         first = self.columns(("q", "v"), np.zeros(1, dtype=np.intp))
         names = self.coordinates
-        found = dict(zip(names, first["q"][0].tolist(), strict=True))
-        return found | dict(zip((f"{q}'" for q in names), first["v"][0].tolist(), strict=True))
+        positions = dict(zip(names, first["q"][0].tolist(), strict=True))
+        return positions | dict(zip((f"{q}'" for q in names), first["v"][0].tolist(), strict=True))
 
 
 def _field(trajectory: Trajectory, name: str) -> Array:

@@ -9,12 +9,12 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import BY_NAME, PANELS, ColumnName, ResultQuantity, column_names, unit_of_column
+from lagcli.columns import BY_NAME, PANELS, ResultQuantity
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.overview import in_matrices
@@ -27,12 +27,13 @@ from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_models
-from lagcli.model.result_units import result_units
 from lagcli.model.rewriting import rewrite
 from lagcli.model.spelling import shorten
-from lagcli.pictures.jumps import Jumps, jumping_outputs, marks
+from lagcli.pictures.curves import Catalogue
+from lagcli.pictures.jumps import Jumps, marks
 from lagcli.pictures.page import unit
-from lagcli.pictures.report.run_plots import ALL_FORCES, label
+from lagcli.pictures.report.run_plots import ALL_FORCES
+from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
@@ -49,7 +50,7 @@ from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.variants import Variants
 from lagcli.trajectory.event_log import EventLog, event_sentences
 from lagcli.trajectory.samples import Record, Samples
-from lagcli.trajectory.trajectory import joined
+from lagcli.trajectory.trajectory import complete, joined
 
 #: Largest number of samples that a page can draw quickly; runs with more are resampled.
 MOST_SAMPLES = 4001
@@ -122,7 +123,6 @@ class Played:
     Attributes
     ----------
     controls : dict of str to Control
-    curves : Curves
     members : str
         The numbers of members of the current controls: N=20.
 
@@ -141,7 +141,6 @@ class Played:
         self.model = model = with_rims(with_view(model))
         self._variants = Variants(model, self._settings(""))
         self.controls: dict[str, Control] = controls(model, self._variants.settings)
-        self.curves = Curves(model)
         structural = (model.parameters[name] for name in model.structural_parameters)
         self.members = " ".join(f"{p.name}={p.value:g}" for p in structural)
         self._evaluator = ViewEvaluator(model) if model.view is not None else None
@@ -218,7 +217,7 @@ class Played:
         return {
             "members": self.members,
             "controls": [c.to_json() for c in self.controls.values()],
-            "groups": self.curves.groups(),
+            "groups": plot_groups(self.model),
             "draggable": [name for name, moves in places(self.model, view).items() if moves]
             if view is not None
             else [],
@@ -275,7 +274,8 @@ class Played:
             name: x for q, *state in states for name, x in zip((q, f"{q}'"), state, strict=True)
         }
         shown = {name: self.controls[name].shown for name in values}
-        groups = self.curves.groups()
+        groups = plot_groups(self.model)
+        result = RunFile(complete(samples, record))
         return {
             "number": request.number,
             "status": record.status,
@@ -293,7 +293,7 @@ class Played:
             "scene": self._scene(model, samples, record),
             "speed": usual_speed(float(np.ptp(samples.time))) if len(samples.time) else 1.0,
             "plots": {
-                group: self.curves.plot(group, samples, record.events)
+                group: live_plot(self.model, result, group)
                 for group in request.plots
                 if group in groups
             },
@@ -368,121 +368,93 @@ def _number(text: str, name: str) -> float:
 MOST_CURVES = 12
 
 
-class LiveCurve(NamedTuple):
-    """A curve: its name in result files, its label, its unit and values."""
-
-    name: str
-    label: str
-    unit: str
-    values: Array
-
-
 #: The group of the model's outputs.
 _OUTPUTS = "outputs"
 
 
-class Curves:
-    """Selects and names the curves of one model.
+def plot_groups(model: Model) -> dict[str, str]:
+    """Return the groups of curves that a model has, with their titles."""
+    panels = [panel for panel in PANELS if _quantities(model, panel)]
+    groups = [*panels, _OUTPUTS] if model.outputs else panels
+    return {group: group.capitalize() for group in groups}
+
+
+def _quantities(model: Model, panel: str) -> list[ResultQuantity]:
+    """Return the quantities of a panel that the model has and the page shows."""
+
+    def exists(quantity: ResultQuantity) -> bool:
+        if quantity.name in ("energy_kinetic", "energy_potential"):
+            return model.kinetic is not None  # not if it is given by L
+        if quantity.along == "term":  # too many
+            return False
+        if quantity.name == "residual_position":
+            return any(c.kind == "holonomic" for c in model.constraints)
+        if quantity.along == "conserved_quantity":  # computed again for each run
+            return False
+        of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
+        return bool(model.constraints) or not of_constraints
+
+    return list(filter(exists, PANELS.get(panel, ())))
+
+
+def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
+    """Return a plot of a run for ``plots.js``, with arrays; its series contain their panels.
 
     Parameters
     ----------
     model : Model
+    run : RunFile
+    group : str
+        One of `plot_groups`.
     """
-
-    def __init__(self, model: Model):
-        self._model, self._names = model, Notation(model)
-        self._units = result_units(model)
-        self._jumping = jumping_outputs(model)
-
-    def groups(self) -> dict[str, str]:
-        """Return the groups with curves, with their titles."""
-        panels = [panel for panel in PANELS if any(map(self._exists, PANELS[panel]))]
-        groups = [*panels, _OUTPUTS] if self._model.outputs else panels
-        return {group: group.capitalize() for group in groups}
-
-    def _exists(self, quantity: ResultQuantity) -> bool:
-        """Return whether the model has columns of a quantity, and the page shows them."""
-        if quantity.name in ("energy_kinetic", "energy_potential"):
-            return self._model.kinetic is not None  # not if it is given by L
-        if quantity.along == "term":  # too many
-            return False
-        if quantity.name == "residual_position":
-            return any(c.kind == "holonomic" for c in self._model.constraints)
-        if quantity.along == "conserved_quantity":  # computed again for each run
-            return False
-        of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
-        return bool(self._model.constraints) or not of_constraints
-
-    def plot(self, group: str, samples: Samples, log: EventLog | None) -> dict[str, Any]:
-        """Return a plot for ``plots.js``, with arrays; its series contain their panels.
-
-        Parameters
-        ----------
-        group : str
-            One of `groups`.
-        samples : Samples
-        log : EventLog or None
-            The log, whose instants are marked and at which curves jump.
-        """
-        quantities = [q for q in PANELS.get(group, ()) if self._exists(q)]
-        curves = [curve for q in quantities for curve in self._curves(q, samples)]
-        if group == _OUTPUTS:
-            curves = self._outputs(samples)
-        shown = [curves[i] for i in chosen([c.name for c in curves], MOST_CURVES)]
-        jumps = Jumps(log, samples.coordinates, samples.constraints, self._jumping)
-        table = np.array([c.values for c in shown]).reshape(len(shown), len(samples.time)).T
-        time, table = jumps.inserted(samples.time, [c.name for c in shown], table)
-        residuals = any(q.role == "residual" for q in quantities)
-        panels = [0] * len(shown) if residuals else _panels(shown)
-        return {
-            "title": group.capitalize(),
-            "symbol": ALL_FORCES if BY_NAME["constraint_force"] in quantities else "",
-            "log": residuals,
-            "time": time,
-            "marks": marks(log),
-            "series": [
-                {
-                    "name": c.name,
-                    "label": f"{c.label} [{c.unit}]" if residuals and c.unit else c.label,
-                    "unit": c.unit,
-                    "panel": panel,
-                    "values": values,
-                }
-                for c, panel, values in zip(shown, panels, table.T, strict=True)
-            ],
-            "of": len(curves),
-        }
-
-    def _curves(self, quantity: ResultQuantity, samples: Samples) -> list[LiveCurve]:
-        """Return the curves of a quantity, without those that have no values."""
-        values = np.asarray(getattr(samples, quantity.name))
-        table = values if values.ndim == 2 else values[:, None]
-        names = column_names(quantity, samples.coordinates, samples.constraints)
-        return [
-            LiveCurve(str(name), label(name, self._names), self._unit(name), column)
-            for name, column in zip(names, table.T, strict=True)
-            if not (name.constraint and np.isnan(column).all())
-        ]
-
-    def _unit(self, name: ColumnName) -> str:
-        return unit(unit_of_column(name, self._units)) if self._model.units.stated else ""
-
-    def _outputs(self, s: Samples) -> list[LiveCurve]:
-        return [
-            LiveCurve(name, self._names.text(name), unit(self._units.get(name)), np.asarray(values))
-            for name, values in s.outputs.items()
-        ]
+    catalogue, quantities = Catalogue(run), _quantities(model, group)
+    stated = model.units.stated or group == _OUTPUTS
+    curves = [curve for q in quantities for curve in catalogue.of(q.name)]
+    if group == _OUTPUTS:
+        curves = catalogue.outputs()
+    columns = run.columns(["time", *(c.field for c in curves)])
+    values = {c.name: c.of(columns) for c in curves}
+    along = {q.name for q in quantities if q.along == "constraint"}
+    # without constraints that have no values
+    curves = [c for c in curves if c.field not in along or not np.isnan(values[c.name]).all()]
+    shown = [curves[i] for i in chosen([c.name for c in curves], MOST_CURVES)]
+    time, names = columns["time"], [c.name for c in shown]
+    table = np.array([values[name] for name in names]).reshape(len(shown), len(time)).T
+    units = [unit(c.unit) if stated else "" for c in shown]
+    residuals = any(q.role == "residual" for q in quantities)
+    panels = [0] * len(shown) if residuals else _panels(units, table)
+    time, table = Jumps(run).inserted(time, names, table)
+    return {
+        "title": group.capitalize(),
+        "symbol": ALL_FORCES if BY_NAME["constraint_force"] in quantities else "",
+        "log": residuals,
+        "time": time,
+        "marks": marks(run.record.events),
+        "series": [
+            {
+                "name": c.name,
+                "label": f"{c.label} [{unit_}]" if residuals and unit_ else c.label,
+                "unit": unit_,
+                "panel": panel,
+                "values": drawn,
+            }
+            for c, unit_, panel, drawn in zip(shown, units, panels, table.T, strict=True)
+        ],
+        "of": len(curves),
+    }
 
 
-def _panels(curves: list[LiveCurve]) -> list[int]:
+def _panels(units: list[str], values: Array) -> list[int]:
     """Return the panel of each curve: curves of the same unit and similar size share one."""
-    found: list[list[int]] = []
-    for symbol in dict.fromkeys(c.unit for c in curves):
-        places = [i for i, c in enumerate(curves) if c.unit == symbol]
-        largest = [float(np.fmax.reduce(np.abs(curves[i].values), initial=0.0)) for i in places]
-        found += [[places[k] for k in group] for group in scale_groups(largest)]
-    panels = [0] * len(curves)
-    for number, group in enumerate(sorted(found)):
+    groups: list[list[int]] = []
+    largest = np.fmax.reduce(np.abs(values), axis=0, initial=0.0).tolist()
+    for symbol in dict.fromkeys(units):
+        places = [i for i, stated in enumerate(units) if stated == symbol]
+        groups += [
+            [places[k] for k in group] for group in scale_groups([largest[i] for i in places])
+        ]
+    panels = [0] * len(units)
+    for number, group in enumerate(sorted(groups)):
         for i in group:
             panels[i] = number
     return panels

@@ -62,6 +62,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     metadata = to_metadata(file.record)
     model = metadata.pop("model")
     formulas = metadata.pop("conserved_formulas")
+    del metadata["display"]
     balance = known(extremes.energy_balance)
     return {
         "path": path,

@@ -35,7 +35,20 @@ MAPPINGS = (
     "tolerances",
     "freedom",
     "conserved_formulas",
+    "display",
 )
+
+#: The schema of lists of names.
+NAMES: dict[str, Any] = {"type": "array", "items": {"type": "string"}}
+#: The schema of ``display``, which is not printed; it is empty in older files.
+DISPLAY: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "latex": {"type": "object", "additionalProperties": {"type": "string"}},
+        "definitions": NAMES,
+        "jumping": NAMES,
+    },
+}
 
 #: The field of `Record` that is a list of texts.
 WARNINGS = "warnings"
@@ -98,6 +111,7 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     of_type(str, fields["model"], "model")
     for name, formula in of_type(dict, fields["conserved_formulas"], "conserved_formulas").items():
         of_type(str, formula, f"conserved_formulas.{name}")
+    check_json(fields["display"], DISPLAY, "display")
     for name in ("parameters", "seconds", "tolerances"):
         fields[name] = {k: from_number(v) for k, v in fields[name].items()}
     correction = fields["initial_correction"].items()

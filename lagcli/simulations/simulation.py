@@ -20,7 +20,7 @@ from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.model import Model
-from lagcli.model.result_units import result_units
+from lagcli.model.result_units import result_display, result_units
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -387,6 +387,7 @@ class Simulation:
             initial_correction=dict(self.start.moved),
             freedom=self.freedom.to_mapping(),
             conserved_formulas=dict(self.monitor.formulas),
+            display=result_display(self.model),
             lagcli_version=__version__,
             inputs=tables,
         )

@@ -254,6 +254,10 @@ class Record:
     conserved_formulas : mapping of str to str
         The conserved quantities in terms of the momenta ``p_q`` of the coordinates and Jacobi's
         integral ``h``, such as ``x*p_y - y*p_x``.
+    display : mapping
+        What pictures need of the model: ``latex``, the declared LaTeX of coordinates;
+        ``definitions``, names of definitions and inputs, which the names of coordinates must not
+        look like; ``jumping``, outputs that jump at events. Empty if unknown.
     inputs : mapping of str to InputTable
         The tables of the model's inputs, by name.
     events : EventLog or None
@@ -276,6 +280,7 @@ class Record:
     warnings: tuple[str, ...] = ()
     freedom: Mapping[str, Any] = field(default_factory=dict)
     conserved_formulas: Mapping[str, str] = field(default_factory=dict)
+    display: Mapping[str, Any] = field(default_factory=dict)
     lagcli_version: str = ""
     inputs: Mapping[str, InputTable] = field(default_factory=dict)
     events: EventLog | None = None

@@ -21,6 +21,7 @@ from lagcli.engine.state import State
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_display
 from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 from lagcli.results.hdf5.opening import damage
 from lagcli.simulations.derived import DerivedColumns
@@ -210,6 +211,7 @@ def _motion(
         parameters=model.parameter_values,
         options={"mode": number, "amplitude": float(amplitude)},
         lagcli_version=__version__,
+        display=result_display(model),
         inputs=input_tables(model),
     )
     return complete(samples, record)

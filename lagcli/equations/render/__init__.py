@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
-from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.presentation.assembly import KINDS, Contents, shown_steps
-from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.reduction.partition import CoordinatePartition
 from lagcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
+    from lagcli.equations.derivation.lagrange import Equations
+    from lagcli.equations.reduction.partition import CoordinatePartition
 
 FORMATS = ("text", "latex", "markdown", "json")
 
@@ -66,6 +67,9 @@ def render(
         The format or a kind is unknown, the partition is missing, the width is below 40, or the
         second kind is requested with nonholonomic constraints.
     """
+    # not at the top: plots use the notation of names without deriving equations
+    from lagcli.equations.presentation.assembly import KINDS, Contents, shown_steps
+    from lagcli.equations.presentation.formulas import Formulas
     from lagcli.equations.render.formula_text import TextFormula
     from lagcli.equations.render.names import Notation
     from lagcli.equations.render.numbers import written_decimals

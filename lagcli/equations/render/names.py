@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from html import escape
+from typing import TYPE_CHECKING, Self
 
 from lagcli.columns import SLIP
 from lagcli.equations.render.letters import GREEK, LATEX_GREEK, dotted
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.errors import Diagnostic
-from lagcli.model.model import Model
 from lagcli.model.names.latex_symbol import InvalidLatex, parse, to_latex
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -55,13 +59,34 @@ class Notation:
 
     def __init__(self, model: Model):
         declared = [*model.coordinate_names, *model.parameters, *model.definitions, *model.inputs]
+        latex = {c.name: c.latex for c in model.coordinates if c.latex}
+        self._declare(declared, len(model.constraints), latex)
+
+    @classmethod
+    def of_names(cls, declared: Sequence[str], constraints: int, latex: Mapping[str, str]) -> Self:
+        """Return the notation of a model that is known by its names alone.
+
+        Parameters
+        ----------
+        declared : sequence of str
+            Names of coordinates, parameters, definitions and inputs.
+        constraints : int
+            Number of constraints.
+        latex : mapping of str to str
+            The declared LaTeX of coordinates.
+        """
+        notation = cls.__new__(cls)
+        notation._declare(declared, constraints, latex)
+        return notation
+
+    def _declare(self, declared: Sequence[str], constraints: int, latex: Mapping[str, str]) -> None:
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
         self._mathml = _distinct({name: _mathml(name) for name in declared})
-        self._own = _declared_latex(model)
+        self._own = _valid_latex(latex)
         self.with_own_latex = frozenset(self._own)
         self.declared = frozenset(declared)
-        self._single = len(model.constraints) == 1 and "lambda" not in self.declared
+        self._single = constraints == 1 and "lambda" not in self.declared
 
     def text(self, name: str, dots: int = 0) -> str:
         """Return a name with dots: x_A' as ẋ_A."""
@@ -105,14 +130,13 @@ class Notation:
         return "" if self._single else _mathml_row(constraint)
 
 
-def _declared_latex(model: Model) -> dict[str, str]:
-    """Return the declared LaTeX of coordinates, re-serialized; skip invalid LaTeX."""
-    found = {}
-    for c in model.coordinates:
-        if c.latex:
-            with suppress(InvalidLatex):
-                found[c.name] = to_latex(parse(c.latex))
-    return found
+def _valid_latex(latex: Mapping[str, str]) -> dict[str, str]:
+    """Return the LaTeX of names, re-serialized, without what is invalid."""
+    valid = {}
+    for name, text in latex.items():
+        with suppress(InvalidLatex):
+            valid[name] = to_latex(parse(text))
+    return valid
 
 
 def invalid_latex_warnings(model: Model) -> list[Diagnostic]:

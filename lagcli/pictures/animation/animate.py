@@ -175,7 +175,7 @@ def animate(
     if scene is not None:
         drawing = SceneDrawing(scene, wide, high, forces=forces, trail=when.trail)
     else:
-        drawing = HistoriesDrawing(Histories(run, inside), wide, high)
+        drawing = HistoriesDrawing(Histories(run, inside, tex=True), wide, high)
     digits = _digits(when.end - when.start)
 
     def draw(time: float) -> Image:
@@ -395,19 +395,19 @@ class Histories:
     run : Run
     samples : (m,) array of int
         Indices of the samples, increasing.
+    tex : bool
+        See `Catalogue`.
     """
 
-    def __init__(self, run: RunFile, samples: Indices):
+    def __init__(self, run: RunFile, samples: Indices, tex: bool = False):
         self.run = run
-        self.catalogue = Catalogue(run)
-        self.panels: list[Panel] = asked(self.catalogue, run.coordinates)
+        self.panels: list[Panel] = asked(Catalogue(run, tex), run.coordinates)
         values = read_curves(run, {curve for panel in self.panels for curve in panel.curves})
         self.values = {name: column[samples] for name, column in values.items()}
         self.time: Array = self.values["t"]
 
     def to_json(self) -> dict[str, Any]:
         """Return the data for ``assets/histories.js``."""
-        notation = self.catalogue.notation
         return {
             "time": self.time,
             "palette": PALETTE,
@@ -418,7 +418,7 @@ class Histories:
                     "series": [
                         {
                             "name": c.name,
-                            "label": notation.text(c.name) if notation else c.name,
+                            "label": c.label,
                             "values": self.values[c.name],
                         }
                         for c in panel.curves

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from lagcli.errors import ModelError, UsageError
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
-from lagcli.pictures.plots.sweep_plot import PlottedTable, Rows, plot_table
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.formats import format_read
 from lagcli.results.metadata import KIND
@@ -118,6 +117,8 @@ def _units(file: str) -> dict[str, str]:
 def _plot_sweep(
     file: str, names: Sequence[str], target: FigureFile, model: str | None, bands: Sequence[str]
 ) -> tuple[str, ...]:
+    from lagcli.pictures.plots.sweep_plot import PlottedTable, Rows, plot_table
+
     table = PlottedTable(file)
     if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
         if bands:

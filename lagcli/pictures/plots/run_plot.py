@@ -16,7 +16,7 @@ from lagcli.errors import UsageError
 from lagcli.model.names.members import split_names
 from lagcli.pictures import style
 from lagcli.pictures.curves import Catalogue, Curve, look_of_value, pretty_unit, raw, read_curves
-from lagcli.pictures.jumps import jumps_of
+from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, scale_groups, thin
@@ -185,7 +185,7 @@ def plot_runs(
     FileError
         A file cannot be read or written.
     """
-    catalogues = [Catalogue(run) for run in runs]
+    catalogues = [Catalogue(run, tex=True) for run in runs]
     panels = [asked(c, names) if names else usual(c) for c in catalogues]
     _check(runs, panels)
     drawn = [{curve for p in own for curve in (*p.curves, *p.over)} for own in panels]
@@ -276,7 +276,7 @@ class PanelDrawing:
     ):
         self.widths = widths or [{}] * len(runs)
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
-        self.jumps = [jumps_of(run) for run in runs]
+        self.jumps = [Jumps(run) for run in runs]
         self.labels, numbers, self.difference = labels_of(runs)
         #: Many runs form a family: coloured by the value that distinguishes them, without a legend.
         self.family: Sequence[float] | None = None
@@ -473,7 +473,7 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
         return [""] * len(runs), None, ""
     tables = [dict(run.varied or run.record.parameters) for run in runs]
     differing = _differing(tables)
-    notation = Catalogue(runs[0]).notation
+    notation = runs[0].notation
     units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
     looks = {name: look_of_value(notation, name) for name in differing}
     if differing:
@@ -614,17 +614,19 @@ def half_widths(
     """
     if not spreads:
         return {}
-    wanted = {c.name: c for c in curves if c.field in _DERIVED}
+    wanted = {
+        c.name: (_DERIVED[c.field], c.place[0]) for c in curves if c.field in _DERIVED and c.place
+    }
     if not wanted:
         raise UsageError(
             "--band: bands are drawn around coordinates, velocities and multipliers over time, and"
             " none of the curves is one; name some of these, or omit --band"
         )
-    fields = run.columns({_DERIVED[c.field] for c in wanted.values()})
+    fields = run.columns({field for field, _ in wanted.values()})
     weights = np.array([spreads.get(name, 0.0) for name in run.sensitivity])
     return {
-        name: np.linalg.norm(fields[_DERIVED[c.field]][:, c.place[0]] * weights, axis=1)
-        for name, c in wanted.items()
+        name: np.linalg.norm(fields[field][:, place] * weights, axis=1)
+        for name, (field, place) in wanted.items()
     }
 
 

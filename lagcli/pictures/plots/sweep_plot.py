@@ -12,8 +12,7 @@ import numpy as np
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.column_units import NOT_STATED
 from lagcli.equations.render.names import Notation
-from lagcli.errors import LagcliError, UsageError
-from lagcli.model.inputs import InputData
+from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
@@ -25,7 +24,7 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, evenly
 from lagcli.simulations.inputs import input_data
 from lagcli.sweeps.row_results import COMPLETED
-from lagcli.trajectory.samples import Record
+from lagcli.trajectory.samples import Record, Terms
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
 _FAMILIES = 6  # largest number of values of a second quantity in a legend
@@ -79,16 +78,14 @@ class PlottedTable:
 
     def __init__(self, path: str):
         from lagcli.results.metadata import model_title
-        from lagcli.simulations.inputs import input_data
         from lagcli.sweeps.file.store import open_sweep
 
         self.path = path
         with open_sweep(path) as file:
             good = file.read("status") == COMPLETED
             self.kept = file.kept
-            text, parameters = str(file.facts["model"]), file.facts["parameters"]
-            self.title = model_title(text) or ""
-            names = _notation(text, path, dict(parameters), input_data(file.inputs))
+            self.title = model_title(str(file.facts["model"])) or ""
+            names = _notation(file.facts)
             self.varied = [_quantity(c, file.read(c.dataset), False, names) for c in file.columns]
             self.measures = [
                 _quantity(c, np.where(good, file.read(c.dataset), np.nan), True)
@@ -130,15 +127,13 @@ class PlottedTable:
         )
 
 
-def _notation(
-    text: str, path: str, parameters: Mapping[str, float], data: Mapping[str, InputData]
-) -> Notation | None:
-    """Return the notation of the model of a sweep; None if this version cannot read the model."""
-    try:
-        given = {name: f"{value!r}*1" for name, value in parameters.items()}
-        return Notation(load_text(text, f"{path}:model", given, data=data))
-    except LagcliError:
+def _notation(facts: Mapping[str, Any]) -> Notation | None:
+    """Return the notation of the model of a sweep; None if the file does not describe it."""
+    display = facts["display"]
+    if not display:
         return None
+    declared = (*display["coordinates"], *facts["parameters"], *display["definitions"])
+    return Notation.of_names(declared, len(display["constraints"]), display["latex"])
 
 
 def _quantity(
@@ -570,12 +565,14 @@ class Rows:
             self.names = {name: file.names(name) for name in ("coordinate", "constraint")}
             self.outputs, self.fields = file.outputs, file.fields
             self.count = len(file.times)
-            self.inputs = file.inputs
+            self.inputs, self.units, self.notation = file.inputs, facts["units"], _notation(facts)
             self.text, self.parameters = str(facts["model"]), dict(facts["parameters"])
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
         self.good = len(good)
-        self.units = {c.name: c.unit for c in columns if c.unit != NOT_STATED}
+        if model is not None:
+            self.units, self.notation = result_units(self.model), Notation(self.model)
+        self.units = self.units | {c.name: c.unit for c in columns if c.unit != NOT_STATED}
         chosen = evenly(self.good, MOST)
         self.runs: list[RunFile] = [
             SweepRow(self, int(good[i]), dict(zip([c.name for c in columns], v, strict=True)))
@@ -608,12 +605,12 @@ class SweepRow(RunFile):
         self.conserved_names, self.sensitivity = (), ()
         self.varied = varied
         self.fields = frozenset(rows.fields) | {f"outputs/{name}" for name in rows.outputs}
-        model = rows.model
+        self.terms = Terms.of((), (len(self.constraints), len(self.coordinates)))
         unknown = np.full(len(self.constraints), np.nan)
         self.record = Record(
             scale_position=unknown,
             scale_velocity=unknown,
-            units=result_units(model) | rows.units,
+            units=rows.units,
             model=rows.text,
             parameters={**rows.parameters, **varied},
         )
@@ -632,3 +629,8 @@ class SweepRow(RunFile):
     def model(self) -> Model:
         """The model, the same for all rows."""
         return self._rows.model
+
+    @property
+    def notation(self) -> Notation | None:
+        """The notation of the model's names."""
+        return self._rows.notation

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
-from lagcli.equations.render.names import Notation
-from lagcli.pictures.jumps import jumps_of
+from lagcli.columns import PANELS, RESIDUALS, SCALARS
+from lagcli.pictures.curves import Catalogue, Curve
+from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.page import axis_unit
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import ROUNDING, chosen, scale_groups, thin
@@ -34,35 +34,6 @@ ALL_FORCES = "Σ λ b"
 _OF_PLOT = 40_000
 
 
-class ReportCurve(NamedTuple):
-    """A curve: the location of its values, and its labels.
-
-    Parameters
-    ----------
-    name : str
-        Name in result files, e.g. ``phi_dot``.
-    label : str
-        Displayed label; an underscore begins a subscript.
-    field : str
-        Field of `Samples`, or ``outputs/NAME``.
-    place : tuple of int
-        Index of the values in a sample of that field.
-    scale : float
-        Divisor of the values.
-    """
-
-    name: str
-    label: str
-    field: str
-    place: tuple[int, ...] = ()
-    scale: float = 1.0
-
-    def of(self, block: Mapping[str, Array]) -> Array:
-        """Return the values in a block of samples."""
-        values: Array = np.moveaxis(block[self.field], 0, -1)[self.place]
-        return values if self.scale == 1 else values / self.scale
-
-
 @dataclass
 class Plot:
     """Curves that are drawn together, and their thinned values.
@@ -82,7 +53,7 @@ class Plot:
 
     title: str
     unit: str
-    curves: list[ReportCurve]
+    curves: list[Curve]
     log: bool = False
     least: float | None = None
     note: str = ""
@@ -111,62 +82,50 @@ class Section(NamedTuple):
     plots: list[Plot]
 
 
-def sections(run: RunFile, names: Notation) -> list[Section]:
-    """Return the plots of a run, without values.
-
-    Parameters
-    ----------
-    run : Run
-    names : Names
-        Names of its model.
-
-    Returns
-    -------
-    list of Section
-        Without sections that have nothing to show.
-    """
-    found = [
+def sections(catalogue: Catalogue) -> list[Section]:
+    """Return the plots of a run, without values, and without sections that have nothing to show."""
+    every = [
         Section(
             "Multipliers",
             "λ of each constraint, in J (or W) per unit of the constraint.",
-            _multipliers(run, names),
+            _plots(catalogue.of("multipliers")),
         ),
-        _forces(run, names),
-        Section("Coordinates", "", _by_coordinate(run, names, "q")),
-        Section("Velocities", "", _by_coordinate(run, names, "v")),
+        _forces(catalogue),
+        Section("Coordinates", "", _plots(catalogue.of("q"), unknown="1")),
+        Section("Velocities", "", _plots(catalogue.of("v"), unknown="1")),
         Section(
             "Energy",
             "T and V as in the model, and the powers that change their sum; powers that are zero"
             " except for rounding are omitted.",
-            _scalars(names),
+            _scalars(catalogue),
         ),
-        Section("Outputs", "", _outputs(run, names)),
+        Section("Outputs", "", _outputs(catalogue)),
         Section(
             "Derivatives",
             "Of coordinates and multipliers with respect to parameters and initial values, SI.",
-            _derivatives(run, names),
+            _derivatives(catalogue),
         ),
         Section(
             "Conserved quantities",
             "Quantities that are constant during the motion; for their formulas, see System.",
-            _conserved(run, names),
+            _plots(catalogue.of("conserved")),
         ),
         Section(
             RESIDUALS_TITLE,
             "Residuals of the constraints, the equations and the energy balance, computed from the"
             " written values: magnitudes, on a logarithmic scale.",
-            _residuals(run, names),
+            _residuals(catalogue),
         ),
     ]
-    return [section for section in found if section.plots]
+    return [section for section in every if section.plots]
 
 
-def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, Extreme]) -> None:
+def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme]) -> None:
     """Read the run once, in blocks: thin the values of the plots, and find extremes of all samples.
 
     Parameters
     ----------
-    run : Run
+    run : RunFile
     plots : sequence of Plot
         Plots whose ``time`` and ``values`` are set.
     extremes : mapping of Curve to Extreme
@@ -175,7 +134,7 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, E
     fields = {"time"} | {c.field for p in plots for c in p.curves} | {c.field for c in extremes}
     of_plot = min(_OF_PLOT, _NUMBERS // max(1, len(plots)))
     pieces: list[list[tuple[Array, Array]]] = [[] for _ in plots]
-    jumps = jumps_of(run)
+    jumps = Jumps(run)
     ends: list[tuple[Array, Array]] = []  # for each plot, the last sample of the previous block
     for block in run.blocks(sorted(fields)):
         time = block["time"]
@@ -271,155 +230,93 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
     return time[kept], values[kept]
 
 
-def label(name: ColumnName, names: Notation) -> str:
-    """Return the label of a column in text, as in legends of pages."""
-    match name.quantity:
-        case "q" | "v" | "a":
-            return names.text(name.coordinate, "qva".index(name.quantity))
-        case "multipliers":
-            return names.multiplier(name.constraint)
-    if name.coordinate:
-        return names.text(name.coordinate)
-    return name.constraint or name.conserved or BY_NAME[name.quantity].label or str(name)
+def _by_unit(curves: Iterable[Curve]) -> dict[str, list[Curve]]:
+    """Return curves by their unit on an axis."""
+    groups: dict[str, list[Curve]] = {}
+    for curve in curves:
+        groups.setdefault(axis_unit(curve.unit), []).append(curve)
+    return groups
 
 
-def curve_of(
-    name: ColumnName, names: Notation, place: tuple[int, ...] = (), scale: float = 1.0
-) -> ReportCurve:
-    """Return the curve of a column, given its index in the field."""
-    return ReportCurve(str(name), label(name, names), name.quantity, place, scale)
+def _plots(curves: Sequence[Curve], unknown: str = "") -> list[Plot]:
+    """Return plots of curves, one for each unit.
+
+    ``unknown`` is stated for a missing unit next to others.
+    """
+    groups = _by_unit(curves)
+    missing = unknown if len(groups) > 1 else ""
+    return [_abridged(Plot("", unit or missing, group)) for unit, group in groups.items()]
 
 
-def _by_coordinate(run: RunFile, names: Notation, field: str) -> list[Plot]:
-    """Return the plots of coordinates or of their rates, one for each unit."""
-    groups: dict[str | None, list[ReportCurve]] = {}
-    for j, q in enumerate(run.coordinates):
-        curve = curve_of(ColumnName(field, "", q), names, (j,))
-        stated = BY_NAME[field].unit_at(run.record.units.get(q))
-        groups.setdefault(stated, []).append(curve)
-    # next to other units, the missing unit must be stated
-    none = "1" if len(groups) > 1 else ""
-    return [_abridged(Plot("", axis_unit(symbol) or none, c)) for symbol, c in groups.items()]
-
-
-def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
-    """Return the plots of λ, one for each unit."""
-    groups: dict[str, list[ReportCurve]] = {}
-    for i, c in enumerate(run.constraints):
-        column = ColumnName("multipliers", c)
-        stated = axis_unit(unit_of_column(column, run.record.units))
-        groups.setdefault(stated, []).append(curve_of(column, names, (i,)))
-    return [_abridged(Plot("", symbol, curves)) for symbol, curves in groups.items()]
-
-
-def _forces(run: RunFile, names: Notation) -> Section:
-    title = "Constraint forces"
-    nq = len(run.coordinates)
-    if len(run.constraints) * nq > _FORCES:
+def _forces(catalogue: Catalogue) -> Section:
+    title, run = "Constraint forces", catalogue.run
+    if len(run.constraints) * len(run.coordinates) > _FORCES:
         about = (
             "The generalized force Σ λ b of all constraints on each coordinate. The forces of the"
             f" {len(run.constraints)} single constraints are omitted."
         )
-        curves = _grouped(run, names, "", {j: j for j in range(nq)})
-        plots = _by_unit("", ALL_FORCES, curves)
+        plots = _force_plots("", ALL_FORCES, catalogue.of("constraint_force"))
         return Section(title, about, [_abridged(p) for p in plots])
     places = chosen(run.constraints, _CONSTRAINTS)
     plots = []
     for i in places:
-        constraint = run.constraints[i]
-        acting = run.terms.acting(i)
-        curves = _grouped(run, names, constraint, acting)
-        plots += _by_unit(f"Force of {constraint}", "λ b", curves)
+        columns = [(run.constraints[i], run.coordinates[j]) for j in run.terms.acting(i)]
+        curves = catalogue.forces(columns)
+        plots += _force_plots(f"Force of {run.constraints[i]}", "λ b", curves)
     if len(places) < len(run.constraints):
         plots[0].note = f"{len(places)} of {len(run.constraints)} constraints are drawn."
     about = "The generalized force λ b of each constraint on each coordinate."
     return Section(title, about, plots)
 
 
-def _grouped(
-    run: RunFile, names: Notation, constraint: str, places: Mapping[int, int]
-) -> dict[str, list[ReportCurve]]:
-    """Return the forces of a constraint, or of all, on coordinates with given indices, by unit."""
-    quantity = BY_NAME["constraint_force_by" if constraint else "constraint_force"]
-    groups: dict[str, list[ReportCurve]] = {}
-    for j, place in places.items():
-        q = run.coordinates[j]
-        curve = curve_of(ColumnName(quantity.name, constraint, q), names, (place,))
-        groups.setdefault(axis_unit(quantity.unit_at(run.record.units.get(q))), []).append(curve)
-    return groups
-
-
-def _by_unit(title: str, symbol: str, groups: Mapping[str, list[ReportCurve]]) -> list[Plot]:
+def _force_plots(title: str, symbol: str, curves: Sequence[Curve]) -> list[Plot]:
     """Return plots of forces; if there are several, titles state the coordinates."""
-    plots = []
-    for stated, curves in groups.items():
-        along = f" on {', '.join(c.label for c in curves)}" if title and len(groups) > 1 else ""
-        plots.append(Plot(title + along, stated, curves, least=0.0, symbol=symbol))
+    plots, groups = [], _by_unit(curves)
+    for unit, group in groups.items():
+        along = f" on {', '.join(c.label for c in group)}" if title and len(groups) > 1 else ""
+        plots.append(Plot(title + along, unit, group, least=0.0, symbol=symbol))
     return plots
 
 
-def _outputs(run: RunFile, names: Notation) -> list[Plot]:
-    groups: dict[str | None, list[ReportCurve]] = {}
-    for name in run.outputs:
-        curve = ReportCurve(name, names.text(name), f"outputs/{name}")
-        groups.setdefault(run.record.units.get(name), []).append(curve)
-    if None in groups and len(groups[None]) <= 6 and not run.record.units:
+def _outputs(catalogue: Catalogue) -> list[Plot]:
+    curves, units = catalogue.outputs(), catalogue.run.record.units
+    if not units and len(curves) <= 6:
         # without units, one may be a length and another a force
-        return [Plot(curve.name, "", [curve]) for curve in groups[None]]
-    return [_abridged(Plot("", axis_unit(symbol), curves)) for symbol, curves in groups.items()]
+        return [Plot(curve.name, "", [curve]) for curve in curves]
+    return _plots(curves)
 
 
-def _derivatives(run: RunFile, names: Notation) -> list[Plot]:
+def _derivatives(catalogue: Catalogue) -> list[Plot]:
     """Return the plots of ∂q/∂p and ∂λ/∂p for each p, those of one unit together."""
     plots = []
-    for place, parameter in enumerate(run.sensitivity):
-        groups: dict[str | None, list[ReportCurve]] = {}
-        columns = [ColumnName("q", "", q) for q in run.coordinates]
-        columns += [ColumnName("multipliers", c) for c in run.constraints]
-        for i, column in enumerate(columns):
-            field, j = (
-                ("dq", i) if column.coordinate else ("dmultipliers", i - len(run.coordinates))
-            )
-            name = f"d{column}/d{parameter}"
-            curve = ReportCurve(name, f"∂{label(column, names)}/∂{parameter}", field, (j, place))
-            stated = unit_of_column(column, run.record.units)
-            groups.setdefault(f"{column.quantity} {stated}", []).append(curve)
+    columns = [*catalogue.of("q"), *catalogue.of("multipliers")]
+    for parameter in catalogue.run.sensitivity:
+        groups: dict[tuple[str, str], list[Curve]] = {}
+        for column in columns:
+            (derivative,) = catalogue.find(f"d{column.name}/d{parameter}")
+            groups.setdefault((column.field, column.unit), []).append(derivative)
         for curves in groups.values():
             plots.append(_abridged(Plot(f"With respect to {parameter}", "", curves, least=0.0)))
     return plots
 
 
-def scalar_curves(panel: str, names: Notation) -> list[ReportCurve]:
-    """Return the curves of a panel of quantities with one number per sample."""
-    return [curve_of(ColumnName(q.name), names) for q in PANELS[panel]]
-
-
-def _scalars(names: Notation) -> list[Plot]:
+def _scalars(catalogue: Catalogue) -> list[Plot]:
     """Return a plot for each panel of quantities that are not errors."""
-    panels = dict.fromkeys(q.panel for q in SCALARS if not q.role)
-    return [
-        Plot(panel.capitalize(), PANELS[panel][0].unit, scalar_curves(panel, names))
-        for panel in panels
-    ]
+    plots = []
+    for panel in dict.fromkeys(q.panel for q in SCALARS if not q.role):
+        curves = [curve for q in PANELS[panel] for curve in catalogue.of(q.name)]
+        plots.append(Plot(panel.capitalize(), PANELS[panel][0].unit, curves))
+    return plots
 
 
-def _conserved(run: RunFile, names: Notation) -> list[Plot]:
-    groups: dict[str, list[ReportCurve]] = {}
-    for i, name in enumerate(run.conserved_names):
-        column = ColumnName("conserved", conserved=name)
-        stated = axis_unit(unit_of_column(column, run.record.units))
-        groups.setdefault(stated, []).append(curve_of(column, names, (i,)))
-    return [_abridged(Plot("", symbol, curves)) for symbol, curves in groups.items()]
-
-
-def _residuals(run: RunFile, names: Notation) -> list[Plot]:
+def _residuals(catalogue: Catalogue) -> list[Plot]:
     plots = []
     for quantity in RESIDUALS:
-        scales = getattr(run.record, quantity.scale)
+        scales = getattr(catalogue.run.record, quantity.scale).tolist()
         curves = [
-            curve_of(ColumnName(quantity.name, c), names, (i,), _usable(scales[i]))
-            for i, c in enumerate(run.constraints)
-            if quantity.label == "velocity" or np.isfinite(scales[i])
+            curve._replace(scale=scale if scale > 0 else 1.0)
+            for curve, scale in zip(catalogue.of(quantity.name), scales, strict=True)
+            if quantity.label == "velocity" or np.isfinite(scale)
         ]
         if curves:
             title = f"Constraints, {quantity.label} (relative to each one's terms)"
@@ -427,15 +324,10 @@ def _residuals(run: RunFile, names: Notation) -> list[Plot]:
     errors = []
     for quantity in SCALARS:
         if quantity.role:
-            curve = curve_of(ColumnName(quantity.name), names)
             stated = f" [{quantity.unit}]" if "{u}" not in quantity.unit else ""
-            errors.append(curve._replace(label=curve.label + stated))
+            errors += [c._replace(label=c.label + stated) for c in catalogue.of(quantity.name)]
     plots.append(Plot("Equations of motion and energy balance", "", errors, log=True))
     return plots
-
-
-def _usable(scale: float) -> float:
-    return float(scale) if scale > 0 else 1.0
 
 
 def _abridged(plot: Plot) -> Plot:

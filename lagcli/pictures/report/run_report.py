@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import BY_NAME, ColumnName, read_column_name, unit_of_column
+from lagcli.columns import BY_NAME, PANELS, ColumnName, read_column_name, unit_of_column
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
+from lagcli.pictures.curves import Catalogue, Curve
 from lagcli.pictures.jumps import marks
 from lagcli.pictures.page import (
     PLAYER_SCRIPTS,
@@ -37,13 +37,9 @@ from lagcli.pictures.report.run_plots import (
     RESIDUALS_TITLE,
     Packed,
     Plot,
-    ReportCurve,
     Section,
     by_scale,
-    curve_of,
     gather,
-    label,
-    scalar_curves,
     sections,
     to_json,
     without_errors,
@@ -94,9 +90,10 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         asked = modes_sections(run.model, modes)
     recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
     system = EquationSystem(run, Formulas(derive(model), freedom=recorded))
-    found = sections(run, system.names) if run.count else []
+    catalogue = Catalogue(run)
+    found = sections(catalogue) if run.count else []
     plots = [plot for section in found for plot in section.plots]
-    extremes = {curve: Extreme() for curve in _looked_at(run, system)}
+    extremes = {curve: Extreme() for curve in _looked_at(catalogue)}
     gather(run, plots, extremes)
     found = _notable(found, extremes)
     packed = Packed()
@@ -140,7 +137,7 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         plots=_plots(plotted, run.count),
         residuals=_residual_plots(found),
         events=events_section(run),
-        sensitivities=sensitivity_section(run, system.names),
+        sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
         images=bool(asked),
         extremes=tables.extremes_table(extremes, system),
@@ -174,19 +171,12 @@ def _ends(scene: Mapping[str, Any]) -> tuple[float, float]:
     return scene["time"][0], scene["time"][-1]
 
 
-def _looked_at(run: RunFile, system: EquationSystem) -> list[ReportCurve]:
+def _looked_at(catalogue: Catalogue) -> list[Curve]:
     """Return the curves whose extremes are listed."""
-    names = system.names
-    q, constraints = run.coordinates, run.constraints
-    places = chosen(q, _ROWS)
-    found = [curve_of(ColumnName(field, "", q[j]), names, (j,)) for field in "qv" for j in places]
-    found += [
-        curve_of(ColumnName("multipliers", constraints[i]), names, (i,))
-        for i in chosen(constraints, _ROWS)
-    ]
-    outputs = [run.outputs[i] for i in chosen(run.outputs, _ROWS)]
-    found += [ReportCurve(name, name, f"outputs/{name}") for name in outputs]
-    return found + scalar_curves("energies", names)
+    energies = [curve for q in PANELS["energies"] for curve in catalogue.of(q.name)]
+    groups = [*map(catalogue.of, ("q", "v", "multipliers")), catalogue.outputs()]
+    listed = [g[i] for g in groups for i in chosen([c.name for c in g], _ROWS)]
+    return listed + energies
 
 
 def _residuals(run: RunFile) -> Extremes:
@@ -196,7 +186,7 @@ def _residuals(run: RunFile) -> Extremes:
     return found
 
 
-def _notable(found: list[Section], extremes: Mapping[ReportCurve, Extreme]) -> list[Section]:
+def _notable(found: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Section]:
     """Return the sections without insignificant curves."""
     energies = [x for curve, x in extremes.items() if curve.name.startswith("energy")]
     scale = max((x.high - x.low for x in energies if x.high >= x.low), default=0.0)
@@ -278,7 +268,7 @@ def status(run: RunFile) -> str:
     )
 
 
-def extremes_table(found: Mapping[ReportCurve, Extreme], system: EquationSystem) -> str:
+def extremes_table(found: Mapping[Curve, Extreme], system: EquationSystem) -> str:
     """Return the table of extremes, with links at their times."""
     rows = []
     for curve, extreme in found.items():
@@ -359,22 +349,18 @@ def provenance(run: RunFile) -> str:
     return table("Provenance", ["", ""], [row for row in rows if row[1]], kind="facts")
 
 
-def _named(curve: ReportCurve, system: EquationSystem) -> tuple[str, str]:
+def _named(curve: Curve, system: EquationSystem) -> tuple[str, str]:
     """Return the symbol and the unit of a curve."""
     run, place = system.run, curve.place
-    match curve.field:
-        case "q" | "v" as field:
-            name = run.coordinates[place[0]]
-            stated = BY_NAME[field].unit_at(run.record.units.get(name))
-            return system.symbol(name, int(field == "v")), unit(stated)
-        case "multipliers":
-            name = run.constraints[place[0]]
-            shown = f'{system.multiplier(name)} <span class="name">{escape(name)}</span>'
-            return shown, unit(unit_of_column(ColumnName("multipliers", name), run.record.units))
-        case field if field in BY_NAME:
-            quantity = BY_NAME[field]
-            return f"{escape(curve.label)}, {escape(quantity.description)}", unit(quantity.unit)
-    return escape(curve.name), unit(run.record.units.get(curve.name))
+    symbol = escape(curve.name)
+    if curve.field in ("q", "v") and place:
+        symbol = system.symbol(run.coordinates[place[0]], int(curve.field == "v"))
+    elif curve.field == "multipliers" and place:
+        name = run.constraints[place[0]]
+        symbol = f'{system.multiplier(name)} <span class="name">{escape(name)}</span>'
+    elif curve.field in BY_NAME:
+        symbol = f"{escape(curve.label)}, {escape(BY_NAME[curve.field].description)}"
+    return symbol, unit(curve.unit)
 
 
 def time_button(time: float, digits: int = 6) -> str:
@@ -504,22 +490,23 @@ _CHARTS, _COORDINATES = 12, 24
 _HALF, _HEIGHT = 60.0, 12  # of a bar, in units of its picture
 
 
-def sensitivity_section(run: RunFile, names: Notation) -> str:
+def sensitivity_section(catalogue: Catalogue) -> str:
     """Return the section of a run with derivatives; nothing for any other.
 
     A tornado chart of each multiplier shows the change of its peak for 1 % more of each parameter:
     the derivative of the peak is that of the multiplier at its time.
     """
+    run = catalogue.run
     if not run.sensitivity or not run.count:
         return ""
     values = _values(run)
-    charts = "".join(_tornado(run, names, i, values) for i in chosen(run.constraints, _CHARTS))
+    charts = "".join(_tornado(catalogue, i, values) for i in chosen(run.constraints, _CHARTS))
     about = (
         '<p class="hint">To first order, and for each parameter alone. Of a parameter whose value'
         " is 0 there is no percentage.</p>"
     )
     return (
-        f'<section id="sensitivities"><h2>Sensitivities</h2>{about}{charts}{_last(run, names)}'
+        f'<section id="sensitivities"><h2>Sensitivities</h2>{about}{charts}{_last(catalogue)}'
         "</section>"
     )
 
@@ -535,8 +522,9 @@ def _values(run: RunFile) -> Array:
     return np.array([known[name] for name in run.sensitivity])
 
 
-def _tornado(run: RunFile, names: Notation, constraint: int, values: Array) -> str:
+def _tornado(catalogue: Catalogue, constraint: int, values: Array) -> str:
     """Return the tornado chart of the peak of a multiplier."""
+    run, curve = catalogue.run, catalogue.of("multipliers")[constraint]
     peak, when, slopes = 0.0, 0.0, np.zeros(len(run.sensitivity))
     for block in run.blocks(("time", "multipliers", "dmultipliers")):
         found = np.nan_to_num(block["multipliers"][:, constraint])
@@ -548,8 +536,6 @@ def _tornado(run: RunFile, names: Notation, constraint: int, values: Array) -> s
             slopes = np.sign(found[place]) * block["dmultipliers"][place, constraint]
     changes = 0.01 * np.abs(values) * slopes
     largest = np.abs(changes).max(initial=0.0)
-    column = ColumnName("multipliers", run.constraints[constraint])
-    stated = unit_of_column(column, run.record.units)
     rows = []
     for i in sorted(range(len(values)), key=lambda i: -abs(changes[i])):
         name = run.sensitivity[i]
@@ -562,8 +548,8 @@ def _tornado(run: RunFile, names: Notation, constraint: int, values: Array) -> s
                 f"{number(float(values[i]))} {unit(_unit(run, name))}".rstrip(),
             ]
         )
-    shown = unit(stated)
-    title = f"Peak of |{escape(label(column, names))}|, {number(peak)} {shown}".rstrip()
+    shown = unit(curve.unit)
+    title = f"Peak of |{escape(curve.label)}|, {number(peak)} {shown}".rstrip()
     head = ["Parameter", "", "Change for +1 %" + (f" [{shown}]" if shown else "")]
     head += ["Derivative, SI", "Value"]
     return table(f"{title}, at {number(when)} s", head, rows, numeric=(2, 3))
@@ -580,14 +566,15 @@ def _bar(part: float) -> str:
     )
 
 
-def _last(run: RunFile, names: Notation) -> str:
+def _last(catalogue: Catalogue) -> str:
     """Return the derivatives of the coordinates at the last sample."""
+    run, curves = catalogue.run, catalogue.of("q")
     last = run.columns(("time", "q", "dq"), np.array([run.count - 1], dtype=np.intp))
     places: Sequence[int] = chosen(run.coordinates, _COORDINATES)
     rows = [
         [
-            escape(label(ColumnName("q", "", run.coordinates[j]), names)),
-            unit(run.record.units.get(run.coordinates[j])),
+            escape(curves[j].label),
+            unit(curves[j].unit),
             number(float(last["q"][0, j])),
             *(number(float(x)) for x in last["dq"][0, j]),
         ]

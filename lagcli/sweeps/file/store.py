@@ -19,7 +19,7 @@ from lagcli.column_units import shared_unit, unit
 from lagcli.errors import FileError
 from lagcli.json_schema import check_json
 from lagcli.model.model import Model
-from lagcli.model.result_units import result_units
+from lagcli.model.result_units import result_display, result_units
 from lagcli.results.atomic import whole_file
 from lagcli.results.csv.writer import check_csv_target
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
@@ -28,6 +28,8 @@ from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
 from lagcli.results.metadata import (
+    DISPLAY,
+    NAMES,
     check_described,
     check_model,
     check_times,
@@ -55,6 +57,8 @@ _JSON = (
     *("sweep", "parameters", "options", "rows", "failures", "seconds"),
     *("columns", "measures"),
 )
+#: Attributes that plots use, JSON; older files have none.
+_DRAWN = ("units", "display")
 
 
 def write_sweep(
@@ -114,6 +118,12 @@ class _SweepWriter:
             "model_sha256": model.sha256,
             "model_path": spec.path,
             "parameters": model.parameter_values,
+            "units": result_units(model),
+            "display": {
+                **result_display(model),
+                "coordinates": model.coordinate_names,
+                "constraints": model.constraint_names,
+            },
             "sweep": spec.described(),
             "options": prepared.options,
             "columns": [c._asdict() for c in prepared.columns],
@@ -258,6 +268,8 @@ class SweepFile:
         self.length = len(numbers(self.root, "run", "<i8"))
         self.facts = {name: self._fact(name) for name in self.root.attrs}
         _check_facts(self.facts)
+        for name in _DRAWN:
+            self.facts.setdefault(name, {})
         check_model(self.facts["model"], self.facts["model_sha256"])
         self.inputs = read_inputs(self.root)
         self.columns, self.measures = (
@@ -352,7 +364,7 @@ class SweepFile:
         """Return a root attribute, parsed if it is JSON."""
         text = text_attribute(self.root, name)
         assert text is not None
-        return json.loads(text) if name in _JSON else text
+        return json.loads(text) if name in (*_JSON, *_DRAWN) else text
 
 
 #: What the attributes have that ``lagcli info --json`` prints in another form.
@@ -371,6 +383,12 @@ _SCHEMA = {
     "required": [*_TEXTS, *_JSON],
     "properties": {
         "model": _TEXT,
+        "units": _TEXTS_BY_NAME,
+        "display": {
+            **DISPLAY,
+            "required": ["latex", "definitions", "coordinates", "constraints"],
+            "properties": {**DISPLAY["properties"], "coordinates": NAMES, "constraints": NAMES},
+        },
         "columns": _COLUMNS,
         "measures": _COLUMNS,
         "sweep": {
