@@ -187,8 +187,8 @@ class RunFile:
         display = self.record.display
         if not display:
             return None
-        declared = (*self.coordinates, *self.record.parameters, *display["definitions"])
-        return Notation.of_names(declared, len(self.constraints), display["latex"])
+        declared = (*self.coordinates, *self.record.parameters, *display.get("definitions", ()))
+        return Notation.of_names(declared, len(self.constraints), display.get("latex", {}))
 
     @property
     def initial(self) -> Mapping[str, float]:

@@ -447,6 +447,14 @@ def test_reports_need_no_extra(tmp_path: Path) -> None:
 
 
 @as_declared
+def test_plots_of_runs_do_not_read_the_model(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="lagcli[pictures] is not installed")
+    run, plot = str(tmp_path / "run.h5"), str(tmp_path / "plot.svg")
+    loaded("simulate", str(ROOT / "models" / "slider_crank.yaml"), "--t-end", "0.1", "-o", run)
+    assert not loaded("plot", run, "-o", plot) & {"symengine", "sympy", "yaml", "scipy"}
+
+
+@as_declared
 def test_errors_of_a_model_are_reported_without_more(tmp_path: Path) -> None:
     model = tmp_path / "wrong.yaml"
     model.write_text("coordinates: [x]\nT: x'^2/2 + y\nV: 0\ninitial: {x: 0, x': 1}\n")

@@ -13,7 +13,9 @@ from trajectories import make_log
 
 import lagcli
 from lagcli.cli.app import run as cli
-from lagcli.pictures.jumps import Jumps, jumping_outputs, jumps_of, marks
+from lagcli.model.result_units import result_display
+from lagcli.pictures.curves import Catalogue
+from lagcli.pictures.jumps import Jumps, marks
 from lagcli.pictures.plots.run_plot import draw_marks
 from lagcli.pictures.run_file import RunFile
 
@@ -33,14 +35,14 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def of_log(entries: tuple[tuple[float, str, str], ...], **changes: Any) -> Any:
     log = dataclasses.replace(make_log(entries=entries), **changes)
     return SimpleNamespace(
-        record=SimpleNamespace(events=log),
+        record=SimpleNamespace(events=log, display={}),
         coordinates=("phi", "psi"),
         constraints=("guide", "floor", "floor.slip"),
     )
 
 
 def with_jumps(run: Any, name: str, time: Any, values: Any) -> Any:
-    return Jumps(run.record.events, run.coordinates, run.constraints).drawn(name, time, values)
+    return Jumps(run).drawn(name, time, values)
 
 
 TIME = np.array([0.0, 0.1, 0.2, 0.3])
@@ -94,7 +96,7 @@ def test_forces_continue_to_the_instant_as_they_do_before() -> None:
 def test_the_force_on_a_sphere_is_zero_where_the_particle_leaves_it() -> None:
     """λ = m g (3 cos θ − 2) reaches 0 where the contact opens, between two samples."""
     source = lagcli.simulate(lagcli.load("particle_on_sphere"))
-    jumps = jumps_of(RunFile(source))
+    jumps = Jumps(RunFile(source))
     time, force = jumps.drawn("lambda.surface", source.time, source.multipliers[:, 0])
     sides = force[:-1][np.diff(time) == 0], force[1:][np.diff(time) == 0]
     assert sides[0] == pytest.approx([0], abs=4e-3)
@@ -106,7 +108,7 @@ def test_recorded_limits_are_drawn() -> None:
     source = lagcli.simulate(lagcli.load("clutch"), samples=8)
     run, log = RunFile(source), source.events
     assert log is not None
-    time, force = jumps_of(run).drawn("lambda.clutch", source.time, source.multipliers[:, 0])
+    time, force = Jumps(run).drawn("lambda.clutch", source.time, source.multipliers[:, 0])
     before, after = log.recorded("lambda.clutch")
     for entry in log.records.entry:
         both = force[time == log.time[entry]]
@@ -124,12 +126,12 @@ events: {stiffer: {when: t >= 0.3, set: {k: 2*k}}}
 outputs: {place: x + a*t, load: lambda.floor, speed: x', spring: k*x, pull: m*x''}
 initial: {x: 1, x': 0}
 """)
-    assert jumping_outputs(model) == {"load", "speed", "spring", "pull"}
+    assert result_display(model)["jumping"] == ["load", "speed", "spring", "pull"]
     source = lagcli.simulate(model, t_end=0.5, samples=11)
     run = RunFile(source)
-    time, spring = jumps_of(run).drawn("spring", source.time, source.outputs["spring"])
+    time, spring = Jumps(run).drawn("spring", source.time, source.outputs["spring"])
     assert np.ptp(spring[time == time[np.flatnonzero(np.diff(time) == 0)[0]]]) > 3
-    time, _ = jumps_of(run).drawn("place", source.time, source.outputs["place"])
+    time, _ = Jumps(run).drawn("place", source.time, source.outputs["place"])
     assert len(time) == 11
 
 
@@ -189,7 +191,7 @@ simulation: {t_end: 1, samples: 1001}
 
 def test_pages_insert_each_instant_once_for_all_curves() -> None:
     run = of_log(IMPACTS, q=np.array([[7.0, 0.0], [8.0, 0.0]]))
-    jumps = Jumps(run.record.events, run.coordinates, run.constraints)
+    jumps = Jumps(run)
     time, values = jumps.inserted(
         TIME, ["phi", "an_output"], np.column_stack([np.arange(4.0), 10 * TIME])
     )
@@ -203,12 +205,13 @@ def test_pages_insert_each_instant_once_for_all_curves() -> None:
 def test_a_report_in_blocks_has_the_jumps_of_one_in_one_piece(
     result: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from lagcli.pictures.report.run_plots import Plot, ReportCurve, gather
+    from lagcli.pictures.report.run_plots import Plot, gather
 
     def gathered() -> Plot:
-        curves = [ReportCurve("phi_dot", "phi", "v", (0,)), ReportCurve("t", "E", "energy_total")]
-        plot = Plot("", "", curves)
-        gather(RunFile(result), [plot], {})
+        run = RunFile(result)
+        catalogue = Catalogue(run)
+        plot = Plot("", "", [catalogue.of("v")[0], *catalogue.of("energy_total")])
+        gather(run, [plot], {})
         return plot
 
     whole = gathered()

@@ -17,10 +17,11 @@ from shipped import PATHS, every_model
 import lagcli
 from lagcli.cli.app import run as cli
 from lagcli.errors import FileError, LagcliError
+from lagcli.pictures.curves import Curve
 from lagcli.pictures.page import number, unit
 from lagcli.pictures.report import report
 from lagcli.pictures.report.report_page import highlighted
-from lagcli.pictures.report.run_plots import Plot, ReportCurve, gather
+from lagcli.pictures.report.run_plots import Plot, gather
 from lagcli.pictures.selection import chosen, elided
 from lagcli.trajectory.extremes import Extreme
 
@@ -311,7 +312,7 @@ def test_many_short_blocks_keep_no_more_than_few_long_ones():
     values = rng.standard_normal((count, width))
 
     class Blocks:
-        record, coordinates, constraints = SimpleNamespace(events=None), (), ()
+        record, coordinates, constraints = SimpleNamespace(events=None, display={}), (), ()
 
         def __init__(self, length):
             self.count, self.length = count, length
@@ -323,7 +324,7 @@ def test_many_short_blocks_keep_no_more_than_few_long_ones():
 
     sizes = []
     for length in (40, count):
-        curves = [ReportCurve(f"q{i}", f"q{i}", "q", (i,)) for i in range(width)]
+        curves = [Curve(f"q{i}", "q", (i,), "coordinates", "", f"q{i}") for i in range(width)]
         plot, extremes = Plot("", "", curves), {curve: Extreme() for curve in curves}
         gather(Blocks(length), [plot], extremes)
         assert np.array_equal(plot.values.min(axis=0), values.min(axis=0))

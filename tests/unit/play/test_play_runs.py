@@ -18,7 +18,7 @@ from shipped import PATHS, every_model
 import lagcli
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.loader import load, load_text
-from lagcli.play.runs import MOST_SAMPLES, Played, PlayRequest
+from lagcli.play.runs import MOST_SAMPLES, Played, PlayRequest, plot_groups
 from lagcli.play.server import Client, encode
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -72,7 +72,7 @@ def test_curves_are_those_of_simulate() -> None:
 @pytest.mark.parametrize("name", every_model())
 def test_every_model_can_be_played_with(name: str) -> None:
     played = Played(load(PATHS[name]))
-    answer = run(played, tuple(played.curves.groups()), t_end="0.01")
+    answer = run(played, tuple(plot_groups(played.model)), t_end="0.01")
     assert answer["status"] == "completed"
     assert answer["scene"]["points"]
     assert answer["values"].keys() == played.controls.keys() - {"t_end"}

@@ -51,6 +51,13 @@ def test_times_are_finite_and_do_not_decrease() -> None:
             check_times(np.array(time), after)
 
 
+@pytest.mark.parametrize("display", [[], {"latex": ["x"]}, {"definitions": [1]}, {"jumping": "x"}])
+def test_what_pictures_need_has_its_types(display: object) -> None:
+    assert from_metadata({"display": {"latex": {"x": "y"}}})["display"] == {"latex": {"x": "y"}}
+    with pytest.raises(ValueError, match="display"):
+        from_metadata({"display": display})
+
+
 def test_a_model_has_the_digest_beside_it() -> None:
     text = "T: 0"
     check_model(text, hashlib.sha256(text.encode()).hexdigest())
