@@ -13,6 +13,7 @@ import pytest
 from lagcli.results.metadata import (
     check_model,
     check_times,
+    from_metadata,
     from_number,
     model_name,
     model_title,
