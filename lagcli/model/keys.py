@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lagcli.model.inputs import EXTENSIONS, INTERPOLATIONS
+from lagcli.model.model import EXTENSIONS, INTERPOLATIONS
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.settings import Settings
 

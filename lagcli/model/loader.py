@@ -13,9 +13,8 @@ from pathlib import Path
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
-from lagcli.model.inputs import Input, InputData
 from lagcli.model.keys import MODEL, keys_of
-from lagcli.model.model import Model, ModelEvent
+from lagcli.model.model import Input, InputData, Model, ModelEvent
 from lagcli.model.names.draft import Draft
 from lagcli.model.names.families import Declaration, declarations
 from lagcli.model.reading import check_text, read_text

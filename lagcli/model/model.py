@@ -14,21 +14,28 @@ from symengine import Basic
 from lagcli.columns import ColumnName
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
+from lagcli.model.expression.functions import is_opaque
 from lagcli.model.expression.tensors import Value
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
 from lagcli.settings.settings import SettingsOverrides
 
 if TYPE_CHECKING:
-    from lagcli.model.inputs import Input, InputData
+    from array import array
+
     from lagcli.model.names.namespace import Namespace
-    from lagcli.model.sections.fit import FitBlock
 
 Kind = Literal["holonomic", "nonholonomic", "nonlinear"]
 #: The sign between the sides of a constraint.
 Relation = Literal["=", ">=", "<="]
 #: Changes of a contact or a limited row, as named in conditions of events.
 ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]
+
+#: Interpolations between the rows of a table, and the number of finite derivatives.
+INTERPOLATIONS: Mapping[str, int] = MappingProxyType({"step": 0, "linear": 1, "cubic": 3})
+
+#: Values of an input outside its table.
+EXTENSIONS = ("hold", "periodic")
 
 TIME = se.Symbol("t")
 
@@ -59,6 +66,37 @@ def constraint_force(coordinate_name: str, constraint: str | None = None) -> Bas
     """Return the symbol of the constraint force on a coordinate: total, or of one constraint."""
     quantity = "constraint_force_by" if constraint else "constraint_force"
     return se.Symbol(str(ColumnName(quantity, constraint or "", coordinate_name)))
+
+
+def input_function(name: str, order: int = 0) -> Basic:
+    """Return a known function of time, u(t), or a derivative of it."""
+    found = se.Function(name)(TIME)
+    for _ in range(order):
+        found = found.diff(TIME)
+    return found
+
+
+def read_input(expression: Basic) -> tuple[str, int] | None:
+    """Return the name of a known function of time and the order of its derivative.
+
+    None for any other expression.
+    """
+    function, order = expression, 0
+    if isinstance(expression, se.Derivative):
+        function, order = expression.args[0], len(expression.args) - 1
+    if is_opaque(function):
+        return None
+    if isinstance(function, se.FunctionSymbol) and function.args == (TIME,):
+        return function.get_name(), order
+    return None
+
+
+def as_symbols(expression: Basic) -> Basic:
+    """Return an expression with the inputs and their derivatives as symbols: u, u', u''."""
+    found = {x: read_input(x) for x in expression.atoms(se.FunctionSymbol, se.Derivative)}
+    return expression.xreplace(
+        {x: se.Symbol(read[0] + "'" * read[1]) for x, read in found.items() if read is not None}
+    )
 
 
 class Coordinate(NamedTuple):
@@ -247,6 +285,57 @@ class ModelEvent(NamedTuple):
     clock: EventClock | None = None
 
 
+class InputData(NamedTuple):
+    """The table of an input, in SI units.
+
+    Parameters
+    ----------
+    times, values : array of float
+        Increasing times, s.
+    unit : str or None
+        Unit of the values in the file.
+    file : str
+        Path of the CSV file, as given in the model; empty for a table in the model.
+    sha256 : str
+        SHA-256 of the file; empty if there is none.
+    """
+
+    times: array[float]
+    values: array[float]
+    unit: str | None = None
+    file: str = ""
+    sha256: str = ""
+
+
+class Input(NamedTuple):
+    """A known function of time, given by a table.
+
+    Parameters
+    ----------
+    name : str
+    data : InputData
+    interpolation : str
+        One of `INTERPOLATIONS`.
+    extend : str or None
+        One of `EXTENSIONS`; None if the function is undefined outside the table.
+    description : str, optional
+    location : SourceLocation, optional
+        Location of its name in the model file.
+    """
+
+    name: str
+    data: InputData
+    interpolation: str
+    extend: str | None = None
+    description: str | None = None
+    location: SourceLocation | None = None
+
+    @property
+    def smoothness(self) -> int:
+        """Number of times it can be differentiated."""
+        return INTERPOLATIONS[self.interpolation]
+
+
 class InitialValue(NamedTuple):
     """An initial coordinate or velocity: fixed, or a guess that consistent initialization adjusts.
 
@@ -258,6 +347,74 @@ class InitialValue(NamedTuple):
     location: SourceLocation | None = None
     written: Written | None = None
     unit: str | None = None
+
+
+class DataFile(NamedTuple):
+    """Measured data of one experiment.
+
+    Parameters
+    ----------
+    path : str
+        CSV file, relative to the model's folder.
+    time : str
+        The column of the times.
+    set, initial : mappings of str to str
+        Values of the experiment, in the syntax of ``--set`` and ``--set-initial``.
+    location : SourceLocation
+    """
+
+    path: str
+    time: str
+    set: Mapping[str, str]
+    initial: Mapping[str, str]
+    location: SourceLocation
+
+
+class ObservedQuantity(NamedTuple):
+    """A quantity measured by a column of the data.
+
+    Parameters
+    ----------
+    name : str
+        Text of the quantity in the file.
+    expression : expression or str
+        In t, q, q', q'', λ and parameters; or the name of a column that every run has.
+    column : str
+        Column of the data.
+    sigma : float or None
+        Standard deviation of a measured value; None if it is to be estimated.
+    sigma_si : bool
+        Whether sigma is in SI; otherwise in the unit of the column.
+    unit : str or None
+        Unit of the column.
+    location : SourceLocation
+    """
+
+    name: str
+    expression: Basic | str
+    column: str
+    sigma: float | None
+    sigma_si: bool
+    unit: str | None
+    location: SourceLocation
+
+
+class FittedQuantity(NamedTuple):
+    """A parameter or initial value to be found, and its bounds in SI."""
+
+    name: str
+    low: float
+    high: float
+    location: SourceLocation
+
+
+class FitBlock(NamedTuple):
+    """The `fit` block of a model file."""
+
+    data: tuple[DataFile, ...]
+    observed: tuple[ObservedQuantity, ...]
+    fitted: tuple[FittedQuantity, ...]
+    location: SourceLocation
 
 
 class Segment(NamedTuple):

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lagcli.errors import Diagnostic, ModelError
-from lagcli.model.inputs import InputData
-from lagcli.model.model import Model
+from lagcli.model.model import InputData, Model
 from lagcli.trajectory.samples import InputTable
 
 

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
-from lagcli.model.inputs import InputData
 from lagcli.model.loader import load_text
 from lagcli.model.measures import read_measures
-from lagcli.model.model import Model
+from lagcli.model.model import InputData, Model
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.columns import (

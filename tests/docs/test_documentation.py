@@ -90,7 +90,7 @@ def test_every_option_is_documented(command):
 def test_every_model_key_and_function_is_documented():
     from lagcli.functions import FUNCTIONS
     from lagcli.model.keys import MODEL, keys_of
-    from lagcli.model.names.calls import TENSOR_FUNCTIONS
+    from lagcli.model.names.building import TENSOR_FUNCTIONS
 
     page = (ROOT / "docs" / "model-file.md").read_text()
     words = set(re.findall(r"\w+", page))

@@ -21,7 +21,7 @@ from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.units import UnknownUnit, to_si
 from lagcli.model.loader import load, load_text
-from lagcli.model.names.calls import TENSOR_FUNCTIONS
+from lagcli.model.names.building import TENSOR_FUNCTIONS
 
 MODELS = Path(__file__).parents[2] / "models"
 TEXTS = [p.read_text(encoding="utf-8") for p in sorted(MODELS.rglob("*.yaml"))]

@@ -21,8 +21,8 @@ from lagcli.equations.reduction.elimination import (
 )
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.second_kind import second_kind
-from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load
+from lagcli.model.model import as_symbols
 from lagcli.simulations.partition import partition
 from lagcli.simulations.start import find_start
 

@@ -16,8 +16,8 @@ from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.assembly import Contents, shown_steps
 from lagcli.equations.presentation.formulas import Formulas, Step
 from lagcli.errors import UsageError
-from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load, load_text
+from lagcli.model.model import as_symbols
 from lagcli.simulations.partition import partition
 
 MODELS = sorted((Path(__file__).parents[2] / "models").rglob("*.yaml"))

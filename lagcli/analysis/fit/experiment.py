@@ -23,8 +23,7 @@ from lagcli.equations.derivation.column_expressions import column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import Diagnostic, FileError, LagcliError, UsageError
 from lagcli.model.csv_table import CsvTable, read_bytes
-from lagcli.model.model import Model
-from lagcli.model.sections.fit import DataFile, ObservedQuantity
+from lagcli.model.model import DataFile, Model, ObservedQuantity
 from lagcli.settings.settings import Settings
 from lagcli.simulations.inputs import check_input_range
 from lagcli.simulations.sampling import absolute_tolerances

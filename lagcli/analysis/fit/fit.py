@@ -24,8 +24,7 @@ from lagcli.arrays import Array
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model
-from lagcli.model.sections.fit import FitBlock
+from lagcli.model.model import FitBlock, Model
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.directions import direction_names

@@ -18,7 +18,7 @@ from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Builder, Tape
 from lagcli.model.expression.functions import is_opaque
-from lagcli.model.inputs import read_input
+from lagcli.model.model import read_input
 
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
 

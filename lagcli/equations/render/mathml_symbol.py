@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from html import escape
 
+from lagcli.equations.render.latex_symbol import (
+    Accent,
+    LatexAtom,
+    LatexRow,
+    Part,
+    Scripts,
+    Word,
+    parse,
+)
 from lagcli.equations.render.letters import LATEX_GREEK, dotted
-from lagcli.model.names.latex_symbol import Accent, LatexAtom, LatexRow, Part, Scripts, Word, parse
 
 _GREEK = {latex: sign for sign, latex in LATEX_GREEK.items() if latex.startswith("\\")}
 _GREEK |= {r"\epsilon": "ϵ", r"\varrho": "ϱ", r"\varpi": "ϖ", r"\varsigma": "ς"}
@@ -43,7 +51,7 @@ def symbol_mathml(latex: str) -> str:
     Raises
     ------
     InvalidLatex
-        See `lagcli.model.names.latex_symbol.parse`.
+        See `lagcli.equations.render.latex_symbol.parse`.
     """
     return _mathml(parse(latex))
 

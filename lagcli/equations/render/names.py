@@ -10,10 +10,10 @@ from html import escape
 from typing import TYPE_CHECKING, Self
 
 from lagcli.columns import SLIP
+from lagcli.equations.render.latex_symbol import InvalidLatex, parse, to_latex
 from lagcli.equations.render.letters import GREEK, LATEX_GREEK, dotted
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.errors import Diagnostic
-from lagcli.model.names.latex_symbol import InvalidLatex, parse, to_latex
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model

@@ -52,8 +52,7 @@ from lagcli.equations.simplification.monomials import (
 from lagcli.equations.simplification.ordering import writing_order
 from lagcli.equations.simplification.prescribed import PrescribedNames
 from lagcli.equations.simplification.sums import Key, ordered, oriented, without_content
-from lagcli.model.inputs import as_symbols
-from lagcli.model.model import Model
+from lagcli.model.model import Model, as_symbols
 
 # Keeping the structure of a large expression is expensive because every part is arranged
 # separately, and it does not beat an expansion that is shorter than the original by this factor.

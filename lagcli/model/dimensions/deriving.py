@@ -11,8 +11,7 @@ from symengine import Basic
 
 from lagcli.columns import read_column_name, read_dotted_name
 from lagcli.functions import FUNCTIONS, DimensionRule
-from lagcli.model.dimensions.evaluation import Disagreement
-from lagcli.model.dimensions.free_numbers import is_constant
+from lagcli.model.dimensions.evaluation import Disagreement, is_constant
 from lagcli.model.dimensions.model_units import (
     ModelUnits,
     UnitFinding,
@@ -50,8 +49,7 @@ from lagcli.model.expression.trees import (
     walk,
 )
 from lagcli.model.expression.units import read_unit
-from lagcli.model.inputs import read_input
-from lagcli.model.model import RATE, TIME, Constraint, Model, ModelEvent
+from lagcli.model.model import RATE, TIME, Constraint, Model, ModelEvent, read_input
 from lagcli.model.names.members import family_of
 
 #: Torque on a body, in its frame.

@@ -7,8 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.evaluation import Disagreement
-from lagcli.model.dimensions.free_numbers import FreeNumber
+from lagcli.model.dimensions.evaluation import Disagreement, FreeNumber
 from lagcli.model.expression.dimension import (
     ENERGY,
     NUMBER,

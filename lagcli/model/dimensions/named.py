@@ -6,8 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.evaluation import DimensionEvaluator, Disagreement, is_measured
-from lagcli.model.dimensions.free_numbers import EntryPlace, is_constant
+from lagcli.model.dimensions.evaluation import (
+    DimensionEvaluator,
+    Disagreement,
+    EntryPlace,
+    is_constant,
+    is_measured,
+)
 from lagcli.model.dimensions.model_units import (
     UnitFinding,
     conjugate,

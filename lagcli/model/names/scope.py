@@ -19,7 +19,7 @@ from lagcli.model.expression.trees import (
     as_written,
     walk,
 )
-from lagcli.model.inputs import input_function
+from lagcli.model.model import input_function
 from lagcli.model.names.members import (
     IndexEvaluator,
     descending,

@@ -18,8 +18,7 @@ from lagcli.model.expression.tokens import is_name
 from lagcli.model.expression.trees import Name, walk
 from lagcli.model.keys import DEFINITION, OUTPUT, keys_of
 from lagcli.model.model import Definition
-from lagcli.model.names.building import name_errors
-from lagcli.model.names.calls import TENSOR_FUNCTIONS
+from lagcli.model.names.building import TENSOR_FUNCTIONS, name_errors
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.draft import Draft, Formula, Parsed
 from lagcli.model.names.expansion import MACROS, expand

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping as MappingOf
-from typing import NamedTuple
 
 from symengine import Basic
 
 from lagcli.columns import SCALARS
-from lagcli.errors import SourceLocation
 from lagcli.model.expression.dimension import same
 from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
-from lagcli.model.model import Parameter
+from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity, Parameter
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity, unit_of
 from lagcli.model.names.namespace import Allowed
 from lagcli.model.sections.coordinates import si_unit
@@ -25,73 +22,6 @@ _EXAMPLE = (
     "fit:\n  data: {file: run.csv, time: t}\n  observe:\n    phi: {column: enc, sigma: 1e-3}\n"
     "  parameters:\n    m: {min: 0}"
 )
-
-
-class DataFile(NamedTuple):
-    """Measured data of one experiment.
-
-    Parameters
-    ----------
-    path : str
-        CSV file, relative to the model's folder.
-    time : str
-        The column of the times.
-    set, initial : mappings of str to str
-        Values of the experiment, in the syntax of ``--set`` and ``--set-initial``.
-    location : SourceLocation
-    """
-
-    path: str
-    time: str
-    set: MappingOf[str, str]
-    initial: MappingOf[str, str]
-    location: SourceLocation
-
-
-class ObservedQuantity(NamedTuple):
-    """A quantity measured by a column of the data.
-
-    Parameters
-    ----------
-    name : str
-        Text of the quantity in the file.
-    expression : expression or str
-        In t, q, q', q'', λ and parameters; or the name of a column that every run has.
-    Expression in t, q, q', q'', λ and parameters; or the name of a column of every run.
-    sigma : float or None
-        Standard deviation of a measured value; None if it is to be estimated.
-    sigma_si : bool
-        Whether sigma is in SI; otherwise in the unit of the column.
-    unit : str or None
-        Unit of the column.
-    location : SourceLocation
-    """
-
-    name: str
-    expression: Basic | str
-    column: str
-    sigma: float | None
-    sigma_si: bool
-    unit: str | None
-    location: SourceLocation
-
-
-class FittedQuantity(NamedTuple):
-    """A parameter or initial value to be found, and its bounds in SI."""
-
-    name: str
-    low: float
-    high: float
-    location: SourceLocation
-
-
-class FitBlock(NamedTuple):
-    """The `fit` block of a model file."""
-
-    data: tuple[DataFile, ...]
-    observed: tuple[ObservedQuantity, ...]
-    fitted: tuple[FittedQuantity, ...]
-    location: SourceLocation
 
 
 def read_fit(

@@ -15,9 +15,8 @@ from lagcli.errors import FileError, SourceLocation
 from lagcli.model.csv_table import CsvTable, read_bytes
 from lagcli.model.expression.dimension import SECOND, same
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, to_si
-from lagcli.model.inputs import EXTENSIONS, INTERPOLATIONS, Input, InputData, read_input
 from lagcli.model.keys import INPUT, keys_of
-from lagcli.model.model import Constraint
+from lagcli.model.model import EXTENSIONS, INTERPOLATIONS, Constraint, Input, InputData, read_input
 from lagcli.model.names.draft import Draft, read_quantity
 from lagcli.model.names.families import Declaration
 from lagcli.model.spelling import did_you_mean, nearest, shorten

@@ -17,9 +17,8 @@ import numpy as np
 
 from lagcli.arrays import Array, Numbers
 from lagcli.errors import UsageError
-from lagcli.model.inputs import InputData
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model
+from lagcli.model.model import InputData, Model
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.factors import (
     MOST_OF_HYPERCUBE,

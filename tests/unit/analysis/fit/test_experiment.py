@@ -10,7 +10,7 @@ import symengine as se
 
 from lagcli.analysis.fit.experiment import Measured, read_measured
 from lagcli.errors import FileError, SourceLocation
-from lagcli.model.sections.fit import DataFile, ObservedQuantity
+from lagcli.model.model import DataFile, ObservedQuantity
 
 HERE = SourceLocation("model.yaml", 1, 1)
 

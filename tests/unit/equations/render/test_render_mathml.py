@@ -26,10 +26,10 @@ from lagcli.equations.presentation.typeset import (
 from lagcli.equations.render.formula_mathml import MathmlFormula, width
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation
+from lagcli.equations.render.latex_symbol import InvalidLatex
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.model.names.latex_symbol import InvalidLatex
 
 APPLY, TIMES = "\u2061", "\u2062"
 

@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 from lagcli.errors import ModelError
-from lagcli.model.dimensions.free_numbers import FreeNumbers, is_constant, is_small
+from lagcli.model.dimensions.evaluation import FreeNumbers, is_constant, is_small
 from lagcli.model.expression.dimension import Dimension, unit_of
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load_text

@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import ModelError
-from lagcli.model.sections.fit import FitBlock
+from lagcli.model.model import FitBlock
 
 MODEL = """
 coordinates: {phi: rad, x: m}

@@ -13,10 +13,7 @@ import pytest
 
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.render import FORMATS, render
-from lagcli.equations.render.mathml_symbol import symbol_mathml
-from lagcli.equations.render.names import Notation, invalid_latex_warnings
-from lagcli.model.loader import load, load_text
-from lagcli.model.names.latex_symbol import (
+from lagcli.equations.render.latex_symbol import (
     ACCENTS,
     FONTS,
     MARKS,
@@ -25,6 +22,9 @@ from lagcli.model.names.latex_symbol import (
     parse,
     to_latex,
 )
+from lagcli.equations.render.mathml_symbol import symbol_mathml
+from lagcli.equations.render.names import Notation, invalid_latex_warnings
+from lagcli.model.loader import load, load_text
 
 HOSTILE = sorted((Path(__file__).parents[3] / "found" / "hostile").glob("latex-*.yaml"))
 #: Commands of TeX, LaTeX and pdfTeX that read, write, define, expand, end, or switch the reading.
