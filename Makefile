@@ -1,5 +1,5 @@
 # Everything runs in a virtual environment of its own; nothing else needs to be installed than
-# Python 3.11 or newer (with venv) and make.
+# Python 3.11 or newer (with venv) and make; without a C compiler, the build fetches one.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -20,7 +20,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrat
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
+.PHONY: help install core demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -34,6 +34,9 @@ $(BIN)/.installed: pyproject.toml
 	@# an editable installation leaves this to the first run, which may not be allowed to
 	$(BIN)/python -m compileall -q lagcli
 	@touch $@
+
+core: install ## Compile what has changed in the core
+	$(BIN)/python building/core_library.py
 
 demo: install ## Derive the slider-crank's equations, simulate it, and look at the result
 	@mkdir -p $(DEMO)
@@ -54,8 +57,8 @@ test-kernels: install ## Run the tests with each of OpenBLAS' kernels that this 
 	  OPENBLAS_CORETYPE=$${kernel##*:} $(BIN)/python -m pytest $(PARALLEL) $(TESTS) || exit 1; \
 	done
 
-# setuptools reuses what it compiled with other flags
-CLEAN_BUILD := rm -rf build/lib.* build/temp.*
+# setuptools adds to a wheel what it copied for earlier ones
+CLEAN_BUILD := rm -rf build/lib.*
 
 # A second build, beside the installed one. Tests marked `bits` are left out, because only without
 # contraction do the core and the reference round alike; others compare values with a tolerance.
@@ -64,7 +67,6 @@ test-fma: install ## Run the core's tests with a core that multiplies and adds i
 	$(CLEAN_BUILD)
 	LAGCLI_CONTRACTION="-ffp-contract=fast -mfma" $(BIN)/python -m pip install --quiet \
 	  --disable-pip-version-check --no-deps --upgrade --target build/fma .
-	$(CLEAN_BUILD)
 	LAGCLI_CONTRACTION=fast PYTHONPATH=build/fma:. $(BIN)/pytest -p no:cacheprovider \
 	  -m "not slow and not fuzz and not bits" $(CORE_TESTS)
 
@@ -130,7 +132,6 @@ sanitize: install ## Run the core's tests with the address and undefined-behavio
 	CFLAGS="-O1 -fsanitize=address,undefined -fno-sanitize-recover=all -g" \
 	  LDFLAGS="-fsanitize=address,undefined" $(BIN)/python -m pip install --quiet \
 	  --disable-pip-version-check --no-deps --upgrade --target build/sanitized .
-	$(CLEAN_BUILD)
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
 	  ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc PYTHONPATH=build/sanitized:. \
 	  $(BIN)/pytest -p no:cacheprovider $(CORE_TESTS)
@@ -143,7 +144,7 @@ valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); ta
 	PYTHONMALLOC=malloc valgrind --leak-check=no --error-limit=no --log-file=build/valgrind.log \
 	  $(BIN)/python -m pytest -p no:cacheprovider tests/unit/engine/integrate/test_run.py \
 	  -k "eliminate or replaced or redundant or damping or blocks"
-	! grep -E -A 12 "core/binding|\(($(CORE_FILES))\.c:" build/valgrind.log
+	! grep -E -A 12 "liblagcore|\(($(CORE_FILES))\.c:" build/valgrind.log
 
 clean: ## Remove what the targets made
 	rm -rf $(VENV) $(BENCH) $(DEMO) docs/gallery/index.html docs/gallery/pages build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,52 +1,16 @@
-"""Builds the compiled engine's core; without a C compiler, lagcli runs on its reference engine."""
+"""Builds the core's library and copies what the package takes from beside it."""
 
-import os
+import platform
 import sys
 from pathlib import Path
 
-from Cython.Build import cythonize
-from setuptools import Extension, setup
+from setuptools import Distribution, setup
+from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
 
-# a build is isolated from the directory that it is run in
-sys.path.insert(0, str(Path(__file__).parent))
-from lagcli.engine.core.headers import headers
-
-CORE = Path("lagcli") / "engine" / "core"
-
-for name, text in headers().items():
-    header = CORE / name
-    if not header.exists() or header.read_text(encoding="utf-8") != text:
-        header.write_text(text, encoding="utf-8")
-
-core = Extension(
-    "lagcli.engine.core.binding",
-    sources=[
-        str(CORE / "binding.pyx"),
-        *(str(path) for path in sorted(CORE.rglob("*.c")) if path.stem != "binding"),
-    ],
-    depends=[
-        str(path) for suffix in ("h", "pxi", "pxd") for path in sorted(CORE.rglob(f"*.{suffix}"))
-    ],
-    include_dirs=[str(CORE)],
-    # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
-    # multiplies and adds at once change them, but for `make test-fma`. Nobody reads errno, and with
-    # it no root is a vector's.
-    # Jumps through tables cost the evaluator dearly where they cannot be predicted. What is
-    # hidden from outside is called without a detour
-    extra_compile_args=[
-        "-O3",
-        *os.environ.get("LAGCLI_CONTRACTION", "-ffp-contract=off").split(),
-        "-fno-math-errno",
-        "-fno-jump-tables",
-        "-fvisibility=hidden",
-    ],
-)
-extensions = cythonize([core], language_level=3)
-for extension in extensions:
-    # set here because cythonize drops it; with the variable, as in CI, a failed build is an error
-    extension.optional = "LAGCLI_REQUIRE_CORE" not in os.environ
-
+ROOT = Path(__file__).parent
+sys.path.insert(0, str(ROOT / "building"))
+from core_library import MACOS, CannotCompile, build, core  # noqa: E402
 
 #: What is copied into the package from beside it: folders there, and the files by folder here.
 COPIED = {
@@ -55,13 +19,18 @@ COPIED = {
 }
 
 
-class BuildWithData(build_py):
-    """Puts the shipped models and the schemas of JSON into the package; an editable install uses
-    those of the checkout."""
+class BuildPackage(build_py):
+    """Compiles the core, and puts the shipped models and the schemas of JSON into the package; an
+    editable install uses those of the checkout."""
 
     def run(self) -> None:
-        """Build the package, and copy the files into it."""
+        """Build the package."""
         super().run()
+        package = ROOT if self.editable_mode else Path(self.build_lib)
+        try:
+            build(core.library_in(package / core.CORE.relative_to(core.CORE.parents[2])))
+        except CannotCompile as error:
+            raise SystemExit(f"error: {error}") from None
         if not self.editable_mode:
             for name, (source, kinds) in COPIED.items():
                 folder = Path(self.build_lib) / "lagcli" / name
@@ -70,4 +39,26 @@ class BuildWithData(build_py):
                     self.copy_file(str(path), str(folder / path.name))
 
 
-setup(ext_modules=extensions, cmdclass={"build_py": BuildWithData})
+class PlatformWheel(bdist_wheel):
+    """A wheel for every Python of a platform: the library knows none of Python."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        """Return the tags of interpreter, binary interface and platform."""
+        platform_tag = super().get_tag()[2]
+        if sys.platform == "darwin":  # a universal Python too compiles for this machine alone
+            platform_tag = f"macosx_{MACOS.replace('.', '_')}_{platform.machine()}"
+        return "py3", "none", platform_tag
+
+
+class WithLibrary(Distribution):
+    """A distribution that is not for every platform."""
+
+    def has_ext_modules(self) -> bool:
+        """Return whether there is something compiled."""
+        return True
+
+
+setup(
+    distclass=WithLibrary,
+    cmdclass={"build_py": BuildPackage, "bdist_wheel": PlatformWheel},
+)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from core_parts import run_tape
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kkt_systems import eliminated, hand_written, whole
 
-from lagcli.engine.core import binding
 from lagcli.engine.linear.elimination import NoElimination, order_at
 
 
@@ -41,7 +41,7 @@ def test_solves_what_lapack_solves(parts: tuple[np.ndarray, np.ndarray], seed: i
     try:
         plan = order_at(
             system,
-            [binding.run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(p))],
+            [run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(p))],
         )
     except NoElimination:
         assert condition > 1e6, "a regular matrix has an order"
@@ -76,7 +76,7 @@ def test_an_order_serves_other_numbers_in_the_same_places(
     if not matrix.any(axis=1).all():
         return
     system, p = hand_written(mass, jacobian, rng.normal(size=len(matrix)))
-    states = [binding.run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(p))]
+    states = [run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(p))]
     try:
         plan = order_at(system, states)
     except NoElimination:

@@ -25,7 +25,7 @@ def main(report: str) -> None:
             continue
         reached = (n["covered_lines"] + n["covered_branches"]) / there
         print(f"{package:<34}{n['num_statements']:>11}{n['num_branches']:>10}{reached:>9.1%}")
-    print("Not measured: the core (C, Cython), and lines reached only in child processes.")
+    print("Not measured: the core (C), and lines reached only in child processes.")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from tests.support.contact_problems import solve_contacts
 
 ImpactLaw = Literal["poisson", "newton", "sequential"]

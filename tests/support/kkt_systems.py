@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from core_parts import run_tape, solve_ldl
 from lowered import Lowered
 
 from lagcli.engine.linear.elimination import Elimination
@@ -51,9 +52,8 @@ def eliminated(
     nq = len(system.coordinates)
     tape = unroll(system, plan)
     inputs = [0.0] * (1 + 2 * nq) + [*p, *rhs, *rhs[nq:]]
-    from lagcli.engine.core import binding
 
-    out = binding.run_tape(tape, inputs)
+    out = run_tape(tape, inputs)
     first = len(system.dynamics.outputs)
     x = out[first : first + len(rhs)].copy()
     other = out[-len(rhs) - nq : -nq]
@@ -66,5 +66,5 @@ def eliminated(
     ]
     nm, nb = len(system.mass_pattern), len(system.jacobian_pattern)
     m, b = p[:nm], p[nm + nq : nm + nq + nb]
-    looped = binding.solve_ldl(plan, places, [*m, *b, *b], rhs)
+    looped = solve_ldl(plan, places, [*m, *b, *b], rhs)
     return [x, other, looped], out[-nq:]

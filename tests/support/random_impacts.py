@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagcli.engine.switching.problem import ContactLaw
+from lagcli.engine.core.contact_problem import ContactLaw
 from tests.support.impact_laws import ImpactProblem
 
 

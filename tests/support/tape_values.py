@@ -8,16 +8,12 @@ from fractions import Fraction
 
 import numpy as np
 import symengine as se
+from core_parts import run_tape
 
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.functions import apply
-
-try:
-    from lagcli.engine.core import binding
-except ImportError:
-    binding = None
 
 VARIABLES = se.symbols("x y z")
 
@@ -36,10 +32,9 @@ def value(expression: se.Basic, *point: float) -> float:
     tapes = [compile_tape([expression], VARIABLES[: 3 - k], VARIABLES[3 - k :]) for k in (0, 2)]
     found = [ScalarTape(tape)(inputs)[0] for tape in tapes]
     if CONTRACTED:
-        return float(binding.run_tape(tapes[0], inputs)[0])
-    if binding is not None:
-        for tape, expected in zip(tapes, found, strict=True):
-            np.testing.assert_array_equal(binding.run_tape(tape, inputs), [expected])
+        return float(run_tape(tapes[0], inputs)[0])
+    for tape, expected in zip(tapes, found, strict=True):
+        np.testing.assert_array_equal(run_tape(tape, inputs), [expected])
     return found[0]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.constraints.spins import Spin
-from lagcli.engine.core import binding
+from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.program.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
@@ -56,7 +56,7 @@ class StartSearch:
         self.system = system
         # each row has its own parameters
         self.tables = tuple(
-            binding.BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
+            BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
             for tape in (system.constraint, system.dynamics)
         )
 

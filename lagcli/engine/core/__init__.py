@@ -1,1 +1,1 @@
-"""The core: C kernels and their binding, built when the package is installed."""
+"""The core: plain C, and its binding by ctypes."""

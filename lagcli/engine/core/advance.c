@@ -189,7 +189,7 @@ static int refine(lag_run *run)
     return !lag_derivative(run, run->step.t, run->step.y, run->step.f);
 }
 
-int lag_advance(lag_run *run, long slice)
+int lag_advance(lag_run *run, int64_t slice)
 {
     for (;;) {
         if (run->step.finishing) {

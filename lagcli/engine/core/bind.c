@@ -9,6 +9,7 @@ const int32_t *lag_copy_stream(lag_pool *pool, const lag_stream *stream)
 
 int lag_bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *program)
 {
+    tape->vectors = run->system.vectors;
     tape->registers = lag_copy_doubles(pool, program->registers, program->register_count);
     tape->prelude = lag_copy_stream(pool, &program->prelude);
     tape->stream = lag_copy_stream(pool, &program->main);

@@ -22,8 +22,8 @@ static void right_side(lag_run *run)
     const lag_tape *d = &s->dynamics, *c = &s->constraint;
     const int nq = s->nq, nc = s->nc;
     double *right = run->solver.right;
-    lag_vectors()->pick(nq, d->registers, d->outputs + lag_first_forcing(s), right);
-    lag_vectors()->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
+    d->vectors->pick(nq, d->registers, d->outputs + lag_first_forcing(s), right);
+    d->vectors->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
     if (!run->baumgarte.active)
         return;
     const double alpha = run->baumgarte.alpha, beta = run->baumgarte.beta;
@@ -62,7 +62,7 @@ static void evaluate_tangent(const lag_system *s, double t, const double *y, con
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     memcpy(r + 1 + 2 * nq, x, (size_t)mq * sizeof(double));
     memcpy(r + 1 + 2 * nq + mq, x + nq, (size_t)mc * sizeof(double));
-    lag_stream_run(s->tangent.stream, r);
+    lag_tape_run(&s->tangent, s->tangent.stream);
 }
 
 /* The accelerations and multipliers of the derivatives, to x, with the last factors and those of the motion,
@@ -100,7 +100,7 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
     lag_evaluate(d, s, t, y, LAG_ALL);
     /* the unrolled tape computes a, lambda and their power, for its own right side */
     const int own = lag_solving_by(run) == LAG_BY_TAPE && !run->baumgarte.active;
-    bad = own ? !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + lag_first_solution(s), x))
+    bad = own ? !isfinite(d->vectors->pick(n, d->registers, d->outputs + lag_first_solution(s), x))
               : lag_factor(run, t, y);
     if (!bad && (refined || !own)) {
         right_side(run);
@@ -160,7 +160,7 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
         all = size[i] > all ? size[i] : all;
     for (int i = 0; i < n; ++i)
         size[i] += NEXT_TO_ALL * all;
-    const double most = lag_vectors()->largest(n, r, size, size);
+    const double most = run->system.vectors->largest(n, r, size, size);
     return isnan(most) ? INFINITY : most;
 }
 

@@ -37,7 +37,7 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     }
     tape->held[0] = part;
     tape->held[1] = LAG_NOT_FACTORED;
-    lag_stream_run(part ? tape->output_subsets[part - 1] : tape->stream, r);
+    lag_tape_run(tape, part ? tape->output_subsets[part - 1] : tape->stream);
 }
 
 void lag_renew_tapes(lag_run *run)

@@ -1,6 +1,6 @@
 """The headers ``tables.h`` and ``layout.h`` of the core, generated from Python modules.
 
-``setup.py`` writes them before it compiles the core, so this module imports only the standard
+The build writes them before it compiles the core, so this module imports only the standard
 library.
 """
 
@@ -18,7 +18,7 @@ from lagcli.engine.tape.operations import PLACES, Kind, Op
 from lagcli.engine.taylor.series_nodes import LONGEST as MAX_LENGTH
 from lagcli.engine.taylor.series_nodes import MAX_ORDER, SeriesOp
 
-_WRITTEN = "/* Written by setup.py from {}: change that instead.\n *\n"
+_WRITTEN = "/* Written by the build from {}: change that instead.\n *\n"
 _TABLES = """\
  * The lists of operations are macros of a macro X(operation, places, value): the numbers that an
  * operation has in a stream, and its value in C of operands A, B and C.

@@ -7,20 +7,24 @@
 
 #include "lagcore.h"
 
+#if defined(__GNUC__)
+#pragma GCC visibility push(default)
+#endif
+
 #define LAG_LANES 8 /* runs that are integrated at once */
 
 typedef struct {
     const double *times;               /* sample times, increasing, s */
-    long times_count;
-    long max_steps;                    /* of each run */
-    long runs;
+    int64_t times_count;
+    int64_t max_steps;                 /* of each run */
+    int64_t runs;
     const double *parameters;          /* by run, np */
     const double *states;              /* by run, q and v at the start, consistent */
-    long slots;                        /* runs whose samples are held at once, more than LAG_LANES */
-    int portable;                      /* use no processor-specific instructions */
+    int64_t slots;                     /* runs whose samples are held at once, more than LAG_LANES */
+    int kernel;                        /* a lag_kernel */
     /* owned by the caller, written by the core */
     int32_t *status;                   /* by run: a lag_lane_status */
-    int64_t *counts;                   /* by run: steps, rejected, evaluations */
+    int64_t *counts;                /* by run: steps, rejected, evaluations */
     double *samples;                   /* by slot: rows of t, q, v, a, lambda, W */
 } lag_batch_settings;
 
@@ -37,11 +41,11 @@ void lag_batch_destroy(lag_batch *batch);
 
 /* Attempt at most a number of steps in each lane. Returns LAG_RUNNING; LAG_BLOCK_FULL if finished runs must be taken
  * first; LAG_DONE if no run is waiting or active. */
-int lag_batch_advance(lag_batch *batch, long attempts);
+int lag_batch_advance(lag_batch *batch, int64_t attempts);
 
 /* The number of runs that were completed since the last call; which they are, and the slots of their
  * samples, which are free from now on. Both arrays have room for all slots. */
-long lag_batch_take(lag_batch *batch, int64_t *runs, int64_t *slots);
+int64_t lag_batch_take(lag_batch *batch, int64_t *runs, int64_t *slots);
 
 /* The run in each lane; -1 for an empty lane. */
 const int64_t *lag_batch_runs(const lag_batch *batch);
@@ -54,14 +58,18 @@ typedef struct lag_table lag_table;
 /* A program that is evaluated over the rows of tables: its inputs are the first numbers of a row, then
  * `np` parameters. NULL where there is no memory. */
 lag_table *lag_table_create(const lag_memory *memory, const lag_program *program, int columns, int np,
-                            int portable);
+                            int kernel);
 void lag_table_destroy(lag_table *table);
 
 /* Evaluate it. values: `rows` rows of `width` numbers. out: by output, `rows` numbers. */
 void lag_table_evaluate(const lag_table *table, const double *parameters, const double *values,
-                        long rows, long width, double *out);
+                        int64_t rows, int64_t width, double *out);
 
 /* sin and cos of LAG_LANES numbers. */
-void lag_batch_sincos(const double *x, double *sine, double *cosine, int portable);
+void lag_batch_sincos(const double *x, double *sine, double *cosine, int kernel);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

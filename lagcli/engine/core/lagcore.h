@@ -1,5 +1,5 @@
 /*
- * The integrator's public interface: plain C11 that needs nothing but libm, memcpy and memset.
+ * The integrator's public interface: plain C11 that needs nothing but libm, malloc, free, memcpy and memset.
  *
  * It integrates M a = f + B' lambda, B a = gamma, phi = 0, psi = 0 from a consistent state. A program
  * calls lag_create, one of the lag_use_... functions for the linear system, then lag_start and
@@ -16,7 +16,13 @@
 
 #include "tables.h" /* lag_status */
 
-/* Memory allocation. `release` is called with results of `allocate`. */
+/* The library exports what this header declares, and nothing else. */
+#if defined(__GNUC__)
+#pragma GCC visibility push(default)
+#endif
+
+/* Memory allocation. `release` is called with results of `allocate`. Without `allocate`, the core uses malloc and
+ * free. */
 typedef struct {
     void *(*allocate)(void *context, size_t bytes); /* NULL if there is no memory */
     void (*release)(void *context, void *memory);
@@ -26,7 +32,7 @@ typedef struct {
 /* A sequence of operations; engine/program/program.py has the format. */
 typedef struct {
     const int32_t *code;
-    long length;
+    int64_t length;
 } lag_stream;
 
 /* A function as operations on a register file: engine/program/program.py. */
@@ -36,9 +42,9 @@ typedef struct {
     lag_stream output_subsets[2];               /* for subsets of the outputs; empty if there are none */
     int inputs;                        /* the first registers; the last of them contain the parameters */
     const double *registers;           /* initial values, before the prelude */
-    long register_count;
+    int64_t register_count;
     const int32_t *outputs;            /* registers */
-    long output_count;
+    int64_t output_count;
 } lag_program;
 
 /* The sizes and the sparsity of the equations. */
@@ -52,6 +58,12 @@ typedef struct {
     const int32_t *unit;               /* nq: the first coordinate known to have the same unit */
     lag_program constraint;            /* of (t, q, v, p): phi, entries of B, b_0, scales of phi and psi, psi */
 } lag_equations;
+
+/* Versions of the core's loops, with equal results: for any processor, and for processors with AVX2. */
+enum lag_kernel { LAG_PORTABLE, LAG_AVX2 };
+
+/* The fastest version that this processor runs. Ask once: in a virtual machine the answer takes microseconds. */
+int lag_best_kernel(void);
 
 /* Handling of singular configurations. */
 enum lag_watching { LAG_IGNORE, LAG_PASS, LAG_STOP };
@@ -74,12 +86,13 @@ typedef struct {
     int detecting;                     /* detect stiffness */
     int refinable;                     /* solutions may be refined before another elimination is requested */
     const double *times;               /* sample times, increasing, s */
-    long times_count;
+    int64_t times_count;
     double *block;                     /* block_rows rows of t, q, v, a, lambda, W */
-    long block_rows;
+    int64_t block_rows;
     int extra;                         /* numbers at the end of each row: the multipliers of rows that switch */
     int directions;                    /* in which a motion that switches is differentiated: their changes of q and v
                                         * follow y, and those of q, v, a, lambda (of all constraints) each row */
+    int kernel;                        /* a lag_kernel */
 } lag_settings;
 
 /* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
@@ -107,7 +120,7 @@ typedef struct {
     int begin_count;
     int origin, layer;
     const int32_t *state;              /* n + 1: t, q, v, W */
-    long size;
+    int64_t size;
 } lag_series_program;
 
 /* A sparse block of derivatives: places are row * nq + column. */
@@ -125,7 +138,7 @@ typedef struct {
     int n;                             /* order of the matrix */
     const int32_t *start, *columns;    /* its entries row by row */
     const int32_t *parts;              /* destinations of the parts' entries */
-    long parts_count;
+    int64_t parts_count;
 } lag_jacobians;
 
 /* Sparse LU with a known order of pivots and pattern. The factors' entries are row by row in the order
@@ -145,7 +158,7 @@ typedef struct {
 typedef struct {
     int first;                         /* index of its piece among the parameters */
     int degree;
-    long count;                        /* of pieces */
+    int64_t count;                     /* of pieces */
     const double *knots;               /* count: start of each piece; the first is also used before it */
     const double *origins;             /* count: origin of each piece */
     const double *coefficients;        /* count rows of degree + 1 */
@@ -190,7 +203,7 @@ typedef struct {
     int law_of_impact;                 /* of core/contact/contact.h */
     double closed;                     /* of the size of phi: tolerance of a closed gap */
     double *log;                       /* log_rows entries: core/switching/log.c */
-    long log_rows;
+    int64_t log_rows;
 } lag_switching_rules;
 
 /* Functions whose sign may not be determined in a step. */
@@ -210,7 +223,7 @@ typedef struct {
     const int *first_mode;             /* ... these modes */
     const double *before;              /* n: the state at the beginning of the instant ... */
     const double *a, *multipliers;     /* ... nq, nc (all constraints): 0 initially */
-    long crossed, slid;                /* number of changes of branches, and of starts of sliding */
+    int64_t crossed, slid;             /* number of changes of branches, and of starts of sliding */
     const int *kinks;                  /* kinks: 1 if the function of a branch vanishes at the instant */
     const double *branches;            /* kinks */
     enum lag_undetermined undetermined; /* after LAG_UNRESOLVED: the kind of function, ... */
@@ -232,8 +245,8 @@ typedef struct {
     const double *y;                   /* n: at t */
     const double *atol;                /* n: absolute tolerances in use */
     const double *lengths;             /* nc: the largest so far of the rows of B times sizes */
-    long steps, rejected, evaluations;
-    long times_next;                   /* the next sample time */
+    int64_t steps, rejected, evaluations;
+    int64_t times_next;                /* the next sample time */
     double t_bad;                      /* if a status refers to another state: its time ... */
     const double *y_bad;               /* ... and the state */
 } lag_report;
@@ -245,7 +258,7 @@ typedef struct lag_method lag_method;
 const lag_method *lag_method_at(int i);
 const char *lag_method_name(const lag_method *method);
 
-/* Create a run, with DOP853. NULL if there is no memory. */
+/* Create a run, with DOP853. Without `memory` it uses malloc and free. NULL if there is no memory. */
 lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
                     const lag_settings *settings);
 void lag_destroy(lag_run *run);
@@ -261,7 +274,7 @@ int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_eli
 int lag_use_unrolled(lag_run *run, const lag_program *dynamics);
 
 /* Use the dense solution for the next steps, regardless of other settings. */
-int lag_allow_dense(lag_run *run, long steps);
+int lag_allow_dense(lag_run *run, int64_t steps);
 
 /* Allow Taylor's method, with an unrolled elimination; call it again after lag_use_unrolled. */
 int lag_use_series(lag_run *run, const lag_series_program *program);
@@ -287,7 +300,7 @@ int lag_use_explicit_time(lag_run *run, const lag_program *functions);
 
 /* End steps at these increasing times, at which the right side is not smooth. Samples there are taken after the
  * break. */
-int lag_use_breaks(lag_run *run, const double *times, long count);
+int lag_use_breaks(lag_run *run, const double *times, int64_t count);
 
 /* Update the pieces of known functions of time; their knots must be among the breaks. */
 int lag_use_functions(lag_run *run, const lag_function *functions, int count);
@@ -312,7 +325,7 @@ void lag_set_parameters(lag_run *run, const double *parameters);
 int lag_push(lag_run *run, const double *impulse, const double *changes);
 
 /* Return the entries of the log, and empty it. */
-long lag_take_log(lag_run *run);
+int64_t lag_take_log(lag_run *run);
 
 /*
  * Derivatives of a motion that switches: derivatives/derivatives.h. Programs are the derivatives of those with the
@@ -359,7 +372,7 @@ int lag_switch(lag_run *run, const lag_method *method);
 int lag_start(lag_run *run);
 
 /* Take at most `slice` steps. Returns a lag_status. */
-int lag_advance(lag_run *run, long slice);
+int lag_advance(lag_run *run, int64_t slice);
 
 /* Sample the last accepted step, or the start, up to a time. Returns a lag_status. */
 int lag_sample_until(lag_run *run, double end);
@@ -368,7 +381,7 @@ int lag_sample_until(lag_run *run, double end);
 int lag_sample_here(lag_run *run, double *row);
 
 /* Return the number of filled rows of the block, and empty it. */
-long lag_take(lag_run *run);
+int64_t lag_take(lag_run *run);
 
 /* The last step's dense output, n values. */
 void lag_dense(lag_run *run, double t, double *y);
@@ -377,7 +390,7 @@ void lag_dense(lag_run *run, double t, double *y);
 void lag_limit(lag_run *run, double h_max);
 
 /* Continue from another state; lag_start must follow. */
-void lag_move(lag_run *run, double t, const double *y, long times_next);
+void lag_move(lag_run *run, double t, const double *y, int64_t times_next);
 
 /* Update the sizes of the terms of accelerations, after the linear solution has changed: sizes.h. Returns
  * LAG_RUNNING or LAG_UNDEFINED. */
@@ -387,5 +400,12 @@ lag_report lag_report_of(const lag_run *run);
 
 /* Taylor coefficients of y here, n rows of order + 1. Returns 0, or 1 where there are none. */
 int lag_coefficients(lag_run *run, double *out);
+
+/* The fingerprint of the sources that the library was compiled from, as hexadecimal digits. */
+const char *lag_fingerprint(void);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

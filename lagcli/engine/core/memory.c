@@ -1,5 +1,6 @@
 #include "memory.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #define LINE 64 /* bytes of a cache line */
@@ -9,10 +10,29 @@ typedef struct chunk {
     struct chunk *next;
 } chunk;
 
+static void *allocate(void *context, size_t bytes)
+{
+    (void)context;
+    return malloc(bytes);
+}
+
+static void release(void *context, void *memory)
+{
+    (void)context;
+    free(memory);
+}
+
+lag_pool lag_pool_of(const lag_memory *from)
+{
+    const lag_memory usual = {allocate, release, NULL};
+    return (lag_pool){.from = from && from->allocate ? *from : usual};
+}
+
 void *lag_get(lag_pool *pool, size_t count, size_t size)
 {
     const size_t bytes = (count ? count : 1) * size;
-    chunk *made = pool->failed ? NULL
+    const int fits = count <= (SIZE_MAX - sizeof(chunk) - LINE) / size;
+    chunk *made = pool->failed || !fits ? NULL
                                : pool->from.allocate(pool->from.context, sizeof(chunk) + LINE + bytes);
     if (!made) {
         pool->failed = 1;

@@ -10,6 +10,9 @@ typedef struct {
     int failed;                        /* whether an allocation has failed */
 } lag_pool;
 
+/* An empty pool; without `from` or its functions, of malloc and free. */
+lag_pool lag_pool_of(const lag_memory *from);
+
 /* Zeros from the beginning of a cache line on, also for no bytes: C forbids NULL even for copies of
  * nothing. NULL where there is no memory. */
 void *lag_get(lag_pool *pool, size_t count, size_t size);

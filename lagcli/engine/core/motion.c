@@ -32,12 +32,12 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     lag_evaluate(d, s, t, y, LAG_ALL);
     f[2 * nq] = OUT(d, lag_first_total_power(s));
     const int32_t *places = d->outputs + lag_first_solution(s);
-    return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : lag_failed(run, t, y);
+    return isfinite(d->vectors->pick(nq, d->registers, places, f + nq)) ? 0 : lag_failed(run, t, y);
 }
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)
 {
     const lag_tolerances *tolerances = &run->tolerances;
     const int n = lag_size(&run->system);
-    return sqrt(lag_vectors()->scaled_square(n, x, y, z, tolerances->atol, tolerances->rtol));
+    return sqrt(run->system.vectors->scaled_square(n, x, y, z, tolerances->atol, tolerances->rtol));
 }

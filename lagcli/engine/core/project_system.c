@@ -48,7 +48,7 @@ int lag_project_system(lag_run *run, double t, double *y)
     const int scale_position = lag_constraint_position_scale(s);
     const int scale_velocity = lag_constraint_velocity_scale(s);
     const int first_velocity = lag_constraint_velocity(s);
-    const lag_vector_kernel *vectors = lag_vectors();
+    const lag_vector_kernel *vectors = s->vectors;
     double *rhs = run->step.work, *residual = rhs + nc, *scale = residual + nc, *x = run->solver.a;
     double best = INFINITY;
     int met = 0;

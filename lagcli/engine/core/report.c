@@ -9,7 +9,7 @@ const double *lag_matrix(const lag_run *run)
     return run->implicit->matrix;
 }
 
-long lag_take(lag_run *run)
+int64_t lag_take(lag_run *run)
 {
     const long used = run->samples.used;
     run->samples.used = 0;
@@ -23,7 +23,7 @@ void lag_limit(lag_run *run, double h_max)
         run->step.h = h_max;
 }
 
-void lag_move(lag_run *run, double t, const double *y, long times_next)
+void lag_move(lag_run *run, double t, const double *y, int64_t times_next)
 {
     run->step.t = t;
     memcpy(run->step.y, y, (2 * (size_t)run->system.nq + 1) * sizeof(double));

@@ -118,12 +118,13 @@ static void allocate(lag_run *run)
 lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
                     const lag_settings *settings)
 {
-    lag_pool pool = {.from = *memory};
+    lag_pool pool = lag_pool_of(memory);
     lag_run *run = lag_get(&pool, 1, sizeof *run);
     if (!run)
         return NULL;
     run->pool = pool;
-    run->dynamics_pool.from = *memory;
+    run->dynamics_pool.from = pool.from;
+    run->system.vectors = lag_vectors(settings->kernel);
     run->np = equations->np;
     run->method = run->stepped = lag_method_at(0);
     copy_equations(run, equations);
@@ -161,7 +162,7 @@ int lag_use_dense(lag_run *run, const lag_program *dynamics)
     return replace_dynamics(run, dynamics, LAG_BY_LU) || lag_allow_dense(run, 0);
 }
 
-int lag_allow_dense(lag_run *run, long steps)
+int lag_allow_dense(lag_run *run, int64_t steps)
 {
     const long size = run->system.nq + 2 * run->system.nc - run->rows.rank;
     run->solver.dense_steps = steps ? steps + 1 : 0; /* with the dense output of the last one */
@@ -310,7 +311,7 @@ int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int co
     return lag_bind(run, &run->pool, &run->system.tangent, tangent);
 }
 
-int lag_use_breaks(lag_run *run, const double *times, long count)
+int lag_use_breaks(lag_run *run, const double *times, int64_t count)
 {
     run->breaks.times = lag_copy_doubles(&run->pool, times, count);
     run->breaks.count = count;

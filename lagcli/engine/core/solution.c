@@ -208,8 +208,8 @@ static void substitute_block(lag_run *run, double *x)
     const double *f = run->factors.factors;
     if (run->solver.by == LAG_BY_TAPE) {
         memcpy(d->registers + run->solver.other_right, x, (size_t)n * sizeof(double));
-        lag_stream_run(d->deferred[1], d->registers);
-        lag_vectors()->pick(n, d->registers, d->outputs + first_other(run), x);
+        lag_tape_run(d, d->deferred[1]);
+        d->vectors->pick(n, d->registers, d->outputs + first_other(run), x);
         const int nq = run->system.nq / run->system.blocks;
         lag_turn(x + nq, n - nq);
     } else {
@@ -250,14 +250,14 @@ double lag_solve_tangent(lag_run *run, double *x)
 {
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics, *w = &s->tangent;
-    const lag_vector_kernel *vectors = lag_vectors();
+    const lag_vector_kernel *vectors = s->vectors;
     const int nq = s->nq / s->blocks, nc = s->nc / s->blocks;
     const int32_t *found = d->outputs + first_other(run);
     double sum = 0.0;
     for (int k = 1; k < s->blocks; ++k) {
         const int32_t *right = w->outputs + (k - 1) * (nq + nc);
         vectors->pick(nq + nc, w->registers, right, d->registers + run->solver.other_right);
-        lag_stream_run(d->deferred[1], d->registers);
+        lag_tape_run(d, d->deferred[1]);
         sum += vectors->pick(nq, d->registers, found, x + k * nq);
         sum += vectors->pick(nc, d->registers, found + nq, x + s->nq + k * nc);
     }
@@ -306,8 +306,8 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
         const int mq = nq / s->blocks, mc = nc / s->blocks; /* of one block */
         for (int k = 0; k < s->blocks; ++k) {
             memcpy(d->registers + run->solver.other_right + mq + mc, rhs + k * mc, (size_t)mc * sizeof(double));
-            lag_stream_run(d->deferred[2], d->registers);
-            sum += lag_vectors()->pick(mq, d->registers, d->outputs + first_other(run) + mq + mc, x + k * mq);
+            lag_tape_run(d, d->deferred[2]);
+            sum += d->vectors->pick(mq, d->registers, d->outputs + first_other(run) + mq + mc, x + k * mq);
         }
         return sum;
     }

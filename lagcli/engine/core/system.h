@@ -6,6 +6,7 @@
 
 /* M a = f + B' lambda, B a = gamma, phi = 0, psi = 0. */
 typedef struct {
+    const lag_vector_kernel *vectors;  /* for the processor */
     int nq, nc, nh;
     const int32_t *holonomic;          /* nh indices of constraints */
     int nm, nb;                        /* nonzero entries of M and B */

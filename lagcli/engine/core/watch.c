@@ -64,8 +64,8 @@ static double least_part(lag_run *run)
     if (run->solver.by == LAG_BY_TAPE) { /* the tape computes both */
         const int pivots = run->solver.cancellation_count - s->nc;
         const int32_t *places = d->outputs + lag_first_cancellation(s);
-        const lag_vector_kernel *vectors = lag_vectors();
-        lag_stream_run(d->deferred[0], d->registers);
+        const lag_vector_kernel *vectors = s->vectors;
+        lag_tape_run(d, d->deferred[0]);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
                          vectors->least(s->nc, d->registers, places + pivots, run->rows.plain_lengths)));
     }

@@ -19,7 +19,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
-from lagcli.engine.core import binding
+from lagcli.engine.core.batch import LANES, BatchIntegrator, BatchTable
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate.engine import integrate, switches
 from lagcli.engine.integrate.prepared import Prepared, unrolled
@@ -137,7 +137,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and not len(request.breaks)
         and not (switches(system) or system.nonlinear)
         and not system.functions.functions
-        and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
+        and width * len(request.times) * (LANES + 1) <= _MOST_NUMBERS
     )
 
 
@@ -155,8 +155,8 @@ class _BatchRuns:
         first = first._replace(elimination=prepared.elimination)
         single = Integration(system, first, lambda block: None, None)
         width = system.sample_layout.size
-        held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
-        self.core = binding.Batch(
+        held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - LANES)
+        self.core = BatchIntegrator(
             single.core,
             prepared.dynamics,
             prepared.constraint,
@@ -164,7 +164,7 @@ class _BatchRuns:
             request.settings.max_steps,
             parameters,
             np.hstack([q, v]),
-            binding.LANES + held,
+            LANES + held,
         )
         self.began: dict[int, float] = {}
 
@@ -245,7 +245,7 @@ class SampleTape:
     """
 
     def __init__(self, tape: Tape):
-        self._table = binding.BatchTable(assemble(tape), tape.inputs, tape.parameters)
+        self._table = BatchTable(assemble(tape), tape.inputs, tape.parameters)
 
     def __call__(self, samples: Array, parameters: Array) -> Array:
         """Return the outputs, (runs, outputs, nt).

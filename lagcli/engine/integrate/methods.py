@@ -43,7 +43,7 @@ class Methods:
 
     Parameters
     ----------
-    core : binding.Integrator
+    core : Integrator
     system : System
     request : Request
     no_series : str

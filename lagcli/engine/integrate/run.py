@@ -27,7 +27,7 @@ from lagcli.engine.contract import (
     breaks_of,
     outcome,
 )
-from lagcli.engine.core import binding
+from lagcli.engine.core.run import Integrator
 from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.methods import Methods
@@ -95,36 +95,41 @@ class Integration:
         self.last_near = -1
         self.states: list[State] = [request.state]
         prepared = self.prepared()
-        projecting = self.settings.formulation == "projection"
         start = request.state
         c = self.evaluator.constraints(start.t, start.q, start.v)
         sizes = self.evaluator.sizes(start.t, start.q, start.v)
         # a negative damping asks the core for that of the step
         alpha = -1.0 if self.settings.alpha is None else self.settings.alpha
-        self.core = self.integrator(
-            system,
-            prepared.constraint,
-            start,
-            self.settings.t_end,
-            request.times,
-            sizes,
-            self.evaluator.row_lengths(start.t, start.q, start.v, c, sizes),
-            self.evaluator.row_lengths(start.t, start.q, start.v, c, np.ones(self.nq)),
-            request.rank,
-            self.settings.rtol,
-            request.tolerances,
-            request.kind_of,
-            self.settings.max_step,
-            projecting,
-            0 if not request.rank else 1 if self.settings.through_singular else 2,
-            alpha,
-            alpha if self.settings.beta is None else self.settings.beta,
-            self.settings.formulation == "baumgarte",
-            self.settings.method == "auto" and system.variation is not None,
-            not for_batch,
-            max(1, min(request.block_rows, len(request.times))),
-        )
+        settings = {
+            "t_start": start.t,
+            "t_end": self.settings.t_end,
+            "h_max": self.settings.max_step,
+            "y": start.y,
+            "parameters": start.p,
+            "rtol": self.settings.rtol,
+            "atol": request.tolerances,
+            "kind": request.kind_of,
+            "rank": request.rank,
+            "sizes": sizes,
+            "lengths": self.evaluator.row_lengths(start.t, start.q, start.v, c, sizes),
+            "plain_lengths": self.evaluator.row_lengths(
+                start.t, start.q, start.v, c, np.ones(self.nq)
+            ),
+            "projecting": self.settings.formulation == "projection",
+            "baumgarte": self.settings.formulation == "baumgarte",
+            "alpha": alpha,
+            "beta": alpha if self.settings.beta is None else self.settings.beta,
+            "watching": 0 if not request.rank else 1 if self.settings.through_singular else 2,
+            "detecting": self.settings.method == "auto" and system.variation is not None,
+            "refinable": not for_batch,
+            "times": request.times,
+            "block_rows": max(1, min(request.block_rows, len(request.times))),
+            "extra": 0,
+            "directions": 0,
+        }
+        self.core = self.integrator(prepared.constraint, settings)
         if system.tangent is not None:
+            assert prepared.tangent is not None
             blocks, complete = system.tangent.blocks, system.tangent.complete
             self.core.use_tangent(prepared.tangent, blocks, complete)
         self.use(prepared)
@@ -141,9 +146,9 @@ class Integration:
         """Return the program of the functions of time that steps resolve."""
         return explicit_time(self.system)
 
-    def integrator(self, *arguments: Any) -> binding.Integrator:
-        """Return the core for the arguments of `binding.Integrator`."""
-        return binding.Integrator(*arguments)
+    def integrator(self, constraint: Program, settings: dict[str, Any]) -> Integrator:
+        """Return the core of the run."""
+        return Integrator(self.system, constraint, settings)
 
     def prepared(self) -> Prepared:
         """Return the initial programs; there is no order of elimination for redundant

@@ -38,7 +38,7 @@ class Actions:
     system : System
         With ``switching``.
     request : IntegrationRequest
-    core : binding.SwitchingIntegrator
+    core : SwitchingIntegrator
 
     Attributes
     ----------

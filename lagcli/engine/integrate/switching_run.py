@@ -23,8 +23,8 @@ from lagcli.engine.contract import (
     Outcome,
     Stop,
 )
-from lagcli.engine.core import binding
 from lagcli.engine.core.status import Status
+from lagcli.engine.core.switching import SwitchingIntegrator
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.prepared import Prepared, explicit_time, prepare
 from lagcli.engine.integrate.run import Integration
@@ -129,7 +129,7 @@ class SwitchingIntegration(Integration):
         #: The entry of an event that engages a constraint, and the work before the velocities
         #: change.
         self.engaging: tuple[int, float] | None = None
-        self.core: binding.SwitchingIntegrator
+        self.core: SwitchingIntegrator
         super().__init__(split.fixed, request, sink, progress)
         self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
@@ -143,23 +143,26 @@ class SwitchingIntegration(Integration):
         """Return the program of the functions of time that steps resolve, with those of rows."""
         return explicit_time(self.split_system.system)
 
-    def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
+    def integrator(self, constraint: Program, settings: dict[str, Any]) -> SwitchingIntegrator:
         """Return a core whose rows switch."""
-        settings = self.settings
-        law = _IMPACTS.index(settings.impacts)
+        chosen, changes = self.settings, self.start_changes()
+        settings = settings | {"extra": len(self.split_system.rows)}
+        if changes is not None:
+            y = np.concatenate([settings["y"], np.ravel(changes)])
+            settings |= {"y": y, "directions": len(changes)}
         state, switching = self.request.state, self.split_system.switching
-        clocks, span = clocks_of(switching, state.p), (state.t, settings.t_end)
+        clocks, span = clocks_of(switching, state.p), (state.t, chosen.t_end)
         self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
         ticks = [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
-        return binding.SwitchingIntegrator(
+        return SwitchingIntegrator(
             self.split_system,
             self.frozen,
-            law,
-            settings.closed,
-            _LOG_ROWS,
-            ticks,
-            self.start_changes(),
-            *arguments,
+            constraint,
+            settings,
+            impacts=_IMPACTS.index(chosen.impacts),
+            closed=chosen.closed,
+            log_rows=_LOG_ROWS,
+            clocks=ticks,
         )
 
     def start_changes(self) -> Array | None:

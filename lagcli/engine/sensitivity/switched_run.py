@@ -13,9 +13,10 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.adjustment import adjusted
 from lagcli.engine.constraints.initial import NoConsistentState
 from lagcli.engine.contract import Block, EventEntry, IntegrationRequest, Outcome
-from lagcli.engine.core import binding
+from lagcli.engine.core.switching import SwitchingIntegrator
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
+from lagcli.engine.program.program import Program
 from lagcli.engine.sensitivity.directional_programs import directional_programs
 from lagcli.engine.sensitivity.integration import Derivatives, Sink
 from lagcli.engine.sensitivity.losses import why_lost
@@ -79,12 +80,12 @@ class DifferentiatedIntegration(SwitchingIntegration):
         """Return the derivatives of q and v at the start, (n, 2 nq)."""
         return np.hstack([self._start.q, self._start.v])
 
-    def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
+    def integrator(self, constraint: Program, settings: dict[str, Any]) -> SwitchingIntegrator:
         """Return a core that differentiates."""
         given, system = self._parameters, self.split_system.system
         branches = np.zeros((len(given), len(system.parameters) - given.shape[1]))
         parameters = np.hstack([given, branches])
-        core = super().integrator(*arguments)
+        core = super().integrator(constraint, settings)
         core.use_directions(directional_programs(self.split_system, self.frozen, parameters))
         return core
 

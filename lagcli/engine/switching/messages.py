@@ -27,7 +27,7 @@ def refusal(
     split : SplitSystem
     status : Status
         Status of the core.
-    core : binding.SwitchingIntegrator
+    core : SwitchingIntegrator
     impacts : str
         The law of impacts.
     log : sequence of EventEntry

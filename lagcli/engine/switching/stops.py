@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli.engine.contract import CHANGES, EventEntry, Stop
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.core.status import Status
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import EventRule, RowMode, SwitchedRow
 from lagcli.engine.system import System
 

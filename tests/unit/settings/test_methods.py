@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from lagcli.engine.core import binding
+from lagcli.engine.core import run
 from lagcli.settings.methods import FORMULATIONS, METHODS
 
 
 def test_the_core_has_the_methods_that_are_declared() -> None:
-    assert set(binding.METHODS) == set(METHODS)
+    assert set(run.METHODS) == set(METHODS)
 
 
 def test_every_formulation_has_a_method() -> None:

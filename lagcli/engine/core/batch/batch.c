@@ -4,14 +4,13 @@
 
 #include "methods/method.h"
 
-/* The functions for this processor, or, `portable`, those for any. */
-static const lag_batch_kernel *kernel_for(int portable)
+static const lag_batch_kernel *lanes_kernel(int kernel)
 {
 #if defined(__x86_64__)
-    if (!portable && __builtin_cpu_supports("avx2"))
+    if (kernel == LAG_AVX2)
         return &lag_batch_avx2;
 #endif
-    (void)portable;
+    (void)kernel;
     return &lag_batch_default;
 }
 
@@ -96,12 +95,12 @@ static void allocate(lag_batch *s, long slots)
 lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag_program *dynamics,
                             const lag_program *constraint, const lag_batch_settings *given)
 {
-    lag_pool pool = {.from = *memory};
+    lag_pool pool = lag_pool_of(memory);
     lag_batch *s = lag_get(&pool, 1, sizeof *s);
     if (!s)
         return NULL;
     s->pool = pool;
-    s->kernel = kernel_for(given->portable);
+    s->kernel = lanes_kernel(given->kernel);
     s->single = single;
     s->system = &single->system;
     for (int i = 0; i < s->system->nq; ++i)
@@ -142,12 +141,12 @@ void lag_batch_destroy(lag_batch *s)
     lag_release(&pool);
 }
 
-int lag_batch_advance(lag_batch *s, long attempts)
+int lag_batch_advance(lag_batch *s, int64_t attempts)
 {
     return s->kernel->advance(s, attempts);
 }
 
-long lag_batch_take(lag_batch *s, int64_t *runs, int64_t *slots)
+int64_t lag_batch_take(lag_batch *s, int64_t *runs, int64_t *slots)
 {
     const long count = (long)s->finished_count;
     for (long i = 0; i < count; ++i) {
@@ -179,14 +178,14 @@ struct lag_table {
 };
 
 lag_table *lag_table_create(const lag_memory *memory, const lag_program *program, int columns, int np,
-                            int portable)
+                            int kernel)
 {
-    lag_pool pool = {.from = *memory};
+    lag_pool pool = lag_pool_of(memory);
     lag_table *table = lag_get(&pool, 1, sizeof *table);
     if (!table)
         return NULL;
     table->pool = pool;
-    table->kernel = kernel_for(portable);
+    table->kernel = lanes_kernel(kernel);
     table->columns = columns;
     table->np = np;
     table->outputs = (int)program->output_count;
@@ -205,13 +204,13 @@ void lag_table_destroy(lag_table *table)
 }
 
 void lag_table_evaluate(const lag_table *table, const double *parameters, const double *values,
-                        long rows, long width, double *out)
+                        int64_t rows, int64_t width, double *out)
 {
     table->kernel->table(&table->tape, parameters, table->np, values, rows, table->columns, width,
                          table->outputs, out);
 }
 
-void lag_batch_sincos(const double *x, double *sine, double *cosine, int portable)
+void lag_batch_sincos(const double *x, double *sine, double *cosine, int kernel)
 {
-    kernel_for(portable)->sincos(x, sine, cosine);
+    lanes_kernel(kernel)->sincos(x, sine, cosine);
 }

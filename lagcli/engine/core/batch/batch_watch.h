@@ -39,7 +39,7 @@ static void single_parameters(const lag_batch_tape *from, const lag_tape *to, in
     for (int i = first; i < first + count; ++i)
         to->registers[i] = from->registers[i * LAG_LANES + l];
     to->registers[0] = NAN; /* no state yet */
-    lag_stream_run(to->prelude, to->registers);
+    lag_tape_run(to, to->prelude);
 }
 
 /* A single run with the parameters and the watch of a lane; y is its state. */

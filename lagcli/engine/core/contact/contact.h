@@ -1,4 +1,4 @@
-/* Contact problems and impacts at one instant; lagcli/engine/switching/problem.py states the problem. */
+/* Contact problems and impacts at one instant; lagcli/engine/core/contact_problem.py states the problem. */
 #ifndef LAGCLI_CONTACT_H
 #define LAGCLI_CONTACT_H
 

@@ -32,7 +32,7 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
         dy[m] = run->step.y_new[m] - before[m];
     }
     /* over the tolerances: coordinates and velocities of different units are comparable */
-    const lag_vector_kernel *v = lag_vectors();
+    const lag_vector_kernel *v = run->system.vectors;
     const double *y = run->step.y, *z = run->step.y_new;
     const double *atol = run->tolerances.atol, rtol = run->tolerances.rtol;
     const double rise = v->scaled_square(moving, df, y, z, atol, rtol);
@@ -58,7 +58,7 @@ static void add_stages(const lag_run *run, const double *base, const double *sta
             used[terms] = stage + j * s;
             w[terms++] = h * weight[j];
         }
-    lag_vectors()->combine(n, base, terms, used, w, y);
+    run->system.vectors->combine(n, base, terms, used, w, y);
 }
 
 /* The sum of the squares of an error estimate over the tolerances. */
@@ -68,7 +68,7 @@ static double error_by(lag_run *run, const double *weight)
     double *error = run->step.work;
     memset(error, 0, (size_t)n * sizeof(double));
     add_stages(run, error, run->step.stages, weight, DOP_STAGES + 1, 1.0, error);
-    return lag_vectors()->scaled_square(n, error, run->step.y, run->step.y_new,
+    return run->system.vectors->scaled_square(n, error, run->step.y, run->step.y_new,
                                         run->tolerances.atol, run->tolerances.rtol);
 }
 

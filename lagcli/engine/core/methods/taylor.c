@@ -28,7 +28,7 @@ static double size_of_terms(lag_run *run, int order)
 {
     const lag_series *s = &run->series;
     double *term = run->step.trial;
-    lag_vectors()->pick(lag_size(&run->system), s->file + s->origin + order * s->layer, s->state + 1, term);
+    run->system.vectors->pick(lag_size(&run->system), s->file + s->origin + order * s->layer, s->state + 1, term);
     return lag_scaled_norm(run, term, run->step.y, run->step.y);
 }
 
@@ -55,7 +55,7 @@ static int is_off(lag_run *run, double h)
     lag_series_slope(&run->series, nq, nq + 1, h, slope);
     for (int i = 0; i <= nq; ++i)
         slope[i] = h * (slope[i] - run->step.f_new[nq + i]);
-    const double square = lag_vectors()->scaled_square(nq + 1, slope, run->step.y + nq, run->step.y_new + nq,
+    const double square = run->system.vectors->scaled_square(nq + 1, slope, run->step.y + nq, run->step.y_new + nq,
                                                        run->tolerances.atol + nq, run->tolerances.rtol);
     return !(square <= DEFECT * DEFECT);
 }

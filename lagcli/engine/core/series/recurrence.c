@@ -93,9 +93,9 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
     double *file = s->file, *now = file + s->origin, *next = now + s->layer, *r = s->values.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
-    lag_stream_run(s->values.stream, r);
+    lag_tape_run(&s->values, s->values.stream);
     memset(s->known, 0, (size_t)s->count * sizeof(double));
-    lag_vectors()->pick(s->numbers - s->invariant, r, value, file + s->invariant);
+    s->values.vectors->pick(s->numbers - s->invariant, r, value, file + s->invariant);
     value += s->numbers - s->invariant;
     for (int i = 0; i < s->begin_count; ++i)
         file[s->begins[i]] = r[*value++];
@@ -127,8 +127,8 @@ FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, con
             x[k] = c + (terms - k) * (ptrdiff_t)s->layer;
             reversed[k] = weight[terms - k];
         }
-        lag_vectors()->combine(size, c, terms, x, reversed, side_by_side);
-        lag_vectors()->pick(count, side_by_side - first, s->state + 1 + m, sums);
+        s->values.vectors->combine(size, c, terms, x, reversed, side_by_side);
+        s->values.vectors->pick(count, side_by_side - first, s->state + 1 + m, sums);
         return;
     }
     const int fours = (terms + 3) / 4;

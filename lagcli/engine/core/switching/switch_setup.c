@@ -232,7 +232,7 @@ double lag_gap_of_none(const lag_run *run, int row)
     return lag_no_gap(&run->switching, row);
 }
 
-long lag_take_log(lag_run *run)
+int64_t lag_take_log(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     lag_log_modes(run);

@@ -699,8 +699,9 @@ void lag_jets_run(lag_jet_tape *jets, int order)
 int lag_enclose_program(const lag_memory *memory, const lag_program *program, const double *inputs, double high,
                         int order, double *out)
 {
-    lag_pool pool = {.from = *memory};
-    lag_tape tape = {.registers = lag_copy_doubles(&pool, program->registers, program->register_count),
+    lag_pool pool = lag_pool_of(memory);
+    lag_tape tape = {.vectors = lag_vectors(LAG_PORTABLE),
+                     .registers = lag_copy_doubles(&pool, program->registers, program->register_count),
                      .stream = program->main.code,
                      .outputs = program->outputs};
     lag_jet_tape jets;
@@ -708,7 +709,7 @@ int lag_enclose_program(const lag_memory *memory, const lag_program *program, co
     const int failed = pool.failed;
     if (!failed) {
         memcpy(tape.registers, inputs, (size_t)program->inputs * sizeof(double));
-        lag_stream_run(program->prelude.code, tape.registers);
+        lag_tape_run(&tape, program->prelude.code);
         lag_jets_refresh(&jets);
         for (int i = 0; i < program->inputs; ++i)
             lag_jet_input(&jets, i)[0] = POINT(inputs[i]);

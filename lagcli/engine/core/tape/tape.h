@@ -6,10 +6,12 @@
 #include <stdint.h>
 
 #include "tables.h"
+#include "tape/vectors.h"
 
 /* A tape bound to its register file; inputs come first. The deferred streams are for outputs that are
  * requested apart; those alone for outputs without the rest, NULL where the tape has none. */
 typedef struct {
+    const lag_vector_kernel *vectors;  /* of the processor */
     const int32_t *prelude, *stream, *deferred[3], *output_subsets[2];
     int32_t *held;                     /* what was evaluated last: all (0), or which alone; and, of the
                                         * dynamics, a lag_factored of its matrix */
@@ -17,8 +19,11 @@ typedef struct {
     const int32_t *outputs;
 } lag_tape;
 
-/* Run a stream on a register file. */
-void lag_stream_run(const int32_t *stream, double *registers);
+/* Run one of a tape's streams. */
+static inline void lag_tape_run(const lag_tape *tape, const int32_t *stream)
+{
+    tape->vectors->run(stream, tape->registers);
+}
 
 /* Set n parameters of a tape; its outputs become invalid. */
 void lag_tape_set(const lag_tape *tape, int n, const double *parameters);

@@ -30,7 +30,7 @@ typedef struct {
 
 extern const lag_vector_kernel lag_vectors_default, lag_vectors_avx2;
 
-/* The functions for this processor. */
-const lag_vector_kernel *lag_vectors(void);
+/* The functions of a lag_kernel. */
+const lag_vector_kernel *lag_vectors(int kernel);
 
 #endif

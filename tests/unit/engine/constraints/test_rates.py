@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from core_parts import run_tape
 from lowered import Lowered, lowered
 
 import lagcli
 from lagcli.engine.constraints.rates import with_rates
-from lagcli.engine.core import binding
 
 MODELS = Path(__file__).parents[4] / "models"
 
@@ -24,9 +24,7 @@ def at(
 ) -> np.ndarray:
     """Return the outputs of the tape with ψ."""
     inputs = [t, *q, *v, *case.p]
-    return np.asarray(
-        binding.run_tape(with_rates(case.system), inputs, output_subset=output_subset)
-    )
+    return np.asarray(run_tape(with_rates(case.system), inputs, output_subset=output_subset))
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from core_parts import solve_contacts, solve_impact
 
 from lagcli.arrays import Array
-from lagcli.engine.core import binding
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
 
 UNILATERAL, LIMITED, FREE = ContactLaw.UNILATERAL, ContactLaw.LIMITED, ContactLaw.FREE
 FORWARD, BACKWARD = ContactLaw.FORWARD, ContactLaw.BACKWARD
@@ -44,7 +44,7 @@ def problem(
 
 def solve(given: ContactProblem) -> tuple[Array, Array, list[int]]:
     """Return the only solution."""
-    [(force, motion, modes)] = binding.solve_contacts(given)
+    [(force, motion, modes)] = solve_contacts(given)
     size = np.abs(force).max() + np.abs(given.offset).max()
     assert given.violation(force, motion) < 1e-12 * size
     return force, motion, list(modes)
@@ -90,11 +90,11 @@ def test_a_block_sticks_if_it_can() -> None:
         given = problem(
             np.eye(2), [-10.0, 3.5], [UNILATERAL, LIMITED], {(1, 0): 0.3}, {(1, 0): 0.4}
         )
-        [(force, motion, modes)] = binding.solve_contacts(given, present)
+        [(force, motion, modes)] = solve_contacts(given, present)
         assert list(modes) == [HOLDS, HOLDS]
         assert force == pytest.approx([10.0, -3.5])
         slides = given._replace(offset=np.array([-10.0, 4.5]))
-        [(force, motion, modes)] = binding.solve_contacts(slides, present)
+        [(force, motion, modes)] = solve_contacts(slides, present)
         assert list(modes) == [HOLDS, SLIPS_FORWARD]
         assert motion[1] == pytest.approx(1.5)
 
@@ -113,13 +113,13 @@ def rod(rate: float, friction: float, law: ContactLaw) -> ContactProblem:
 
 
 def test_painleve_no_motion() -> None:
-    assert binding.solve_contacts(rod(0.0, 1.6, BACKWARD)) == []
+    assert solve_contacts(rod(0.0, 1.6, BACKWARD)) == []
 
 
 def test_painleve_two_motions() -> None:
     """The references of benchmark painleve_rod: it slides, or it opens."""
     given = rod(6.0, 1.6, BACKWARD)
-    solutions = binding.solve_contacts(given)
+    solutions = solve_contacts(given)
     assert len(solutions) == 2
     by_mode = {int(modes[0]): (force, motion) for force, motion, modes in solutions}
     assert by_mode[HOLDS][0][0] == pytest.approx(19.65527949374526816920641, rel=1e-13)
@@ -127,7 +127,7 @@ def test_painleve_two_motions() -> None:
     for force, motion in by_mode.values():
         assert given.violation(force, motion) < 1e-12
     for present in ([HOLDS, SLIPS_BACKWARD], [OPEN, OPEN]):
-        first = binding.solve_contacts(given, present)[0]
+        first = solve_contacts(given, present)[0]
         assert list(first[2]) == present  # the present mode goes first
 
 
@@ -136,7 +136,7 @@ def test_below_the_bound_of_painleve_one_motion() -> None:
     force, _, modes = solve(rod(0.0, 1.33, BACKWARD))
     assert modes == [HOLDS, SLIPS_BACKWARD]
     assert force[0] > 1000.0
-    assert binding.solve_contacts(rod(0.0, 1.34, BACKWARD)) == []
+    assert solve_contacts(rod(0.0, 1.34, BACKWARD)) == []
 
 
 # --- redundant contacts: benchmark box_on_two_corners ---------------------------------------------
@@ -202,7 +202,7 @@ def test_a_plank_on_three_supports() -> None:
 
 def test_forces_that_exceed_their_cones_have_no_share() -> None:
     """A contradiction between redundant bilateral rows has no solution."""
-    assert binding.solve_contacts(problem(np.ones((2, 2)), [1.0, 2.0], [FREE, FREE])) == []
+    assert solve_contacts(problem(np.ones((2, 2)), [1.0, 2.0], [FREE, FREE])) == []
 
 
 # --- limits that depend on bilateral rows, and constant ones --------------------------------------
@@ -221,10 +221,10 @@ def test_guide_with_friction() -> None:
 def test_jamming_in_a_guide() -> None:
     """A rod in a guide whose friction turns it harder into the guide has two answers."""
     matrix = [[1.0, 0.9], [0.9, 1.0]]
-    solutions = binding.solve_contacts(problem(matrix, [-1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
+    solutions = solve_contacts(problem(matrix, [-1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
     # y0 = x0 − 0.9·1.5|x0| − 1 = 0 has no answer; with an offset of the other sign, two
     assert solutions == []
-    solutions = binding.solve_contacts(problem(matrix, [1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
+    solutions = solve_contacts(problem(matrix, [1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
     assert sorted(s[0][0] for s in solutions) == pytest.approx([-1 / 2.35, 1 / 0.35])
 
 
@@ -236,7 +236,7 @@ def test_constant_limit() -> None:
 
 
 def test_no_rows() -> None:
-    assert len(binding.solve_contacts(problem(np.zeros((0, 0)), [], []))) == 1
+    assert len(solve_contacts(problem(np.zeros((0, 0)), [], []))) == 1
 
 
 # --- many contacts: Lemke's method ----------------------------------------------------------------
@@ -286,7 +286,7 @@ ENERGY = 0.5 * np.array([-0.1, -0.2]) @ np.array(
 
 
 def test_kane_levinson_under_poissons_law() -> None:
-    found, impulse, after, loss = binding.solve_impact(*kane_levinson(0.5, 0.7), POISSON)
+    found, impulse, after, loss = solve_impact(*kane_levinson(0.5, 0.7), POISSON)
     assert found == 1
     expected = [0.1288789629522897144735343, 0.02913926649880179502501691]
     assert impulse == pytest.approx(expected, rel=1e-12)
@@ -308,7 +308,7 @@ def test_kane_levinson_gains_energy_under_newtons_law(
 ) -> None:
     """The last three ratios have the digits that the benchmark gives."""
     given = kane_levinson(friction, restitution)
-    found, _, after, loss = binding.solve_impact(*given, NEWTON)
+    found, _, after, loss = solve_impact(*given, NEWTON)
     assert found == 1
     assert after[0] == pytest.approx(-restitution * given[1][0], rel=1e-13)
     tolerance = 1e-12 if friction == 0.5 else 1e-3
@@ -318,9 +318,7 @@ def test_kane_levinson_gains_energy_under_newtons_law(
 @pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
 def test_a_ball_on_the_floor(law: int) -> None:
     """Mass 2: impulse m (1 + e) v; the loss m v² (1 − e²) / 2."""
-    found, impulse, after, loss = binding.solve_impact(
-        [[0.5]], [-3.0], [UNILATERAL], [0.8], [[0.0]], law
-    )
+    found, impulse, after, loss = solve_impact([[0.5]], [-3.0], [UNILATERAL], [0.8], [[0.0]], law)
     assert found == 1
     assert (impulse[0], after[0], loss[0]) == pytest.approx((2 * 1.8 * 3, 2.4, 9 * (1 - 0.64)))
 
@@ -335,7 +333,7 @@ def cradle(balls: int, struck: int, restitution: float) -> tuple[object, ...]:
 
 @pytest.mark.parametrize("struck", [1, 2, 3])
 def test_newtons_cradle_sends_as_many_balls_as_it_is_struck_by(struck: int) -> None:
-    found, _, after, loss = binding.solve_impact(*cradle(5, struck, 1.0), SEQUENTIAL)
+    found, _, after, loss = solve_impact(*cradle(5, struck, 1.0), SEQUENTIAL)
     assert found == 1
     expected = np.diff((np.arange(5) >= 5 - struck).astype(float))
     assert after == pytest.approx(expected, abs=1e-12)
@@ -346,7 +344,7 @@ def test_bilateral_rows_meet_their_equation_by_each_law() -> None:
     """Without a contact that strikes, as where an event engages a constraint: Λ = −A⁻¹ b."""
     matrix, before = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([0.3, 0.8])
     for law in (POISSON, NEWTON, SEQUENTIAL):
-        found, impulse, after, loss = binding.solve_impact(
+        found, impulse, after, loss = solve_impact(
             matrix, before, [FREE, UNILATERAL], [0.0, 0.0], np.zeros((2, 2)), law
         )
         assert found == 1
@@ -359,7 +357,7 @@ def test_bilateral_rows_meet_their_equation_by_each_law() -> None:
 def test_slow_contacts_beside_fast_friction_stop(law: int) -> None:
     """A velocity is small next to those of its own row, not to those of friction."""
     for slow in 10.0 ** -np.arange(1, 14):
-        found, impulse, after, _ = binding.solve_impact(
+        found, impulse, after, _ = solve_impact(
             np.diag([1.6, 0.7]), [-slow, 2.5], [UNILATERAL, LIMITED], [0.0, 0.0],
             [[0.0, 0.0], [0.02, 0.0]], law,
         )  # fmt: skip
@@ -371,7 +369,7 @@ def test_slow_contacts_beside_fast_friction_stop(law: int) -> None:
 def test_simultaneous_laws_do_not_describe_a_cradle() -> None:
     """Poisson's law at e = 1: the struck ball rebounds, and the energy stays."""
     for law in (POISSON, NEWTON):
-        found, impulse, _, loss = binding.solve_impact(*cradle(3, 1, 1.0), law)
+        found, impulse, _, loss = solve_impact(*cradle(3, 1, 1.0), law)
         assert found == 1
         assert loss.sum() == pytest.approx(0.0, abs=1e-14)
         assert 1.0 - impulse[0] < -0.3  # velocity of the struck ball, 1 − Λ₁
@@ -380,7 +378,7 @@ def test_simultaneous_laws_do_not_describe_a_cradle() -> None:
 def test_a_box_lands_on_two_corners() -> None:
     """It lands flat and without restitution: both corners take half of momentum and energy."""
     given = box(0.0, 0.4)
-    found, impulse, after, loss = binding.solve_impact(
+    found, impulse, after, loss = solve_impact(
         given.matrix, [-1.0, -1.0, 0.0, 0.0], given.laws, np.zeros(4), given.kinetic_slopes, POISSON
     )
     assert found == 1
@@ -398,7 +396,7 @@ def test_a_redundant_contact_ends_a_sequence_of_many_impacts() -> None:
         before = rows @ rng.normal(size=2)
         signs = np.where(before > 0.0, -1.0, 1.0)
         rows, before = rows * signs[:, None], before * signs
-        found, _, after, _ = binding.solve_impact(
+        found, _, after, _ = solve_impact(
             rows @ rows.T, before, [UNILATERAL] * 3, [0.9] * 3, np.zeros((3, 3)), SEQUENTIAL
         )
         assert found == 1
@@ -409,7 +407,7 @@ def test_a_sequence_without_end_ends() -> None:
     """In a narrow wedge with restitution 0.9, no energy is gained."""
     angle = math.pi / 20
     rows = np.array([[math.sin(angle), math.cos(angle)], [-math.sin(angle), math.cos(angle)]])
-    found, _, after, loss = binding.solve_impact(
+    found, _, after, loss = solve_impact(
         rows @ rows.T, rows @ [0.3, -1.0], [UNILATERAL] * 2, [0.9] * 2, np.zeros((2, 2)), SEQUENTIAL
     )
     assert found == 1
@@ -451,7 +449,7 @@ def assert_lawful(given: tuple[Array, Array, Array, Array, Array], law: int) -> 
     Newton's law with friction has no solution at times.
     """
     matrix, before, laws, _, _ = given
-    found, impulse, after, loss = binding.solve_impact(*given, law)
+    found, impulse, after, loss = solve_impact(*given, law)
     if law == NEWTON and found == 0:
         return False
     assert found > 0
@@ -487,7 +485,7 @@ def test_random_problems_obey_their_laws() -> None:
         laws = np.where(slips, rng.choice([FORWARD, BACKWARD], len(laws)), laws)
         given = problem(matrix, offset, laws)
         given = given._replace(static_slopes=friction, kinetic_slopes=friction)
-        solutions = binding.solve_contacts(given)
+        solutions = solve_contacts(given)
         counts[len(solutions)] += 1
         for force, motion, _ in solutions:
             size = np.abs(offset).max() + np.abs(matrix).max() * np.abs(force).max()
@@ -517,7 +515,7 @@ def test_the_modes_that_are_tried_first_change_nothing(present: tuple[int, ...])
         {(1, 0): 0.4},
     )
     force, motion, modes = solve(given)
-    [(again, moves, found)] = binding.solve_contacts(given, present)
+    [(again, moves, found)] = solve_contacts(given, present)
     assert list(found) == modes
     np.testing.assert_allclose(again, force, rtol=1e-13)
     np.testing.assert_allclose(moves, motion, atol=1e-13)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from core_parts import share_contacts
 from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from lagcli.arrays import Array, Indices
-from lagcli.engine.core import binding
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
 from lagcli.engine.switching.cones import least_norm_within
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem
 from lagcli.engine.switching.switching import RowMode
 
 UNILATERAL, LIMITED = ContactLaw.UNILATERAL, ContactLaw.LIMITED
@@ -76,7 +76,7 @@ def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
 def test_random_shares(seed: int) -> None:
     """Beside SciPy's linear program, and the forces of least norm of the reference engine."""
     problem, given = random_shares(np.random.default_rng(seed))
-    force, slack, tight = binding.share_contacts(problem, [HOLDS] * len(given), given)
+    force, slack, tight = share_contacts(problem, [HOLDS] * len(given), given)
     size = np.abs(given).max()
     np.testing.assert_allclose(problem.matrix @ force, problem.matrix @ given, atol=1e-9 * size)
     free = null_space(problem.matrix, rcond=1e-9)
@@ -102,7 +102,7 @@ def test_two_feet_of_one_block() -> None:
     friction = np.zeros((4, 4))
     friction[2, 0] = friction[3, 1] = 0.5
     problem = held(jacobian, np.array([1.0, 3.0, 0.8, 0.8]), friction)
-    force, slack, tight = binding.share_contacts(problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8]))
+    force, slack, tight = share_contacts(problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8]))
     np.testing.assert_allclose(force, [1, 3, 0.5, 1.1], rtol=1e-12)
     # 0.5 − x = s, 1.5 − (1.6 − x) = s
     np.testing.assert_allclose(slack, [np.inf, np.inf, 0.2, 0.2], rtol=1e-12)
@@ -112,7 +112,7 @@ def test_two_feet_of_one_block() -> None:
 def test_forces_beyond_what_all_shares_bear() -> None:
     """The slack is then negative: by so much each law is broken at best."""
     problem = held(np.array([[1.0], [1.0]]), np.array([-3.0, 1.0]), np.zeros((2, 2)))
-    force, slack, tight = binding.share_contacts(problem, [HOLDS] * 2, np.array([-3.0, 1.0]))
+    force, slack, tight = share_contacts(problem, [HOLDS] * 2, np.array([-3.0, 1.0]))
     np.testing.assert_allclose(force, [-1, -1], rtol=1e-12)
     np.testing.assert_allclose(slack, [-1, -1], rtol=1e-12)
     assert tight.all()
@@ -120,7 +120,7 @@ def test_forces_beyond_what_all_shares_bear() -> None:
 
 def test_forces_that_are_unique_stay() -> None:
     problem = held(np.eye(2), np.array([2.0, -1.0]), np.zeros((2, 2)))
-    force, slack, tight = binding.share_contacts(problem, [HOLDS] * 2, np.array([2.0, -1.0]))
+    force, slack, tight = share_contacts(problem, [HOLDS] * 2, np.array([2.0, -1.0]))
     assert force.tolist() == [2.0, -1.0]
     assert np.isinf(slack).all()
     assert not tight.any()

@@ -6,10 +6,10 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from core_parts import solve_impact
 from random_impacts import random_impact
 
-from lagcli.engine.core import binding
-from lagcli.engine.switching.problem import ContactProblem
+from lagcli.engine.core.contact_problem import ContactProblem
 from tests.support.contact_problems import contact_motions
 from tests.support.impact_laws import ImpactLaw, ImpactProblem, resolve_impact
 
@@ -30,7 +30,7 @@ def compare(impact: ImpactProblem, law: ImpactLaw) -> bool | None:
     )
     if len(contact_motions(start)) != 1:
         return None
-    found, _, after, loss = binding.solve_impact(*impact, LAWS.index(law))
+    found, _, after, loss = solve_impact(*impact, LAWS.index(law))
     expected = resolve_impact(impact, law)
     if found == 2:
         return None

@@ -8,8 +8,8 @@ import random
 import mpmath
 import numpy as np
 import pytest
+from core_parts import enclosures
 
-from lagcli.engine.core import binding
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
 
@@ -54,7 +54,7 @@ def parabola(builder: Builder, a: float, b: float, c: float) -> int:
 
 
 def enclosed(tape: Tape, low: float, high: float, order: int = ORDER) -> np.ndarray:
-    found: np.ndarray = binding.enclosures(tape, [low], high, order)[0]
+    found: np.ndarray = enclosures(tape, [low], high, order)[0]
     return found
 
 

@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 
 import pytest
-
-from lagcli.engine.core import binding
+from core_parts import bracketed_root, last_digit_root
 
 Function = Callable[[float], float]
 #: Functions that are positive at the first place and negative at the second, and their roots.
@@ -31,7 +30,7 @@ def test_the_function_is_negative_there_and_not_just_before(
         asked.append(x)
         return f(x)
 
-    found = binding.bracketed_root(counted, low, high, exact)
+    found = bracketed_root(counted, low, high, exact)
     assert f(found) < 0
     assert any(found - exact <= x < found and f(x) >= 0 for x in asked)
     assert all(low <= x <= high for x in asked)
@@ -46,14 +45,14 @@ def test_a_smooth_function_takes_few_values() -> None:
         asked.append(x)
         return 2.0 - x * x
 
-    binding.bracketed_root(f, 1.0, 2.0, 1e-14)
+    bracketed_root(f, 1.0, 2.0, 1e-14)
     assert len(asked) <= 20
 
 
 def test_bisection_ends_at_the_last_digit() -> None:
     root = 0.1 + 0.2
-    assert binding.last_digit_root(lambda x: root - x, 0.0, 1.0) == root
-    found = binding.last_digit_root(lambda x: 2.0 - x * x, 1.0, 2.0)
+    assert last_digit_root(lambda x: root - x, 0.0, 1.0) == root
+    found = last_digit_root(lambda x: 2.0 - x * x, 1.0, 2.0)
     assert 2.0 - found * found <= 0
     assert 2.0 - math.nextafter(found, 0.0) ** 2 > 0
 
@@ -67,7 +66,7 @@ def test_an_exception_of_the_function_reaches_the_caller() -> None:
             raise KeyError(x)
         return 1.0 - x
 
-    for find in (lambda: binding.bracketed_root(f, 0.0, 3.0, 1e-12), lambda: last_digit(f)):
+    for find in (lambda: bracketed_root(f, 0.0, 3.0, 1e-12), lambda: last_digit(f)):
         asked.clear()
         with pytest.raises(KeyError):
             find()
@@ -75,5 +74,5 @@ def test_an_exception_of_the_function_reaches_the_caller() -> None:
 
 
 def last_digit(f: Function) -> float:
-    found: float = binding.last_digit_root(f, 0.0, 3.0)
+    found: float = last_digit_root(f, 0.0, 3.0)
     return found

@@ -8,8 +8,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-
-from lagcli.engine.core import binding
+from core_parts import radau5_coefficients, rodas5p_coefficients
 
 Tree = tuple  # of its branches; a leaf has none
 # the coefficients were published with sixteen digits, and are multiplied by some hundred
@@ -53,7 +52,7 @@ class Rosenbrock:
     """Rodas5P in the form of Hairer & Wanner IV.7: k_i with α, Γ and b."""
 
     def __init__(self) -> None:
-        self.gamma, self.c, self.d, a, C, self.h = binding.rodas5p_coefficients()
+        self.gamma, self.c, self.d, a, C, self.h = rodas5p_coefficients()
         s = len(self.c)
         square = np.zeros((s, s))
         square[:, :-1] = a
@@ -133,7 +132,7 @@ def radau_matrix(c: np.ndarray) -> np.ndarray:
 
 
 def test_radau_is_the_collocation_method_of_order_5() -> None:
-    c, t, inverse, (real, pair), _ = binding.radau5_coefficients()
+    c, t, inverse, (real, pair), _ = radau5_coefficients()
     # the nodes are the zeros of d²/dx² (x² (x − 1)³)
     polynomial = np.polynomial.Polynomial([0, 0, 1]) * np.polynomial.Polynomial([-1, 1]) ** 3
     np.testing.assert_allclose(c, sorted(polynomial.deriv(2).roots().real), atol=1e-14)
@@ -150,7 +149,7 @@ def test_radau_is_the_collocation_method_of_order_5() -> None:
 
 
 def test_the_estimate_of_radau_has_order_3() -> None:
-    c, _, _, (real, _), weights = binding.radau5_coefficients()
+    c, _, _, (real, _), weights = radau5_coefficients()
     A = radau_matrix(c)
     # y0' + Σ w_i z_i / h vanishes for solutions of degree 3, z_i = h Σ a_ij y'(c_j)
     for k in range(3):

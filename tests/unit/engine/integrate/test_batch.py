@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from core_parts import batch_sincos
 from integration_requests import changed
 from tape_values import CONTRACTED
 
 import lagcli
 from lagcli.engine.contract import Block, Interrupted
-from lagcli.engine.core import binding
+from lagcli.engine.core.batch import BatchTable
+from lagcli.engine.core.library import KERNEL, PORTABLE
 from lagcli.engine.core.status import LaneStatus
+from lagcli.engine.integrate import batch
 from lagcli.engine.integrate.batch import SampleTape, prepare_batch, run_batch, suits_batch
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.program.program import assemble
@@ -96,14 +99,14 @@ class Runs:
 def core_statuses(monkeypatch):
     """The statuses of the runs in each use of the lanes."""
     found = []
-    original = binding.Batch
+    original = batch.BatchIntegrator
 
     def kept(*arguments):
         lanes = original(*arguments)
         found.append(lanes)
         return lanes
 
-    monkeypatch.setattr(binding, "Batch", kept)
+    monkeypatch.setattr(batch, "BatchIntegrator", kept)
     return lambda: [int(x) for lanes in found for x in lanes.status[:-1]]
 
 
@@ -118,7 +121,7 @@ def test_sine_and_cosine_are_good_to_one_unit_in_the_last_place(portable):
     near = np.arange(-63_000, 63_000, 7) * (np.pi / 2)
     x = np.concatenate([*spread, near, np.nextafter(near, np.inf), np.nextafter(near, -np.inf)])
     with np.errstate(invalid="ignore"):
-        for found, exact in zip(binding.batch_sincos(x, portable), (np.sin, np.cos), strict=True):
+        for found, exact in zip(batch_sincos(x, portable), (np.sin, np.cos), strict=True):
             expected = exact(x.astype(np.longdouble))
             unit = np.spacing(np.abs(expected.astype(float)))
             assert np.abs((found - expected) / unit).max() < 1.0
@@ -127,7 +130,7 @@ def test_sine_and_cosine_are_good_to_one_unit_in_the_last_place(portable):
 @pytest.mark.parametrize("portable", [False, True])
 def test_sine_and_cosine_beyond_the_reduction_are_the_librarys(portable):
     x = np.array([1e5 + 1, -3e7, 1e22, 1e300, np.inf, -np.inf, np.nan, 0.5])
-    sine, cosine = binding.batch_sincos(x, portable)
+    sine, cosine = batch_sincos(x, portable)
     assert list(sine[:4]) == [math.sin(a) for a in x[:4]]
     assert list(cosine[:4]) == [math.cos(a) for a in x[:4]]
     assert np.isnan([sine[4:7], cosine[4:7]]).all()
@@ -146,7 +149,7 @@ def test_every_operation_is_pythons(op, portable):
     tape = Tape(
         3, (), ((int(op), 3, 0, 1 if ARITY[op] > 1 else 0, 2 if ARITY[op] > 2 else 0),), (3,)
     )
-    table = binding.BatchTable(assemble(tape), 3, 0, portable)
+    table = BatchTable(assemble(tape), 3, 0, PORTABLE if portable else KERNEL)
     found = table(rows[None], np.empty((1, 0)))[0, 0]
     expected = np.array([ScalarTape(tape)(row.tolist())[0] for row in rows])
     if op in (Op.SIN, Op.COS):
@@ -271,8 +274,8 @@ def test_what_a_run_gives_does_not_depend_on_its_company(samples):
 def test_every_instruction_set_gives_the_same(monkeypatch):
     runs = slider_cranks(10)
     found = runs()
-    original = binding.Batch
-    monkeypatch.setattr(binding, "Batch", lambda *arguments: original(*arguments, True))
+    original = batch.BatchIntegrator
+    monkeypatch.setattr(batch, "BatchIntegrator", lambda *arguments: original(*arguments, PORTABLE))
     for (one, _), (other, _) in zip(found, runs(), strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -8,9 +8,10 @@ import random
 import numpy as np
 import pytest
 import symengine as se
+from core_parts import run_tape
 from tape_values import assert_same
 
-from lagcli.engine.core import binding
+from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.program.nodes import VECTOR
 from lagcli.engine.program.program import assemble
 from lagcli.engine.program.subprograms import unpacked
@@ -67,7 +68,7 @@ def test_long_tapes_run_on_vectors_and_give_the_same() -> None:
     assert vectors > 10 * singles
     inputs = np.random.default_rng(1).uniform(0.5, 2.0, tape.inputs)
     expected = ScalarTape(tape)(inputs)
-    assert_same(binding.run_tape(tape, inputs, families), expected)
+    assert_same(run_tape(tape, inputs, families), expected)
 
 
 def test_vectors_unpacked_are_the_same_operations() -> None:
@@ -77,7 +78,7 @@ def test_vectors_unpacked_are_the_same_operations() -> None:
     vectors, singles = operations(stream)
     assert (vectors, singles) == (0, sum(operations(program.main)))
     inputs = np.random.default_rng(2).uniform(0.5, 2.0, tape.inputs)
-    table = binding.BatchTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
+    table = BatchTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
     found = table(inputs[None, None], np.empty((1, 0)))[0, :, 0]
     np.testing.assert_allclose(found, ScalarTape(tape)(inputs), rtol=1e-13)
 
@@ -99,7 +100,7 @@ def test_outputs_asked_for_apart_are_found_apart() -> None:
     values = np.random.default_rng(3).normal(size=2 * BODIES)
     s = values[::2] + values[1::2]
     expected = np.concatenate([s, s * s, s * values[::2]])
-    assert_same(binding.run_tape(tape, values, families), expected)
+    assert_same(run_tape(tape, values, families), expected)
     # each part has its own operations alone
     moves = 2 * BODIES
     sizes = [sum(operations(part)) for part in (program.main, *program.deferred)]
@@ -128,8 +129,8 @@ def test_any_order_of_operations_gives_the_same(seed: int) -> None:
     inputs = np.random.default_rng(seed).uniform(-1.0, 1.0, 40)
     with np.errstate(all="ignore"):
         expected = np.array(ScalarTape(tape)(inputs))
-        np.testing.assert_array_equal(binding.run_tape(tape, inputs), expected)
-        output_subsets = binding.run_tape(tape, inputs, output_subset=0)
+        np.testing.assert_array_equal(run_tape(tape, inputs), expected)
+        output_subsets = run_tape(tape, inputs, output_subset=0)
         np.testing.assert_array_equal(output_subsets[list(some)], expected[list(some)])
 
 
@@ -150,9 +151,7 @@ def test_what_is_used_alike_is_brought_side_by_side() -> None:
     sizes = [len(assemble(tape).main) for tape in (isomorphic, apart)]
     assert sizes[0] < 0.9 * sizes[1]
     inputs = np.random.default_rng(5).normal(size=2 * BODIES)
-    np.testing.assert_array_equal(
-        binding.run_tape(isomorphic, inputs), ScalarTape(isomorphic)(inputs)
-    )
+    np.testing.assert_array_equal(run_tape(isomorphic, inputs), ScalarTape(isomorphic)(inputs))
 
 
 def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
@@ -170,7 +169,7 @@ def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
     assert sum(operations(program.main)) == 6 * BODIES + moves
     assert operations(program.output_subsets[1]) == (0, 0)
     values = np.random.default_rng(4).normal(size=4 * BODIES)
-    found = binding.run_tape(tape, values, families, output_subset=0)
+    found = run_tape(tape, values, families, output_subset=0)
     expected = np.array(ScalarTape(tape)(values))
     assert_same(found[list(some)], expected[list(some)])
 
@@ -184,7 +183,7 @@ def test_what_is_asked_for_apart_continues_from_what_is_alone() -> None:
     deferred = range(2 * BODIES, 3 * BODIES)
     tape = tape._replace(deferred=(BODIES,), output_subsets=(tuple(deferred),))
     values = np.random.default_rng(3).normal(size=2 * BODIES)
-    found = binding.run_tape(tape, values, families, output_subset=0)
+    found = run_tape(tape, values, families, output_subset=0)
     expected = np.array(ScalarTape(tape)(values))
     assert_same(found[list(deferred)], expected[list(deferred)])
     program = assemble(tape, families)

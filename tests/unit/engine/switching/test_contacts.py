@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lagcli.arrays import Array
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
 from lagcli.engine.switching.switching import RowMode
 from tests.support.contact_problems import contact_motions, solve_contacts
 

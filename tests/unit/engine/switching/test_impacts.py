@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.problem import ContactLaw
+from lagcli.engine.core.contact_problem import ContactLaw
 from tests.support.impact_laws import ImpactLaw, ImpactProblem, resolve_impact
 from tests.support.random_impacts import random_impact
 

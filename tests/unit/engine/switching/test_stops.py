@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.lowering import lower
 from lagcli.engine.switching import stops
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import SwitchedRow
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.model.loader import load_text

@@ -7,16 +7,12 @@ import random
 import numpy as np
 import pytest
 import symengine as se
+from core_parts import run_tape
 
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ARITY, PLACES, Kind, Op
 from lagcli.engine.tape.tape import Tape
-
-try:
-    from lagcli.engine.core import binding
-except ImportError:
-    binding = None
 
 ON_NUMBERS = [op for op in Op if op.scalar]
 SPECIAL = [0.0, 1.0, -1.0, 0.5, 2.5, float("inf"), -float("inf"), float("nan")]
@@ -36,9 +32,8 @@ def test_all_evaluators_agree(op: Op) -> None:
     expected = [ScalarTape(tape)(row)[0] for row in rows]
     many = run_arrays(tape, np.array(rows).T, len(rows))[0]
     np.testing.assert_allclose(many, expected, rtol=1e-15)
-    if binding:
-        core = [binding.run_tape(tape, row)[0] for row in rows]
-        np.testing.assert_allclose(core, expected, rtol=1e-15)
+    core = [run_tape(tape, row)[0] for row in rows]
+    np.testing.assert_allclose(core, expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize("op", [op for op in Op if op.symbol], ids=lambda op: op.name)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
 
 
 def block_on_incline(slope: float, friction: float) -> ContactProblem:

@@ -1,0 +1,99 @@
+"""The core's library: its place, what it is compiled from, and the fingerprint of that.
+
+The build stores the fingerprint in the library, and `lagcli.engine.core.library` compares it where
+the sources are there; so this module imports only the standard library.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+#: The folder of the core: of its sources, and of its library once that is built.
+CORE = Path(__file__).parent
+_PACKAGE = CORE.parents[1]
+
+#: Headers that `lagcli.engine.core.headers` generates: the modules that it reads are sources.
+GENERATED = ("tables.h", "layout.h")
+
+
+def library_in(folder: Path) -> Path:
+    """Return the path of the library in a folder."""
+    suffix = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
+    return folder / f"liblagcore.{suffix}"
+
+
+def c_files(suffix: str | tuple[str, ...] = ".c") -> list[str]:
+    """Return the paths of the core's files with a suffix, in order."""
+    found = []
+    for folder, _, names in os.walk(CORE):
+        found += [os.path.join(folder, name) for name in names if name.endswith(suffix)]
+    return sorted(found)
+
+
+def _tables() -> list[str]:
+    """Return the paths of the Python modules that the generated headers come from."""
+    paths, waiting = set(), [CORE / "headers.py"]
+    while waiting:
+        path = waiting.pop()
+        if str(path) in paths:
+            continue
+        paths.add(str(path))
+        for module, names in re.findall(
+            r"^from (lagcli\S*) import (.*)$", path.read_text("utf-8"), re.M
+        ):
+            folder = _PACKAGE.parent / module.replace(".", "/")
+            if folder.is_dir():
+                waiting += [folder / f"{name}.py" for name in names.split(", ")]
+            else:
+                waiting.append(folder.with_suffix(".py"))
+    return sorted(paths)
+
+
+def sources_are_here() -> bool:
+    """Return whether the sources are there: wheels do not contain them."""
+    return (CORE / "lagcore.h").exists()
+
+
+def sources() -> list[str]:
+    """Return the paths of all that the library is compiled from, relative to the core."""
+    files = [path for path in c_files((".c", ".h")) if not path.endswith(GENERATED)]
+    return [os.path.relpath(path, CORE) for path in (*files, *_tables())]
+
+
+def fingerprint() -> str:
+    """Return the fingerprint of the sources."""
+    digest = hashlib.sha256()
+    for path in sources():
+        digest.update((CORE / path).read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def record(paths: Iterable[str]) -> str:
+    """Return a line for each source: its path, its size, and the time of its last change.
+
+    The build keeps the record beside the library: while it is true, the sources need not be read.
+    """
+    lines = []
+    for path in paths:
+        found = os.stat(f"{CORE}/{path}")
+        lines.append(f"{path} {found.st_size} {found.st_mtime_ns}")
+    return "\n".join(lines)
+
+
+def record_in(folder: Path) -> Path:
+    """Return the path of the record in a folder."""
+    return folder / "liblagcore.sources"
+
+
+def unchanged() -> bool:
+    """Return whether the record of the last build here is true."""
+    try:
+        known = record_in(CORE).read_text("utf-8")
+        return record(line.rsplit(" ", 2)[0] for line in known.splitlines()) == known
+    except OSError:
+        return False

@@ -1,0 +1,81 @@
+#include "parts.h"
+
+#include <string.h>
+
+#include "linear/ldl.h"
+#include "methods/radau5_tableau.h"
+#include "methods/rodas5p_tableau.h"
+#include "tape/interval.h"
+#include "tape/vectors.h"
+
+void lag_part_run(int kernel, const int32_t *stream, double *registers)
+{
+    lag_vectors(kernel)->run(stream, registers);
+}
+
+int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out)
+{
+    return lag_enclose_program(NULL, program, inputs, high, order, out);
+}
+
+void lag_part_ldl(const lag_elimination *plan, double *diagonal, double *beside, double *lower, double *product,
+                  double *work, double *x)
+{
+    lag_ldl_factor(plan, diagonal, beside, lower, product, work);
+    lag_ldl_solve(plan, diagonal, beside, lower, work, x);
+}
+
+size_t lag_part_contact_memory(int n)
+{
+    return lag_contact_memory(n);
+}
+
+int lag_part_contacts(const lag_contacts *problem, const int *present, void *memory, lag_contact_motion *first,
+                      lag_contact_motion *second)
+{
+    return lag_solve_contacts(problem, present, memory, first, second);
+}
+
+int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack,
+                   int *tight)
+{
+    return lag_share_contacts(problem, mode, memory, force, slack, tight);
+}
+
+size_t lag_part_impact_memory(int n)
+{
+    return lag_impact_memory(n);
+}
+
+int lag_part_impact(const lag_impact *impact, int law, void *memory, lag_impact_result *result)
+{
+    return lag_solve_impact(impact, law, memory, result);
+}
+
+double lag_part_bracketed_root(lag_scalar_function f, void *context, double low, double high, double a, double b,
+                               double exact)
+{
+    return lag_bracketed_root(f, context, low, high, a, b, exact);
+}
+
+double lag_part_last_digit_root(lag_scalar_function f, void *context, double low, double high)
+{
+    return lag_last_digit_root(f, context, low, high);
+}
+
+void lag_part_coefficients(lag_rodas5p_coefficients *rodas5p, lag_radau5_coefficients *radau5)
+{
+    rodas5p->gamma = rodas_gamma;
+    memcpy(rodas5p->c, rodas_c, sizeof rodas_c);
+    memcpy(rodas5p->d, rodas_d, sizeof rodas_d);
+    memcpy(rodas5p->a, rodas_a, sizeof rodas_a);
+    memcpy(rodas5p->C, rodas_C, sizeof rodas_C);
+    memcpy(rodas5p->h, rodas_h, sizeof rodas_h);
+    memcpy(radau5->c, radau_c, sizeof radau_c);
+    memcpy(radau5->t, radau_t, sizeof radau_t);
+    memcpy(radau5->t_inverse, radau_t_inverse, sizeof radau_t_inverse);
+    radau5->real = radau_real;
+    radau5->re = radau_re;
+    radau5->im = radau_im;
+    memcpy(radau5->error, radau_error, sizeof radau_error);
+}

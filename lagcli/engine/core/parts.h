@@ -1,0 +1,52 @@
+/*
+ * Parts of the core by themselves, for its tests: the library exports them too, but they are not part of the
+ * interface. Each has the arguments of the function that it calls.
+ */
+#ifndef LAGCLI_PARTS_H
+#define LAGCLI_PARTS_H
+
+#include "contact/contact.h"
+#include "lagcore.h"
+#include "roots.h"
+
+#if defined(__GNUC__)
+#pragma GCC visibility push(default)
+#endif
+
+/* Run a stream on a register file by a lag_kernel. */
+void lag_part_run(int kernel, const int32_t *stream, double *registers);
+
+int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out);
+
+/* Factor a sparse symmetric matrix and solve with it: see linear/ldl.h. */
+void lag_part_ldl(const lag_elimination *plan, double *diagonal, double *beside, double *lower, double *product,
+                  double *work, double *x);
+
+size_t lag_part_contact_memory(int n);
+int lag_part_contacts(const lag_contacts *problem, const int *present, void *memory, lag_contact_motion *first,
+                      lag_contact_motion *second);
+int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack,
+                   int *tight);
+size_t lag_part_impact_memory(int n);
+int lag_part_impact(const lag_impact *impact, int law, void *memory, lag_impact_result *result);
+
+double lag_part_bracketed_root(lag_scalar_function f, void *context, double low, double high, double a, double b,
+                               double exact);
+double lag_part_last_digit_root(lag_scalar_function f, void *context, double low, double high);
+
+/* The coefficients of methods/rodas5p_tableau.h and methods/radau5_tableau.h. */
+typedef struct {
+    double gamma, c[8], d[8], a[8][7], C[8][7], h[3][8];
+} lag_rodas5p_coefficients;
+
+typedef struct {
+    double c[3], t[3][3], t_inverse[3][3], real, re, im, error[3];
+} lag_radau5_coefficients;
+
+void lag_part_coefficients(lag_rodas5p_coefficients *rodas5p, lag_radau5_coefficients *radau5);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
+
+#endif

@@ -1,0 +1,400 @@
+"""A run of the core: Python's objects to and from `lagcore.h`, no mathematics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from ctypes import byref, c_char_p, c_double, c_int, c_int64, c_void_p
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.core.library import KERNEL, Functions, check
+from lagcli.engine.core.structures import (
+    Arguments,
+    Doubles,
+    address,
+    copied,
+    lag_function,
+    lag_jacobians,
+    lag_pivots,
+    lag_report,
+    lag_series_program,
+    lag_settings,
+)
+from lagcli.engine.layout import Counts, SampleLayout
+from lagcli.engine.program.program import Program, assemble
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from lagcli.engine.linear.elimination import Elimination
+    from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
+    from lagcli.engine.system import JacobianTapes, System
+    from lagcli.engine.taylor.series import SeriesProgram
+
+
+core = Functions(
+    {
+        "lag_method_at": (c_void_p, c_int),
+        "lag_method_name": (c_char_p, c_void_p),
+        "lag_create": (c_void_p, c_void_p, c_void_p, c_void_p),
+        "lag_destroy": (None, c_void_p),
+        "lag_use_dense": (c_int, c_void_p, c_void_p),
+        "lag_use_elimination": (c_int, c_void_p, c_void_p, c_void_p),
+        "lag_use_unrolled": (c_int, c_void_p, c_void_p),
+        "lag_allow_dense": (c_int, c_void_p, c_int64),
+        "lag_use_series": (c_int, c_void_p, c_void_p),
+        "lag_use_jacobians": (c_int, c_void_p, c_void_p),
+        "lag_matrix": (Doubles, c_void_p),
+        "lag_use_pivots": (c_int, c_void_p, c_void_p),
+        "lag_use_tangent": (c_int, c_void_p, c_void_p, c_int, c_int),
+        "lag_use_explicit_time": (c_int, c_void_p, c_void_p),
+        "lag_use_breaks": (c_int, c_void_p, c_void_p, c_int64),
+        "lag_use_functions": (c_int, c_void_p, c_void_p, c_int),
+        "lag_switch": (c_int, c_void_p, c_void_p),
+        "lag_start": (c_int, c_void_p),
+        "lag_advance": (c_int, c_void_p, c_int64),
+        "lag_sample_until": (c_int, c_void_p, c_double),
+        "lag_take": (c_int64, c_void_p),
+        "lag_dense": (None, c_void_p, c_double, c_void_p),
+        "lag_limit": (None, c_void_p, c_double),
+        "lag_move": (None, c_void_p, c_double, c_void_p, c_int64),
+        "lag_sizes_again": (c_int, c_void_p),
+        "lag_report_of": (lag_report, c_void_p),
+        "lag_coefficients": (c_int, c_void_p, c_void_p),
+    }
+)
+
+
+def _methods() -> tuple[str, ...]:
+    names: list[str] = []
+    while method := core.lag_method_at(len(names)):
+        names.append(core.lag_method_name(method).decode())
+    return tuple(names)
+
+
+#: The methods of the core, DOP853 first.
+METHODS = _methods()
+
+
+class Integrator:
+    """Steps with projection on a System; see core/run.h.
+
+    Parameters
+    ----------
+    system : System
+    constraint : Program
+        Of ``system.constraint``.
+    settings : dict
+        The fields of `lag_settings`, by their names there. ``parameters`` are the values of all
+        parameters of the System; after q, v and W, ``y`` has the derivatives of q and v in
+        ``directions``. The number of times, the block and the kernel are added here.
+
+    Attributes
+    ----------
+    block : (block_rows, width) array
+        Samples that the core has written.
+    """
+
+    _run: int | None = None
+
+    def __init__(self, system: System, constraint: Program, settings: dict[str, Any]):
+        given = Arguments()
+        equations = given.equations(system, constraint)
+        self._system = system
+        self._nq, self._nc = equations.nq, equations.nc
+        self._n = 2 * self._nq + 1
+        width = SampleLayout(Counts(self._nq, self._nc)).size + settings["extra"]
+        width += settings["directions"] * (3 * self._nq + self._nc + settings["extra"])
+        self.block = np.empty((settings["block_rows"], width))
+        values = settings | {
+            "parameters": system.held_at(settings["t_start"], settings["parameters"]),
+            "times_count": np.size(settings["times"]),
+            "block": self.block,
+            "kernel": KERNEL,
+        }
+        self._times: int = values["times_count"]
+        record = given.filled(lag_settings, **values)
+        self._run = core.lag_create(None, byref(equations), byref(record))
+        check(not self._run)
+        self._use_functions(system)
+
+    # the function is at hand also while the interpreter ends
+    def __del__(self, destroy: Any = core.lag_destroy) -> None:
+        if self._run:
+            destroy(self._run)
+
+    def _use_functions(self, system: System) -> None:
+        functions = system.functions.functions
+        if not functions:
+            return
+        given, places = Arguments(), system.functions.places()
+        records = (lag_function * len(functions))(
+            *(
+                given.filled(
+                    lag_function,
+                    first=len(system.parameters) + places[f.name][0],
+                    degree=f.degree,
+                    count=len(f.knots),
+                    knots=f.knots,
+                    origins=f.origins,
+                    coefficients=f.coefficients,
+                    period=f.period,
+                )
+                for f in functions
+            )
+        )
+        self._tables = given  # the core copies none of their numbers
+        check(core.lag_use_functions(self._run, records, len(functions)))
+
+    def _use(self, function: Callable[..., int], program: Program, *arguments: int) -> None:
+        """Call a function of the core with a program."""
+        given = Arguments()
+        check(function(self._run, byref(given.program(program)), *arguments))
+
+    def use_tangent(self, tangent: Program, blocks: int, complete: bool) -> None:
+        """Say that the System is the motion and its derivatives, in blocks; before the dynamics.
+
+        Parameters
+        ----------
+        tangent : Program
+            Of ``system.tangent.tape``.
+        blocks, complete
+            As in ``system.tangent``.
+        """
+        self._use(core.lag_use_tangent, tangent, blocks, complete)
+
+    def use_dense(self, dynamics: Program) -> None:
+        """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""
+        self._use(core.lag_use_dense, dynamics)
+
+    def use_elimination(self, dynamics: Program, plan: Elimination, unrolled: bool) -> None:
+        """Solve for a and λ by a static elimination.
+
+        Parameters
+        ----------
+        dynamics : Program
+            Of the System's tape.
+        plan : Elimination
+        unrolled : bool
+            Whether it is appended to the tape.
+        """
+        if unrolled:
+            self._use(core.lag_use_unrolled, dynamics)
+            return
+        motion = self._system.motion
+        # an entry of B stands in the matrix twice; one of them in the half that is stored
+        entries, nq = motion.jacobian_pattern, len(motion.coordinates)
+        lower = plan.targets([(nq + i, j) for i, j in entries])
+        upper = plan.targets([(j, nq + i) for i, j in entries])
+        given = Arguments()
+        elimination = given.elimination(
+            plan, plan.targets(motion.mass_pattern), np.maximum(lower, upper)
+        )
+        program = given.program(dynamics)
+        check(core.lag_use_elimination(self._run, byref(program), byref(elimination)))
+
+    def use_series(self, program: SeriesProgram) -> None:
+        """Allow Taylor's method.
+
+        Parameters
+        ----------
+        program : SeriesProgram
+            Of the dynamics that are used.
+        """
+        given = Arguments()
+        record = given.filled(
+            lag_series_program,
+            values=assemble(program.values),
+            stream=program.stream,
+            convolutions=program.convolutions,
+            order=program.order,
+            invariant=program.invariant,
+            numbers=program.numbers,
+            begins=program.begins,
+            begin_count=len(program.begins),
+            origin=program.origin,
+            layer=program.layer,
+            state=program.state,
+            size=program.size,
+        )
+        self._series_order = program.order
+        check(core.lag_use_series(self._run, byref(record)))
+
+    def series(self) -> Array:
+        """Return the Taylor coefficients of y = (q, v, W) here, (n, order + 1); NaN without any."""
+        coefficients = np.empty((self._n, self._series_order + 1))
+        if core.lag_coefficients(self._run, address(coefficients)):
+            coefficients[:] = np.nan
+        return coefficients
+
+    def allow_dense(self, steps: int) -> None:
+        """Take the next steps by the dense solution, whatever is used otherwise."""
+        check(core.lag_allow_dense(self._run, steps))
+
+    def size_again(self) -> int:
+        """Update the sizes of the terms of accelerations, after the linear solution has changed."""
+        status: int = core.lag_sizes_again(self._run)
+        return status
+
+    def prepare(self, variation: JacobianTapes, pattern: MatrixPattern) -> None:
+        """Allow implicit methods: take the derivatives and the pattern of their matrix.
+
+        Parameters
+        ----------
+        variation : JacobianTapes
+        pattern : MatrixPattern
+        """
+        given = Arguments()
+        record = given.filled(
+            lag_jacobians,
+            program=assemble(variation.tape),
+            force_position=self._flat(variation.force_position),
+            force_velocity=self._flat(variation.force_velocity),
+            rhs_position=self._flat(variation.rhs_position),
+            rhs_velocity=self._flat(variation.rhs_velocity),
+            power_position=variation.power_position,
+            power_velocity=variation.power_velocity,
+            n=len(pattern.start) - 1,
+            start=pattern.start,
+            columns=pattern.columns,
+            parts=pattern.parts,
+            parts_count=len(pattern.parts),
+        )
+        self._pattern = pattern
+        check(core.lag_use_jacobians(self._run, byref(record)))
+
+    def _flat(self, places: Sequence[tuple[int, int]]) -> list[int]:
+        return [i * self._nq + j for i, j in places]
+
+    def resolve_time(self, program: Program) -> None:
+        """Limit steps so that they resolve functions that depend on t explicitly: their program."""
+        self._use(core.lag_use_explicit_time, program)
+
+    def end_steps_at(self, times: ArrayLike) -> None:
+        """End steps at times, which increase: the right side is not smooth there."""
+        given = Arguments()
+        check(core.lag_use_breaks(self._run, given.doubles(times), np.size(times)))
+
+    def switch(self, method: str) -> int:
+        """Go on with a method of `METHODS`; an implicit one must be prepared."""
+        status: int = core.lag_switch(self._run, core.lag_method_at(METHODS.index(method)))
+        return status
+
+    def order(self, choose: Callable[[MatrixPattern, Array], PivotOrder | None]) -> None:
+        """Let ``choose(pattern, values)`` find an order of pivots for the matrix at hand."""
+        pattern = self._pattern
+        chosen = choose(pattern, copied(core.lag_matrix(self._run), len(pattern.columns)))
+        given, record = Arguments(), lag_pivots()
+        if chosen is not None:
+            record = given.filled(
+                lag_pivots,
+                n=len(chosen.row),
+                row=chosen.row,
+                column=chosen.column,
+                start=chosen.start,
+                columns=chosen.columns,
+                diagonal=chosen.diagonal,
+                places=chosen.places,
+            )
+        check(core.lag_use_pivots(self._run, byref(record)))
+
+    def start(self) -> int:
+        """Prepare the first step; sample what lies at the start."""
+        status: int = core.lag_start(self._run)
+        return status
+
+    def advance(self, slice_: int) -> int:
+        """Take at most ``slice_`` steps."""
+        status: int = core.lag_advance(self._run, slice_)
+        return status
+
+    def sample_until(self, end: float) -> int:
+        """Sample the last step up to a time."""
+        status: int = core.lag_sample_until(self._run, end)
+        return status
+
+    def dense(self, t: float) -> Array:
+        """Return the last step's state at a time in it."""
+        y = np.empty(self._n)
+        core.lag_dense(self._run, t, address(y))
+        return y
+
+    def take(self) -> Array:
+        """Return the samples since the last call."""
+        rows = self.block[: core.lag_take(self._run)]
+        return rows.copy() if self.times_next < self._times else rows  # more are to come
+
+    def limit(self, h_max: float) -> None:
+        """Set the largest step, s."""
+        core.lag_limit(self._run, h_max)
+
+    def move(self, t: float, y: ArrayLike, times_next: int) -> None:
+        """Go on from another state; `start` must follow."""
+        given = Arguments()
+        core.lag_move(self._run, t, given.doubles(y), times_next)
+
+    @property
+    def _report(self) -> Any:
+        return core.lag_report_of(self._run)
+
+    @property
+    def t(self) -> float:
+        """Time reached, s."""
+        t: float = self._report.t
+        return t
+
+    @property
+    def state(self) -> Array:
+        """(q, v, W) there."""
+        return copied(self._report.y, self._n)
+
+    @property
+    def absolute_tolerances(self) -> Array:
+        """The absolute tolerances of q, v and W now."""
+        return copied(self._report.atol, self._n)
+
+    @property
+    def step(self) -> tuple[float, float]:
+        """Start and end of the last step, s."""
+        report = self._report
+        return report.t_old, report.t
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Steps, rejected steps, evaluations."""
+        report = self._report
+        return report.steps, report.rejected, report.evaluations
+
+    @property
+    def lengths(self) -> Array:
+        """The largest lengths that the rows of B times sizes have had, (nc,)."""
+        return copied(self._report.lengths, self._nc)
+
+    @property
+    def times_next(self) -> int:
+        """Index of the next sample time."""
+        index: int = self._report.times_next
+        return index
+
+    @property
+    def t_bad(self) -> float:
+        """Time at which the equations had no finite value."""
+        t: float = self._report.t_bad
+        return t
+
+    @property
+    def y_bad(self) -> Array:
+        """The state there."""
+        return copied(self._report.y_bad, self._n)
+
+    @property
+    def sample_width(self) -> int:
+        """Numbers in a row of samples."""
+        return SampleLayout(Counts(self._nq, self._nc)).size
+
+    @property
+    def handle(self) -> int | None:
+        """Address of the run."""
+        return self._run

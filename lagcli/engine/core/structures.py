@@ -1,0 +1,299 @@
+"""Structures of `lagcore.h` and `lagbatch.h`, and how they are filled.
+
+Structures and fields have their names and order in C, where each is explained. A pointer is to
+numbers of 8 bytes (`Doubles`) or to integers of 4 (`Integers`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_char, c_double, c_int, c_int64, c_void_p
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from lagcli.arrays import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from lagcli.engine.linear.elimination import Elimination
+    from lagcli.engine.program.program import Program
+    from lagcli.engine.system import System
+
+
+class Doubles(c_void_p):
+    """A pointer to numbers."""
+
+
+class Integers(c_void_p):
+    """A pointer to integers."""
+
+
+class Structure(ctypes.Structure):
+    """A structure of C; its fields have no types here."""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+def each(kind: Any, names: str) -> list[tuple[str, Any]]:
+    """Return fields of one type."""
+    return [(name, kind) for name in names.split()]
+
+
+class lag_stream(Structure):
+    """A sequence of operations."""
+
+    _fields_ = [("code", Integers), ("length", c_int64)]
+
+
+class lag_program(Structure):
+    """A function as operations on a register file."""
+
+    _fields_ = [
+        *each(lag_stream, "prelude main"),
+        ("deferred", lag_stream * 3),
+        ("output_subsets", lag_stream * 2),
+        ("inputs", c_int),
+        ("registers", Doubles),
+        ("register_count", c_int64),
+        ("outputs", Integers),
+        ("output_count", c_int64),
+    ]
+
+
+class lag_equations(Structure):
+    """The sizes and the sparsity of the equations."""
+
+    _fields_ = [
+        *each(c_int, "nq nc nh np"),
+        ("holonomic", Integers),
+        *each(c_int, "nm nb"),
+        *each(Integers, "mass_row mass_column jacobian_row jacobian_column unit"),
+        ("constraint", lag_program),
+    ]
+
+
+class lag_settings(Structure):
+    """The settings of a run."""
+
+    _fields_ = [
+        *each(c_double, "t_start t_end h_max"),
+        *each(Doubles, "y parameters"),
+        ("rtol", c_double),
+        ("atol", Doubles),
+        ("kind", Integers),
+        ("rank", c_int),
+        *each(Doubles, "sizes lengths plain_lengths"),
+        *each(c_int, "projecting baumgarte"),
+        *each(c_double, "alpha beta"),
+        *each(c_int, "watching detecting refinable"),
+        ("times", Doubles),
+        ("times_count", c_int64),
+        ("block", Doubles),
+        ("block_rows", c_int64),
+        *each(c_int, "extra directions kernel"),
+    ]
+
+
+class lag_elimination(Structure):
+    """An order of elimination."""
+
+    _fields_ = [
+        ("n", c_int),
+        *each(Integers, "order paired start row left_start left_column left_entry"),
+        *each(Integers, "mass_targets jacobian_targets"),
+    ]
+
+
+class lag_series_program(Structure):
+    """A program for Taylor coefficients."""
+
+    _fields_ = [
+        ("values", lag_program),
+        ("stream", lag_stream),
+        *each(c_int, "convolutions order invariant numbers"),
+        ("begins", Integers),
+        *each(c_int, "begin_count origin layer"),
+        ("state", Integers),
+        ("size", c_int64),
+    ]
+
+
+class lag_block(Structure):
+    """A sparse block of derivatives."""
+
+    _fields_ = [("count", c_int), ("places", Integers)]
+
+
+class lag_jacobians(Structure):
+    """The derivatives that implicit methods need."""
+
+    _fields_ = [
+        ("program", lag_program),
+        *each(lag_block, "force_position force_velocity rhs_position rhs_velocity"),
+        *each(lag_block, "power_position power_velocity"),
+        ("n", c_int),
+        *each(Integers, "start columns parts"),
+        ("parts_count", c_int64),
+    ]
+
+
+class lag_pivots(Structure):
+    """Sparse LU with a known order of pivots."""
+
+    _fields_ = [("n", c_int), *each(Integers, "row column start columns diagonal places")]
+
+
+class lag_function(Structure):
+    """A known function of time in pieces."""
+
+    _fields_ = [
+        *each(c_int, "first degree"),
+        ("count", c_int64),
+        *each(Doubles, "knots origins coefficients"),
+        ("period", c_double),
+    ]
+
+
+class lag_report(Structure):
+    """The state of a run."""
+
+    _fields_ = [
+        *each(c_double, "t_old t"),
+        *each(Doubles, "y atol lengths"),
+        *each(c_int64, "steps rejected evaluations times_next"),
+        ("t_bad", c_double),
+        ("y_bad", Doubles),
+    ]
+
+
+_S = TypeVar("_S", bound=Structure)
+
+
+def address(array: np.ndarray[Any, Any]) -> int:
+    """Return where an array begins, which must live as long as the address is used."""
+    if array.size and array.flags.writeable and array.flags.c_contiguous:
+        # a third of the time of the attribute
+        return ctypes.addressof(c_char.from_buffer(array))  # type: ignore[arg-type]
+    return array.ctypes.data
+
+
+def copied(pointer: Doubles, count: int) -> Array:
+    """Return a copy of the core's numbers."""
+    if not count:
+        return np.empty(0)
+    return np.array((c_double * count).from_address(pointer.value or 0))
+
+
+def listed(pointer: Integers, count: int) -> list[int]:
+    """Return the core's integers."""
+    return (c_int * count).from_address(pointer.value or 0)[:] if count else []
+
+
+class Arguments:
+    """What the core is given for the time of a call: structures that point into arrays."""
+
+    def __init__(self) -> None:
+        self.arrays: list[Any] = []
+
+    # a pointer is never NULL, also to nothing: C forbids that even for copies of no bytes
+
+    def doubles(self, values: ArrayLike) -> int:
+        """Return the address of numbers."""
+        array = np.ascontiguousarray(values, dtype=float)
+        self.arrays.append(array)
+        return address(array)
+
+    def integers(self, values: ArrayLike) -> int:
+        """Return the address of integers."""
+        array = np.ascontiguousarray(values, dtype=np.int32)
+        self.arrays.append(array)
+        return address(array)
+
+    def stream(self, code: Any) -> lag_stream:
+        """Return a stream of operations."""
+        return lag_stream(self.integers(code), len(code))
+
+    def program(self, program: Program) -> lag_program:
+        """Return a program."""
+        made = lag_program(
+            prelude=self.stream(program.prelude),
+            main=self.stream(program.main),
+            inputs=program.inputs,
+            registers=self.doubles(program.registers),
+            register_count=len(program.registers),
+            outputs=self.integers(program.outputs),
+            output_count=len(program.outputs),
+        )
+        for i, code in enumerate(program.deferred):
+            made.deferred[i] = self.stream(code)
+        for i, code in enumerate(program.output_subsets):
+            made.output_subsets[i] = self.stream(code)
+        return made
+
+    def filled(self, structure: type[_S], /, **values: Any) -> _S:
+        """Return a structure from the values of all its fields.
+
+        Arrays and lists become pointers, programs become structures; None is NULL.
+        """
+        made = structure()
+        for name, of in structure._fields_:  # type: ignore[misc]
+            value = values.pop(name)
+            if value is None or of is c_void_p:
+                pass
+            elif of is Doubles:
+                value = self.doubles(value)
+            elif of is Integers:
+                value = self.integers(value)
+            elif of is lag_program:
+                value = self.program(value)
+            elif of is lag_stream:
+                value = self.stream(value)
+            elif of is lag_block:
+                value = lag_block(len(value), self.integers(value))
+            setattr(made, name, value)
+        if values:
+            raise TypeError(f"{structure.__name__} has no {', '.join(values)}")
+        return made
+
+    def equations(self, system: System, constraint: Program) -> lag_equations:
+        """Return the sizes and the sparsity of a System."""
+        first = {j: group[0] for group in system.same_unit for j in group}
+        return self.filled(
+            lag_equations,
+            nq=len(system.coordinates),
+            nc=len(system.constraints),
+            nh=len(system.holonomic),
+            np=system.held,
+            holonomic=system.holonomic,
+            nm=len(system.mass_pattern),
+            nb=len(system.jacobian_pattern),
+            mass_row=[i for i, _ in system.mass_pattern],
+            mass_column=[j for _, j in system.mass_pattern],
+            jacobian_row=[i for i, _ in system.jacobian_pattern],
+            jacobian_column=[j for _, j in system.jacobian_pattern],
+            unit=[first.get(j, j) for j in range(len(system.coordinates))],
+            constraint=constraint,
+        )
+
+    def elimination(
+        self, plan: Elimination, mass_targets: Any = None, jacobian_targets: Any = None
+    ) -> lag_elimination:
+        """Return an order of elimination, and where the entries of M and B go."""
+        left_start, left_column, left_entry = plan.left
+        return self.filled(
+            lag_elimination,
+            n=len(plan.order),
+            order=plan.order,
+            paired=plan.paired,
+            start=plan.starts,
+            row=[i for column in plan.columns for i in column],
+            left_start=left_start,
+            left_column=left_column,
+            left_entry=left_entry,
+            mass_targets=mass_targets,
+            jacobian_targets=jacobian_targets,
+        )

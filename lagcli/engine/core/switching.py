@@ -1,0 +1,492 @@
+"""Runs of the core whose constraints switch; engine/switching/switching.py."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import byref, c_double, c_int, c_int64, c_void_p
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
+from lagcli.engine.core.library import Functions, check
+from lagcli.engine.core.run import Integrator
+from lagcli.engine.core.structures import (
+    Arguments,
+    Doubles,
+    Integers,
+    Structure,
+    address,
+    copied,
+    each,
+    lag_program,
+    listed,
+)
+from lagcli.engine.program.program import Program, assemble
+from lagcli.engine.tape.tape import Tape
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from lagcli.engine.sensitivity.directional_programs import DirectionalPrograms
+    from lagcli.engine.switching.clocks import Ticks
+    from lagcli.engine.switching.kinks import FrozenSystem
+    from lagcli.engine.switching.splitting import SplitSystem
+
+
+class lag_switching_rules(Structure):
+    """Rows of constraints that do not always hold, and what else switches."""
+
+    _fields_ = (
+        *each(c_int, "rows exported nc"),
+        *each(Integers, "constraint base law limit normal place"),
+        ("sign", Doubles),
+        *each(Integers, "active friction restitution"),
+        *each(c_int, "nb nh"),
+        *each(Integers, "row column"),
+        *each(lag_program, "functions gaps limits"),
+        *each(c_int, "nl pattern_count"),
+        *each(Integers, "pattern_limit pattern_row"),
+        ("impact", lag_program),
+        *each(c_int, "nf force_count"),
+        *each(Integers, "force_coordinate force_row force_constraint"),
+        ("forces", lag_program),
+        *each(c_int, "conditions force_conditions"),
+        *each(lag_program, "condition_functions force_condition_functions"),
+        *each(Integers, "either time"),
+        ("clocks", c_int),
+        ("ticks", Doubles),
+        *each(Integers, "most reported"),
+        *each(c_int, "kinks first_branch"),
+        *each(Integers, "whole of_time"),
+        ("kink_functions", lag_program),
+        ("law_of_impact", c_int),
+        ("closed", c_double),
+        ("log", Doubles),
+        ("log_rows", c_int64),
+    )
+
+
+class lag_instant_report(Structure):
+    """An instant at which something switches."""
+
+    _fields_ = (
+        ("t", c_double),
+        ("y", Doubles),
+        *each(Integers, "mode active"),
+        *each(Doubles, "gap speed force"),
+        ("gained", c_double),
+        *each(c_int, "rubbed alike"),
+        ("takes_part", Integers),
+        ("margin", c_double),
+        *each(c_int, "found begun"),
+        ("first_mode", Integers),
+        *each(Doubles, "before a multipliers"),
+        *each(c_int64, "crossed slid"),
+        ("kinks", Integers),
+        ("branches", Doubles),
+        *each(c_int, "undetermined which"),
+    )
+
+
+class lag_contact_report(Structure):
+    """A contact problem and its solutions."""
+
+    _fields_ = (
+        ("n", c_int),
+        *each(Integers, "row law"),
+        *each(Doubles, "matrix offset static_limit static_slope kinetic_limit kinetic_slope"),
+        *each(Doubles * 2, "force motion"),
+        ("mode", Integers * 2),
+    )
+
+
+class lag_directions(Structure):
+    """Derivatives of a motion that switches."""
+
+    _fields_ = (
+        ("parameters", c_int),
+        ("p", Doubles),
+        ("decides", Integers),
+        *each(lag_program, "dynamics constraint functions limits impact forces"),
+        *each(lag_program, "conditions force_conditions kinks kink_rates"),
+    )
+
+
+class lag_loss_report(Structure):
+    """Why a direction has no derivatives."""
+
+    _fields_ = (
+        *each(c_int, "lost reason count"),
+        ("t", c_double),
+        *each(Integers, "what which"),
+    )
+
+
+core = Functions(
+    {
+        "lag_use_switching": (c_int, c_void_p, c_void_p),
+        "lag_instant_of": (lag_instant_report, c_void_p),
+        "lag_contacts_of": (lag_contact_report, c_void_p),
+        "lag_condition_happened": (c_int, c_void_p, c_int),
+        "lag_condition_holds": (c_int, c_void_p, c_int),
+        "lag_clock_ticks": (c_int, c_void_p, c_int),
+        "lag_next_tick": (c_double, c_void_p),
+        "lag_gap_of_none": (c_double, c_void_p, c_int),
+        "lag_place": (None, c_void_p, c_void_p),
+        "lag_activate": (None, c_void_p, c_int, c_int),
+        "lag_set_parameters": (None, c_void_p, c_void_p),
+        "lag_push": (c_int, c_void_p, c_void_p, c_void_p),
+        "lag_take_log": (c_int64, c_void_p),
+        "lag_use_directions": (c_int, c_void_p, c_void_p),
+        "lag_loss_of": (lag_loss_report, c_void_p, c_int),
+        "lag_read_changes": (c_int, c_void_p, c_void_p, c_void_p, c_void_p),
+        "lag_change_of_time": (Doubles, c_void_p, c_int),
+        "lag_set_changes": (None, c_void_p, c_void_p, c_void_p),
+        "lag_sample_here": (c_int, c_void_p, c_void_p),
+    }
+)
+
+#: Changes of a row at which a run may stop, in the order of lag_switching_rules.reported.
+_CHANGES = ("closes", "opens", "slips", "sticks", "impacts")
+
+
+class SwitchingIntegrator(Integrator):
+    """Steps with projection on a System whose rows switch.
+
+    Parameters
+    ----------
+    split : SplitSystem
+    frozen : FrozenSystem or None
+        Where the System has kinks: what ``split`` is of.
+    constraint, settings
+        Of `Integrator`, for ``split.fixed``, with the rows of ``split`` as extra numbers.
+    impacts : int
+        The law of impacts, counted as in core/contact/contact.h.
+    closed : float
+        The gap that counts as none.
+    log_rows : int
+        Entries of the log that are kept before they are passed on.
+    clocks : sequence of (Ticks, int)
+        Clocks of events, and the largest number of their ticks, 0 without a limit.
+    """
+
+    def __init__(
+        self,
+        split: SplitSystem,
+        frozen: FrozenSystem | None,
+        constraint: Program,
+        settings: dict[str, Any],
+        *,
+        impacts: int,
+        closed: float,
+        log_rows: int,
+        clocks: Sequence[tuple[Ticks, int]],
+    ):
+        super().__init__(split.fixed, constraint, settings)
+        self._directions = settings["directions"]
+        given = Arguments()
+        system, switching, pattern = split.system, split.switching, split.pattern
+        empty = assemble(Tape(system.dynamics.inputs, (), (), (), system.dynamics.parameters))
+
+        def program(tape: Tape | None, wanted: Any = True) -> Program:
+            return split.program(tape) if tape and wanted else empty
+
+        rows, extra = switching.rows, len(split.rows) - len(switching.rows)
+        place = {constraint: i for i, constraint in enumerate(split.rows)}
+        self._split, self._rows = split, len(split.rows)
+        laws = [
+            ContactLaw.UNILATERAL
+            if row.sign
+            else ContactLaw.FREE
+            if row.limit is None
+            else ContactLaw.LIMITED
+            for row in rows
+        ]
+        contacts = [i for i, x in enumerate(rows) if x.sign]
+        limited = [i for i, x in enumerate(rows) if x.limit is not None]
+        holonomic = sum(i >= 0 for i in split.places)
+        limits, limit_pattern = switching.limits, switching.limit_pattern
+        conditions, force_conditions = system.events, switching.force_conditions
+        counts = [len(x.outputs) if x else 0 for x in (conditions, force_conditions)]
+        self._conditions, self._clocks = sum(counts), len(clocks)
+        either = {rule.condition for rule in switching.events if rule.either}
+        times = [*switching.condition_times, *[False] * self._conditions]
+        reported = np.zeros((self._rows, len(_CHANGES)), dtype=np.int32)
+        for rule in switching.events:
+            if rule.change is not None:
+                reported[place[rule.change[0]], _CHANGES.index(rule.change[1])] = 1
+        kinks = frozen.kinks if frozen else ()
+        self._kinks, self._first_branch = len(kinks), len(system.parameters) - len(kinks)
+        width = 6 + len(rows) + 3 * self._nq + len(system.constraints) + self._directions
+        self._log = np.empty((max(log_rows, 8 * self._rows + 8), width))
+        record = given.filled(
+            lag_switching_rules,
+            rows=self._rows,
+            exported=len(rows),
+            nc=len(system.constraints),
+            constraint=split.rows,
+            base=split.base,
+            law=[*laws, *[ContactLaw.FREE] * extra],
+            limit=[*(-1 if x.limit is None else x.limit for x in rows), *[-1] * extra],
+            normal=[*(-1 if x.normal is None else place[x.normal] for x in rows), *[-1] * extra],
+            place=split.places,
+            sign=[*(x.sign or 1 for x in rows), *[1.0] * extra],
+            active=[*(x.active for x in rows), *[1] * extra],
+            friction=[
+                len(contacts) + limited.index(i) if i in limited else -1 for i in range(self._rows)
+            ],
+            restitution=[contacts.index(i) if i in contacts else -1 for i in range(self._rows)],
+            nb=len(pattern),
+            nh=holonomic,
+            row=[i for i, _ in pattern],
+            column=[j for _, j in pattern],
+            functions=program(split.functions, split.rows),
+            gaps=program(split.gaps, holonomic),
+            limits=program(limits, limits.outputs),
+            nl=(len(limits.outputs) - 2 * len(limit_pattern)) // 2,
+            pattern_count=len(limit_pattern),
+            pattern_limit=[i for i, _ in limit_pattern],
+            pattern_row=[place[j] for _, j in limit_pattern],
+            impact=program(switching.impact, switching.impact.outputs),
+            nf=len(switching.force_coordinates),
+            force_count=len(switching.force_pattern),
+            force_coordinate=switching.force_coordinates,
+            force_row=[i for i, _ in switching.force_pattern],
+            force_constraint=[j for _, j in switching.force_pattern],
+            forces=program(switching.forces),
+            conditions=counts[0],
+            force_conditions=counts[1],
+            condition_functions=program(conditions),
+            force_condition_functions=program(force_conditions),
+            either=[i in either for i in range(self._conditions)],
+            time=times[: self._conditions],
+            clocks=len(clocks),
+            ticks=[x for ticks, _ in clocks for x in ticks],
+            most=[most for _, most in clocks],
+            reported=reported,
+            kinks=self._kinks,
+            first_branch=self._first_branch,
+            whole=[x.whole for x in kinks],
+            of_time=[x.timed for x in kinks],
+            kink_functions=program(frozen.functions if frozen else None),
+            law_of_impact=impacts,
+            closed=closed,
+            log=self._log,
+            log_rows=len(self._log),
+        )
+        check(core.lag_use_switching(self._run, byref(record)))
+
+    def take_log(self) -> Array:
+        """Return the entries of the log since the last call: core/switching/log.c."""
+        return self._log[: core.lag_take_log(self._run)].copy()
+
+    def happened(self) -> list[int]:
+        """Return the conditions that have happened at this instant and were not asked for yet."""
+        return [i for i in range(self._conditions) if core.lag_condition_happened(self._run, i)]
+
+    def ticked(self) -> list[int]:
+        """Return the clocks that tick at this instant and were not asked for yet."""
+        return [i for i in range(self._clocks) if core.lag_clock_ticks(self._run, i)]
+
+    @property
+    def next_tick(self) -> float:
+        """Time of the next tick of a clock; infinity without one."""
+        t: float = core.lag_next_tick(self._run)
+        return t
+
+    def holding(self) -> list[int]:
+        """Return the conditions that hold."""
+        return [i for i in range(self._conditions) if core.lag_condition_holds(self._run, i)]
+
+    @property
+    def _instant(self) -> Any:
+        return core.lag_instant_of(self._run)
+
+    @property
+    def modes(self) -> list[int]:
+        """Modes of the rows, `RowMode`."""
+        return listed(self._instant.mode, self._rows)
+
+    @property
+    def contacts(self) -> Array:
+        """φ, ψ and the forces of the rows at the last contact problem, by their signs: (3, n)."""
+        report = self._instant
+        return np.array([copied(x, self._rows) for x in (report.gap, report.speed, report.force)])
+
+    @property
+    def gain(self) -> tuple[float, bool, bool]:
+        """Energy that the last impact would gain, J; whether it had friction; one restitution."""
+        report = self._instant
+        return report.gained, bool(report.rubbed), bool(report.alike)
+
+    @property
+    def margin(self) -> float:
+        """How unique the forces are while something slips: 1 without friction, 0 where it jams."""
+        margin: float = self._instant.margin
+        return margin
+
+    @property
+    def unresolved(self) -> tuple[str, int]:
+        """Function whose sign is not determined: "row", "kink" or "condition", and its index."""
+        report = self._instant
+        return ("row", "kink", "condition")[report.undetermined], report.which
+
+    @property
+    def struck(self) -> list[int]:
+        """The rows that take part in the last impact."""
+        takes_part = listed(self._instant.takes_part, self._rows)
+        return [i for i in range(self._rows) if takes_part[i]]
+
+    @property
+    def problem(self) -> tuple[list[int], ContactProblem, list[ContactSolution]]:
+        """The last contact problem of accelerations: its rows, and its motions."""
+        r = core.lag_contacts_of(self._run)
+        n: int = r.n
+
+        def square(pointer: Any) -> Array:
+            return copied(pointer, n * n).reshape(n, n)
+
+        problem = ContactProblem(
+            square(r.matrix),
+            copied(r.offset, n),
+            np.array(listed(r.law, n)),
+            copied(r.static_limit, n),
+            copied(r.kinetic_limit, n),
+            square(r.static_slope),
+            square(r.kinetic_slope),
+        )
+        motions = [
+            ContactSolution(
+                copied(r.force[k], n), copied(r.motion[k], n), np.array(listed(r.mode[k], n))
+            )
+            for k in range(self._instant.found)
+        ]
+        return listed(r.row, n), problem, motions
+
+    def place(self, y: ArrayLike) -> None:
+        """Set the state at an instant."""
+        given = Arguments()
+        core.lag_place(self._run, given.doubles(y))
+
+    def activate(self, row: int, active: bool) -> None:
+        """Let a row take part, or leave."""
+        core.lag_activate(self._run, row, active)
+
+    def no_gap(self, row: int) -> float:
+        """Return the gap of a row that counts as none."""
+        gap: float = core.lag_gap_of_none(self._run, row)
+        return gap
+
+    def set_parameters(self, p: Sequence[float]) -> None:
+        """Set the values of all parameters, without the branches of kinks."""
+        given, first = Arguments(), self._first_branch
+        values = given.doubles([*p[:first], *self.branches, *p[first:]])
+        core.lag_set_parameters(self._run, values)
+
+    @property
+    def branches(self) -> list[float]:
+        """Values of the branches."""
+        branches: list[float] = copied(self._instant.branches, self._kinks).tolist()
+        return branches
+
+    @property
+    def crossings(self) -> tuple[int, int]:
+        """How often a branch has changed, and how often sliding on a surface has begun."""
+        report = self._instant
+        return report.crossed, report.slid
+
+    @property
+    def surfaces(self) -> list[int]:
+        """The kinks whose functions vanish at the instant."""
+        kinks = listed(self._instant.kinks, self._kinks)
+        return [i for i in range(self._kinks) if kinks[i]]
+
+    def push(self, impulse: ArrayLike, changes: ArrayLike | None = None) -> int:
+        """Apply a generalized impulse, whose derivatives are ``changes``, (n, nq)."""
+        given = Arguments()
+        of_changes = None if changes is None else given.doubles(changes)
+        status: int = core.lag_push(self._run, given.doubles(impulse), of_changes)
+        return status
+
+    def use_directions(self, directions: DirectionalPrograms) -> None:
+        """Differentiate the motion.
+
+        Parameters
+        ----------
+        directions : DirectionalPrograms
+        """
+        given = Arguments()
+        record = given.filled(
+            lag_directions,
+            parameters=directions.parameters.shape[1],
+            p=directions.parameters,
+            decides=directions.decides,
+            dynamics=directions.dynamics,
+            constraint=directions.constraint,
+            functions=directions.functions,
+            limits=directions.limits,
+            impact=directions.impact,
+            forces=directions.forces,
+            conditions=directions.conditions,
+            force_conditions=directions.force_conditions,
+            kinks=directions.kinks,
+            kink_rates=directions.kink_rates,
+        )
+        check(core.lag_use_directions(self._run, byref(record)))
+
+    def changes(self, parameters: int) -> tuple[Array, Array, Array]:
+        """Return derivatives at an instant: of the state, of the parameters, and of a and λ."""
+        constraints = len(self._split.system.constraints)
+        state = np.empty((self._directions, 2 * self._nq))
+        forces = np.empty((self._directions, self._nq + constraints))
+        p = np.empty((self._directions, max(parameters, 1)))
+        core.lag_read_changes(self._run, address(state), address(p), address(forces))
+        return state, p[:, :parameters], forces
+
+    def set_changes(self, state: ArrayLike, parameters: ArrayLike) -> None:
+        """Set derivatives where an action has changed the state or the parameters."""
+        given = Arguments()
+        core.lag_set_changes(self._run, given.doubles(state), given.doubles(parameters))
+
+    def change_of_time(self, condition: int | None = None) -> Array:
+        """Return the derivatives of the time of the instant, or of that of a condition."""
+        which = -1 if condition is None else condition
+        return copied(core.lag_change_of_time(self._run, which), self._directions)
+
+    @property
+    def losses(self) -> list[tuple[int, float, int, list[tuple[int, int]]]]:
+        """Of each direction without derivatives: its number, since when, why, and of what."""
+        losses = []
+        for k in range(self._directions):
+            r = core.lag_loss_of(self._run, k)
+            if r.lost:
+                culprits = list(zip(listed(r.what, r.count), listed(r.which, r.count), strict=True))
+                losses.append((k, r.t, r.reason, culprits))
+        return losses
+
+    @property
+    def begun(self) -> bool:
+        """Whether the modes at the start are known."""
+        return bool(self._instant.begun)
+
+    @property
+    def first_modes(self) -> list[int]:
+        """Modes of the rows at the start."""
+        return listed(self._instant.first_mode, self._rows)
+
+    @property
+    def motion(self) -> tuple[Array, Array, Array]:
+        """The state as the instant begins, and a and λ of all constraints there."""
+        report, constraints = self._instant, len(self._split.system.constraints)
+        return (
+            copied(report.before, self._n),
+            copied(report.a, self._nq),
+            copied(report.multipliers, constraints),
+        )
+
+    def sample_here(self) -> tuple[int, Array]:
+        """Return a status, and the sample row of the present state, as in the block."""
+        row = np.empty(self.block.shape[1])
+        return core.lag_sample_here(self._run, address(row)), row

@@ -1,0 +1,323 @@
+"""Parts of the core by themselves: core/parts.h."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Sequence
+from ctypes import byref, c_double, c_int, c_void_p
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lagcli.arrays import Array
+from lagcli.engine.core.batch import core
+from lagcli.engine.core.contact_problem import ContactProblem
+from lagcli.engine.core.library import KERNEL, LIBRARY, PORTABLE, check
+from lagcli.engine.core.structures import Arguments, Doubles, Integers, Structure, address
+from lagcli.engine.linear.elimination import Elimination
+from lagcli.engine.program.program import assemble
+from lagcli.engine.tape.tape import Tape
+
+parts = ctypes.PyDLL(str(LIBRARY))
+Function = Callable[[float], float]
+_SCALAR_FUNCTION = ctypes.PYFUNCTYPE(c_double, c_void_p, c_double)
+_ROOT = _SCALAR_FUNCTION, c_void_p, *[c_double] * 5
+SIGNATURES: dict[str, tuple[Any, ...]] = {
+    "lag_part_run": (None, c_int, c_void_p, c_void_p),
+    "lag_part_enclose": (c_int, c_void_p, c_void_p, c_double, c_int, c_void_p),
+    "lag_part_ldl": (None, *[c_void_p] * 7),
+    "lag_part_contact_memory": (ctypes.c_size_t, c_int),
+    "lag_part_contacts": (c_int, *[c_void_p] * 5),
+    "lag_part_share": (c_int, *[c_void_p] * 6),
+    "lag_part_impact_memory": (ctypes.c_size_t, c_int),
+    "lag_part_impact": (c_int, c_void_p, c_int, c_void_p, c_void_p),
+    "lag_part_bracketed_root": (c_double, *_ROOT),
+    "lag_part_last_digit_root": (c_double, *_ROOT[:4]),
+    "lag_part_coefficients": (None, c_void_p, c_void_p),
+}
+for name, (result, *arguments) in SIGNATURES.items():
+    getattr(parts, name).restype, getattr(parts, name).argtypes = result, arguments
+
+
+class lag_contacts(Structure):
+    _fields_ = (
+        ("n", c_int),
+        *((name, Doubles) for name in ("matrix", "offset")),
+        ("law", Integers),
+        *((name, Doubles) for name in ("static_limit", "static_slope")),
+        *((name, Doubles) for name in ("kinetic_limit", "kinetic_slope", "rounding")),
+    )
+
+
+class lag_contact_motion(Structure):
+    _fields_ = (("force", Doubles), ("motion", Doubles), ("mode", Integers))
+
+
+class lag_impact(Structure):
+    _fields_ = (
+        ("n", c_int),
+        *((name, Doubles) for name in ("matrix", "before")),
+        ("law", Integers),
+        *((name, Doubles) for name in ("restitution", "friction", "rounding")),
+        *((name, c_void_p) for name in ("phase", "context")),
+    )
+
+
+class lag_impact_result(Structure):
+    _fields_ = (("impulse", Doubles), ("after", Doubles), ("loss", Doubles))
+
+
+class lag_rodas5p_coefficients(Structure):
+    _fields_ = (
+        ("gamma", c_double),
+        *((name, c_double * 8) for name in ("c", "d")),
+        *((name, c_double * 7 * 8) for name in ("a", "C")),
+        ("h", c_double * 8 * 3),
+    )
+
+
+class lag_radau5_coefficients(Structure):
+    _fields_ = (
+        ("c", c_double * 3),
+        *((name, c_double * 3 * 3) for name in ("t", "t_inverse")),
+        *((name, c_double) for name in ("real", "re", "im")),
+        ("error", c_double * 3),
+    )
+
+
+def _coefficients() -> tuple[Any, Any]:
+    made = lag_rodas5p_coefficients(), lag_radau5_coefficients()
+    parts.lag_part_coefficients(*map(byref, made))
+    return made
+
+
+def rodas5p_coefficients() -> tuple[Any, ...]:
+    """Return γ, c, d, a, C and h of Rodas5P; see core/methods/rodas5p_tableau.h."""
+    r = _coefficients()[0]
+    return r.gamma, *map(np.array, (r.c, r.d, r.a, r.C, r.h))
+
+
+def radau5_coefficients() -> tuple[Any, ...]:
+    """Return c, T, T⁻¹, the eigenvalues and the error's weights; see radau5_tableau.h."""
+    r = _coefficients()[1]
+    eigenvalues = r.real, complex(r.re, r.im)
+    return *map(np.array, (r.c, r.t, r.t_inverse)), eigenvalues, np.array(r.error)
+
+
+def run_tape(
+    tape: Tape, inputs: ArrayLike, families: Sequence[str | None] = (), output_subset: int = -1
+) -> Array:
+    """Run a tape once, with all that is asked for apart, as the engine does.
+
+    Parameters
+    ----------
+    tape : Tape
+    inputs : sequence of float
+    families : sequence of str or None
+        Labels of the inputs.
+    output_subset : int
+        Which of the subsets of outputs to evaluate, if any; other outputs have no meaning
+        then.
+    """
+    program = assemble(tape, families)
+    registers = program.registers
+    registers[: tape.inputs] = inputs
+    main = program.main if output_subset < 0 else program.output_subsets[output_subset]
+    for stream in (program.prelude, main, *program.deferred):
+        parts.lag_part_run(KERNEL, address(stream), address(registers))
+    return registers[program.outputs]
+
+
+def enclosures(tape: Tape, inputs: ArrayLike, high: float, order: int) -> Array:
+    """Return bounds of the Taylor coefficients of a tape's outputs: (outputs, order + 1, 2).
+
+    The first input is in an interval from its value to `high`, the others are fixed.
+    """
+    given = Arguments()
+    program = given.program(assemble(tape))
+    out = np.empty((len(tape.outputs), order + 1, 2))
+    check(parts.lag_part_enclose(byref(program), given.doubles(inputs), high, order, address(out)))
+    return out
+
+
+def solve_ldl(
+    plan: Elimination,
+    places: Sequence[tuple[int, int]],
+    values: Iterable[float],
+    right: ArrayLike,
+) -> Array:
+    """Factor a sparse symmetric matrix and solve with it, as the engine does for large models.
+
+    Parameters
+    ----------
+    plan : Elimination
+    places : sequence of (row, column)
+        Of the nonzero entries, both triangles.
+    values : sequence of float
+    right : (n,) array
+    """
+    given = Arguments()
+    record = given.elimination(plan)
+    n, count = len(plan.order), plan.starts[-1]
+    factors = np.zeros(2 * n + count + 1)
+    for target, value in zip(plan.targets(places), values, strict=True):
+        if target >= 0:
+            factors[target] = value
+    product, work, x = np.zeros(count + 1), np.zeros(2 * n), np.array(right, dtype=float)
+    first = address(factors)
+    parts.lag_part_ldl(
+        byref(record), first, first + 8 * n, first + 16 * n, *map(address, (product, work, x))
+    )
+    return x
+
+
+def _contacts(problem: ContactProblem, given: Arguments) -> lag_contacts:
+    return given.filled(
+        lag_contacts,
+        n=len(problem.offset),
+        matrix=problem.matrix,
+        offset=problem.offset,
+        law=problem.laws,
+        static_limit=problem.static,
+        static_slope=problem.static_slopes,
+        kinetic_limit=problem.kinetic,
+        kinetic_slope=problem.kinetic_slopes,
+        rounding=None,
+    )
+
+
+def solve_contacts(
+    problem: ContactProblem, present: ArrayLike | None = None
+) -> list[tuple[Array, Array, Any]]:
+    """Return the solutions of a contact problem, two at most: (force, motion, modes) of each.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    present : (n,) array of int, optional
+        Modes to try first.
+    """
+    given = Arguments()
+    record = _contacts(problem, given)
+    n: int = record.n
+    reals, modes = np.zeros((2, 2, n + 1)), np.zeros((2, n + 1), dtype=np.int32)
+    motions = [
+        lag_contact_motion(*map(address, (reals[i, 0], reals[i, 1], modes[i]))) for i in range(2)
+    ]
+    first = None if present is None else given.integers(present)
+    memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
+    count = parts.lag_part_contacts(byref(record), first, memory, *map(byref, motions))
+    return [(reals[i, 0, :n], reals[i, 1, :n], modes[i, :n]) for i in range(count)]
+
+
+def share_contacts(
+    problem: ContactProblem, modes: ArrayLike, force: ArrayLike
+) -> tuple[Array, Array, Any]:
+    """Return the forces of given modes, the common slack of the laws of redundant rows, and which
+    are tight.
+
+    Where the rows are not redundant, the forces are those given, and no slack is finite.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    modes : (n,) array of int
+    force : (n,) array
+        Forces of the modes.
+    """
+    given = Arguments()
+    record = _contacts(problem, given)
+    n: int = record.n
+    shared, slack = np.array(force, dtype=float), np.full(n, np.inf)
+    tight = np.zeros(n, dtype=np.int32)
+    memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
+    parts.lag_part_share(
+        byref(record), given.integers(modes), memory, *map(address, (shared, slack, tight))
+    )
+    return shared, slack, tight.astype(bool)
+
+
+def solve_impact(
+    matrix: ArrayLike,
+    before: ArrayLike,
+    laws: ArrayLike,
+    restitution: ArrayLike,
+    friction: ArrayLike,
+    law: int,
+) -> tuple[int, Array, Array, Array]:
+    """Return how many motions follow an impact, up to 2, and impulses, velocities after, losses.
+
+    Parameters
+    ----------
+    matrix, friction : (n, n) arrays
+    before, restitution : (n,) arrays
+    laws : (n,) array of int
+    law : int
+        0, Poisson's; 1, Newton's; 2, one contact at a time.
+    """
+    given, n = Arguments(), np.size(before)
+    record = given.filled(
+        lag_impact,
+        n=n,
+        matrix=matrix,
+        before=before,
+        law=laws,
+        restitution=restitution,
+        friction=friction,
+        rounding=None,
+        phase=None,
+        context=None,
+    )
+    reals = np.zeros((3, n + 1))
+    made = lag_impact_result(*map(address, reals))
+    memory = ctypes.create_string_buffer(parts.lag_part_impact_memory(n))
+    count = parts.lag_part_impact(byref(record), law, memory, byref(made))
+    return count, reals[0, :n], reals[1, :n], reals[2, :n]
+
+
+def batch_sincos(x: Array, portable: bool = False) -> Array:
+    """Return sin and cos of numbers as batches have them, (2, n)."""
+    lanes = 8
+    given = np.concatenate([x, np.zeros(lanes)])
+    out = np.zeros((2, len(given)))
+    for i in range(0, len(x), lanes):
+        core.lag_batch_sincos(
+            *map(address, (given[i:], out[0, i:], out[1, i:])), PORTABLE if portable else KERNEL
+        )
+    return out[:, : len(x)]
+
+
+class _Watched:
+    """A function for C, and what it has raised: after that it is not called again."""
+
+    def __init__(self, function: Function):
+        self.function, self.error = function, None
+
+    def __call__(self, _: Any, x: float) -> float:
+        if self.error is not None:
+            return np.nan
+        try:
+            return self.function(x)
+        except BaseException as error:
+            self.error = error
+            return np.nan
+
+
+def _root(find: Any, function: Function, *numbers: float) -> float:
+    watched = _Watched(function)
+    root: float = find(_SCALAR_FUNCTION(watched), None, *numbers)
+    if watched.error is not None:
+        raise watched.error
+    return root
+
+
+def bracketed_root(function: Function, low: float, high: float, exact: float) -> float:
+    """Return where a function is found negative, after values that are not."""
+    numbers = low, high, function(low), function(high), exact
+    return _root(parts.lag_part_bracketed_root, function, *numbers)
+
+
+def last_digit_root(function: Function, low: float, high: float) -> float:
+    """Return the first number at which a function is not positive."""
+    return _root(parts.lag_part_last_digit_root, function, low, high)

@@ -1,0 +1,99 @@
+"""The binding of a run: what it gives to the core, and what it returns."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from core_runs import pendulum
+
+from lagcli.engine.core import run
+from lagcli.engine.core.run import METHODS, Integrator
+from lagcli.engine.core.status import Status
+
+
+def test_methods_are_named_by_the_core() -> None:
+    assert METHODS[0] == "DOP853"
+    assert len(set(METHODS)) == len(METHODS) > 2
+
+
+def test_a_run_goes_to_its_end_in_slices() -> None:
+    core = pendulum().core
+    status, slices = core.start(), 0
+    assert (core.t, core.times_next) == (0.0, 1)
+    while status == Status.RUNNING:
+        before = core.counts[0]
+        status, slices = core.advance(7), slices + 1
+        assert core.counts[0] - before <= 7
+    assert (status, core.t, core.times_next) == (Status.DONE, 5.0, 51)
+    assert slices > 3
+    rows = core.take()
+    np.testing.assert_array_equal(rows[:, 0], np.linspace(0.0, 5.0, 51))
+    np.testing.assert_array_equal(rows[-1, 1:5], core.state[:4])
+    t_old, t = core.step
+    assert t_old < t == 5.0
+    np.testing.assert_allclose(core.dense(t), core.state, rtol=1e-12)
+    assert core.absolute_tolerances.shape == (5,)
+    assert core.lengths.shape == (1,)
+
+
+def test_a_run_goes_on_from_another_state() -> None:
+    core = pendulum().core
+    core.start()
+    core.move(2.0, [1.0, 0.0, 0.0, 0.5, 0.0], 20)
+    assert core.start() == Status.RUNNING
+    assert core.t == 2.0
+    np.testing.assert_array_equal(core.state, [1.0, 0.0, 0.0, 0.5, 0.0])
+
+
+def test_a_state_without_values_is_reported_with_its_time() -> None:
+    core = pendulum().core
+    core.move(1.0, [np.nan, 0.0, 0.0, 0.0, 0.0], 0)
+    assert core.start() == Status.UNDEFINED
+    assert core.t_bad == 1.0
+    assert np.isnan(core.y_bad[0])
+
+
+def settings_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, Any]]:
+    """Return what a run is made from."""
+    made: list[Any] = []
+    original = Integrator.__init__
+
+    def kept(self: Integrator, *arguments: Any) -> None:
+        made.append(arguments)
+        original(self, *arguments)
+
+    monkeypatch.setattr(Integrator, "__init__", kept)
+    pendulum()
+    monkeypatch.undo()
+    system, constraint, settings = made[0]
+    return system, constraint, settings
+
+
+def test_settings_are_those_of_the_core_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, constraint, settings = settings_of(monkeypatch)
+    without = {name: x for name, x in settings.items() if name != "rtol"}
+    with pytest.raises(KeyError, match="rtol"):
+        Integrator(system, constraint, without)
+    with pytest.raises(TypeError, match="lag_settings has no rtoll"):
+        Integrator(system, constraint, {**settings, "rtoll": 1.0})
+
+
+def test_without_memory_python_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, constraint, settings = settings_of(monkeypatch)
+    monkeypatch.setattr(run.core, "lag_create", lambda *_: None)
+    with pytest.raises(MemoryError):
+        Integrator(system, constraint, settings)
+
+
+def test_every_run_is_destroyed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    integration = pendulum()
+    core, destroyed = integration.core, []
+    handle = core.handle
+    assert handle
+    core.__del__(destroyed.append)
+    assert destroyed == [handle]
+    nothing = Integrator.__new__(Integrator)  # whose creation has failed
+    nothing.__del__(destroyed.append)
+    assert destroyed == [handle]
