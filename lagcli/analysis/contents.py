@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any, NamedTuple
 
 from lagcli.analysis.output.tables import ResultSection
@@ -87,4 +88,5 @@ def _outputs(content: Mapping[str, Any]) -> _Outputs:
             if "branches" in content:
                 return _Outputs(equilibria.format_diagram, equilibria.diagram_sections)
             return _Outputs(equilibria.format_equilibria, equilibria.equilibria_sections)
-    raise ValueError(f"there is no output of {content['command']}")
+    analysis = import_module(f"lagcli.analysis.{content['command']}")
+    return _Outputs(analysis.format_content, analysis.sections)

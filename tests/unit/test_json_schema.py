@@ -21,7 +21,7 @@ KNOWN = {
     *("type", "const", "enum", "required", "properties", "additionalProperties", "items"),
     *("minItems", "maxItems", "minimum", "exclusiveMinimum", "maxProperties"),
     *("oneOf", "anyOf", "$ref", "definitions", "sameLength", "sameKeys"),
-    *("$schema", "title", "description"),
+    *("$schema", "title", "description", "analysisFile"),
 }
 
 

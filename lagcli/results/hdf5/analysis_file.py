@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 import h5py
@@ -23,8 +23,6 @@ from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
 
 #: The schema of values that replace those of a model.
 _VALUES = {"type": "object", "additionalProperties": {"type": "string"}}
-#: Commands that write analysis files; each has a schema, which its content has, too.
-ANALYSES = ("compare", "equilibrium", "fit", "linearize", "modes")
 
 
 @contextmanager
@@ -157,10 +155,18 @@ def opened_analysis(
             raise FileError(f"cannot read {os.fspath(path)}: it is not a file of {made}")
         # numbers that JSON lacks are null; fit files had them once
         content = json.loads(text, parse_constant=lambda _: None)
-        if opened.kind not in ANALYSES:
-            raise ValueError(f"kind is {shortened(opened.kind)}, which this version does not have")
-        check_json(content, published_schema(opened.kind), "content")
+        check_json(content, _schema(opened.kind), "content")
         yield opened.root, content
+
+
+def _schema(kind: str) -> Mapping[str, Any]:
+    """Return the schema of a kind of analysis file, which has ``analysisFile``."""
+    if kind.isalpha():
+        with suppress(KeyError):
+            schema = published_schema(kind)
+            if schema.get("analysisFile"):
+                return schema
+    raise ValueError(f"kind is {shortened(kind)}, which this version does not have")
 
 
 def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, Any]:
