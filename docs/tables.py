@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from lagcli.columns import QUANTITIES, ResultQuantity
-from lagcli.model.keys import MODEL, VIEW, JsonSchema
+from lagcli.model.keys import VIEW, JsonSchema
+from lagcli.model.loader import MODEL
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.methods import FORMULATIONS, METHODS, Method
 from lagcli.settings.settings import Settings

@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from lagcli.errors import Diagnostic, ModelError
+from lagcli.model import keys
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
-from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Input, InputData, Model, ModelEvent
 from lagcli.model.names.draft import Draft
 from lagcli.model.names.families import Declaration, declarations
@@ -48,6 +48,94 @@ from lagcli.model.sections.simulation import read_settings
 from lagcli.model.sections.view import read_view
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Source
+from lagcli.settings.settings import Settings
+
+#: The keys of a model file, in the order of the documentation.
+MODEL = keys.mapping(
+    {
+        "name": keys.described("text; by default the name of the file", keys.TEXT),
+        "title": keys.described(
+            "heading of derivations and pages; by default made from the name", keys.TEXT
+        ),
+        "description": keys.described("text", keys.TEXT),
+        "coordinates": keys.described(
+            "a list of names or families `x[1..N]`, or a mapping name → unit, kind (`point`,"
+            " `quaternion`), or {`unit`, `kind`, `description`, `latex`}",
+            keys.one_of(
+                keys.list_of(keys.TEXT, at_least=1),
+                keys.named(keys.one_of(keys.TEXT, keys.EMPTY, keys.COORDINATE)),
+            ),
+        ),
+        "parameters": keys.described(
+            "name → number, number with a unit, expression of other parameters, or {`value`,"
+            " `unit`, `description`}",
+            keys.one_of(keys.named(keys.one_of(keys.EXPRESSION, keys.PARAMETER)), keys.EMPTY),
+        ),
+        "functions": keys.described(
+            "function with its arguments, `f(x, y)` → expression; expanded where it is used",
+            keys.one_of(
+                {
+                    "type": "object",
+                    "propertyNames": {"pattern": keys.FUNCTION},
+                    "additionalProperties": keys.EXPRESSION,
+                },
+                keys.EMPTY,
+            ),
+        ),
+        "inputs": keys.described(
+            "name → {`file`, `time`, `column`} or {`times`, `values`}, with `unit`,"
+            " `interpolation` and `extend`: known functions of time (see [Inputs](#inputs))",
+            keys.one_of(keys.named(keys.INPUT), keys.EMPTY),
+        ),
+        "definitions": keys.described(
+            "name → expression, vector, matrix or rotation, or {`expr`, `description`}",
+            keys.one_of(keys.named(keys.one_of(keys.EXPRESSION, keys.DEFINITION)), keys.EMPTY),
+        ),
+        "T": keys.described("kinetic energy", keys.SCALAR),
+        "V": keys.described("potential energy; a missing `V` is 0", keys.SCALAR),
+        "L": keys.described("the Lagrangian, instead of `T` and `V`", keys.SCALAR),
+        "Q": keys.described(
+            "nonconservative forces: by coordinate, or along a definition (see [Forces](#forces))",
+            keys.one_of(keys.named(keys.EXPRESSION), keys.EMPTY),
+        ),
+        "D": keys.described(
+            "a Rayleigh dissipation function: adds −∂D/∂q' to each equation", keys.SCALAR
+        ),
+        "constraints": keys.described(
+            "name → `lhs = rhs`, `lhs >= rhs`, `lhs <= rhs`, or an expression (`= 0`), or {`expr`,"
+            " `restitution`, `friction`, `slip`, `limit`, `active`, `description`}; see"
+            " [contact.md](contact.md)",
+            keys.one_of(keys.named(keys.one_of(keys.EXPRESSION, keys.CONSTRAINT)), keys.EMPTY),
+        ),
+        "initial": keys.described(
+            "a value for every coordinate and every velocity, or {`guess`: value} (see [Initial"
+            " values](#initial-values))",
+            keys.one_of(keys.named(keys.one_of(keys.EXPRESSION, keys.INITIAL)), keys.EMPTY),
+        ),
+        "outputs": keys.described(
+            "name → expression, or {`expr`, `unit`, `description`}: additional columns of the"
+            " result",
+            keys.one_of(keys.named(keys.one_of(keys.SCALAR, keys.OUTPUT)), keys.EMPTY),
+        ),
+        "events": keys.described(
+            "name → {`when` or `every`, and actions: `stop`, `record`, `set`, `impulse`, `release`,"
+            " `engage`}; see [events.md](events.md)",
+            keys.one_of(keys.named(keys.EVENT), keys.EMPTY),
+        ),
+        "simulation": keys.described(
+            "defaults for the options of `lagcli simulate` with the same names", {}
+        ),
+        "view": keys.described(
+            "a drawing of the model: points, rods, springs, discs, trails, forces; see"
+            " [view.md](view.md)",
+            keys.one_of(keys.VIEW, keys.EMPTY),
+        ),
+        "fit": keys.described(
+            "measured data and quantities to fit; see [fit.md](fit.md)", keys.FIT
+        ),
+    },
+    "coordinates",
+)
 
 
 def load(
@@ -139,7 +227,7 @@ def _model(
     data: Mapping[str, InputData],
     drawn: bool,
 ) -> Model:
-    check_keys(draft, keys_of(MODEL))
+    check_keys(draft, keys.keys_of(MODEL))
     functions = read_functions(draft)
     coordinate_entries = read_coordinates(draft)
     parameter_entries = _declarations(draft, "parameters", "parameter")
@@ -274,3 +362,25 @@ def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:
     if entries is None or key in draft.misspelled_keys:
         draft.names.incomplete = True
     return declarations(draft, entries or [], what)
+
+
+def json_schema() -> keys.JsonSchema:
+    """Return the JSON Schema of model files."""
+    settings = {
+        x.name: keys.described(x.help, keys.of_setting(x)) for x in Settings.DECLARED.values()
+    }
+    properties = dict(MODEL["properties"])
+    properties["simulation"] = {
+        **properties["simulation"],
+        **keys.one_of(keys.mapping(settings), keys.EMPTY),
+    }
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "Model file of lagcli",
+        **MODEL,
+        "properties": properties,
+        "oneOf": [
+            {"required": ["T"], "not": {"required": ["L"]}},
+            {"required": ["L"], "not": {"anyOf": [{"required": ["T"]}, {"required": ["V"]}]}},
+        ],
+    }

@@ -89,7 +89,8 @@ def test_every_option_is_documented(command):
 
 def test_every_model_key_and_function_is_documented():
     from lagcli.functions import FUNCTIONS
-    from lagcli.model.keys import MODEL, keys_of
+    from lagcli.model.keys import keys_of
+    from lagcli.model.loader import MODEL
     from lagcli.model.names.building import TENSOR_FUNCTIONS
 
     page = (ROOT / "docs" / "model-file.md").read_text()

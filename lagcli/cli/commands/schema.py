@@ -13,7 +13,7 @@ def schema(output: Output = None, force: Force = False, quiet: Quiet = False) ->
     first line of the files that `lagcli new` writes names the schema as lagcli.schema.json.
     """
     from lagcli.cli.streams import visible_json
-    from lagcli.model.keys import json_schema
+    from lagcli.model.loader import json_schema
     from lagcli.results.atomic import whole_file
 
     text = json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"

@@ -6,7 +6,8 @@ import fastjsonschema
 import pytest
 import yaml
 
-from lagcli.model.keys import MODEL, json_schema, keys_of
+from lagcli.model.keys import keys_of
+from lagcli.model.loader import MODEL, json_schema
 from lagcli.settings.settings import Settings
 
 ROOT = Path(__file__).parents[3]
