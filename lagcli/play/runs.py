@@ -42,8 +42,7 @@ from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.pictures.selection import chosen, scale_groups
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import Settings, SettingsOverrides
+from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation

@@ -1,4 +1,4 @@
-"""Contacts at the initial state: none is violated, and their coefficients are valid."""
+"""Checks before a run of what switches: contacts at the initial state, coefficients, clocks."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import least_scales
 from lagcli.engine.state import State
+from lagcli.engine.switching.clocks import clocks_of
 from lagcli.engine.switching.switching import SwitchedRow, Switching
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -20,7 +21,7 @@ from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import Model, multiplier
 from lagcli.model.yaml.source import Scalar
-from lagcli.settings.settings import DEFAULTS
+from lagcli.settings.settings import DEFAULTS, Settings
 
 #: Of the duration of a run: how long velocities and accelerations act in the scale of a gap.
 _HORIZON = 1e-3
@@ -255,3 +256,19 @@ def _bad_coefficients(model: Model, switching: Switching, state: State) -> list[
                 )
             )
     return found
+
+
+def check_clocks(model: Model, system: System, settings: Settings) -> None:
+    """Raise ModelError if a clock's period is not positive, or too short for the times of a run."""
+    if system.switching is None or system.switching.clocks is None:
+        return
+    clocks = [event.clock for event in model.events if event.clock is not None]
+    values = clocks_of(system.switching, tuple(model.parameter_values.values()))
+    span = settings.t_start, settings.t_end
+    faults = [
+        Diagnostic("clock", fault, clock.location, "give a longer time, as in `every: 10 ms`")
+        for clock, value in zip(clocks, values, strict=True)
+        if (fault := value.fault(span))
+    ]
+    if faults:
+        raise ModelError(faults)

@@ -21,8 +21,7 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_display, result_units
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import Settings, SettingsOverrides
+from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import NO_MONITOR, DerivedColumns, Monitor, monitor_of
 from lagcli.simulations.memory import check_fits, numbers_per_sample
@@ -159,7 +158,7 @@ def ready(
 
         check_input_range(equations.model, settings.t_start, settings.t_end)
     if equations.model.events:
-        from lagcli.simulations.switching.clock_periods import check_clocks
+        from lagcli.simulations.contacts import check_clocks
 
         check_clocks(equations.model, system, settings)
     with one_thread():

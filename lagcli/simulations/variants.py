@@ -24,8 +24,7 @@ from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of
 from lagcli.model.values import dependent_values
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.simulation import Simulation, ready
 from lagcli.simulations.start import find_start, spins_of
 

@@ -476,7 +476,7 @@ def test_the_command_that_is_called_is_built_alone() -> None:
 
 def test_simulate_can_be_called_whatever_was_imported_first() -> None:
     code = (
-        "from lagcli.settings.resolve import resolve\nimport lagcli\n"
+        "from lagcli.settings.settings import resolve\nimport lagcli\n"
         f"m = lagcli.load({str(ROOT / 'models' / 'pendulum_cartesian.yaml')!r})\n"
         "assert lagcli.simulate(m, t_end=0.01, samples=2).status == 'completed'"
     )

@@ -84,8 +84,7 @@ def test_exact_data_give_back_the_exact_values(tmp_path: Path) -> None:
 
 def test_the_jacobian_is_that_of_the_residuals(tmp_path: Path) -> None:
     from lagcli.analysis.fit.experiment import experiments_of, read_measured
-    from lagcli.settings.resolve import resolve
-    from lagcli.settings.settings import SettingsOverrides
+    from lagcli.settings.settings import SettingsOverrides, resolve
 
     measured(tmp_path)
     fitted = model(tmp_path, BOTH)

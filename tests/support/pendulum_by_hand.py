@@ -14,8 +14,7 @@ from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 G = 9.81
 

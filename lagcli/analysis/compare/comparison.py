@@ -22,8 +22,7 @@ from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.settings.methods import FORMULATIONS, METHODS
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import Settings, SettingsOverrides
+from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.trajectory.samples import Record, Samples

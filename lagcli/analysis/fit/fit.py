@@ -25,8 +25,7 @@ from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
 from lagcli.model.model import FitBlock, Model
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.directions import direction_names
 from lagcli.simulations.threads import one_thread
 

@@ -8,8 +8,7 @@ import pytest
 
 from lagcli.model.loader import load, load_text
 from lagcli.play.controls import Control, controls
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 MODELS = Path(__file__).parents[3] / "models"
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from lagcli.errors import UsageError
-from lagcli.settings.settings import DEFAULTS, Settings, SettingsOverrides
+from lagcli.settings.methods import FORMULATIONS, METHODS
+from lagcli.settings.settings import DEFAULTS, Settings, SettingsOverrides, resolve
 
 
 def messages(**values: Any) -> list[str]:
@@ -100,3 +101,39 @@ def test_the_record_of_a_run_has_no_limits_that_are_not_set() -> None:
 @pytest.mark.parametrize(("dt", "count"), [(0.1, 11), (0.3, 4), (0.25, 5), (2.0, 1)])
 def test_samples_of_a_spacing_are_counted(dt: float, count: int) -> None:
     assert Settings(t_start=0.0, t_end=1.0, dt=dt).sample_count == count
+
+
+def test_without_a_level_there_are_the_defaults() -> None:
+    settings = resolve()
+    assert (settings.t_start, settings.t_end, settings.samples) == (0.0, 10.0, 1001)
+    assert settings.method == "auto"
+    assert settings.max_step == settings.timeout == math.inf
+    assert settings.times is settings.dt is settings.atol is settings.alpha is None
+
+
+def test_the_last_sample_time_is_the_end() -> None:
+    settings = resolve(SettingsOverrides(times=(0.5, 2.0)), SettingsOverrides(t_end=9.0))
+    assert (settings.t_end, settings.samples) == (2.0, None)
+
+
+def test_a_value_out_of_its_range_is_rejected() -> None:
+    with pytest.raises(UsageError, match="no method `radau`; did you mean `Radau`"):
+        resolve(SettingsOverrides(method="radau"))
+    with pytest.raises(UsageError, match="t_end 10 is not after t_start 20"):
+        resolve(SettingsOverrides(t_start=20.0))
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+@pytest.mark.parametrize("method", METHODS.values(), ids=lambda m: m.name)
+def test_a_formulation_that_the_method_lacks_is_reported(method, formulation: str) -> None:
+    given = SettingsOverrides(method=method.name, formulation=formulation)
+    if formulation in method.formulations:
+        assert resolve(given).method == method.name
+    else:
+        with pytest.raises(UsageError, match=f"{method.name} has no Baumgarte stabilization"):
+            resolve(given)
+
+
+def test_auto_is_dop853_where_there_is_nothing_to_choose() -> None:
+    assert resolve(SettingsOverrides(formulation="baumgarte")).method == "DOP853"
+    assert resolve(SettingsOverrides(formulation="index1")).method == "auto"

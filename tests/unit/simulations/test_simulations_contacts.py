@@ -7,8 +7,9 @@ import pytest
 import lagcli
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError, UsageError
+from lagcli.model.loader import load_text
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.simulations.contacts import true_at_start
+from lagcli.simulations.contacts import check_clocks, true_at_start
 from lagcli.simulations.partition import partition
 from lagcli.simulations.simulation import prepare
 
@@ -169,3 +170,25 @@ def test_a_gap_of_rounding_is_no_violation_where_its_terms_vanish(gap: str) -> N
     assert run.q[:, 3] == pytest.approx(0, abs=1e-12)
     with pytest.raises(ModelError, match="violated by 1e-09"):
         prepare(lagcli.load_text(STACK, set_initial=values | {"Y": "-1e-9"}))
+
+
+TEXT = """\
+coordinates: [x]
+parameters: {T: 0.01}
+T: x'^2/2
+initial: {x: 0, x': 1}
+events: {tick: {every: T - 0.02, stop: true}}
+"""
+
+
+def test_a_period_that_is_not_positive() -> None:
+    with pytest.raises(ModelError, match=r"<text>:5:24: .* is -0.01 s, but must be positive"):
+        prepare(load_text(TEXT))
+    simulation = prepare(load_text(TEXT, set={"T": 1.0}))
+    check_clocks(simulation.model, simulation.system, simulation.settings)
+
+
+def test_a_period_below_rounding_errors() -> None:
+    text = TEXT.replace("T - 0.02", "T/1e6")
+    with pytest.raises(ModelError, match="below the rounding errors of times near 1e\\+09 s"):
+        prepare(load_text(text), SettingsOverrides(t_start=1e9, t_end=1e9 + 1))

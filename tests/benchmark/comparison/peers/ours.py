@@ -16,8 +16,7 @@ from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHOD_NAMES
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import Settings, SettingsOverrides
+from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations import simulation
 
 

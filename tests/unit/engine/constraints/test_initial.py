@@ -12,8 +12,7 @@ import lagcli
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.lowering import lower
 from lagcli.errors import LagcliError, ModelError, NumericalError
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.start import find_start
 
 ROD = "rod: x^2 + y^2 = 1"

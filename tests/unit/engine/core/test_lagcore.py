@@ -22,8 +22,7 @@ from lagcli.engine.integrate import run as integrate_run
 from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
 from lagcli.engine.system import System
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 ROOT = Path(__file__).parents[4]
 CORE = ROOT / "lagcli" / "engine" / "core"

@@ -14,8 +14,7 @@ from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.integrate.batch import suits_batch
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.state import State
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 #: The force |t − 1|: x is a polynomial of degree 3 on either side.
 PUSHED = lowered(

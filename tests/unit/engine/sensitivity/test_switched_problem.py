@@ -11,8 +11,7 @@ from lagcli.engine.sensitivity.integration import Derivatives
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
 from lagcli.engine.state import State
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 BALL = """
 coordinates: [y]

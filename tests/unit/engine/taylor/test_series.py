@@ -23,8 +23,7 @@ from lagcli.engine.taylor.expansion import NotAnalytic
 from lagcli.engine.taylor.series import SeriesProgram, depending_on_time, expand
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.functions import FUNCTIONS
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 T = se.Symbol("t")
 START = 0.3
