@@ -32,6 +32,17 @@ def test_a_run_that_does_not_fit_is_rejected_before_it_starts(
     assert np.isfinite(run.q).all()
 
 
+def test_a_plot_that_does_not_fit_is_rejected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without enough memory, matplotlib would end the process."""
+    run = lagcli.simulate(lagcli.load(MODEL), samples=11, t_end=0.1)
+    monkeypatch.setattr(memory, "available", lambda: 10_000_000)
+    with pytest.raises(NumericalError, match="drawing a plot needs about"):
+        lagcli.plot(run, output=tmp_path / "run.png")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_limits_of_the_system_are_known() -> None:
     free = memory.available()
     if sys.platform == "linux":
@@ -49,7 +60,7 @@ def test_the_limits_of_the_system_are_known() -> None:
         (235, ("simulate", str(MODEL), "--t-end", "0.1"), "ulimit -v"),
         (280, ("modes", str(MODEL)), "loading scipy needs about"),
         (350, ("compare", str(MODEL), "--t-end", "0.1"), "loading scipy needs about"),
-        (270, ("plot", "run.h5", "-o", "run.png"), "drawing a plot needs about"),
+        (235, ("plot", "run.h5", "-o", "run.png"), "ulimit -v"),
     ],
 )
 def test_too_little_memory_is_a_message(
