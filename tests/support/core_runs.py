@@ -11,8 +11,7 @@ import lagcli
 from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.state import State
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
+from lagcli.settings.settings import SettingsOverrides, resolve
 
 MODEL = Path(__file__).parents[2] / "models" / "pendulum_cartesian.yaml"
 
