@@ -168,7 +168,7 @@ def lower_parameter_jacobians(
     KeyError
         The model has no such parameter.
     """
-    from lagcli.equations.derivation.parameter_jacobians import differentiate_parameters
+    from lagcli.equations.derivation.jacobians import differentiate_parameters
     from lagcli.model.model import TIME
 
     eq, found = equations, differentiate_parameters(equations, names)

@@ -23,7 +23,7 @@ from lagcli.columns import (
     read_column_name,
     unit_of_column,
 )
-from lagcli.equations.render.names import GREEK, Notation, split
+from lagcli.equations.typesetting.notation import GREEK, Notation, split
 from lagcli.errors import UsageError
 from lagcli.model.names.members import format_members
 from lagcli.model.spelling import did_you_mean, nearest, shorten

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.equations.render.names import Notation
+from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import LagcliError, ModelError, UsageError
 from lagcli.results.formats import open_reader
 from lagcli.trajectory.samples import Record

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from lagcli.equations.render.names import Notation
+from lagcli.equations.typesetting.notation import Notation
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Written
 from lagcli.model.names.members import family_of

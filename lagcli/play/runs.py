@@ -18,11 +18,10 @@ from lagcli.columns import BY_NAME, PANELS, ResultQuantity
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.overview import in_matrices
-from lagcli.equations.render.formula_mathml import MathmlFormula
-from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.html import equation
-from lagcli.equations.render.names import Notation
-from lagcli.equations.render.numbers import written_decimals
+from lagcli.equations.typesetting.mathml import MathmlFormula, equation
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import TextFormula
+from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model

@@ -14,7 +14,7 @@ from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.state import State
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.equations.derivation.variational import Rates
+from lagcli.equations.derivation.jacobians import Rates
 from lagcli.errors import UsageError
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Model

@@ -15,9 +15,7 @@ import lagcli
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities
-from lagcli.equations.symmetry.generality import generalized
-from lagcli.equations.symmetry.proof import Proof
+from lagcli.equations.symmetry.conserved import Conserved, Proof, conserved_quantities, generalized
 from lagcli.model.model import TIME, Model
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -19,8 +19,7 @@ from lagcli.equations.reduction.elimination import (
     solve_accelerations,
     solve_first_kind,
 )
-from lagcli.equations.reduction.maggi import Maggi
-from lagcli.equations.reduction.second_kind import second_kind
+from lagcli.equations.reduction.second_kind import Maggi, second_kind
 from lagcli.model.loader import load
 from lagcli.model.model import as_symbols
 from lagcli.simulations.partition import partition

@@ -12,9 +12,10 @@ from pathlib import Path
 import symengine as se
 
 from lagcli.equations.derivation.lagrange import Equations, derive
-from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.assembly import Contents, shown_steps
-from lagcli.equations.presentation.formulas import Formulas, Step
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.typesetting import nodes as t
+from lagcli.equations.typesetting.nodes import Step
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import as_symbols

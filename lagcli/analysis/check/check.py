@@ -17,8 +17,7 @@ from lagcli.engine.lowering import lower
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
-from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities
-from lagcli.equations.symmetry.generality import generalized
+from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized
 from lagcli.model.dimensions.deriving import symbolic_unit
 from lagcli.model.model import TIME, Model
 from lagcli.simulations.contacts import model_at_start

@@ -15,17 +15,23 @@ from lagcli.analysis.check.rank import MOST_COORDINATES, Combination
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step, title_of
 from lagcli.equations.presentation.extent import Extent
-from lagcli.equations.presentation.families.index_form import IndexForm
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.overview import constraints_step, freedom_step
-from lagcli.equations.presentation.typeset import ONE, Node, Sign, Symbol, product_of, sum_of
-from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.grammar import grammar_text
-from lagcli.equations.render.names import Notation
-from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.render.text import render_text
-from lagcli.equations.symmetry.conserved import ConservedQuantity
-from lagcli.equations.symmetry.proof import Proof
+from lagcli.equations.symmetry.conserved import ConservedQuantity, Proof
+from lagcli.equations.typesetting.nodes import (
+    ONE,
+    Line,
+    Node,
+    Sign,
+    Step,
+    Symbol,
+    product_of,
+    sum_of,
+)
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import TextFormula, grammar_text, render_text
+from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.results.listing import told_apart
 
 _Text = Callable[[Basic], str]

@@ -14,8 +14,7 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.equations.derivation.first_integral import FirstIntegral, first_integral
-from lagcli.equations.derivation.integrability import integrable
+from lagcli.equations.derivation.integrability import FirstIntegral, first_integral, integrable
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative

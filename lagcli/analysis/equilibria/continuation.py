@@ -35,7 +35,7 @@ class ModelParameter:
     """
 
     def __init__(self, local: LocalEquations, name: str):
-        from lagcli.equations.derivation.parameter_jacobians import differentiate_parameters
+        from lagcli.equations.derivation.jacobians import differentiate_parameters
 
         self.name, self.local = name, local
         self.path = ParameterPath(local.model, name)

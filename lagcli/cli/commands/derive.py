@@ -95,7 +95,7 @@ def derive(
     from lagcli.equations.derivation.lagrange import derive as derive_equations
     from lagcli.equations.reduction.second_kind import second_kind_is_short
     from lagcli.equations.render import render
-    from lagcli.equations.render.names import invalid_latex_warnings
+    from lagcli.equations.typesetting.notation import invalid_latex_warnings
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
     from lagcli.simulations.partition import partition_of

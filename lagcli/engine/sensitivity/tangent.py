@@ -14,12 +14,12 @@ from lagcli.engine.lowering import magnitude
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
-from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.derivation.variational import (
+from lagcli.equations.derivation.jacobians import (
     Rates,
     derivatives_of,
     variational_equations,
 )
+from lagcli.equations.derivation.lagrange import Equations
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,17 +9,19 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import Extent
-from lagcli.equations.presentation.families.index_form import IndexForm, with_hint
-from lagcli.equations.presentation.formulas import Formulas, Step
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.presentation.index_form import IndexForm, with_hint
 from lagcli.equations.presentation.kinds import (
     ABBREVIATIONS,
     ENTRIES,
     MAGGI,
     SECOND,
+    determinant_step,
     maggi_steps,
     projected,
     second_kind_steps,
     solved_step,
+    split_step,
 )
 from lagcli.equations.presentation.overview import (
     before_equations,
@@ -29,17 +31,15 @@ from lagcli.equations.presentation.overview import (
     overview,
     quantities,
 )
-from lagcli.equations.presentation.partition_steps import determinant_step, split_step
 from lagcli.equations.presentation.steps import before_equations as derivation_before_equations
 from lagcli.equations.presentation.steps import steps as derivation
-from lagcli.equations.presentation.typeset import Node, Sum, children
 from lagcli.equations.reduction.elimination import (
     solve_accelerations,
     solve_first_kind,
 )
-from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import CoordinatePartition
-from lagcli.equations.reduction.second_kind import second_kind
+from lagcli.equations.reduction.second_kind import Maggi, second_kind
+from lagcli.equations.typesetting.nodes import Node, Step, Sum, children
 
 #: Kinds of equations of motion.
 KINDS = ("first", "second", "maggi")

@@ -8,21 +8,21 @@ from itertools import islice
 import symengine as se
 from symengine import Basic
 
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.general import Signs
-from lagcli.equations.presentation.typeset import (
+from lagcli.equations.presentation.formulas import Formulas, Signs
+from lagcli.equations.symmetry.conserved import ConservedQuantity, Proof
+from lagcli.equations.typesetting.nodes import (
     ZERO,
+    Line,
     Node,
     Partial,
     Sign,
+    Step,
     Symbol,
     VirtualDisplacement,
     product_of,
     sum_of,
     weight,
 )
-from lagcli.equations.symmetry.conserved import ConservedQuantity
-from lagcli.equations.symmetry.proof import Proof
 from lagcli.model.model import coordinate
 
 #: Largest number of characters of a formula that is written out.

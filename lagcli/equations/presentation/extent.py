@@ -15,9 +15,9 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.matrices import cut_short, first_part
-from lagcli.equations.presentation.typeset import Node, Product, Sign, Sum
+from lagcli.equations.typesetting.nodes import Line, Node, Product, Sign, Step, Sum
 from lagcli.model.model import Model
 
 #: Approximate maximum number of printed lines.
@@ -60,8 +60,8 @@ class Extent:
     """
 
     def __init__(self, formulas: Formulas):
-        from lagcli.equations.render.formula_text import TextFormula
-        from lagcli.equations.render.names import Notation
+        from lagcli.equations.typesetting.notation import Notation
+        from lagcli.equations.typesetting.text import TextFormula
 
         self._formula = TextFormula(Notation(formulas.model))
 
@@ -103,12 +103,12 @@ class Extent:
         return replace(step, lines=tuple(x for item, _ in shown for x in item), remark=remark)
 
     def _height(self, step: Step) -> int:
-        from lagcli.equations.render.text import height
+        from lagcli.equations.typesetting.text import height
 
         return height(step, self._formula, _WIDTH)
 
     def _heights(self, step: Step) -> list[int]:
-        from lagcli.equations.render.text import heights
+        from lagcli.equations.typesetting.text import heights
 
         return heights(step, self._formula, _WIDTH)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 
 import symengine as se
@@ -11,12 +10,19 @@ from symengine import Basic
 
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
-from lagcli.equations.presentation import general
-from lagcli.equations.presentation.typeset import (
+from lagcli.equations.presentation import formulas as general
+from lagcli.equations.presentation.written import named_in, sides_built, written
+from lagcli.equations.simplification.arrange import Arranger
+from lagcli.equations.simplification.factors import without_content
+from lagcli.equations.typesetting.nodes import (
     ZERO,
+    Line,
     Node,
     Number,
+    Partial,
+    Rate,
     Sign,
+    Sum,
     Symbol,
     VirtualDisplacement,
     product_of,
@@ -24,61 +30,110 @@ from lagcli.equations.presentation.typeset import (
     symbols_in,
     weight,
 )
-from lagcli.equations.presentation.written import named_in, sides_built, written
-from lagcli.equations.simplification.arrange import Arranger
-from lagcli.equations.simplification.sums import without_content
-from lagcli.equations.simplification.variations import differences, displaced, oriented
+from lagcli.equations.typesetting.rewriting import differences, displaced, oriented
+from lagcli.model import model as symbols
+from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.grammar import Tree
+from lagcli.model.model import Model
+
+FORCE = Sign("Qᵢ", "Q_i")
+_SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ", "M": "ℳ", "B": "ℬ", "J": "𝒥"}
 
 
-@dataclass(frozen=True)
-class Line:
-    """A formula lhs = rhs [= rhs …], or a single expression.
-
-    Parameters
-    ----------
-    sides : tuple of Node
-    label : Node or str, optional
-        Coordinate or constraint to which the formula belongs.
-    note : str, optional
-        Remark on the formula.
-    span : Sign, optional
-        Range of the index of a formula that holds for several members: i = 2, …, N.
-    """
-
-    sides: tuple[Node, ...]
-    label: Node | str | None = None
-    note: str | None = None
-    span: Sign | None = None
-
-    @property
-    def remark(self) -> str | None:
-        """Note and range as plain text."""
-        span = self.span.text if self.span is not None else None
-        return "; ".join(x for x in (self.note, span) if x) or None
-
-
-@dataclass(frozen=True)
-class Step:
-    """A step of a derivation.
+class Signs:
+    """Symbols of the theory, chosen to differ from the names of the model.
 
     Parameters
     ----------
-    title : str
-    lines : tuple of Line
-    remark : str or None
-        Explanation or source of the step.
-    packed : bool
-        Whether short lines may be placed side by side.
-    lead : str or None
-        Text printed before the lines: "Substituting the definitions gives".
+    model : Model
     """
 
-    title: str
-    lines: tuple[Line, ...]
-    remark: str | None = None
-    packed: bool = False
-    lead: str | None = None
+    def __init__(self, model: Model):
+        from lagcli.equations.typesetting.notation import LATEX_GREEK, letter
+
+        taken = {*model.coordinate_names, *model.parameters, *model.definitions}
+        letters = {letter(name) for name in taken}
+        capitals = (
+            Sign(_SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVLMBJ"
+        )
+        self.kinetic, self.potential, self.lagrangian, *matrices = capitals
+        #: M and B of M q̈ = f + Bᵀλ, B q̈ = γ; J of q̇ = J u + c, u the independent velocities.
+        self.mass_matrix, self.constraint_matrix, self.null_space = matrices
+
+        def free(*candidates: str) -> str:
+            return next((x for x in candidates if x not in letters), candidates[0])
+
+        def sign(*parts: str) -> Sign:
+            below = "".join(parts[1:])
+            latex = "".join(LATEX_GREEK.get(x, x) + " " for x in parts[1:]).strip()
+            base = LATEX_GREEK.get(parts[0], parts[0])
+            return (
+                Sign(f"{parts[0]}_{below}", f"{base}_{{{latex}}}")
+                if below
+                else Sign(parts[0], base)
+            )
+
+        #: Numbers of coordinates and of constraints.
+        self.coordinate_count, self.constraint_count = free("k", "n", "N"), free("r", "s", "p")
+        row, coefficient = free("β", "α", "μ"), free("b", "a", "c", "h", "d")
+        holonomic = free("φ", "f", "h")
+        letters.add(holonomic)
+        self.holonomic = sign(holonomic, row)
+        self.forcing, self.rhs = sign(free("f", "p", "d")), sign(free("γ", "η", "ζ"))
+        self.drift = sign(free("c", "d", "e"))
+        rank = self.constraint_matrix
+        self.rank = Sign(f"rank {rank.text}", rf"\operatorname{{rank}} {rank.latex}")
+        #: Letter of the constraints at velocity level.
+        self.velocity_residual = free("ψ", "g", "w")
+        self.nonholonomic = sign(self.velocity_residual, row)
+        self.coefficient = sign(coefficient, "i", row)
+        self.multiplier = sign("λ", row)
+        self.block = Sign(f"det {coefficient}", rf"\det {coefficient}")
+        self.row, self.coefficient_letter = row, coefficient
+        greek = LATEX_GREEK[row]
+        self.reaction = Sign(
+            f"Σ_{row} {self.multiplier.text} {self.coefficient.text}",
+            rf"\textstyle\sum_{{{greek}}} {self.multiplier.latex} {self.coefficient.latex}",
+        )
+
+
+def force(coordinate: Symbol) -> Symbol:
+    """Return the symbol of the generalized force on a coordinate."""
+    return Symbol(coordinate.name, kind="force")
+
+
+def total_rate(expression: Basic, equations: Equations) -> Basic:
+    """Return d/dt of an expression in q, v and t."""
+    free = expression.free_symbols
+    terms = [derivative(expression, symbols.TIME)]
+    pairs = zip((*equations.q, *equations.v), (*equations.v, *equations.a), strict=True)
+    terms += [derivative(expression, x) * rate for x, rate in pairs if x in free]
+    return se.Add(*terms)
+
+
+def law(model: Model) -> tuple[Sum, Node]:
+    """Return the sides of d/dt ∂L/∂q̇_i − ∂L/∂q_i = Q_i + Σ_β λ_β b_iβ (8.85)."""
+    signs = Signs(model)
+    rate = Rate(Partial(signs.lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))
+    left = Sum(((1, rate), (-1, Partial(signs.lagrangian, Sign("qᵢ", "q_i")))))
+    if not model.constraints:
+        return left, FORCE
+    return left, Sum(((1, FORCE), (1, signs.reaction)))
+
+
+def coefficients(equations: Equations) -> dict[str, list[tuple[Node, ...]]]:
+    """Return the definitions of b_iβ for each kind of constraints in a system."""
+    found: dict[str, list[tuple[Node, ...]]] = {}
+    signs = Signs(equations.model)
+    sides = Sum(((1, Sign("lhs", r"\text{lhs}")), (-1, Sign("rhs", r"\text{rhs}"))))
+    kinds = {c.constraint.kind for c in equations.constraints}
+    if "holonomic" in kinds:
+        slope = Partial(signs.holonomic, Sign("qᵢ", "q_i"))
+        found["holonomic"] = [(signs.coefficient, slope), (signs.holonomic, sides)]
+    if kinds - {"holonomic"}:
+        slope = Partial(signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i"))
+        found["nonholonomic"] = [(signs.coefficient, slope), (signs.nonholonomic, sides)]
+    return found
 
 
 def _counted(equations: Equations) -> DegreesOfFreedom:

@@ -8,18 +8,18 @@ from functools import lru_cache
 
 from lagcli.equations.derivation.integrability import integrable
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
-from lagcli.equations.presentation import general
+from lagcli.equations.presentation import formulas as general
 from lagcli.equations.presentation.extent import ROOM, Extent, abridged, is_large
-from lagcli.equations.presentation.families.index_form import IndexForm
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import Matrices
-from lagcli.equations.presentation.switching.contacts import (
+from lagcli.equations.presentation.switching import (
     as_inequality,
     contacts_step,
+    events_step,
     is_friction,
 )
-from lagcli.equations.presentation.switching.events import events_step
-from lagcli.equations.presentation.typeset import Call, Node, Sign, Symbol, sum_of, whole
+from lagcli.equations.typesetting.nodes import Call, Line, Node, Sign, Step, Symbol, sum_of, whole
 from lagcli.model.expression.units import plain_notation, si_notation, to_si
 
 

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lagcli.equations.presentation import general
+from lagcli.equations.presentation import formulas as general
 from lagcli.equations.presentation.extent import accelerations_are_large
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.overview import inputs_step, kind_of
-from lagcli.equations.presentation.substitution import substituted
-from lagcli.equations.presentation.switching.contacts import (
+from lagcli.equations.presentation.switching import (
     as_inequality,
     contacts_step,
+    events_step,
     is_friction,
 )
-from lagcli.equations.presentation.switching.events import events_step
-from lagcli.equations.presentation.typeset import (
+from lagcli.equations.presentation.written import differentiated_in
+from lagcli.equations.typesetting.nodes import (
+    Line,
     Node,
     Partial,
     Rate,
+    Step,
     Symbol,
     alike,
     sum_of,
     weight,
 )
-from lagcli.equations.presentation.written import differentiated_in
+from lagcli.equations.typesetting.rewriting import substituted
 
 
 def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> tuple[Step, ...]:

@@ -10,9 +10,9 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import read_dotted_name
-from lagcli.equations.presentation import typeset
-from lagcli.equations.presentation.typeset import Node, product_of, quotient_of, sum_of
 from lagcli.equations.simplification.monomials import Exact
+from lagcli.equations.typesetting import nodes as typeset
+from lagcli.equations.typesetting.nodes import Node, product_of, quotient_of, sum_of
 from lagcli.model.expression import trees
 from lagcli.model.expression.constants import constant
 from lagcli.model.expression.grammar import Tree

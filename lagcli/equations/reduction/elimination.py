@@ -9,9 +9,8 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
-from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import CoordinatePartition, number
-from lagcli.equations.reduction.second_kind import SecondKind
+from lagcli.equations.reduction.second_kind import Maggi, SecondKind
 from lagcli.equations.reduction.small_systems import (
     CRAMER,
     cancelled,

@@ -70,9 +70,9 @@ def render(
     # not at the top: plots use the notation of names without deriving equations
     from lagcli.equations.presentation.assembly import KINDS, Contents, shown_steps
     from lagcli.equations.presentation.formulas import Formulas
-    from lagcli.equations.render.formula_text import TextFormula
-    from lagcli.equations.render.names import Notation
-    from lagcli.equations.render.numbers import written_decimals
+    from lagcli.equations.typesetting.notation import Notation
+    from lagcli.equations.typesetting.text import TextFormula
+    from lagcli.equations.typesetting.writer import written_decimals
 
     if format not in FORMATS:
         raise UsageError(f"there is no format `{format}`; known are {', '.join(FORMATS)}")
@@ -90,19 +90,19 @@ def render(
     shown = shown_steps(f, contents)
     names = Notation(f.model)
     if format == "text":
-        from lagcli.equations.render.text import NARROWEST, render_text
+        from lagcli.equations.typesetting.text import NARROWEST, render_text
 
         if width < NARROWEST:
             raise UsageError(f"a width of {width} columns is too small: give {NARROWEST} or more")
         formula = TextFormula(names, written_decimals(f.model), numeric)
         return render_text(f.model, shown, formula, width, numbered=steps)
-    from lagcli.equations.render.formula_latex import LatexFormula
+    from lagcli.equations.typesetting.latex import LatexFormula
 
     latex = LatexFormula(names, written_decimals(f.model), numeric)
     if format == "markdown":
-        from lagcli.equations.render.markdown import render_markdown
+        from lagcli.equations.typesetting.markdown import render_markdown
 
         return render_markdown(f.model, shown, latex, numbered=steps)
-    from lagcli.equations.render.latex import render_latex
+    from lagcli.equations.typesetting.latex import render_latex
 
     return render_latex(f.model, shown, latex, numbered=steps, fragment=fragment)

@@ -63,26 +63,24 @@ from symengine import Basic
 
 from lagcli.equations.derivation.integrability import integrable
 from lagcli.equations.derivation.lagrange import ConstraintEquation
-from lagcli.equations.presentation.abbreviations import abbreviate
 from lagcli.equations.presentation.assembly import Contents, shown_steps
-from lagcli.equations.presentation.formulas import Formulas, Line
+from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.kinds import LONGEST
-from lagcli.equations.presentation.matrices import PARTS, Matrices
+from lagcli.equations.presentation.matrices import PARTS, Matrices, abbreviate
 from lagcli.equations.presentation.overview import in_matrices
-from lagcli.equations.presentation.switching.contacts import as_inequality
-from lagcli.equations.presentation.typeset import ZERO, Node, Symbol
+from lagcli.equations.presentation.switching import as_inequality
 from lagcli.equations.reduction.elimination import (
     SolvedUnknown,
     solve_accelerations,
     solve_first_kind,
 )
-from lagcli.equations.reduction.maggi import Maggi
-from lagcli.equations.reduction.second_kind import SecondKind, second_kind
+from lagcli.equations.reduction.second_kind import Maggi, SecondKind, second_kind
 from lagcli.equations.reduction.small_systems import operations
-from lagcli.equations.render.formula_latex import LatexFormula
-from lagcli.equations.render.grammar import grammar_text
-from lagcli.equations.render.names import Notation
-from lagcli.equations.render.numbers import written_decimals
+from lagcli.equations.typesetting.latex import LatexFormula
+from lagcli.equations.typesetting.nodes import ZERO, Line, Node, Symbol
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import grammar_text
+from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.model.expression.units import si_notation
 from lagcli.model.model import EventClock, ModelEvent, MultiplierLimit
 

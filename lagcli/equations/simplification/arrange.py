@@ -11,36 +11,35 @@ If the result is longer than the original expression, the original structure is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.columns import read_dotted_name
-from lagcli.equations.presentation.typeset import (
-    Call,
-    Node,
-    Power,
-    Symbol,
-    forward,
-    sum_of,
-    weight,
-)
 from lagcli.equations.simplification import factors as position
-from lagcli.equations.simplification import trigonometry
-from lagcli.equations.simplification.branches import cases_node
+from lagcli.equations.simplification import monomials as trigonometry
 from lagcli.equations.simplification.factors import (
     ContentStyle,
+    Key,
+    Pair,
     Term,
     TermFactor,
+    TermGroup,
     divide,
     factored,
+    groups,
+    ordered,
+    oriented,
+    pairs,
     presentable_content,
+    shared_by,
     squares,
+    without_content,
 )
-from lagcli.equations.simplification.grouping import Pair, TermGroup, groups, pairs, shared_by
 from lagcli.equations.simplification.monomials import (
     Exact,
     Monomial,
@@ -49,10 +48,256 @@ from lagcli.equations.simplification.monomials import (
     TooLarge,
     times,
 )
-from lagcli.equations.simplification.ordering import writing_order
-from lagcli.equations.simplification.prescribed import PrescribedNames
-from lagcli.equations.simplification.sums import Key, ordered, oriented, without_content
-from lagcli.model.model import Model, as_symbols
+from lagcli.equations.typesetting.nodes import (
+    Call,
+    Cases,
+    Logical,
+    Node,
+    Number,
+    Power,
+    Relation,
+    Symbol,
+    forward,
+    sum_of,
+    weight,
+)
+from lagcli.model.expression.trees import (
+    CallExpr,
+    IndexedSumExpr,
+    Name,
+    PowerExpr,
+    ProductExpr,
+    SumExpr,
+    Tree,
+)
+from lagcli.model.model import TIME, Model, as_symbols
+from lagcli.model.names.members import family_of
+
+
+def writing_order(model: Model) -> tuple[str, ...]:
+    """Return the parameters in the order in which the model writes them in products.
+
+    m*g*r is displayed as m g r regardless of the order of declaration, which is used only for
+    parameters that no product orders.
+    """
+    families: dict[str, list[str]] = {}
+    for name in model.parameters:
+        families.setdefault(family_of(name), []).append(name)
+    before: dict[str, list[str]] = {family: [] for family in families}
+    seen: set[tuple[str, str]] = set()
+    trees: dict[str, dict[int, Tree]] = {}
+    for name, definition in model.definitions.items():
+        trees.setdefault(family_of(name), {})[id(definition.tree)] = definition.tree
+    known = Known(families.keys(), {name: [*found.values()] for name, found in trees.items()})
+    for tree in model.trees.values():
+        for left, right in _pairs(tree, known):
+            if (left, right) not in seen and (right, left) not in seen:
+                seen.add((left, right))
+                before[right].append(left)
+    rank = {family: i for i, family in enumerate(families)}
+    order: list[str] = []
+    done: set[str] = set()
+    for start in families:
+        stack = [(start, False)]
+        while stack:  # depth first: predecessors of a name come first
+            name, ready = stack.pop()
+            if ready:
+                order += families[name]
+            elif name not in done:
+                done.add(name)
+                stack.append((name, True))
+                needed = sorted(before[name], key=rank.__getitem__, reverse=True)
+                stack.extend((b, False) for b in needed)
+    return tuple(order)
+
+
+class Known(NamedTuple):
+    """The parameters and definitions of a model; families as ``m[]``."""
+
+    parameters: Collection[str]
+    definitions: Mapping[str, list[Tree]]
+
+
+def _pairs(tree: Tree, known: Known) -> Iterator[tuple[str, str]]:
+    """Yield (a, b) if a factor a is written to the left of a factor b."""
+    stack = [tree]
+    while stack:
+        item = stack.pop()
+        match item:
+            case SumExpr():
+                stack.extend(term for _, term in reversed(item.terms))
+            case PowerExpr():
+                stack.append(item.base)
+            case IndexedSumExpr():
+                stack.append(item.term)
+            case CallExpr():
+                stack.extend(reversed(item.arguments))
+            case ProductExpr():
+                factors = [factor for exponent, factor in item.factors if exponent > 0]
+                stack.extend(reversed(factors))
+                passed: list[str] = []
+                for factor in factors:
+                    inside = _names(factor, known)
+                    yield from ((a, b) for a in passed for b in inside if a != b)
+                    if isinstance(factor, Name | PowerExpr):
+                        passed.extend(name for name in inside if name not in passed)
+
+
+def _names(tree: Tree, known: Known) -> list[str]:
+    """Return the parameters that are factors in a tree, with definitions expanded."""
+    found: dict[str, None] = {}
+    opened: set[str] = set()
+    stack = [tree]
+    while stack:
+        item = stack.pop()
+        match item:
+            case Name() if item.text in known.parameters:
+                found[item.text] = None
+            case Name() if item.text in known.definitions and item.text not in opened:
+                opened.add(item.text)
+                stack.extend(known.definitions[item.text])
+            case IndexedSumExpr():
+                stack.append(item.term)
+            case SumExpr():
+                stack.extend(term for _, term in reversed(item.terms))
+            case PowerExpr():
+                stack.append(item.base)
+            case ProductExpr():
+                above = [factor for exponent, factor in item.factors if exponent > 0]
+                stack.extend(reversed(above))
+    return list(found)
+
+
+class PrescribedNames:
+    """Writes products that are definitions of time alone by their names.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        fixed = {TIME, *map(se.Symbol, model.parameters)}
+        self._known: dict[Basic, Basic] = {}
+        self._factors: list[tuple[Basic, dict[Basic, int]]] = []
+        for name, definition in model.definitions.items():
+            value = definition.value
+            if not isinstance(value, se.Mul) or "[" in name:
+                continue
+            used, factors = value.free_symbols, _whole_powers(value)
+            if TIME in used and used <= fixed and factors:
+                self._factors.append((se.Symbol(name), factors))
+
+    def __call__(self, e: Basic) -> Basic:
+        """Return an expression in which such products are names."""
+        if not self._factors or TIME not in e.free_symbols or isinstance(e, se.Symbol):
+            return e
+        known = self._known.get(e)
+        if known is None:
+            known = self._known[e] = self._named(e.func(*map(self, e.args)))
+        return known
+
+    def _named(self, e: Basic) -> Basic:
+        if not isinstance(e, se.Mul):
+            return e
+        for name, factors in self._factors:
+            powers = {base: int(n) for base, n in map(_power, e.args) if isinstance(n, se.Integer)}
+            count = min(powers.get(base, 0) // n for base, n in factors.items())
+            if count > 0:
+                e = e * name**count / se.Mul(*(base ** (n * count) for base, n in factors.items()))
+        return e
+
+
+def _power(e: Basic) -> tuple[Basic, Basic]:
+    return e.args if isinstance(e, se.Pow) else (e, se.Integer(1))
+
+
+def _whole_powers(product: se.Mul) -> dict[Basic, int]:
+    """Return the factors of a product with their exponents; none if one is not a whole power."""
+    found: dict[Basic, int] = {}
+    for base, n in map(_power, product.args):
+        if isinstance(base, se.Number) or not isinstance(n, se.Integer) or int(n) < 1:
+            return {}
+        found[base] = int(n)
+    return found
+
+
+Arrange = Callable[[Basic], Node]
+
+_RELATIONS = {
+    "LessThan": "<=",
+    "StrictLessThan": "<",
+    "Equality": "==",
+    "Unequality": "!=",
+}
+_MIRRORED = {"<=": ">=", "<": ">", "==": "==", "!=": "!="}
+
+
+def cases_node(piecewise: Basic, arrange: Arrange) -> Node:
+    """Return the function that a Piecewise represents (see `lagcli.model.expression.functions`)."""
+    args = piecewise.args
+    value, condition = args[0], args[1]
+    rest = (
+        args[2]
+        if len(args) == 4 and args[3] == se.true
+        else se.Piecewise(*zip(args[2::2], args[3::2], strict=True))
+    )
+    named = _named(value, condition, rest)
+    if named is not None:
+        name, arguments = named
+        return Call(name, tuple(arrange(a) for a in arguments))
+    return Cases(condition_node(condition, arrange), arrange(value), arrange(rest))
+
+
+def _named(value: Basic, condition: Basic, rest: Basic) -> tuple[str, list[Basic]] | None:
+    """Return the name and arguments of the function that a Piecewise represents."""
+    if not isinstance(condition, se.LessThan | se.StrictLessThan):
+        return None
+    low, high = condition.args
+    strict = isinstance(condition, se.StrictLessThan)
+    if low == 0 and not strict and value == high and se.expand(value + rest) == 0:
+        return "abs", [value]
+    if low == 0 and strict and value == 1 and isinstance(rest, se.Piecewise):
+        negative = se.Piecewise((se.Integer(-1), se.Lt(high, 0)), (se.Integer(0), se.true))
+        if rest == negative:
+            return "sign", [high]
+    if strict:
+        return None
+    if (value, rest) == (low, high):
+        return "min", [*_chain("min", low), *_chain("min", high)]
+    if (value, rest) == (high, low):
+        return "max", [*_chain("max", high), *_chain("max", low)]
+    if low == 0 and value == 1 and rest == 0:
+        return "step", [high]
+    third = se.Rational(1, 3)
+    if low == 0 and value == high**third and rest == -((-high) ** third):
+        return "cbrt", [high]
+    return None
+
+
+def _chain(name: str, e: Basic) -> list[Basic]:
+    """Return the arguments of min(min(a, b), c) as a flat list."""
+    if isinstance(e, se.Piecewise) and len(e.args) == 4 and e.args[3] == se.true:
+        named = _named(e.args[0], e.args[1], e.args[2])
+        if named is not None and named[0] == name:
+            return named[1]
+    return [e]
+
+
+def condition_node(condition: Basic, arrange: Arrange) -> Node:
+    """Return a condition with its variable side on the left."""
+    name = type(condition).__name__
+    if name in ("And", "Or"):
+        operands = sorted(condition.args, key=str)
+        return Logical(name.lower(), tuple(condition_node(c, arrange) for c in operands))
+    if name == "Not":
+        return Logical("not", (condition_node(condition.args[0], arrange),))
+    left, right = (arrange(side) for side in condition.args)
+    operator = _RELATIONS[name]
+    if isinstance(left, Number) and not isinstance(right, Number):
+        return Relation(right, _MIRRORED[operator], left)
+    return Relation(left, operator, right)
+
 
 # Keeping the structure of a large expression is expensive because every part is arranged
 # separately, and it does not beat an expansion that is shorter than the original by this factor.

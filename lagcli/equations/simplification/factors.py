@@ -8,26 +8,33 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal
 
-from lagcli.equations.presentation.typeset import (
-    Call,
-    Node,
-    Number,
-    Power,
-    Root,
-    Sum,
-    product_of,
-    quotient_of,
-    sum_of,
-    weight,
-)
 from lagcli.equations.simplification.monomials import (
+    Class,
     Exact,
     Monomial,
+    MonomialExpansion,
     Polynomial,
+    add_to,
     content_of,
     product,
     times,
 )
+from lagcli.equations.typesetting.nodes import (
+    Call,
+    Node,
+    Number,
+    Power,
+    Product,
+    Root,
+    Sum,
+    forward,
+    product_of,
+    quotient_of,
+    signed,
+    sum_of,
+    weight,
+)
+from lagcli.equations.typesetting.writer import LARGEST_DENOMINATOR
 
 SortKey = tuple[Any, ...]
 ContentStyle = Literal["shortest", "whole", "decimal"]
@@ -37,8 +44,6 @@ MULTIPLIER, PARAMETER, POSITION, BRACKET = range(4)
 ACCELERATION, VELOCITY, FUNCTION, SQUARE, LAST = range(4, 9)
 
 
-#: Largest denominator that is written as a fraction; others are written as decimals.
-LARGEST_DENOMINATOR = 12
 #: Characters of sums beyond which they are written behind a fraction: there they can be broken.
 _LONG_BRACKETS = 28
 
@@ -260,3 +265,152 @@ def _rational_root(value: Fraction) -> Fraction | None:
         return None
     root = Fraction(math.isqrt(value.numerator), math.isqrt(value.denominator))
     return root if root * root == value else None
+
+
+MOVING = ("multiplier", "acceleration", "velocity")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A sum of functions of position times a sum of motion variables."""
+
+    functions: Polynomial
+    motion: Polynomial
+    motion_class: int  # 0: with accelerations, 1: with velocities, 2: neither
+    complexity: int  # number of factors of the simplest function
+
+
+@dataclass(frozen=True)
+class TermGroup:
+    """A sum of parameter monomials times a sum of the remaining factors."""
+
+    parameters: Polynomial
+    rest: Polynomial
+
+
+def groups(terms: Polynomial, expansion: MonomialExpansion) -> list[TermGroup]:
+    """Collect terms by parameters, and merge groups whose remaining factors are equal.
+
+    m₁ l² θ̈ + m₂ l² θ̈ becomes (m₁ l² + m₂ l²) · θ̈.
+    """
+    found: dict[Monomial, Polynomial] = {}
+    for monomial, c in terms.items():
+        outer, inner = _split(monomial, expansion, ("parameter",))
+        add_to(found.setdefault(outer, {}), inner, c)
+    return [TermGroup(a, b) for a, b in _merged(found, expansion)]
+
+
+def pairs(terms: Polynomial, expansion: MonomialExpansion) -> list[Pair]:
+    """Collect terms by functions of position, and merge groups with the same motion."""
+    found: dict[Monomial, Polynomial] = {}
+    for monomial, c in terms.items():
+        motion, function = _split(monomial, expansion, MOVING)
+        add_to(found.setdefault(function, {}), motion, c)
+    return [
+        Pair(a, b, _motion_class(b, expansion), min(_complexity(m, expansion) for m in a))
+        for a, b in _merged(found, expansion)
+    ]
+
+
+def shared_by(parts: list[Pair], expansion: MonomialExpansion) -> Monomial:
+    """Return the common factor of terms: common symbols, and functions with equal exponents.
+
+    sin² φ and sin φ cos φ keep their sines, as in the textbook.
+    """
+    functions = [m for p in parts for m in p.functions]
+    motions = [m for p in parts for m in p.motion]
+    common = []
+    for g, n in common_part(functions):
+        is_symbol = expansion.generators[g].head == "symbol"
+        if is_symbol or all(dict(m).get(g) == n for m in functions):
+            common.append((g, n))
+    return times(tuple(common), common_part(motions))
+
+
+def _split(
+    monomial: Monomial, expansion: MonomialExpansion, classes: tuple[Class | str, ...]
+) -> tuple[Monomial, Monomial]:
+    inside = tuple(x for x in monomial if expansion.classes[x[0]] in classes)
+    outside = tuple(x for x in monomial if expansion.classes[x[0]] not in classes)
+    return inside, outside
+
+
+def _merged(
+    found: Mapping[Monomial, Polynomial], expansion: MonomialExpansion
+) -> list[tuple[Polynomial, Polynomial]]:
+    """Merge the monomials whose sums are proportional."""
+    joined: dict[frozenset[tuple[Monomial, Exact]], tuple[Polynomial, Polynomial]] = {}
+    for outer, inner in found.items():
+        if not inner:
+            continue
+        scale = Fraction(inner[min(inner, key=expansion.order)])
+        normal: Polynomial = inner if scale == 1 else {m: c / scale for m, c in inner.items()}
+        signature = frozenset(normal.items())
+        outers, _ = joined.setdefault(signature, ({}, normal))
+        add_to(outers, outer, scale)
+    return list(joined.values())
+
+
+def _motion_class(motion: Polynomial, expansion: MonomialExpansion) -> int:
+    kinds = {expansion.classes[g] for m in motion for g, _ in m}
+    return 0 if "acceleration" in kinds else 1 if "velocity" in kinds else 2
+
+
+def _complexity(monomial: Monomial, expansion: MonomialExpansion) -> int:
+    return sum(abs(n) for g, n in monomial if expansion.generators[g].head != "symbol")
+
+
+Key = tuple[object, ...]
+
+
+def ordered(terms: Iterable[tuple[Key, Node]], follows: bool = False) -> Node:
+    """Return a sorted sum.
+
+    Parameters
+    ----------
+    terms : iterable of (key, node)
+        The terms with their sort keys, whose first entry is the class of a term.
+    follows : bool
+        Whether the sum follows other terms. If not, a leading class with a positive term starts
+        with it: b − a, not −a + b.
+    """
+    found = _sorted(terms)
+    if found and found[0][1] < 0 and not follows:
+        kind = found[0][0][0]
+        for i, (key, sign, _) in enumerate(found):
+            if sign > 0 and (key[0] == kind or kind != 0):
+                found.insert(0, found.pop(i))
+                break
+    return sum_of((sign, term) for _, sign, term in found)
+
+
+def oriented(terms: Iterable[tuple[Key, Node]]) -> tuple[int, Node]:
+    """Return ±1 and ±sum, so that the first term is positive.
+
+    The order does not depend on signs: sums that differ only in signs are arranged equally.
+    """
+    return forward(sum_of((sign, term) for _, sign, term in _sorted(terms)))
+
+
+def _sorted(terms: Iterable[tuple[Key, Node]]) -> list[tuple[Key, int, Node]]:
+    """Return the terms of a sum in order, with nested sums flattened."""
+    return [
+        (key, sign, term)
+        for key, node in sorted(terms, key=lambda t: t[0])
+        for sign, term in (node.terms if isinstance(node, Sum) else (signed(node),))
+    ]
+
+
+def without_content(node: Node) -> tuple[Fraction, Node]:
+    """Factor a number out of a sum if all terms share it."""
+    if not isinstance(node, Sum):
+        return Fraction(1), node
+    numbers = []
+    for _, term in node.terms:
+        first = term.factors[0] if isinstance(term, Product) else term
+        numbers.append(first.value if isinstance(first, Number) else Fraction(1))
+    content = presentable_content(numbers, "whole")
+    if content == 1:
+        return content, node
+    scale = Number(1 / content)
+    return content, sum_of((sign, product_of([scale, term])) for sign, term in node.terms)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
+from itertools import combinations, product
 from typing import Literal, NamedTuple
 
 import symengine as se
@@ -12,8 +13,16 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO
-from lagcli.equations.symmetry.linear import Extent, Symmetry, linear_symmetries
-from lagcli.equations.symmetry.monomials import coefficients, symbolic
+from lagcli.equations.symmetry.linear import (
+    Extent,
+    Monomials,
+    Symmetry,
+    coefficients,
+    linear_symmetries,
+    rational,
+    symbolic,
+    term_count,
+)
 from lagcli.model.expression.algebra import is_zero
 
 #: Limits of the number of terms, which is an upper bound and often ten times the actual number:
@@ -96,7 +105,7 @@ def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Cons
     Returns
     -------
     Conserved
-        For the model's parameter values; `lagcli.equations.symmetry.generality` determines whether
+        For the model's parameter values; `lagcli.equations.symmetry.conserved` determines whether
         they matter.
     """
     symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
@@ -221,3 +230,132 @@ def _factor(coefficient: Basic, term: str) -> tuple[str, str]:
     front = f"{abs(numerator)}*" if abs(numerator) != 1 else ""
     below = f"/{denominator}" if denominator != 1 else ""
     return "-" if numerator < 0 else "+", f"{front}{term.replace('**', '^')}{below}"
+
+
+class Proof:
+    """The conditions that a symmetry satisfies, as expressions that vanish identically.
+
+    Parameters
+    ----------
+    equations : Equations
+    quantity : ConservedQuantity
+    """
+
+    def __init__(self, equations: Equations, quantity: ConservedQuantity):
+        self.equations, self.quantity = equations, quantity
+
+    def products(self) -> Iterator[tuple[Basic, Basic]]:
+        """Yield the factors of the products in (∂L/∂q + Q)·ξ + p·ξ̇ + τ (∂L/∂t − Q·v)."""
+        eq, quantity = self.equations, self.quantity
+        for i, x in quantity.field.items():
+            yield eq.gradient[i] + eq.applied_forces[i], x
+            yield eq.momenta[i], self.rate(x)
+        if quantity.time != ZERO:
+            yield quantity.time, -eq.time_power
+            for force, v in zip(eq.applied_forces, eq.v, strict=True):
+                yield -quantity.time * force, v
+
+    def constraint_products(self, beta: int) -> Iterator[tuple[Basic, Basic]]:
+        """Yield the factors of the products in b_β·ξ + τ b_0."""
+        c = self.equations.constraints[beta]
+        for i, b in c.row.items():
+            if i in self.quantity.field:
+                yield b, self.quantity.field[i]
+        yield self.quantity.time, c.drift
+
+    def multiple(self, beta: int) -> Basic:
+        """Return Σ_γ μ_βγ φ_γ."""
+        positions = [c.position for c in self.equations.constraints if c.position is not None]
+        multiples = self.quantity.multiples.items()
+        return se.Add(*[x * positions[j] for (i, j), x in multiples if i == beta])
+
+    def rate(self, expression: Basic) -> Basic:
+        """Return the time derivative of a function of q."""
+        pairs = zip(self.equations.q, self.equations.v, strict=True)
+        return se.Add(*[expression.diff(q) * v for q, v in pairs])
+
+    def holds_generally(self) -> bool:
+        """Whether the conditions hold for all values of the parameters."""
+        conditions = [se.Add(*[x * y for x, y in self.products()], -self.rate(self.quantity.gauge))]
+        for beta in range(len(self.equations.constraints)):
+            products = [x * y for x, y in self.constraint_products(beta)]
+            conditions.append(se.Add(*products, -self.multiple(beta)))
+        return all(map(_vanishes, conditions))
+
+
+def _vanishes(expression: Basic) -> bool:
+    write = Monomials({})
+    exponential = write.exponential(expression)
+    return term_count(exponential) <= THOROUGH and not any(True for _ in write.terms(exponential))
+
+
+#: Number of candidate expressions of a symmetry's numbers in terms of parameters.
+_MOST_NAMINGS = 32
+#: Numbers tried as factors of parameters.
+_PLAIN = (Fraction(1), Fraction(1, 2), Fraction(2))
+
+
+def generalized(equations: Equations, quantity: ConservedQuantity) -> ConservedQuantity:
+    """Return a quantity with its numbers expressed by parameters, if it then holds for all values.
+
+    Parameters
+    ----------
+    equations : Equations
+    quantity : ConservedQuantity
+        Quantity from `conserved_quantities`.
+    """
+    if Proof(equations, quantity).holds_generally():
+        return quantity._replace(general=True)
+    for numbers in _namings(equations, quantity):
+        other = quantity_of(
+            equations,
+            {i: _renamed(x, numbers) for i, x in quantity.field.items()},
+            quantity.time,
+            _renamed(quantity.gauge, numbers),
+            {place: _renamed(x, numbers) for place, x in quantity.multiples.items()},
+        )
+        if Proof(equations, other).holds_generally():
+            return other._replace(name=quantity.name, general=True)
+    return quantity
+
+
+def _namings(equations: Equations, quantity: ConservedQuantity) -> Iterator[dict[Fraction, Basic]]:
+    """Yield parameters and simple combinations of them for the numbers of a symmetry."""
+    given = {n: rational(x) for n, x in equations.model.parameter_values.items()}
+    powers = {se.Symbol(n) ** e: x**e for n, x in given.items() if x for e in (1, -1)}
+    pairs = {a * b: x * y for (a, x), (b, y) in combinations(powers.items(), 2)}
+    parts = [*quantity.field.values(), quantity.gauge, *quantity.multiples.values()]
+    used = sorted({abs(x) for part in parts for x in _numbers(part)})
+    choices: list[list[Basic]] = []
+    for number in used:
+        found = _equal(number, powers if number in _PLAIN else {**powers, **pairs})
+        choices.append([symbolic(number), *found][:_MOST_NAMINGS])
+    for tried, chosen in enumerate(product(*choices)):
+        if tried >= _MOST_NAMINGS:
+            return
+        yield dict(zip(used, chosen, strict=True))
+
+
+def _equal(number: Fraction, known: Mapping[Basic, Fraction]) -> list[Basic]:
+    """Return the products of parameters and a plain number that have a given value, factor 1
+    first."""
+    factors = {symbol: number / x for symbol, x in known.items() if abs(number / x) in _PLAIN}
+    exact = sorted(factors, key=lambda symbol: abs(factors[symbol]) != 1)
+    return [symbolic(factors[symbol]) * symbol for symbol in exact]
+
+
+def _numbers(expression: Basic) -> Iterator[Fraction]:
+    """Yield the coefficients of an expression that is a sum of terms."""
+    for coefficient in coefficients(expression).values():
+        numerator, denominator = coefficient.get_num_den()
+        yield Fraction(int(numerator), int(denominator))
+
+
+def _renamed(expression: Basic, numbers: Mapping[Fraction, Basic]) -> Basic:
+    terms = []
+    for term, coefficient in coefficients(expression).items():
+        numerator, denominator = coefficient.get_num_den()
+        value = Fraction(int(numerator), int(denominator))
+        named = numbers[abs(value)]
+        terms.append(term * (named if value > 0 else -named))
+    return se.Add(*terms)

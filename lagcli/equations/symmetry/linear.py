@@ -24,6 +24,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import cached_property
+from math import gcd, lcm
 from typing import Literal, NamedTuple
 
 import symengine as se
@@ -31,15 +32,232 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
-from lagcli.equations.symmetry.monomials import ONE, Monomials, Term, term_count
-from lagcli.equations.symmetry.nullspace import (
-    SparseVector,
-    echelon,
-    independent,
-    null_space,
-    remainder,
-)
+from lagcli.model.expression.algebra import count_terms, expand_terms
 from lagcli.model.model import TIME
+
+ONE, TWO = se.Integer(1), se.Integer(2)
+_SMALL_DENOMINATOR = 10**6
+_ROUNDING = 4e-16  # rounding error of a parameter computed from others
+
+
+def rational(value: float) -> Fraction:
+    """Return the simple rational number that a double represents: 3/4000 for 7.5e-4."""
+    found = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
+    if abs(found - Fraction(value)) <= _ROUNDING * abs(Fraction(value)):
+        return found
+    return Fraction(repr(value))
+
+
+def symbolic(value: Fraction) -> Basic:
+    """Return a fraction as an expression."""
+    return se.Integer(value.numerator) / se.Integer(value.denominator)
+
+
+#: A rational number; most are integers, whose arithmetic is ten times as fast.
+Exact = int | Fraction
+#: A monomial with the real and imaginary parts of its coefficient.
+Term = tuple[Basic, Exact, Exact]
+
+
+class Monomials:
+    """Writes expressions as sums of monomials.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Parameter values to substitute. Other parameters count as independent symbols, so that a
+        result holds for all of their values.
+    """
+
+    def __init__(self, values: Mapping[str, float]):
+        self._values = {se.Symbol(n): symbolic(rational(x)) for n, x in values.items()}
+        self._exponentials: dict[Basic, Basic] = {}
+
+    def exponential(self, expression: Basic) -> Basic:
+        """Return an expression with the parameters' values, and exponentials for sin and cos."""
+        for x in expression.atoms(se.RealDouble):
+            expression = expression.xreplace({x: symbolic(rational(float(x)))})
+        put_in = expression.xreplace(self._values)
+        waves = {f: self._wave(f) for f in put_in.atoms(se.sin, se.cos)}
+        return put_in.xreplace(waves) if waves else put_in
+
+    def terms(self, exponential: Basic) -> Iterator[Term]:
+        """Yield the monomials of a result of `exponential`, with real and imaginary coefficient."""
+        expanded = expand_terms(exponential)
+        if isinstance(expanded, se.Number):
+            parts = {ONE: expanded}
+        else:
+            parts = expanded.as_coefficients_dict()
+        for monomial, coefficient in parts.items():
+            if coefficient != 0:
+                yield monomial, *_parts(coefficient)
+
+    def _wave(self, function: Basic) -> Basic:
+        """Return sin or cos of a linear combination of terms in terms of their exponentials."""
+        angle = expand_terms(function.args[0])
+        factors = []
+        for term, coefficient in (
+            {ONE: angle} if isinstance(angle, se.Number) else angle.as_coefficients_dict()
+        ).items():
+            if term not in self._exponentials:
+                self._exponentials[term] = se.Symbol(f"\ufdd1{len(self._exponentials)}")
+            factors.append(self._exponentials[term] ** coefficient)
+        wave = se.Mul(*factors)
+        if isinstance(function, se.cos):
+            return (wave + 1 / wave) / TWO
+        return (wave - 1 / wave) / (TWO * se.I)
+
+
+def term_count(exponential: Basic) -> float:
+    """Return an upper bound of the number of monomials."""
+    return count_terms(exponential)
+
+
+def _number(coefficient: Basic | int) -> Basic:
+    """Return a coefficient as a SymEngine number; coefficients of single terms are Python
+    numbers."""
+    return se.Integer(coefficient) if isinstance(coefficient, int) else coefficient
+
+
+def _parts(coefficient: Basic | int) -> tuple[Exact, Exact]:
+    if isinstance(coefficient, int):
+        return coefficient, 0
+    if isinstance(coefficient, se.Rational):
+        return _exact(coefficient), 0
+    return _exact(coefficient.real_part()), _exact(coefficient.imaginary_part())
+
+
+def _exact(number: Basic) -> Exact:
+    if isinstance(number, se.Integer):
+        return int(number)
+    numerator, denominator = number.get_num_den()
+    return Fraction(int(numerator), int(denominator))
+
+
+def coefficients(expression: Basic) -> dict[Basic, Basic]:
+    """Return the terms of a sum, without their numerical coefficients, with these."""
+    if isinstance(expression, se.Number):
+        return {ONE: expression} if expression != 0 else {}
+    found = expression.as_coefficients_dict().items()
+    return {term: _number(x) for term, x in found if x != 0}
+
+
+SparseVector = dict[int, Exact]
+_Integers = dict[int, int]
+
+
+def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]:
+    """Return a basis of the vectors x with A x = 0.
+
+    Fraction-free Gaussian elimination: rows are integers without a common divisor.
+
+    Parameters
+    ----------
+    rows : iterable of sparse vectors
+        The nonzero entries of each row by column.
+    columns : int
+
+    Returns
+    -------
+    list of sparse vectors
+        In reduced form: each has an entry 1 in a column where the others have 0. Of linearly
+        dependent columns, the later ones are used for that.
+    """
+    left, vanishing = _without_single_entries(rows)
+    pivots: dict[int, _Integers] = {column: {column: 1} for column in vanishing}
+    distinct = {tuple(sorted(_integers(row).items())) for row in left}
+    for entries in sorted(distinct, key=lambda entries: (len(entries), entries)):
+        _add(dict(entries), pivots)
+    solved = sorted(pivots, reverse=True)
+    return [_solution(free, pivots, solved) for free in range(columns) if free not in pivots]
+
+
+def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVector], set[int]]:
+    """Return rows without the unknowns that must vanish, which are the majority, and these
+    unknowns."""
+    left, vanishing = [row for row in rows if row], set[int]()
+    while found := {column for row in left if len(row) == 1 for column in row}:
+        vanishing |= found
+        left = [
+            row if found.isdisjoint(row) else {c: x for c, x in row.items() if c not in found}
+            for row in left
+        ]
+        left = [row for row in left if row]
+    return left, vanishing
+
+
+def independent(vectors: Iterable[SparseVector]) -> list[int]:
+    """Return the indices of the vectors that are linearly independent of the previous ones."""
+    pivots: dict[int, _Integers] = {}
+    return [place for place, vector in enumerate(vectors) if _add(_integers(vector), pivots)]
+
+
+def echelon(vectors: Iterable[SparseVector]) -> list[SparseVector]:
+    """Return a basis of the span of some vectors, by their first entries, which are 1."""
+    pivots: dict[int, _Integers] = {}
+    for vector in vectors:
+        _add(_integers(vector), pivots)
+    return [{c: Fraction(x, pivots[i][i]) for c, x in pivots[i].items()} for i in sorted(pivots)]
+
+
+def remainder(vector: SparseVector, basis: Iterable[SparseVector]) -> SparseVector:
+    """Return a vector reduced by those of `echelon`."""
+    found = dict(vector)
+    for row in basis:
+        factor = found.get(min(row))
+        if factor:
+            for c, x in row.items():
+                found[c] = found.get(c, 0) - factor * x
+    return {c: x for c, x in found.items() if x}
+
+
+def _add(row: _Integers, pivots: dict[int, _Integers]) -> bool:
+    """Add a row to a basis if it is linearly independent."""
+    while row:
+        lead = min(row)
+        if lead not in pivots:
+            pivots[lead] = row
+            return True
+        row = _without(row, lead, pivots[lead])
+    return False
+
+
+def _integers(row: SparseVector) -> _Integers:
+    """Return a multiple of a row with coprime integers, the first one positive."""
+    common = lcm(*(x.denominator for x in row.values()))
+    return _primitive({c: x.numerator * (common // x.denominator) for c, x in row.items()})
+
+
+def _primitive(row: _Integers) -> _Integers:
+    divisor = gcd(*row.values())
+    if row and row[min(row)] < 0:
+        divisor = -divisor
+    return {c: x // divisor for c, x in row.items()} if divisor not in (0, 1) else row
+
+
+def _without(row: _Integers, lead: int, pivot: _Integers) -> _Integers:
+    """Return a combination of a row and a pivot row that eliminates the pivot column."""
+    divisor = gcd(row[lead], pivot[lead])
+    own, other = pivot[lead] // divisor, row[lead] // divisor
+    found = {c: own * x for c, x in row.items()}
+    for c, x in pivot.items():
+        found[c] = found.get(c, 0) - other * x
+    return _primitive({c: x for c, x in found.items() if x})
+
+
+def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> SparseVector:
+    """Return the solution with one free unknown equal to 1 and the others 0, by back
+    substitution."""
+    found: SparseVector = {free: 1}
+    for lead in solved:
+        row = pivots[lead]
+        if lead > free or found.keys().isdisjoint(row):
+            continue
+        value = sum(x * found[c] for c, x in row.items() if c in found)
+        if value:
+            found[lead] = Fraction(-value) / row[lead]
+    return found
+
 
 #: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
 Extent = Literal["linear", "translations", "absent coordinates"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.column_units import NOT_STATED
-from lagcli.equations.render.names import Notation
+from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model

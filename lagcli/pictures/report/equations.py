@@ -13,21 +13,18 @@ from lagcli.columns import BY_NAME
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.extent import abridged, is_large, items_of
-from lagcli.equations.presentation.families.index_form import IndexForm
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.general import Signs, force
+from lagcli.equations.presentation.formulas import Formulas, Signs, force
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.overview import convention, in_matrices, kind_of
 from lagcli.equations.presentation.steps import steps as derivation
-from lagcli.equations.presentation.switching.contacts import as_inequality
-from lagcli.equations.presentation.typeset import Node, Symbol
-from lagcli.equations.render.formula_mathml import MathmlFormula
-from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.html import equation, inline
-from lagcli.equations.render.names import Notation
-from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
-from lagcli.equations.symmetry.generality import generalized
+from lagcli.equations.presentation.switching import as_inequality
+from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities, generalized
+from lagcli.equations.typesetting.mathml import MathmlFormula, equation, inline
+from lagcli.equations.typesetting.nodes import Line, Node, Step, Symbol
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import TextFormula
+from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.pictures.page import number, table, unit
 from lagcli.pictures.selection import chosen, elided
 

@@ -16,7 +16,7 @@ from lagcli.engine.inputs.functions import NO_FUNCTIONS
 from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
-from lagcli.equations.render.names import Notation
+from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import Diagnostic, UsageError
 from lagcli.model.dimensions.deriving import symbolic_unit
 from lagcli.model.expression.functions import derivative

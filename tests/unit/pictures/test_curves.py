@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.equations.render.names import Notation
+from lagcli.equations.typesetting.notation import Notation
 from lagcli.model.reading import shipped_models
 from lagcli.pictures.curves import Catalogue
 from lagcli.pictures.run_file import RunFile

@@ -9,8 +9,8 @@ import lagcli
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
+from lagcli.equations.typesetting.nodes import Node
 
 #: N masses on springs in a row: the energy is conserved.
 ROW = """

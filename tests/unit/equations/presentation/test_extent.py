@@ -14,9 +14,9 @@ from lagcli.equations.presentation.extent import (
     is_large,
     items_of,
 )
-from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.typeset import Product, Sign, Sum, Symbol, whole
+from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.render import render
+from lagcli.equations.typesetting.nodes import Line, Product, Sign, Step, Sum, Symbol, whole
 from lagcli.model.loader import load
 
 SHIPPED = {path.stem: path for path in MODELS}

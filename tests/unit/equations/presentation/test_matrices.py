@@ -19,14 +19,13 @@ from formula_values import MODELS, model_of
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering import lower
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.presentation.abbreviations import abbreviate
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.kinds import projected
-from lagcli.equations.presentation.matrices import PARTS, Matrices
+from lagcli.equations.presentation.matrices import PARTS, Matrices, abbreviate
 from lagcli.equations.presentation.overview import in_matrices
 from lagcli.equations.render import render
-from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.names import Notation
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import TextFormula
 from lagcli.model.expression.algebra import constant_value
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Sized

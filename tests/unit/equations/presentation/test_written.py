@@ -7,7 +7,6 @@ from fractions import Fraction
 import pytest
 
 import lagcli
-from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.written import (
     differentiated_in,
     named_in,
@@ -15,6 +14,7 @@ from lagcli.equations.presentation.written import (
     sides_built,
     written,
 )
+from lagcli.equations.typesetting import nodes as t
 from lagcli.model.expression.grammar import parse
 from lagcli.model.names.expansion import expand
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
 
 from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.reduction.partition import triangular_blocks
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.simulations.partition import partition
@@ -89,3 +91,35 @@ def test_without_constraints_all_coordinates_are_independent() -> None:
     free = derive(load_text("coordinates: [x]\nT: x'^2/2\ninitial: {x: 1, x': 0}\n"))
     assert partition(free).independent == (0,)
     assert partition(free).rates == ()
+
+
+def test_a_triangular_system_has_blocks_of_one() -> None:
+    blocks = triangular_blocks([{0, 1}, {0}, {0, 1, 2}])
+    assert [(b.rows, b.columns) for b in blocks] == [((1,), (0,)), ((0,), (1,)), ((2,), (2,))]
+
+
+def test_a_loop_is_one_block() -> None:
+    blocks = triangular_blocks([{0, 1}, {1, 2}, {2, 0}, {3, 1}])
+    assert [set(b.columns) for b in blocks] == [{0, 1, 2}, {3}]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_systems(seed: int) -> None:
+    source = random.Random(seed)
+    size = source.randrange(1, 9)
+    order = list(range(size))
+    source.shuffle(order)
+    # a permuted diagonal makes it structurally regular
+    rows = [{order[i], *(source.sample(range(size), source.randrange(2)))} for i in range(size)]
+    known: set[int] = set()
+    for block in triangular_blocks(rows):
+        assert len(block.rows) == len(block.columns)
+        needed = set().union(*(rows[i] for i in block.rows))
+        assert needed <= known | set(block.columns)
+        known |= set(block.columns)
+    assert known == set(range(size))
+
+
+def test_a_singular_structure_is_rejected() -> None:
+    with pytest.raises(ValueError, match="singular"):
+        triangular_blocks([{0}, {0}])

@@ -8,9 +8,8 @@ import pytest
 import symengine as se
 
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import number
-from lagcli.equations.reduction.second_kind import second_kind, second_kind_is_short
+from lagcli.equations.reduction.second_kind import Maggi, second_kind, second_kind_is_short
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.simulations.partition import partition

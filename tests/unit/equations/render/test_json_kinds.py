@@ -11,9 +11,8 @@ import pytest
 import symengine as se
 
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import number
-from lagcli.equations.reduction.second_kind import second_kind
+from lagcli.equations.reduction.second_kind import Maggi, second_kind
 from lagcli.equations.render import render
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Sized

@@ -15,8 +15,8 @@ from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.render import render
-from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.simplification.arrange import Arranger
+from lagcli.equations.typesetting.text import grammar_text
 from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.functions import apply
 from lagcli.model.expression.grammar import parse

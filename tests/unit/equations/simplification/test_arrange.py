@@ -22,12 +22,26 @@ from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.presentation.typeset import children, weight
-from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.render.names import Notation
-from lagcli.equations.simplification.arrange import Arranger
-from lagcli.equations.simplification.ordering import writing_order
-from lagcli.model.expression.functions import cases
+from lagcli.equations.simplification.arrange import (
+    Arranger,
+    cases_node,
+    condition_node,
+    writing_order,
+)
+from lagcli.equations.typesetting.nodes import (
+    Call,
+    Cases,
+    Logical,
+    Node,
+    Number,
+    Relation,
+    Symbol,
+    children,
+    weight,
+)
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import TextFormula
+from lagcli.model.expression.functions import apply, cases
 from lagcli.model.loader import load_text
 
 # Both sides are sums in doubles of some hundred terms at most: 1e-16 each, of the terms' size.
@@ -288,3 +302,58 @@ def test_a_positive_term_begins_a_sum_of_brackets():
     equations = model_of("x y", "m/2*(x'^2 + y'^2)", parameters="m l")
     x, y = equations.q
     assert text(equations, se.sqrt(se.Symbol("l") ** 2 - x * x - y * y)) == "√(l² − x² − y²)"
+
+
+X, Y, Z = se.symbols("x y z")
+
+
+def arrange(e: se.Basic) -> Node:
+    """Return a number or a name; sums are not of interest here."""
+    return Number(int(e)) if isinstance(e, se.Integer) else Symbol(str(e))
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("abs", (X,)),
+        ("sign", (X,)),
+        ("step", (X,)),
+        ("cbrt", (X,)),
+        ("min", (X, Y)),
+        ("max", (X, Y)),
+        ("min", (X, Y, Z)),
+        ("max", (X, Y, Z)),
+    ],
+)
+def test_functions_are_called_by_their_names(name: str, arguments: tuple[se.Basic, ...]) -> None:
+    found = cases_node(apply(name, *arguments), arrange)
+    assert isinstance(found, Call)
+    assert found.function == name
+    assert sorted(map(str, found.arguments)) == sorted(str(arrange(a)) for a in arguments)
+
+
+def test_other_cases_stay_cases() -> None:
+    condition = se.And(se.Lt(X, 2), se.Ne(Y, 1))
+    found = cases_node(se.Piecewise((X, condition), (Z, se.true)), arrange)
+    assert isinstance(found, Cases)
+    almost = se.Piecewise((X, se.Le(0, X)), (-2 * X, se.true))  # |x|, but for the slope
+    assert isinstance(cases_node(almost, arrange), Cases)
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        (se.Lt(X, Y), Relation(arrange(X), "<", arrange(Y))),
+        (se.Le(X, 2), Relation(arrange(X), "<=", Number(2))),
+        (se.Ge(X, 2), Relation(arrange(X), ">=", Number(2))),  # SymEngine has 2 <= x
+        (se.Eq(X, 2), Relation(arrange(X), "==", Number(2))),
+    ],
+)
+def test_conditions_have_their_variable_on_the_left(condition: se.Basic, expected: Node) -> None:
+    assert condition_node(condition, arrange) == expected
+
+
+def test_joined_conditions_come_in_one_order() -> None:
+    one, other = se.Lt(X, 0), se.Lt(Y, 0)
+    found = condition_node(se.Or(other, one), arrange)
+    assert found == Logical("or", tuple(Relation(arrange(s), "<", Number(0)) for s in (X, Y)))

@@ -11,12 +11,12 @@ import symengine as se
 from lagcli.equations.simplification.factors import (
     common_part,
     divide,
+    groups,
+    pairs,
     presentable_content,
     square_root,
 )
-from lagcli.equations.simplification.grouping import groups, pairs
-from lagcli.equations.simplification.monomials import MonomialExpansion, Polynomial
-from lagcli.equations.simplification.trigonometry import shorten
+from lagcli.equations.simplification.monomials import MonomialExpansion, Polynomial, shorten
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load_text
 from lagcli.model.names.building import build

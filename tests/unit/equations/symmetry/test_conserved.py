@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import lagcli
-from lagcli.equations.symmetry.conserved import conserved_quantities, monitored_quantities
-from lagcli.equations.symmetry.generality import generalized
+from lagcli.equations.symmetry.conserved import (
+    conserved_quantities,
+    generalized,
+    monitored_quantities,
+)
 
 ROPE = """
 coordinates: [u, phi]

@@ -1,1 +1,0 @@
-"""Families in formulas: recognition and index form."""

@@ -1,1 +1,0 @@
-"""Switching in formulas: contacts, friction, impacts, events."""

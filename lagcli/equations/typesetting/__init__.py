@@ -1,0 +1,1 @@
+"""Formulas as trees of nodes, and their text, LaTeX and MathML."""
