@@ -202,10 +202,12 @@ static void dense_often(lag_run *run, double t, double *y)
 static int control_points(lag_run *run, int i, double *b)
 {
     const int n = lag_size(&run->system);
-    const double *d = dense_coefficients(run) + i;
-    b[0] = d[6 * n];
-    for (int m = 0; m < 7; ++m)
-        lag_times_linear(b, m, m % 2, 1 - m % 2, m < 6 ? d[(5 - m) * n] : run->step.y_old[i]);
+    const double *d = dense_coefficients(run) + i, before = run->step.y_old[i];
+    for (int k = 0; k < 8; ++k) { /* as in dense_often: x^i (1 - x)^j has C(7 - i - j, k - i) / C(7, k) */
+        const double end = d[3 * n] + (k - 2) / 3.0 * (d[4 * n] + (5 - k) / 2.0 * (d[5 * n] + (k - 3) * d[6 * n]));
+        const double inner = d[n] + (k - 1) / 5.0 * (d[2 * n] + (6 - k) / 4.0 * end);
+        b[k] = before + k / 7.0 * (d[0] + (7 - k) / 6.0 * inner);
+    }
     return 7;
 }
 

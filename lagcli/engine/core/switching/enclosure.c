@@ -46,6 +46,7 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
     e->used = used;
     e->place = lag_get(&run->pool, (size_t)moving, sizeof *e->place);
     e->range = lag_get(&run->pool, (size_t)e->count, sizeof *e->range);
+    e->ready = lag_get(&run->pool, (size_t)e->count, sizeof *e->ready);
     e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
     e->points = lag_doubles(&run->pool, (long)e->count * JET * POINTS);
     for (int i = 0; i < e->count && !run->pool.failed; ++i)
@@ -104,29 +105,30 @@ static lag_interval enclose_between_ends(const lag_run *run, int i, const double
     return widened(r);
 }
 
-/* The control points of the states, and of their derivatives over factorials. */
-static void take_polynomials(lag_run *run)
+/* The control points of a state's derivative of some order over its factorial. Those of each order follow from those
+ * before. */
+static const double *points_of(lag_run *run, int i, int order)
 {
     lag_enclosure *e = &run->switching.enclosure;
-    e->ready = 1;
-    for (int i = 0; i < e->count; ++i) {
-        if (!(e->used[e->state[i]] & e->watched))
-            continue;
-        double *b = e->points + (long)i * JET * POINTS;
+    double *b = e->points + (long)i * JET * POINTS;
+    if (!e->ready[i]) {
         e->degree = run->stepped->control_points(run, e->state[i], b);
-        for (int k = 1; k <= JET_ORDER && k <= e->degree; ++k)
-            for (int j = 0; j <= e->degree - k; ++j) {
-                const double *one = b + (k - 1) * POINTS;
-                b[k * POINTS + j] = (e->degree - k + 1) * (one[j + 1] - one[j]) / (run->step.h_old * k);
-            }
+        e->ready[i] = 1;
     }
+    for (int k = e->ready[i]; k <= order; e->ready[i] = ++k) {
+        const double *one = b + (k - 1) * POINTS, factor = (e->degree - k + 1) / (run->step.h_old * k);
+        for (int j = 0; j <= e->degree - k; ++j)
+            b[k * POINTS + j] = factor * (one[j + 1] - one[j]);
+    }
+    return b + order * POINTS;
 }
 
 /* The range of a polynomial from u to v in [0, 1], by its control points there: de Casteljau. */
 static lag_interval range_within(const double *b, int degree, double u, double v)
 {
-    double w[POINTS] = {0.0}, size = 0.0;
-    for (int j = 0; j <= degree; ++j) {
+    double w[POINTS], size = fabs(b[0]);
+    w[0] = b[0];
+    for (int j = 1; j <= degree; ++j) {
         w[j] = b[j];
         size = most(size, fabs(b[j]));
     }
@@ -165,20 +167,23 @@ void lag_enclosure_begin(lag_run *run, const double *f)
 {
     const lag_switching *sw = &run->switching;
     lag_enclosure *e = &run->switching.enclosure;
-    e->ready = e->looked = e->watched = 0;
+    e->looked = e->watched = 0;
+    memset(e->ready, 0, (size_t)e->count * sizeof *e->ready);
     for (int k = 0; k < sw->watched_count; ++k)
         if (lag_is_enclosed(sw->watched[k].what))
             e->watched |= 1 << tape_of(sw->watched[k].what);
     for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
-        lag_jets_refresh(e->tapes + i);
-    if (!run->stepped->uses_slope) /* its dense output costs nothing */
-        take_polynomials(run);
+        if (e->watched >> i & 1)
+            lag_jets_refresh(e->tapes + i);
     for (int i = 0; i < e->count; ++i) {
         if (!(e->used[e->state[i]] & e->watched))
             continue;
-        e->range[i] = run->stepped->uses_slope
-                          ? enclose_between_ends(run, e->state[i], f)
-                          : range_within(e->points + (long)i * JET * POINTS, e->degree, 0.0, 1.0);
+        if (run->stepped->uses_slope) {
+            e->range[i] = enclose_between_ends(run, e->state[i], f);
+        } else { /* its dense output costs nothing */
+            const double *b = points_of(run, i, 0);
+            e->range[i] = range_within(b, e->degree, 0.0, 1.0);
+        }
         e->jets[(long)JET * i] = e->range[i];
     }
 }
@@ -259,15 +264,14 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
     const double start = run->step.t_old, h = run->step.h_old;
     const int tape = tape_of(sw->watched[k].what);
     if (!lag_is_of_time(sw, sw->watched + k)) {
-        if (!e->ready)
-            take_polynomials(run);
         const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
         const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
         for (int i = 0; i < e->count; ++i)
-            for (int m = 0; m <= order && e->used[e->state[i]] >> tape & 1; ++m)
-                e->jets[(long)JET * i + m] =
-                    m <= e->degree ? range_within(e->points + ((long)i * JET + m) * POINTS, e->degree - m, u, v)
-                                   : (lag_interval){0.0, 0.0};
+            for (int m = 0; m <= order && e->used[e->state[i]] >> tape & 1; ++m) {
+                const double *b = points_of(run, i, m);
+                e->jets[(long)JET * i + m] = m <= e->degree ? range_within(b, e->degree - m, u, v)
+                                                            : (lag_interval){0.0, 0.0};
+            }
     } else { /* the ranges of states, whose derivatives do not matter */
         for (int i = 0; i < e->count; ++i) {
             e->jets[(long)JET * i] = e->range[i];

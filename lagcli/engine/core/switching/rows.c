@@ -27,16 +27,6 @@ double lag_along(const lag_run *run, int row, const double *x)
     return sum;
 }
 
-int lag_find_gaps(lag_run *run, double t, const double *y)
-{
-    lag_switching *sw = &run->switching;
-    double sum = 0.0;
-    lag_evaluate(&sw->functions, &run->system, t, y, LAG_ALL);
-    for (int i = 0; i < sw->rows; ++i)
-        sum += sw->phi[i] = sw->place[i] < 0 ? 0.0 : sw->sign[i] * OUT(&sw->functions, sw->place[i]);
-    return !isfinite(sum);
-}
-
 int lag_find_rows(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;

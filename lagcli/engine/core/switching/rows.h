@@ -10,9 +10,6 @@ int lag_row_acts(const lag_switching *sw, int row);
 /* The direction in which a row slips: 1, -1, or 0. */
 int lag_row_slips(const lag_switching *sw, int row);
 
-/* phi of all rows. Returns 0, or 1 where they are not finite. */
-int lag_find_gaps(lag_run *run, double t, const double *y);
-
 /* phi, psi, gamma and B of all rows. Returns 0, or 1 if they are not finite. */
 int lag_find_rows(lag_run *run, double t, const double *y);
 

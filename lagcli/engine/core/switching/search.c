@@ -77,6 +77,7 @@ static double locate(along_step *f, double low, double high, double b)
 typedef struct {
     lag_interval value, slope, curvature;
     double error;                      /* width of the enclosure of the value at a point */
+    int undefined;                     /* whether an operation is undefined in all of the interval */
 } enclosed;
 
 static lag_interval meet(lag_interval a, lag_interval b)
@@ -98,17 +99,22 @@ static int sign_at(const along_step *f, double t)
     return sign_of(f, value);
 }
 
-/* Enclose by Taylor's formula around the middle of [a, b]: jets there, and one order higher on the interval. */
+/* Enclose by Taylor's formula around the middle of [a, b]: jets there, and one order higher on the interval; these alone
+ * where the function is concave, as its values at the ends decide then. */
 static void enclose(const along_step *f, double a, double b, int order, enclosed *e)
 {
     const double middle = a + 0.5 * (b - a), r = fmax(b - middle, middle - a) * (1.0 + 4.0 * DBL_EPSILON);
     lag_interval at[JET], on[JET], power = {-r, r}, before = {1.0, 1.0};
-    lag_enclose(f->run, f->k, middle, middle, order - 1, at);
     lag_enclose(f->run, f->k, a, b, order, on);
-    e->error = at[0].high - at[0].low;
     e->value = meet(e->value, on[0]);
     e->slope = meet(e->slope, on[1]);
     e->curvature = on[2];
+    e->undefined = lag_is_undefined(f->run, f->k);
+    e->error = 0.0;
+    if (e->curvature.high < 0.0)
+        return;
+    lag_enclose(f->run, f->k, middle, middle, order - 1, at);
+    e->error = at[0].high - at[0].low;
     lag_interval sum = at[0], slope = {0.0, 0.0};
     for (int k = 1; k <= order; ++k) {
         e->value = meet(e->value, lag_interval_add(sum, lag_interval_multiply(on[k], power)));
@@ -119,7 +125,7 @@ static void enclose(const along_step *f, double a, double b, int order, enclosed
         sum = lag_interval_add(sum, lag_interval_multiply(at[k], power));
         slope = lag_interval_add(slope, lag_interval_multiply(lag_interval_scale(at[k], k), before));
         before = power;
-        const double largest = pow(r, k + 1) * (1.0 + 8.0 * DBL_EPSILON);
+        const double largest = before.high * r * (1.0 + 2.0 * DBL_EPSILON);
         power = (lag_interval){(k + 1) % 2 ? -largest : 0.0, largest};
     }
 }
@@ -160,12 +166,6 @@ static double lowest(const along_step *f, double a, double b)
     return low + 0.5 * (high - low);
 }
 
-/* Whether the function is undefined in all of the interval that was enclosed last, around `middle`. */
-static int is_undefined(along_step *f, double middle)
-{
-    return lag_is_undefined(f->run, f->k) && isnan(value_inside(f, middle));
-}
-
 /* The root between `open`, up to where the function counts as positive, and b, where it is negative. */
 static double root_before(along_step *f, double open, double b)
 {
@@ -199,7 +199,7 @@ static double first_enclosed(along_step *f, double from, double to)
             enclose(f, a, b, order, &e);
             sign = sign_of(f, e.value);
             slope = lag_interval_sign(e.slope);
-            if (vanishes(f, &e))
+            if (e.curvature.high < 0.0 || vanishes(f, &e))
                 break;
         }
         if (sign > 0) {
@@ -219,7 +219,7 @@ static double first_enclosed(along_step *f, double from, double to)
                     open = b;
                 continue;
             } /* else it may have jumped at a, and rise to zero */
-        } else if (small || vanishes(f, &e) || is_undefined(f, middle)) {
+        } else if (small || vanishes(f, &e) || (e.undefined && isnan(value_inside(f, middle)))) {
             continue; /* it touches zero */
         }
         const int curvature = slope ? 0 : lag_interval_sign(e.curvature);

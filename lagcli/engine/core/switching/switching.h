@@ -65,7 +65,7 @@ typedef struct {
     int *used;                         /* 2 nq: bits of the tapes that read it */
     lag_interval *range;               /* count: over the last step */
     lag_interval *jets;                /* count jets: on the interval that is looked at */
-    int ready;                         /* whether the control points of the last step are known */
+    int *ready;                        /* count: orders of derivatives whose control points are known */
     int degree;
     double *points;                    /* count: control points, and those of the derivatives over factorials */
 } lag_enclosure;

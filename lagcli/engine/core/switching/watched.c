@@ -95,14 +95,17 @@ static double value_of(const lag_run *run, const lag_watched_function *w)
 double lag_watched_value(lag_run *run, const lag_watched_function *w, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
-    int undefined = 0;
-    if (w->what == LAG_WATCH_GAP)
-        undefined = lag_find_gaps(run, t, y);
-    else if (w->what == LAG_WATCH_SLIP)
-        undefined = lag_find_rows(run, t, y);
-    else
+    double value;
+    if (w->what == LAG_WATCH_GAP) {
+        lag_evaluate(&sw->enclosure.gaps, &run->system, t, y, LAG_ALL);
+        value = sw->sign[w->which] * OUT(&sw->enclosure.gaps, sw->place[w->which]);
+    } else if (w->what == LAG_WATCH_SLIP) {
+        value = lag_find_rows(run, t, y) ? NAN : value_of(run, w);
+    } else {
         lag_evaluate(w->what == LAG_WATCH_KINK ? &sw->kinks.tape : &sw->condition_tape, &run->system, t, y, LAG_ALL);
-    return undefined ? NAN : w->sign * value_of(run, w) + w->shift;
+        value = value_of(run, w);
+    }
+    return w->sign * value + w->shift;
 }
 
 int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *y, double *values)

@@ -22,12 +22,27 @@ static void combine(int n, const double *base, int terms, const double *const *x
         *(four *)(y + i + 8) = FOUR(base + i + 8) + r;
         *(four *)(y + i + 12) = FOUR(base + i + 12) + s;
     }
-    for (; i < n; ++i) {
-        double sum = 0.0;
+    for (; i + 4 <= n; i += 4) {
+        four p = {0.0};
         for (int k = 0; k < terms; ++k)
-            sum += weight[k] * x[k][i];
-        y[i] = base[i] + sum;
+            p += weight[k] * FOUR(x[k] + i);
+        *(four *)(y + i) = FOUR(base + i) + p;
     }
+    if (i == n)
+        return;
+    const int second = i + 1 < n, third = i + 2 < n ? 2 : 0; /* one pass for the last elements */
+    double p = 0.0, q = 0.0, r = 0.0;
+    for (int k = 0; k < terms; ++k) {
+        const double *a = x[k] + i, w = weight[k];
+        p += w * a[0];
+        q += w * a[second];
+        r += w * a[third];
+    }
+    y[i] = base[i] + p;
+    if (second)
+        y[i + 1] = base[i + 1] + q;
+    if (third)
+        y[i + 2] = base[i + 2] + r;
 }
 
 static double pick(int n, const double *x, const int32_t *places, double *y)
