@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lagcli.sweeps.plan.spec import Spec
 from trajectories import assert_same_logs
 
 import lagcli
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.plan.plan import make_plan
+from lagcli.sweeps.plan.plan import Spec, make_plan
 from lagcli.sweeps.rows.rows import run_rows
 from lagcli.trajectory.trajectory import Trajectory
 
