@@ -76,8 +76,8 @@ class Diagnostics:
 
     def finish(self) -> None:
         """Raise ModelError if there are any errors."""
-        if found := self.sorted():
-            raise ModelError(found)
+        if diagnostics := self.sorted():
+            raise ModelError(diagnostics)
 
 
 def _position(diagnostic: Diagnostic) -> tuple[int, int]:

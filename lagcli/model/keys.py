@@ -47,8 +47,8 @@ def named(value: JsonSchema) -> JsonSchema:
 
 def mapping(properties: dict[str, JsonSchema], *required: str) -> JsonSchema:
     """Return the schema of a mapping with these keys, and which of them are required."""
-    found = {"type": "object", "properties": properties, "additionalProperties": False}
-    return {**found, "required": list(required)} if required else found
+    schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {**schema, "required": list(required)} if required else schema
 
 
 def keys_of(schema: JsonSchema) -> tuple[str, ...]:

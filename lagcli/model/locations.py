@@ -67,8 +67,8 @@ class ExpressionLocations:
 
     def at(self, block: str, place: SourceLocation) -> YamlNode | None:
         """Return the node of a value in a block; None if there is none."""
-        found = self._root.entries.get(block)
-        stack = [found[1]] if found else []
+        entry = self._root.entries.get(block)
+        stack = [entry[1]] if entry else []
         while stack:
             node = stack.pop()
             if node.location == place:
@@ -114,11 +114,11 @@ def declarations_in(model: Model, message: str) -> list[str]:
     message : str
         The engine's message, which contains no locations.
     """
-    found = dict.fromkeys(re.findall(r"`([^`]+)`", message))
+    quoted = dict.fromkeys(re.findall(r"`([^`]+)`", message))
     places = _places(model)
     return [
         f"`{name}` is declared in {place.with_line}"
-        for name in found
+        for name in quoted
         if (place := places.get(name)) is not None and f"`{name}` is on line" not in message
     ]
 
@@ -126,13 +126,13 @@ def declarations_in(model: Model, message: str) -> list[str]:
 def lines_of(model: Model, names: Iterable[str]) -> str:
     """Return the file and the lines where constraints are declared, such as ``a.yaml:4, 7``."""
     places = _places(model)
-    found = [places[name] for name in names if name in places]
-    lines = sorted({place.line for place in found})
-    return f"{found[0].path}:{', '.join(map(str, lines))}" if found else ""
+    locations = [places[name] for name in names if name in places]
+    lines = sorted({place.line for place in locations})
+    return f"{locations[0].path}:{', '.join(map(str, lines))}" if locations else ""
 
 
 def _places(model: Model) -> dict[str, SourceLocation]:
-    found = [(c.name, c.location) for c in model.coordinates]
-    found += [(c.name, c.location) for c in model.constraints]
-    found += [(e.name, e.location) for e in model.events]
-    return {name: place for name, place in found if place is not None}
+    places = [(c.name, c.location) for c in model.coordinates]
+    places += [(c.name, c.location) for c in model.constraints]
+    places += [(e.name, e.location) for e in model.events]
+    return {name: place for name, place in places if place is not None}

@@ -77,17 +77,17 @@ def event_measures(model: Model, text: str) -> tuple[str, Mapping[str, EventMeas
     ExpressionError
         The model has no such constraint or event, or the change is impossible for it.
     """
-    found: dict[str, EventMeasure] = {}
+    measures: dict[str, EventMeasure] = {}
 
     def replaced(match: re.Match[str]) -> str:
         measure = _measure(model, match)
         if measure is None:
             return match[0]
-        name = f"event{len(found)}".ljust(len(match[0]), "_")
-        found[name] = measure
+        name = f"event{len(measures)}".ljust(len(match[0]), "_")
+        measures[name] = measure
         return name
 
-    return _MEASURE.sub(replaced, text), found
+    return _MEASURE.sub(replaced, text), measures
 
 
 def _measure(model: Model, match: re.Match[str]) -> EventMeasure | None:
@@ -206,14 +206,14 @@ def read_measures(model: Model, texts: Sequence[tuple[str, str]]) -> tuple[Measu
         Measures have errors; all are reported, each with its location.
     """
     report = Diagnostics([])
-    found = []
+    measures = []
     for name, text in texts:
         option = "--measure" if name == text else f"--measure {name}"
         node = Scalar(Source(text, option, numbered=False), (0, 0), (0, len(text)), text)
         with report.expression(node):
-            found.append(_MeasureReader(model, name, text).read())
+            measures.append(_MeasureReader(model, name, text).read())
     report.finish()
-    return tuple(found)
+    return tuple(measures)
 
 
 class _SignalScope(Scope):
@@ -263,9 +263,9 @@ class _SignalScope(Scope):
     def check_series(self, tree: IndexedSumExpr) -> Scope:
         """Return the scope of a sum's term."""
         inside = super().check_series(tree)
-        found = _SignalScope(self.model, self.where)
-        found.bound = inside.bound
-        return found
+        scope = _SignalScope(self.model, self.where)
+        scope.bound = inside.bound
+        return scope
 
 
 class _ValueScope(_SignalScope):
@@ -275,10 +275,10 @@ class _ValueScope(_SignalScope):
         """Return the symbol of a reduction; reject quantities that vary along a run."""
         if name.text.startswith(_MARK):
             return se.Symbol(name.text)
-        found = super().column(name)
-        if found is not None and _varies(self.model, found):
+        value = super().column(name)
+        if value is not None and _varies(self.model, value):
             raise self.varying(name)
-        return found
+        return value
 
     def check(self, name: Name) -> None:
         """Raise ExpressionError for a name that varies along a run."""
@@ -369,11 +369,11 @@ class _MeasureReader:
         time = self.time(tree.arguments[1]) if kind == "at" else None
         return self._named(tree, Reduction(kind, signal, time))
 
-    def _named(self, tree: Tree, found: Reduction) -> Name:
+    def _named(self, tree: Tree, reduction: Reduction) -> Name:
         """Return a new name for a reduction."""
-        if found not in self.reductions:
-            self.reductions.append(found)
-        return Name(tree.start, tree.end, f"{_MARK}{self.reductions.index(found)}", 0)
+        if reduction not in self.reductions:
+            self.reductions.append(reduction)
+        return Name(tree.start, tree.end, f"{_MARK}{self.reductions.index(reduction)}", 0)
 
     def time(self, tree: Tree) -> float:
         value = self.built(tree, self.values)
@@ -404,8 +404,8 @@ class _MeasureReader:
 
 def _replaced(tree: Tree, replacement: Callable[[Tree], Tree | None]) -> Tree:
     """Return a tree with some of its parts replaced."""
-    found = replacement(tree)
-    if found is not None:
-        return found
+    other = replacement(tree)
+    if other is not None:
+        return other
 
     return rebuilt(tree, lambda part: _replaced(part, replacement))

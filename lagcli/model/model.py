@@ -70,10 +70,10 @@ def constraint_force(coordinate_name: str, constraint: str | None = None) -> Bas
 
 def input_function(name: str, order: int = 0) -> Basic:
     """Return a known function of time, u(t), or a derivative of it."""
-    found = se.Function(name)(TIME)
+    function = se.Function(name)(TIME)
     for _ in range(order):
-        found = found.diff(TIME)
-    return found
+        function = function.diff(TIME)
+    return function
 
 
 def read_input(expression: Basic) -> tuple[str, int] | None:
@@ -93,9 +93,9 @@ def read_input(expression: Basic) -> tuple[str, int] | None:
 
 def as_symbols(expression: Basic) -> Basic:
     """Return an expression with the inputs and their derivatives as symbols: u, u', u''."""
-    found = {x: read_input(x) for x in expression.atoms(se.FunctionSymbol, se.Derivative)}
+    inputs = {x: read_input(x) for x in expression.atoms(se.FunctionSymbol, se.Derivative)}
     return expression.xreplace(
-        {x: se.Symbol(read[0] + "'" * read[1]) for x, read in found.items() if read is not None}
+        {x: se.Symbol(read[0] + "'" * read[1]) for x, read in inputs.items() if read is not None}
     )
 
 

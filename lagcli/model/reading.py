@@ -22,8 +22,8 @@ _NAME = re.compile(r"\w+")
 def shipped_models() -> dict[str, Path]:
     """Return the files of the shipped models by name, sorted."""
     folder = next((f for f in _FOLDERS if f.is_dir()), None)
-    found = () if folder is None else folder.rglob("*.yaml")
-    return {path.stem: path for path in sorted(found, key=lambda path: path.stem)}
+    paths = () if folder is None else folder.rglob("*.yaml")
+    return {path.stem: path for path in sorted(paths, key=lambda path: path.stem)}
 
 
 def shipped_model(name: str) -> Path:
@@ -34,11 +34,11 @@ def shipped_model(name: str) -> Path:
     UsageError
         There is no shipped model of this name.
     """
-    found = shipped_models()
-    if name not in found:
-        help_ = did_you_mean(nearest(name, list(found))) or "`lagcli models` lists them"
+    models = shipped_models()
+    if name not in models:
+        help_ = did_you_mean(nearest(name, list(models))) or "`lagcli models` lists them"
         raise UsageError(f"there is no shipped model `{name}`; {help_}")
-    return found[name]
+    return models[name]
 
 
 def find_model(path: str | Path) -> Path:
@@ -56,8 +56,8 @@ def find_model(path: str | Path) -> Path:
         The path itself if it is not the name of a shipped model.
     """
     given = Path(path)
-    found = shipped_models().get(str(path)) if _NAME.fullmatch(str(path)) else None
-    return given if found is None or given.exists() else found
+    shipped = shipped_models().get(str(path)) if _NAME.fullmatch(str(path)) else None
+    return given if shipped is None or given.exists() else shipped
 
 
 MAX_BYTES = 10_000_000
@@ -181,15 +181,15 @@ def check_text(source: Source) -> None:
             help_ = "write what repeats as a family, x[i = 1..N], and its sums as sum(…, i = 1..N)"
             location = SourceLocation(shorten(source.path, 200), 1, 1)
             raise ModelError([Diagnostic("too-large", message, location, help_)])
-    found = _NOT_TEXT.search(source.text)
-    if found is None:
+    match = _NOT_TEXT.search(source.text)
+    if match is None:
         return
     line = next(i for i, text in enumerate(source.lines) if _NOT_TEXT.search(text))
     column = _NOT_TEXT.search(source.lines[line])
     assert column is not None
     raise _not_text(
         shorten(source.path, 200),
-        f"the file contains the character U+{ord(found[0]):04X}, which is not text",
+        f"the file contains the character U+{ord(match[0]):04X}, which is not text",
         f"remove it; {_IS_IT}",
         source.location(line, column.start()),
     )

@@ -24,15 +24,15 @@ def result_units(model: Model) -> dict[str, str]:
         such as ``lambda.guide`` and ``residual_velocity.guide``.
     """
     units = model.units
-    found = {name: units.of(name) for name in (*model.coordinate_names, *model.parameters)}
+    known = {name: units.of(name) for name in (*model.coordinate_names, *model.parameters)}
     for c in model.constraints:
         holonomic = c.kind == "holonomic"
-        found[str(ColumnName("multipliers", c.name))] = units.of_multiplier(c.name)
+        known[str(ColumnName("multipliers", c.name))] = units.of_multiplier(c.name)
         for what in ("position", "velocity") if holonomic else ("velocity",):
             column = str(ColumnName(f"residual_{what}", c.name))
-            found[column] = units.of_residual(c.name, holonomic, what == "velocity")
-    found |= {name: units.of_output(name) for name in model.outputs}
-    return {name: unit for name, unit in found.items() if unit is not None}
+            known[column] = units.of_residual(c.name, holonomic, what == "velocity")
+    known |= {name: units.of_output(name) for name in model.outputs}
+    return {name: unit for name, unit in known.items() if unit is not None}
 
 
 def result_display(model: Model) -> dict[str, Any]:

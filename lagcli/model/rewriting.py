@@ -278,23 +278,23 @@ def _without(value_text: str, unit: YamlNode, value: float) -> str:
 def _check(text: str, requested: Model, t_end: float | None) -> None:
     """Raise ModelError unless the text has the requested values."""
     try:
-        found = load_text(text, requested.path)
+        loaded = load_text(text, requested.path)
     except ModelError:
         raise _not_written([*requested.set, *requested.set_initial]) from None
-    wrong = [n for n, p in requested.parameters.items() if not _same(found.parameters.get(n), p)]
+    wrong = [n for n, p in requested.parameters.items() if not _same(loaded.parameters.get(n), p)]
     for name, x in requested.initial.items():
-        other = found.initial.get(name)
+        other = loaded.initial.get(name)
         if other is None or other.fixed != x.fixed or not _same(other, x):
             wrong.append(name)
-    if t_end is not None and found.settings.t_end != t_end:
+    if t_end is not None and loaded.settings.t_end != t_end:
         wrong.append("t_end")
     if wrong:
         raise _not_written(wrong)
 
 
 def _same(one: Parameter | InitialValue | None, other: Parameter | InitialValue) -> bool:
-    found = math.nan if one is None else one.value
-    return math.isclose(found, other.value, rel_tol=_ROUNDING, abs_tol=0.0)
+    value = math.nan if one is None else one.value
+    return math.isclose(value, other.value, rel_tol=_ROUNDING, abs_tol=0.0)
 
 
 def _not_written(names: list[str]) -> ModelError:

@@ -37,10 +37,10 @@ def given_expression(model: Model, option: str, text: str) -> Basic:
     node = Scalar(source, (0, 0), (0, len(text)), text)
     draft = _draft(model, source)
     parsed = draft.parse(node, what)
-    found = None if parsed is None else draft.scalar(parsed, what)
+    expression = None if parsed is None else draft.scalar(parsed, what)
     draft.report.finish()
-    assert found is not None
-    return found
+    assert expression is not None
+    return expression
 
 
 def given_value(model: Model, option: str, name: str, text: str) -> float:
@@ -54,17 +54,17 @@ def given_value(model: Model, option: str, name: str, text: str) -> float:
     node, what = override_node(option, name, text), f"the value of `{name}`"
     draft = _draft(model, node.source)
     quantity = read_quantity(draft, node, what)
-    found: float | None = None
+    number: float | None = None
     if quantity is not None:
         value = QuantityValue(draft, quantity, what, Allowed.PARAMETERS)
         if quantity.number is not None:
-            found = value.number()
+            number = value.number()
         elif (expression := value.expression()) is not None:
             values = {se.Symbol(n): x for n, x in model.parameter_values.items()}
-            found = float(expression.subs(values))
+            number = float(expression.subs(values))
     draft.report.finish()
-    assert found is not None
-    return found
+    assert number is not None
+    return number
 
 
 def _draft(model: Model, source: Source) -> Draft:
@@ -91,17 +91,17 @@ def dependent_values(model: Model, varied: Collection[str]) -> dict[str, Basic]:
     resolver = _Resolver(model, varied)
     for name in model.parameters:
         resolver.parameter(name)
-    found = {name: value for name, value in resolver.known.items() if value.free_symbols}
+    values = {name: value for name, value in resolver.known.items() if value.free_symbols}
     for table, primes in ((model.initial_positions, ""), (model.initial_velocities, "'")):
         for coordinate, entry in table.items():
             name = coordinate + primes
             if name in varied:
-                found[name] = se.Symbol(name)
+                values[name] = se.Symbol(name)
             elif entry.written is not None:
                 value = resolver.expression(entry.written)
                 if value.free_symbols:
-                    found[name] = value
-    return found
+                    values[name] = value
+    return values
 
 
 class _Resolver:
@@ -138,10 +138,10 @@ class _Resolver:
 
     def expression(self, written: Written) -> Basic:
         """Return the value of an expression of parameters, in SI."""
-        found = self.built(written)
-        for symbol in found.free_symbols:
+        expression = self.built(written)
+        for symbol in expression.free_symbols:
             self.parameter(symbol.name)
-        return self.substituted(found)
+        return self.substituted(expression)
 
     def built(self, written: Written) -> Basic:
         """Build an expression in the symbols of the parameters, in SI."""

@@ -205,9 +205,9 @@ class _Statements:
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
         if c.from_sign:  # errors in it are reported for Q
             known = len(self.known.findings)
-            found = self.known.evaluated(c.left, "constraints", c.name, c.indices)
+            dimension = self.known.evaluated(c.left, "constraints", c.name, c.indices)
             del self.known.findings[known:]
-            return found if isinstance(found, Dimension) else UNKNOWN
+            return dimension if isinstance(dimension, Dimension) else UNKNOWN
         left = self.known.evaluated(c.left, "constraints", c.name, c.indices)
         if c.right is not None:
             right = self.known.evaluated(c.right, "constraints", c.name, c.indices)
@@ -224,17 +224,17 @@ class _Statements:
 
     def _table(self, entries: list[tuple[str, Value]]) -> dict[str, Value]:
         """Return dimensions by name, with one entry for members of a family that agree."""
-        found: dict[str, Value] = {}
+        table: dict[str, Value] = {}
         families: dict[str, list[tuple[str, Value]]] = {}
         for name, value in entries:
             families.setdefault(family_of(name), []).append((name, value))
         for family, members in families.items():
             together = self.known.joined(value for _, value in members)
             if together is None:
-                found.update(members)
+                table.update(members)
             else:
-                found[family] = together
-        return found
+                table[family] = together
+        return table
 
     def initial(self) -> None:
         seen: set[tuple[int, str]] = set()
@@ -268,7 +268,7 @@ class _Statements:
         for name, unit in self.model.output_units.items():
             self.known.written[f"outputs.{name}"] = unit
             stated.setdefault(family_of(name), unit)
-        found: list[tuple[str, Value]] = []
+        outputs: list[tuple[str, Value]] = []
         for key, tree in self.model.trees.items():
             block, _, name = key.partition(".")
             if block != "outputs":
@@ -281,8 +281,8 @@ class _Statements:
                     assert not isinstance(value, TensorDimension)
                     wrong = Disagreement("required", tree, value, expected, role=role)
                     self.known.findings.append(UnitFinding(wrong, block, name))
-            found.append((name, ONE if value is NUMBER and self.known.throughout else value))
-        self.outputs.update(self._table(found))
+            outputs.append((name, ONE if value is NUMBER and self.known.throughout else value))
+        self.outputs.update(self._table(outputs))
 
 
 def _entries(tree: Tree, value: Value, expected: Value) -> Iterator[tuple[Tree, Scalar, Scalar]]:
@@ -309,8 +309,8 @@ def _fields(model: Model) -> Iterator[tuple[str, str, str, Tree]]:
     """Yield entry, field, key and tree of the fields of constraints."""
     for key, tree in model.trees.items():
         block, _, name = key.partition(".")
-        if block == "constraints" and (found := re.fullmatch(_FIELD, name)):
-            yield found["entry"], found["field"], name, tree
+        if block == "constraints" and (match := re.fullmatch(_FIELD, name)):
+            yield match["entry"], match["field"], name, tree
 
 
 def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
@@ -333,13 +333,13 @@ def check_switching(model: Model, known: NamedDimensions, terms: Terms) -> None:
         block, _, name = key.partition(".")
         if is_constant(tree):
             continue
-        if block == "events" and (found := re.fullmatch(_ACTION, name)):
-            target = found["target"]
-            expected = _of_target(known, target, found["field"])
-            role = "the new value of" if found["field"] == "set" else "the impulse on"
+        if block == "events" and (match := re.fullmatch(_ACTION, name)):
+            target = match["target"]
+            expected = _of_target(known, target, match["field"])
+            role = "the new value of" if match["field"] == "set" else "the impulse on"
             terms(tree, expected, "events", name, f"{role} `{target}`")
-        elif block == "events" and (found := re.fullmatch(_CLOCK, name)):
-            terms(tree, SECOND, "events", name, f"`{found['field']}` of `{found['entry']}`")
+        elif block == "events" and (match := re.fullmatch(_CLOCK, name)):
+            terms(tree, SECOND, "events", name, f"`{match['field']}` of `{match['entry']}`")
 
 
 def _of_target(known: NamedDimensions, target: str, field: str) -> Value:
@@ -408,15 +408,15 @@ def symbolic_unit(model: Model, expression: Basic) -> str | None:
     """
     if not model.units.stated:
         return None
-    found = _dimension(model, expression, {})
-    return text_of(ONE if found is NUMBER and model.units.throughout else found)
+    dimension = _dimension(model, expression, {})
+    return text_of(ONE if dimension is NUMBER and model.units.throughout else dimension)
 
 
 def _dimension(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Scalar:
-    found = seen.get(expression)
-    if found is None:
-        found = seen[expression] = _evaluated(model, expression, seen)
-    return found
+    dimension = seen.get(expression)
+    if dimension is None:
+        dimension = seen[expression] = _evaluated(model, expression, seen)
+    return dimension
 
 
 def _evaluated(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Scalar:

@@ -534,20 +534,20 @@ class FreeNumbers:
     def taken(self) -> Iterator[FreeNumber]:
         """Yield the numbers that have taken a unit."""
         for number, (tree, place) in enumerate(self._found):
-            found = self._settled(Dimension(numbers=((number, 1),)))
-            if isinstance(found, Dimension) and not same(found, ONE):
-                yield FreeNumber(tree, place, found)
+            dimension = self._settled(Dimension(numbers=((number, 1),)))
+            if isinstance(dimension, Dimension) and not same(dimension, ONE):
+                yield FreeNumber(tree, place, dimension)
 
 
 def is_constant(tree: Tree) -> bool:
     """Whether an expression consists of numbers, and possibly pi."""
-    found = False
+    has_number = False
     for part in walk(tree):
         if isinstance(part, NumberExpr):
-            found = True
+            has_number = True
         elif not (isinstance(part, _NUMERIC) or (isinstance(part, Name) and part.text == "pi")):
             return False
-    return found
+    return has_number
 
 
 def is_small(tree: Tree) -> bool:

@@ -223,8 +223,8 @@ class NamedDimensions:
         self.numbers.member = tuple(indices.items()) if self.varied else ()
         value = self.evaluator.term(tree)
         if self.evaluator.found:
-            found = self.evaluator.found
-            self.findings += [UnitFinding(d, block, name, location) for d in found]
+            disagreements = self.evaluator.found
+            self.findings += [UnitFinding(d, block, name, location) for d in disagreements]
             self.evaluator.found = []
         return value
 
@@ -242,30 +242,30 @@ class NamedDimensions:
     # coordinates, parameters and definitions
 
     def _coordinates(self) -> None:
-        found: list[tuple[str, Value]] = []
+        entries: list[tuple[str, Value]] = []
         for c in self.model.coordinates:
             value: Scalar = read_unit(c.unit).dimension if c.unit else UNKNOWN
             if c.unit:
                 self.written[c.name] = c.unit
             else:
                 self.missing.append(c.name)
-            found.append((c.name, self.assumed.get(family_of(c.name), value)))
-        self.enter(found)
+            entries.append((c.name, self.assumed.get(family_of(c.name), value)))
+        self.enter(entries)
 
     def _inputs(self) -> None:
-        found: list[tuple[str, Value]] = []
+        entries: list[tuple[str, Value]] = []
         for name, x in self.model.inputs.items():
             value: Scalar = read_unit(x.data.unit).dimension if x.data.unit else UNKNOWN
             if x.data.unit:
                 self.written[name] = si_notation(x.data.unit)
             else:
                 self.missing.append(name)
-            found.append((name, self.assumed.get(name, value)))
-        self.enter(found)
+            entries.append((name, self.assumed.get(name, value)))
+        self.enter(entries)
 
     def _stated_parameters(self) -> list[Parameter]:
         """Set the parameters that are numbers or have a unit; return the others."""
-        found: list[tuple[str, Value]] = []
+        entries: list[tuple[str, Value]] = []
         others = []
         for name, p in self.model.parameters.items():
             value: Scalar | None = None
@@ -280,8 +280,8 @@ class NamedDimensions:
             if value is None:
                 others.append(p)
             else:
-                found.append((name, self.assumed.get(family_of(name), value)))
-        self.enter(found)
+                entries.append((name, self.assumed.get(family_of(name), value)))
+        self.enter(entries)
         return others
 
     def _computed_parameters(self, others: list[Parameter]) -> None:
@@ -323,8 +323,8 @@ class NamedDimensions:
             if not self.numbers.agree(value, stated.dimension):
                 self._require(p, value, stated.dimension)
             elif stated.factor != 1:
-                found = Disagreement("scaled", written.tree, value, stated.dimension)
-                self.findings.append(UnitFinding(found, "parameters", p.name, p.location))
+                scaled = Disagreement("scaled", written.tree, value, stated.dimension)
+                self.findings.append(UnitFinding(scaled, "parameters", p.name, p.location))
 
     def _definitions(self) -> None:
         """Set the definitions in the order of their dependencies, until families agree."""

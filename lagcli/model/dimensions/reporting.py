@@ -75,11 +75,11 @@ def unit_diagnostics(model: Model, units: ModelUnits, severity: str = "error") -
         return []
     places = ExpressionLocations(model)
     suspects = list(_suspects(model, units))
-    found: dict[tuple[str, SourceLocation | None], Diagnostic] = {}
+    diagnostics: dict[tuple[str, SourceLocation | None], Diagnostic] = {}
     for finding in units.findings:
         diagnostic = _Message(model, units, places, finding).diagnostic(suspects, severity)
-        found.setdefault((diagnostic.message, diagnostic.location), diagnostic)
-    return sorted(found.values(), key=_position)
+        diagnostics.setdefault((diagnostic.message, diagnostic.location), diagnostic)
+    return sorted(diagnostics.values(), key=_position)
 
 
 class TakenUnit(NamedTuple):
@@ -95,15 +95,15 @@ def taken_units(model: Model) -> list[TakenUnit]:
     if not model.units.numbers:
         return []
     places = ExpressionLocations(model)
-    found: dict[tuple[str, str, SourceLocation | None], TakenUnit] = {}
+    units: dict[tuple[str, str, SourceLocation | None], TakenUnit] = {}
     for number in model.units.numbers:
         node = _entry(places, *number.place)
         where = places.location(node, number.tree) or number.place.location
         unit = unit_of(number.dimension)
         taken = TakenUnit(places.text(node, number.tree) or "a number", unit, where)
-        found.setdefault((taken.text, unit, where), taken)
+        units.setdefault((taken.text, unit, where), taken)
     return sorted(
-        found.values(), key=lambda x: (x.location.line, x.location.column) if x.location else (0, 0)
+        units.values(), key=lambda x: (x.location.line, x.location.column) if x.location else (0, 0)
     )
 
 
@@ -266,10 +266,10 @@ def _factors(tree: Tree) -> Iterator[NumberExpr]:
 
 def _suspects(model: Model, units: ModelUnits) -> Iterator[Suspect]:
     """Yield the names for which another unit would remove all disagreements."""
-    found = units.findings[0].disagreement
-    if not (isinstance(found.found, Dimension) and isinstance(found.expected, Dimension)):
+    first = units.findings[0].disagreement
+    if not (isinstance(first.found, Dimension) and isinstance(first.expected, Dimension)):
         return
-    ratio = product(found.expected, found.found, -1)
+    ratio = product(first.expected, first.found, -1)
     stated: dict[str, tuple[str, SourceLocation | None]] = {}
     for p in model.parameters.values():
         if p.unit:
@@ -285,7 +285,7 @@ def _suspects(model: Model, units: ModelUnits) -> Iterator[Suspect]:
             other = product(given, ratio, exponent)
             assert isinstance(other, Dimension)
             if not derive_units(model, {name: other}).findings:
-                angle = given.rad == 1 or (found.reason == "number" and same(other, ONE))
+                angle = given.rad == 1 or (first.reason == "number" and same(other, ONE))
                 fitting = unit_of(other._replace(rad=1) if angle else other)
                 yield Suspect(name.removesuffix("[]"), si_notation(unit), fitting, location)
                 break

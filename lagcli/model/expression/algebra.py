@@ -173,12 +173,12 @@ def constant_value(expression: Basic) -> Basic | None:
     }
     if not angles:
         return None
-    found = se.expand(expression)
+    expanded = se.expand(expression)
     for angle in angles:
-        if isinstance(found, se.Add) and len(found.args) > _MOST:
+        if isinstance(expanded, se.Add) and len(expanded.args) > _MOST:
             return None
-        found = se.expand(_without_squares(found, angle))
-    return found if isinstance(found, se.Number) else None
+        expanded = se.expand(_without_squares(expanded, angle))
+    return expanded if isinstance(expanded, se.Number) else None
 
 
 def _without_squares(expression: Basic, angle: Basic) -> Basic:

@@ -90,14 +90,14 @@ def parse_spans(text: str, start: int, end: int) -> list[Span]:
     ExpressionError
     """
     parser = _Parser(text[:end], start)
-    found = [parser.span()]
+    spans = [parser.span()]
     if parser.at(","):
         parser.advance()
-        found.append(parser.span())
+        spans.append(parser.span())
     if parser.at(","):
         raise parser.fail("a family has at most two indices", parser.current)
     parser.expect_end()
-    return found
+    return spans
 
 
 def parse_equation(text: str) -> tuple[Tree, Tree | None]:
@@ -403,10 +403,10 @@ class _Parser:
             opening = self.advance()
             if self.at("]"):
                 raise self.fail("missing index", self.current, f"write `{token.text}[1]`")
-            found = self._indices(opening)
-            indices += found
+            inside = self._indices(opening)
+            indices += inside
             end = self.end
-            text += BRACKETS[len(found)]
+            text += BRACKETS[len(inside)]
             if self.at("."):
                 self.advance()
                 following = self.advance()
@@ -422,10 +422,10 @@ class _Parser:
     def span(self) -> Span:
         """Parse an index or a range, with the name of its index."""
         index = self.index_name()
-        found = self.sum()
+        tree = self.sum()
         if index is not None or self.at(".."):
-            found = self.range_from(found)
-        return index, found
+            tree = self.range_from(tree)
+        return index, tree
 
     def index_name(self) -> str | None:
         """Parse ``i =``, if present."""

@@ -55,9 +55,9 @@ def choice(text: str) -> str:
     """Return how to write a conditional that uses the syntax of another language."""
     text = " ".join(text[: 2 * _LONGEST].split())
     for parts in _PARTS:
-        found = parts.fullmatch(text)
-        if found and len(text) <= _LONGEST and _is_simple(list(found.groups())):
-            return f"write a choice as `if({found['condition']}, {found['a']}, {found['b']})`"
+        match = parts.fullmatch(text)
+        if match and len(text) <= _LONGEST and _is_simple(list(match.groups())):
+            return f"write a choice as `if({match['condition']}, {match['a']}, {match['b']})`"
     return "write a choice as `if(condition, a, b)`, such as `if(t < 1, F, 0)`"
 
 
@@ -106,8 +106,8 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
 
 def _unit_at(text: str, start: int) -> str | None:
     """Return the unit from a position to the end of a term; None if it is not a unit."""
-    found = _TERM.match(text, start)
-    unit = found[0].strip() if found else ""
+    match = _TERM.match(text, start)
+    unit = match[0].strip() if match else ""
     return unit if is_unit(unit) else None
 
 

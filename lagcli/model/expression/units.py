@@ -156,9 +156,9 @@ def _with_torque(unit: ParsedUnit) -> Dimension:
     """Return the dimension, with J/rad for a force by a length, which is the unit of a torque."""
     for (name, n), (after, m) in zip(unit.si, unit.si[1:], strict=False):
         if {name, after} == {"N", "m"} and n == m and abs(n) == 1:
-            found = product(unit.dimension, ANGLE, -int(n))
-            assert isinstance(found, Dimension)
-            return found
+            torque = product(unit.dimension, ANGLE, -int(n))
+            assert isinstance(torque, Dimension)
+            return torque
     return unit.dimension
 
 
@@ -182,9 +182,9 @@ def _refuse_doubtful(text: str, plain: str, unit: ParsedUnit) -> None:
 
 def _single(name: str) -> ParsedUnit:
     """Return the unit of a name."""
-    found = units().get(name)
-    if found is not None:
-        return _of_table(name, found)
+    entry = units().get(name)
+    if entry is not None:
+        return _of_table(name, entry)
     if name in REFUSED:
         raise UnknownUnit(f"`{name}` is not accepted: {REFUSED[name]}")
     folded = name.casefold()
@@ -487,37 +487,37 @@ _COMPOUND_PREFIXES = ("", "n", "u", "µ", "μ", "m", "c", "d", "da", "k", "M", "
 @cache
 def units() -> dict[str, TableUnit]:
     """Return all units of one symbol, with their prefixes."""
-    found = {x: TableUnit(Fraction(1), d, ((x, 1),)) for x, d in _COHERENT.items()}
+    table = {x: TableUnit(Fraction(1), d, ((x, 1),)) for x, d in _COHERENT.items()}
     for name, (factor, dimension, si) in _OTHERS.items():
-        found[name] = TableUnit(factor, dimension, _SYMBOLS.get(si) or (((si, 1),) if si else ()))
-    plain = dict(found)
+        table[name] = TableUnit(factor, dimension, _SYMBOLS.get(si) or (((si, 1),) if si else ()))
+    plain = dict(table)
     for name in (*_COHERENT, *_PREFIXED):
         prefixes = dict(_PREFIXES)
         if name in _SMALL_ONLY:
             prefixes = {p: _PREFIXES[p] for p in _SMALL_ONLY[name]}
         prefixes |= {p: size for p, (size, only) in _FURTHER.items() if name in only}
         for prefix, size in prefixes.items() if name not in _ALONE else ():
-            found.setdefault(prefix + name, plain[name]._replace(factor=size * plain[name].factor))
+            table.setdefault(prefix + name, plain[name]._replace(factor=size * plain[name].factor))
     for name, short in _LONG_NAMES.items():
         for before, prefix in {"": "", **_LONG_PREFIXES}.items():
-            if prefix + short in found:
-                found[before + name] = found[prefix + short]
+            if prefix + short in table:
+                table[before + name] = table[prefix + short]
                 if name != "hertz":
-                    found[before + name + "s"] = found[prefix + short]
-    found |= {name: found[short] for name, short in _SPELLINGS.items()}
-    found |= {f"{prefix}Ω": found[f"{prefix}ohm"] for prefix in _PREFIXES}
-    return found
+                    table[before + name + "s"] = table[prefix + short]
+    table |= {name: table[short] for name, short in _SPELLINGS.items()}
+    table |= {f"{prefix}Ω": table[f"{prefix}ohm"] for prefix in _PREFIXES}
+    return table
 
 
 @cache
 def compounds() -> dict[str, tuple[str, ...]]:
     """Return the units written without a sign between them: ``Nm`` is ``("N", "m")``."""
-    found: dict[str, tuple[str, ...]] = {}
+    parts_of: dict[str, tuple[str, ...]] = {}
     known = units()
     for head, tails in _HEADS.items():
         for prefix in _COMPOUND_PREFIXES if head in ("N", "J", "A", "V", "Pa") else ("",):
             for tail in tails:
                 if prefix + head in known and prefix + head + tail not in known:
                     parts = _TAILS[tail] if head == "N" and tail in _TAILS else (tail,)
-                    found[prefix + head + tail] = (prefix + head, *parts)
-    return found
+                    parts_of[prefix + head + tail] = (prefix + head, *parts)
+    return parts_of

@@ -486,13 +486,13 @@ class ExpressionTemplate:
         return built
 
     def _symbols(self) -> list[Basic] | None:
-        found: list[Basic] = []
+        symbols: list[Basic] = []
         for name in self.members:
             symbol = self.scope.symbol(name)
             if symbol is None:
                 return None
-            found.append(symbol)
-        return found
+            symbols.append(symbol)
+        return symbols
 
 
 def _renaming(old: Sequence[Basic], new: Sequence[Basic]) -> dict[Basic, Basic] | None:

@@ -85,8 +85,8 @@ class Member(NamedTuple):
 
 def declarations(draft: Draft, entries: Iterable[Entry], what: str) -> list[Declaration]:
     """Return the declarations of entries; report invalid keys."""
-    found = (read_key(draft, key, node, what) for _, key, node in entries)
-    return [d for d in found if d is not None]
+    declared = (read_key(draft, key, node, what) for _, key, node in entries)
+    return [d for d in declared if d is not None]
 
 
 def read_key(
@@ -176,17 +176,17 @@ def members_of(draft: Draft, declaration: Declaration) -> list[Member]:
         try:
             if d.family in draft.names.broken:
                 raise Broken
-            found: list[tuple[int, ...]] = [()]
+            tuples: list[tuple[int, ...]] = [()]
             for place, (index, span) in enumerate(d.spans):
                 before = [name for name, _ in d.spans[:place] if name is not None]
                 scope.bound = frozenset(before)
                 scope.check_index(span)
                 if index is not None and isinstance(span, Range):
                     scope.check_index_name(index, span)
-                found = [
+                tuples = [
                     (*values, k)
-                    for values in found
-                    for k in _values(draft, d, scope, span, values, len(found))
+                    for values in tuples
+                    for k in _values(draft, d, scope, span, values, len(tuples))
                 ]
         except (Broken, ExpressionError):
             draft.names.broken.add(d.family)
@@ -198,7 +198,7 @@ def members_of(draft: Draft, declaration: Declaration) -> list[Member]:
                 d,
                 {i: k for i, k in zip(names_of, values, strict=True) if i} or NO_INDICES,
             )
-            for values in found
+            for values in tuples
         ]
     return []
 
@@ -217,9 +217,9 @@ def _values(
     scope.values.update({index: k for index, k in named if index})
     if not isinstance(span, Range):
         return [scope.indices.at(span)]
-    found = scope.indices.range(span)
-    draft.names.member_count += len(found)
-    if draft.names.member_count > MAX_ALL or count * len(found) > MAX_ALL:
+    indices = scope.indices.range(span)
+    draft.names.member_count += len(indices)
+    if draft.names.member_count > MAX_ALL or count * len(indices) > MAX_ALL:
         raise error_at(
             "too-large",
             f"the families of this model have more than {MAX_ALL:,} members",
@@ -227,9 +227,9 @@ def _values(
             "choose smaller ranges",
             "members",
         )
-    if found.stop < found.start:
-        raise descending(span, found)
-    return found
+    if indices.stop < indices.start:
+        raise descending(span, indices)
+    return indices
 
 
 def expanded(draft: Draft, declared: Iterable[Declaration]) -> list[Member]:
@@ -237,19 +237,21 @@ def expanded(draft: Draft, declared: Iterable[Declaration]) -> list[Member]:
     return [member for d in declared for member in members_of(draft, d)]
 
 
-def by_name(draft: Draft, found: Iterable[Member], singles_win: bool = False) -> dict[str, Member]:
+def by_name(
+    draft: Draft, members: Iterable[Member], singles_win: bool = False
+) -> dict[str, Member]:
     """Return members by name; report names declared by two entries.
 
     Parameters
     ----------
     draft : Draft
-    found : iterable of Member
+    members : iterable of Member
     singles_win : bool
         Whether the entry of a single member overrides that of a range.
     """
     result: dict[str, Member] = {}
     clashes: set[tuple[int, int]] = set()
-    for member in found:
+    for member in members:
         name = member.name + "'" * member.declaration.primes
         first = result.setdefault(name, member)
         if first is member:

@@ -50,13 +50,13 @@ def family_of(member: str) -> str:
 
 def format_members(base: str, members: Sequence[str]) -> str:
     """Return the members of a family as ranges: x[0], x[1..20]; u[1..3, 1..5]."""
-    found = sorted({indices_of(member) for member in members} - {()})
-    if found and len(found[0]) > 1:
-        spans = [sorted(set(column)) for column in zip(*found, strict=False)]
+    indices = sorted({indices_of(member) for member in members} - {()})
+    if indices and len(indices[0]) > 1:
+        spans = [sorted(set(column)) for column in zip(*indices, strict=False)]
         inside = ", ".join(f"{s[0]}..{s[-1]}" if len(s) > 1 else f"{s[0]}" for s in spans)
         return f"`{base}[{inside}]`"
     runs: list[list[int]] = []
-    for (k,) in found:
+    for (k,) in indices:
         if runs and k == runs[-1][1] + 1:
             runs[-1][1] = k
         else:

@@ -65,7 +65,7 @@ def read_constraints(
 ) -> tuple[Constraint, ...]:
     """Return the constraints that can be built, each followed by its friction."""
     readers = {id(d): _ConstraintReader(draft, d) for d in declared}
-    found: dict[tuple[int, str], list[Constraint]] = {}
+    built_by_entry: dict[tuple[int, str], list[Constraint]] = {}
     for name, member in members.items():
         d = member.declaration
         built = list(readers[id(d)].constraints(name, member.indices))
@@ -78,8 +78,8 @@ def read_constraints(
                 draft.names.constraints.pop(name, None)
                 draft.names.constraint_families.add(part)
             draft.names.constraints[c.name] = None
-            found.setdefault((id(d), part), []).append(c)
-    return tuple(c for rows in found.values() for c in rows)
+            built_by_entry.setdefault((id(d), part), []).append(c)
+    return tuple(c for rows in built_by_entry.values() for c in rows)
 
 
 class _ConstraintReader:
@@ -111,8 +111,8 @@ class _ConstraintReader:
 
     def constraints(self, name: str, indices: Indices) -> Iterator[Constraint]:
         """Yield the constraints of a member: one, with its friction, or one for each component."""
-        found = self.builder.constraints(name, indices) if self.builder else []
-        if self.slip and len(found) > 1:
+        plain_ones = self.builder.constraints(name, indices) if self.builder else []
+        if self.slip and len(plain_ones) > 1:
             self.draft.report.add(
                 "shape",
                 f"{self.what} is an equation of vectors, and has friction",
@@ -120,7 +120,7 @@ class _ConstraintReader:
                 "give the component along the normal a name of its own, with its friction",
             )
             return
-        for plain in found:
+        for plain in plain_ones:
             constraint = self.fields.complete(plain, indices)
             if constraint is None:
                 return
@@ -252,8 +252,8 @@ class _ConstraintBuilder:
             return []
         if any(isinstance(value, Tensor) for value in values):
             return list(self.components(name, values, indices))
-        found = self.constraint(name, self.left, self.right, values, indices)
-        return [] if found is None else [found]
+        constraint = self.constraint(name, self.left, self.right, values, indices)
+        return [] if constraint is None else [constraint]
 
     def components(self, name: str, values: list[Value], indices: Indices) -> Iterator[Constraint]:
         """Yield the constraints of the components, except those that hold identically."""
@@ -279,9 +279,11 @@ class _ConstraintBuilder:
             rows = [row for row in rows if row not in always]
             self.draft.left_out += [name + row.part for row in always]
         for row in rows:
-            found = self.constraint(name + row.part, row.left, row.right, [*row.sides], indices)
-            if found is not None:
-                yield found
+            constraint = self.constraint(
+                name + row.part, row.left, row.right, [*row.sides], indices
+            )
+            if constraint is not None:
+                yield constraint
 
     def constraint(
         self, name: str, left: Tree, right: Tree | None, sides: list[Basic], indices: Indices

@@ -359,11 +359,11 @@ def dry_friction(
     dissipation : expression or None
         D.
     """
-    left, found = dict(forces), list[Constraint]()
+    left, rows = dict(forces), list[Constraint]()
 
     def add(name: str, s: Basic, force: Basic, key: str) -> None:
-        found.append(_row(draft, name, s, force, key, [c.name for c in found]))
-        draft.names.constraints[found[-1].name] = None
+        rows.append(_row(draft, name, s, force, key, [c.name for c in rows]))
+        draft.names.constraints[rows[-1].name] = None
 
     for name in forces:
         for kink in _kinks(left[name]):
@@ -389,7 +389,7 @@ def dry_friction(
             moving = {x.name for x in _rates(s)}
             name = next(x for x in draft.names.coordinates if velocity(x).name in moving)
             add(name, s, force, "D")
-    return SmoothForces(left, dissipation, tuple(found))
+    return SmoothForces(left, dissipation, tuple(rows))
 
 
 def _kinks(expression: Basic) -> list[Basic]:

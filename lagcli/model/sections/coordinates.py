@@ -69,7 +69,7 @@ def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
     """Return the entries of the coordinates; if they cannot be read, any name may be a
     coordinate."""
     node = draft.get("coordinates")
-    found: list[CoordinateEntry] = []
+    entries: list[CoordinateEntry] = []
     if node is None and "coordinates" in draft.misspelled_keys:
         pass
     elif node is None or (isinstance(node, Scalar) and node.missing):
@@ -80,12 +80,12 @@ def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
             "add a line such as `coordinates: [x, y]`",
         )
     elif isinstance(node, Sequence):
-        found = _listed(draft, node)
+        entries = _listed(draft, node)
     elif isinstance(node, Mapping):
         for _, key, value in node:
             declaration = read_key(draft, key, value, "coordinate")
             if declaration is not None:
-                found += _entries(draft, declaration)
+                entries += _entries(draft, declaration)
     elif isinstance(node, Scalar):
         names = [n for n in re.split(r"[\s,;]+", node.value.strip(" []()")) if n]
         good = all(map(is_name, names)) and len(set(names)) == len(names)
@@ -110,13 +110,13 @@ def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
             node.location,
             "name them, as in `coordinates: [x, y]`",
         )
-    if not found:
+    if not entries:
         draft.names.incomplete = True
-    return found
+    return entries
 
 
 def _listed(draft: Draft, node: Sequence) -> list[CoordinateEntry]:
-    found: dict[str, CoordinateEntry] = {}
+    entries: dict[str, CoordinateEntry] = {}
     for item in node.items:
         if not isinstance(item, Scalar):
             draft.report.add(
@@ -127,18 +127,18 @@ def _listed(draft: Draft, node: Sequence) -> list[CoordinateEntry]:
             )
             if isinstance(item, Mapping):
                 draft.names.suspects.update(item.entries)
-        elif item.value in found:
+        elif item.value in entries:
             draft.report.add(
                 "duplicate-name",
                 f"the coordinate `{item.value}` is listed twice",
                 item.location,
                 "remove one of the two",
-                (("the first one is here", found[item.value].declaration.key.location),),
+                (("the first one is here", entries[item.value].declaration.key.location),),
             )
         elif (declaration := read_key(draft, item, item, "coordinate")) is not None:
             coordinate = Coordinate(declaration.name, location=item.location)
-            found[item.value] = CoordinateEntry(declaration, coordinate)
-    return list(found.values())
+            entries[item.value] = CoordinateEntry(declaration, coordinate)
+    return list(entries.values())
 
 
 def _entries(draft: Draft, declaration: Declaration) -> list[CoordinateEntry]:
@@ -294,11 +294,11 @@ def expand_coordinates(
     """
     given = {id(entry.declaration): entry.coordinate for entry in entries}
     members = expanded(draft, (entry.declaration for entry in entries))
-    found = by_name(draft, members)
-    draft.names.coordinates = dict.fromkeys(found)
+    by_names = by_name(draft, members)
+    draft.names.coordinates = dict.fromkeys(by_names)
     with_units = with_units or any(entry.coordinate.unit for entry in entries)
     return tuple(
-        _named(given[id(member.declaration)], member, with_units) for member in found.values()
+        _named(given[id(member.declaration)], member, with_units) for member in by_names.values()
     )
 
 
@@ -375,13 +375,13 @@ def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
 
     A point denotes the vector of its components, a quaternion its rotation.
     """
-    found: dict[int, Declaration] = {}
+    definitions: dict[int, Declaration] = {}
     for d in declared:
         if d.kind:
             spans = (span for _, span in d.spans)
             named = tuple(zip(_INDICES, spans, strict=False))
-            found.setdefault(id(d.key), d._replace(part="", node=d.key, spans=named))
-    return list(found.values())
+            definitions.setdefault(id(d.key), d._replace(part="", node=d.key, spans=named))
+    return list(definitions.values())
 
 
 def constraints_of(definitions: Iterable[Declaration]) -> list[Declaration]:

@@ -88,19 +88,19 @@ def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, D
 
     draft.names.definitions = {name: partial(value, name) for name in members}
     build_on_demand(_order(draft, members, entries), build, cycle)
-    found = {}
+    definitions = {}
     for name, member in members.items():
         if name in built:
             entry = entries[id(member.declaration)]
-            found[name] = Definition(
+            definitions[name] = Definition(
                 name, built[name].value, entry.parsed.tree, entry.description, member.indices
             )
-    return found
+    return definitions
 
 
 def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _DefinitionEntry]:
     """Return the parsed expressions of the entries, by the identity of their declarations."""
-    found: dict[int, _DefinitionEntry] = {}
+    parsed_entries: dict[int, _DefinitionEntry] = {}
     seen: set[int] = set()
     for member in members.values():
         d = member.declaration
@@ -108,7 +108,7 @@ def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Definitio
             continue
         seen.add(id(d))
         if d.kind:
-            found[id(d)] = _DefinitionEntry(Parsed(d.key, value_of(d)), None)
+            parsed_entries[id(d)] = _DefinitionEntry(Parsed(d.key, value_of(d)), None)
             continue
         what = f"the definition `{d.title}`"
         node, fields = draft.expression_node(d.key, d.node, what, keys_of(DEFINITION))
@@ -117,9 +117,9 @@ def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Definitio
         if parsed is None:
             draft.names.broken.add(d.family)
             continue
-        found[id(d)] = _DefinitionEntry(parsed, description)
+        parsed_entries[id(d)] = _DefinitionEntry(parsed, description)
         draft.trees[d.title] = parsed.tree
-    return found
+    return parsed_entries
 
 
 def _order(
@@ -167,7 +167,7 @@ _RESERVED = {*FUNCTIONS, *TENSOR_FUNCTIONS, *MACROS, *KEYWORDS, "sum"}
 
 def read_functions(draft: Draft) -> list[Declaration]:
     """Return the declarations of the functions, and enter them into the draft's names."""
-    found: list[Declaration] = []
+    declared: list[Declaration] = []
     functions: dict[str, Macro] = {}
     for _, key, node in draft.entries("functions") or []:
         head = _head(draft, key)
@@ -175,7 +175,7 @@ def read_functions(draft: Draft) -> list[Declaration]:
             continue
         name, arguments = head
         if name in functions:
-            first = next(d for d in found if d.name == name)
+            first = next(d for d in declared if d.name == name)
             draft.report.add(
                 "duplicate-name",
                 f"the function `{name}` is declared twice",
@@ -186,9 +186,9 @@ def read_functions(draft: Draft) -> list[Declaration]:
             continue
         parsed = draft.parse_alone(node, f"the function `{name}`")
         functions[name] = Macro(arguments, None if parsed is None else parsed.tree)
-        found.append(Declaration(name, key, node if parsed is None else parsed.node))
+        declared.append(Declaration(name, key, node if parsed is None else parsed.node))
     draft.names.functions = functions
-    return found
+    return declared
 
 
 def _head(draft: Draft, key: Scalar) -> tuple[str, tuple[str, ...]] | None:
@@ -276,7 +276,7 @@ _COLUMNS = {"t", "time", *(quantity.name for quantity in SCALARS)}
 
 def read_outputs(draft: Draft) -> tuple[dict[str, Basic], dict[str, str]]:
     """Return the outputs and their units, by name."""
-    found: dict[str, Basic] = {}
+    outputs: dict[str, Basic] = {}
     units: dict[str, str] = {}
     declared = declarations(draft, draft.entries("outputs") or [], "output")
     members = by_name(draft, expanded(draft, declared))
@@ -308,8 +308,8 @@ def read_outputs(draft: Draft) -> tuple[dict[str, Basic], dict[str, str]]:
         for name in own:
             value = formula.scalar(members[name].indices)
             if value is not None:
-                found[name] = value
-    return found, units
+                outputs[name] = value
+    return outputs, units
 
 
 def _taken(draft: Draft, name: str) -> bool:

@@ -49,14 +49,14 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
     potential = read_scalar(draft, "V")
     if potential is not None:
         rates = sorted((s for s in potential.free_symbols if s.name.endswith("'")), key=str)
-        found = nonlinear_in(potential, rates)
-        if found is not None:
+        rate = nonlinear_in(potential, rates)
+        if rate is not None:
             draft.report.add(
                 "nonlinear-potential",
-                f"`V` is not linear in the velocity `{found.name}`",
+                f"`V` is not linear in the velocity `{rate.name}`",
                 draft.root.entries["V"][1].location,
                 "write kinetic energy in `T`, and damping in `D`, the Rayleigh dissipation"
-                f" function:\n`D: c/2*{found.name}^2` gives the force -c*{found.name}; or write `L`"
+                f" function:\n`D: c/2*{rate.name}^2` gives the force -c*{rate.name}; or write `L`"
                 " instead of `T` and `V`",
             )
     return kinetic, potential
@@ -262,7 +262,7 @@ def first_order_constraints(
     """
     constrained = set().union(*(c.expression.free_symbols for c in constraints))
     moving = lagrangian.free_symbols
-    found = []
+    rows = []
     for c in coordinates:
         q, v = coordinate(c.name), velocity(c.name)
         if v in moving or q in constrained or v in constrained:
@@ -278,7 +278,7 @@ def first_order_constraints(
             wrong = "is not linear in the velocities"
             help_ = "let D be quadratic in the velocities, or give the coordinate a mass"
         else:
-            found.append(Constraint(c.name + RATE, "nonholonomic", balance, location=c.location))
+            rows.append(Constraint(c.name + RATE, "nonholonomic", balance, location=c.location))
             draft.names.constraints[c.name + RATE] = None
             continue
         assert c.location is not None
@@ -289,4 +289,4 @@ def first_order_constraints(
             c.location,
             help_,
         )
-    return tuple(found)
+    return tuple(rows)

@@ -178,14 +178,14 @@ class ConditionReader:
         try:
             if self.sides is not None:
                 left, right = map(self._value, self.sides, [indices] * 2)
-                found = ReadCondition(left - right, either=True)
+                condition = ReadCondition(left - right, either=True)
             else:
                 assert self.tree is not None
-                found = ReadCondition(self._function(self.tree, indices, 1))
+                condition = ReadCondition(self._function(self.tree, indices, 1))
         except _Wrong:
             self.good = False
             return None
-        if found.function is not None and not self._varies(found.function):
+        if condition.function is not None and not self._varies(condition.function):
             self.good = False
             self.draft.report.add(
                 "not-a-condition",
@@ -194,7 +194,7 @@ class ConditionReader:
                 _HELP,
             )
             return None
-        return found
+        return condition
 
     def _varies(self, function: Basic) -> bool:
         parameters = self.draft.names.parameters
@@ -349,15 +349,15 @@ def read_events(draft: Draft, known: EventNames) -> tuple[ModelEvent, ...]:
     declared = declarations(draft, draft.entries("events") or [], "event")
     members = by_name(draft, expanded(draft, declared))
     readers = {id(d): _EventReader(draft, d, known) for d in declared}
-    found = []
+    events = []
     for name, member in members.items():
         event = readers[id(member.declaration)].event(name, member.indices)
         if event is not None:
-            found.append(event)
+            events.append(event)
     if all(reader.good for reader in readers.values()):
-        _report_changed_clocks(draft, found)
-        _report_never_engaged(draft, known.constraints, found)
-    return tuple(found)
+        _report_changed_clocks(draft, events)
+        _report_never_engaged(draft, known.constraints, events)
+    return tuple(events)
 
 
 def _report_changed_clocks(draft: Draft, events: list[ModelEvent]) -> None:
@@ -500,17 +500,17 @@ class _EventReader:
         if node is None:
             return []
         items = node.items if isinstance(node, Sequence) else [node]
-        found: list[tuple[str, YamlNode]] = []
+        words: list[tuple[str, YamlNode]] = []
         for item in items:
             if isinstance(item, Scalar) and not item.missing:
-                found.append((item.value.strip(), item))
+                words.append((item.value.strip(), item))
             else:
                 self.fault(
                     item,
                     "wrong-type",
                     f"`{field}` of {self.what} must be a name or a list of names, not {item.what}",
                 )
-        return found
+        return words
 
     def _record(self) -> tuple[str, ...] | None:
         words = self._words("record")
@@ -518,14 +518,14 @@ class _EventReader:
             return None if words[0][0] == "true" else ()
         names = self.draft.names
         known = (names.coordinates, names.constraints)
-        found = []
+        columns = []
         for text, node in words:
             name = canonical_name(self.draft, text) or text
             rate = name.removesuffix("'")
             column = f"{rate}_dot" if rate != name else name
             every = [*names.coordinates, *(f"{q}'" for q in names.coordinates), *self.known.outputs]
             if name in every or read_column_name(column, *known) is not None:
-                found.append(column)
+                columns.append(column)
             elif not names.incomplete:
                 self.fault(
                     node,
@@ -534,7 +534,7 @@ class _EventReader:
                     did_you_mean(nearest(text, every))
                     or "columns are coordinates, velocities, `lambda.NAME` and outputs",
                 )
-        return tuple(found) or None
+        return tuple(columns) or None
 
     def _targets(self) -> Iterator[tuple[str, Formula]]:
         """Yield the targets of assignments, with the formulas of their values."""
@@ -679,10 +679,10 @@ class _EventReader:
         """Return the row of a change, and the change; report changes that are impossible for the
         row."""
         row = watched_row(name, change, self.draft.names.constraints)
-        found = next((c for c in self.known.constraints if c.name == row), None)
-        if found is None:
+        constraint = next((c for c in self.known.constraints if c.name == row), None)
+        if constraint is None:
             return None  # the row's own error has been reported
-        if change in ("slips", "sticks") and found.limit is None:
+        if change in ("slips", "sticks") and constraint.limit is None:
             self.fault(
                 self.fields["when"],
                 "no-friction",
@@ -690,7 +690,7 @@ class _EventReader:
                 " no limit",
                 "add `friction` and `slip`, or a `limit`",
             )
-        elif change not in ("slips", "sticks") and not found.sign:
+        elif change not in ("slips", "sticks") and not constraint.sign:
             self.fault(
                 self.fields["when"],
                 "not-unilateral",

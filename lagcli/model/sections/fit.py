@@ -75,7 +75,7 @@ class _FitReader:
     # data files
 
     def files(self, node: YamlNode) -> list[DataFile]:
-        found = []
+        files = []
         for item in node.items if isinstance(node, Sequence) else [node]:
             if not isinstance(item, Mapping):
                 self.not_a_mapping(item, "`data`", "write `data: {file: run.csv, time: t}`")
@@ -94,8 +94,8 @@ class _FitReader:
             values = self.overrides(fields.get("set"), "set")
             initial = self.overrides(fields.get("initial"), "initial")
             if path:
-                found.append(DataFile(path, time, values, initial, fields["file"].location))
-        return found
+                files.append(DataFile(path, time, values, initial, fields["file"].location))
+        return files
 
     def overrides(self, node: YamlNode | None, name: str) -> dict[str, str]:
         """Return the values of one experiment, in the syntax of ``--set`` and ``--set-initial``."""
@@ -126,12 +126,12 @@ class _FitReader:
         if not isinstance(node, Mapping):
             self.not_a_mapping(node, "`observe`", "write `observe: {phi: {column: enc}}`")
             return []
-        found = []
+        observed = []
         for name, key, value in node:
             entry = self.observed_one(name, key, value)
             if entry is not None:
-                found.append(entry)
-        return found
+                observed.append(entry)
+        return observed
 
     def observed_one(self, name: str, key: Scalar, node: YamlNode) -> ObservedQuantity | None:
         what = f"the observed quantity `{shorten(name)}`"
@@ -192,20 +192,20 @@ class _FitReader:
         if not isinstance(node, Mapping):
             self.not_a_mapping(node, "`parameters`", "write `parameters: {m: {min: 0}}`")
             return []
-        found: dict[str, FittedQuantity] = {}
+        fitted: dict[str, FittedQuantity] = {}
         for name, key, value in node:
             entry = self.fitted_one(name, key, value)
             if entry is None:
                 continue
-            if entry.name in found:
+            if entry.name in fitted:
                 self.draft.report.add(
                     "duplicate-key",
                     f"`{entry.name}` is named twice",
                     key.location,
                     "keep one of them",
                 )
-            found[entry.name] = entry
-        return list(found.values())
+            fitted[entry.name] = entry
+        return list(fitted.values())
 
     def fitted_one(self, name: str, key: Scalar, node: YamlNode) -> FittedQuantity | None:
         known = name if name in self.parameters else canonical_name(self.draft, name)

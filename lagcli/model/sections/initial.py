@@ -231,11 +231,11 @@ class VectorReader:
         """Evaluate one component, ``r.x``, ``e.0`` or ``e.0'``."""
         base, _, part = canonical.rstrip("'").rpartition(".")
         if self.turning:
-            found = self.found.get(base)
-            if found is None:
-                found = self.found[base] = self.rates(base, indices, values)
-            if canonical in found:
-                values[canonical] = found[canonical]
+            rates = self.found.get(base)
+            if rates is None:
+                rates = self.found[base] = self.rates(base, indices, values)
+            if canonical in rates:
+                values[canonical] = rates[canonical]
         elif part in self.cells:
             self.cells[part].read(canonical, indices, values)
 
@@ -249,7 +249,7 @@ class VectorReader:
         if len(omega) < len(_AXES) or len(known) < len(e):
             return {}
         w = [omega[axis] for axis in _AXES]
-        found: Values = {}
+        rates: Values = {}
         for k, terms in enumerate(_RATES):
             value = sum(sign * known[i].value * w[j].value for sign, i, j in terms) / 2
             tree = _half_sum([(sign, known[i], w[j]) for sign, i, j in terms])
@@ -257,8 +257,8 @@ class VectorReader:
             written = Written(tree, 1, {}) if varies else None
             fixed = all(x.fixed for x in w)
             unit = "1/s" if varies else None
-            found[f"{base}.{k}'"] = InitialValue(value, fixed, self.location, written, unit)
-        return found
+            rates[f"{base}.{k}'"] = InitialValue(value, fixed, self.location, written, unit)
+        return rates
 
 
 def _half_sum(terms: list[tuple[int, InitialValue, InitialValue]]) -> Tree:
@@ -290,12 +290,12 @@ def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[st
     """Return the contacts that `initial` states to be closed: ``floor: closed``."""
     signs = {c.name: c.sign for c in constraints}
     node = draft.get("initial")
-    found = set()
+    closed = set()
     for name, key, value in node if isinstance(node, MappingNode) else ():
         if not _states_closed(draft, name, value):
             continue
         if signs.get(name):
-            found.add(name)
+            closed.add(name)
         elif name in signs:
             draft.report.add(
                 "not-unilateral",
@@ -305,7 +305,7 @@ def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[st
             )
         elif name not in draft.names.constraints:
             _report_no_contact(draft, name, key, [c for c in signs if signs[c]])
-    return frozenset(found)
+    return frozenset(closed)
 
 
 def _states_closed(draft: Draft, name: str, node: YamlNode) -> bool:
@@ -354,15 +354,15 @@ def read_initial(draft: Draft, overrides: Mapping[str, object]) -> tuple[Values,
 
 def _spins(jobs: Mapping[str, tuple[Reader, Indices]]) -> Spins:
     """Return by quaternion which components of its angular velocity are fixed."""
-    found: Spins = {}
+    spins: Spins = {}
     readers = {name: reader for name, (reader, _) in jobs.items()}
     for name, reader in readers.items():
         base, _, part = name.removesuffix("'").rpartition(".")
         turning = getattr(reader, "turning", False)
         parts = [f"{base}.{k}'" for k in KINDS["quaternion"].parts]
         if turning and part == "0" and all(readers.get(x) is reader for x in parts):
-            found[base] = reader.fixed_spin  # type: ignore[union-attr]
-    return found
+            spins[base] = reader.fixed_spin  # type: ignore[union-attr]
+    return spins
 
 
 def _values(draft: Draft, declaration: Declaration) -> Iterator[tuple[Member, Reader]]:

@@ -38,15 +38,15 @@ def read_inputs(
     known : mapping of str to InputData
         Tables that have already been read: their files are not read again.
     """
-    found = {}
+    inputs = {}
     for d in declared:
         made = _InputEntry(draft, d).read(known.get(d.name))
         if made is None:
             draft.names.broken.add(d.name)
         else:
-            found[d.name] = made
-    draft.names.inputs = {name: x.smoothness for name, x in found.items()}
-    return found
+            inputs[d.name] = made
+    draft.names.inputs = {name: x.smoothness for name, x in inputs.items()}
+    return inputs
 
 
 class _InputEntry:
@@ -171,20 +171,20 @@ class _InputEntry:
         if not times.items:
             self.error("missing-value", times, "has no times", "give at least two")
             return None
-        found = array("d")
+        seconds = array("d")
         for node in times.items:
             value = self.quantity(node, "time", "s")
             if value is None:
                 return None
-            if found and not value > found[-1]:
+            if seconds and not value > seconds[-1]:
                 self.error(
                     "bad-data",
                     node,
-                    f"has the time {value:g} s after {found[-1]:g} s",
+                    f"has the time {value:g} s after {seconds[-1]:g} s",
                     "let the times increase",
                 )
                 return None
-            found.append(value)
+            seconds.append(value)
         units: dict[str | None, YamlNode] = {}
         numbers = array("d")
         for node in values.items:
@@ -192,7 +192,7 @@ class _InputEntry:
             if value is None:
                 return None
             numbers.append(value)
-        return InputData(found, numbers, unit or next((u for u in units if u), None))
+        return InputData(seconds, numbers, unit or next((u for u in units if u), None))
 
     def quantity(
         self,
@@ -360,23 +360,23 @@ class InputUses:
         if not self.inputs:
             return
         for key, several, more in expressions:
-            found = next(
+            rough = next(
                 (x for e in several if e is not None and (x := self._rough(e, more))), None
             )
-            if found is not None:
+            if rough is not None:
                 location = self.draft.root.entries[key][1].location
-                self._report(found, f"`{key}`", location, _ENERGY if more else "")
+                self._report(rough, f"`{key}`", location, _ENERGY if more else "")
         for c in constraints:
-            found = self._rough(c.expression, 2 if c.kind == "holonomic" else 1)
-            if found is not None and c.location is not None:
-                self._report(found, f"the {c.kind} constraint `{c.name}`", c.location, "")
+            rough = self._rough(c.expression, 2 if c.kind == "holonomic" else 1)
+            if rough is not None and c.location is not None:
+                self._report(rough, f"the {c.kind} constraint `{c.name}`", c.location, "")
 
     def _rough(self, expression: Basic, more: int) -> Input | None:
         """Return an input in an expression that cannot be differentiated ``more`` times."""
         for part in expression.atoms(FunctionSymbol, Derivative):
-            found = read_input(part)
-            if found is not None and found[1] + more > self.inputs[found[0]].smoothness:
-                return self.inputs[found[0]]
+            input_ = read_input(part)
+            if input_ is not None and input_[1] + more > self.inputs[input_[0]].smoothness:
+                return self.inputs[input_[0]]
         return None
 
     def _report(self, used: Input, where: str, location: SourceLocation, remedy: str) -> None:

@@ -101,18 +101,18 @@ class _ParameterReader:
         for d in declared:
             members += self.members(d)
         self.expanded = True
-        found = by_name(self.draft, members, singles_win=True)
-        self.known.update({name: partial(self.value, name) for name in found})
+        unique = by_name(self.draft, members, singles_win=True)
+        self.known.update({name: partial(self.value, name) for name in unique})
         places: dict[int, int] = {}
         for member in members:
             d = member.declaration
             place = places[id(d)] = places.get(id(d), -1) + 1
-            if d.spans and found.get(member.name) is member:
+            if d.spans and unique.get(member.name) is member:
                 self.enter(member, entries[id(d)], place)
         for d in declared:
             count = places.get(id(d), -1) + 1
             self.check_list(d, entries[id(d)], count)
-        return found
+        return unique
 
     def members(self, d: Declaration) -> list[Member]:
         """Return the members declared by an entry; evaluates the parameters in its range."""
@@ -291,27 +291,27 @@ class _ParameterReader:
 
 def names_used(tree: Tree) -> list[str]:
     """Return the names in an expression, including indices and ranges."""
-    found: list[str] = []
+    names: list[str] = []
     for part in walk(tree):
         if isinstance(part, Name):
-            found.append(part.text)
-            found += [name.text for index in part.indices for name in names_in(index)]
+            names.append(part.text)
+            names += [name.text for index in part.indices for name in names_in(index)]
         elif isinstance(part, IndexedSumExpr):
-            found += [name.text for name in names_in(part.range)]
-    return found
+            names += [name.text for name in names_in(part.range)]
+    return names
 
 
 def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
     """Return the parameters, marked as structural if the number of members depends on them."""
-    found = {family_of(name) for name in draft.names.structural}
-    stack = list(found)
+    marked = {family_of(name) for name in draft.names.structural}
+    stack = list(marked)
     while stack:
         for name in draft.names.needs.get(stack.pop(), ()):
-            if name not in found:
-                found.add(name)
+            if name not in marked:
+                marked.add(name)
                 stack.append(name)
     return {
-        name: p._replace(structural=True) if family_of(name) in found else p
+        name: p._replace(structural=True) if family_of(name) in marked else p
         for name, p in parameters.items()
     }
 

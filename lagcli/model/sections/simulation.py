@@ -96,20 +96,20 @@ def _whole_number(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> i
 
 def _tolerances(draft: Draft, node: Mapping, needs: set[str]) -> dict[str, float] | None:
     """Return the absolute tolerances by coordinate and velocity (``phi'``)."""
-    found: dict[str, float] = {}
+    tolerances: dict[str, float] = {}
     for name, (key, entry) in node.entries.items():
         value = _number(draft, f"the tolerance of `{shorten(name)}`", entry, needs)
         for canonical in _members(draft, name, key):
             if value is not None:
-                found[canonical] = value
-    return found or None
+                tolerances[canonical] = value
+    return tolerances or None
 
 
 def _members(draft: Draft, name: str, key: Scalar) -> list[str]:
     """Return the coordinates or velocities that an entry names; report an unknown name."""
-    found = canonical_name(draft, name)
-    if found is not None:
-        return [found]
+    canonical = canonical_name(draft, name)
+    if canonical is not None:
+        return [canonical]
     names = draft.names
     if "[" in name:
         declaration = read_key(draft, key, key, "tolerance", primed=True)

@@ -209,8 +209,8 @@ class _ViewReader:
 
     def along(self, path: Path, kind: _Kind, d: Declaration | None) -> Iterator[Segment]:
         """Yield the lines along the points of one entry."""
-        found = each(self.draft, path, d, self.points.at)
-        for points, name, _ in found:
+        paths = each(self.draft, path, d, self.points.at)
+        for points, name, _ in paths:
             for start, end in pairwise(points):
                 yield Segment(kind, name if d is not None else f"{start}-{end}", start, end)
 
@@ -235,13 +235,13 @@ class _ViewReader:
             return dict.fromkeys(name for name in short if name in self.points.found)
         if isinstance(node, Sequence):
             return dict.fromkeys(self.marked("labels"))
-        found: dict[str, str | None] = {}
+        labels: dict[str, str | None] = {}
         for d in self.entries("labels", "label"):
             text = self.draft.text(d.node, f"the label of `{d.title}`")
             path = read_path(self.draft, d.key, "a label", 1, "A") if not d.spans else None
             if path is not None:
                 for points, _, _ in each(self.draft, path, None, self.points.at):
-                    found[points[0]] = text
+                    labels[points[0]] = text
             elif d.spans:
                 members = [m.name for m in members_of(self.draft, d)]
                 missing = [name for name in members if name not in self.points.declared]
@@ -252,8 +252,8 @@ class _ViewReader:
                         d.key.location,
                         "use the same ranges",
                     )
-                found.update({name: text for name in members if name in self.points.found})
-        return found
+                labels.update({name: text for name in members if name in self.points.found})
+        return labels
 
     # discs
 
@@ -371,10 +371,12 @@ class _ViewReader:
         forces = each(draft, named, d, partial(constraint_named, draft))
         for (at, name, _), ((constraint,), _, _) in zip(places, forces, strict=False):
             parts = components_of(constraint, self.constraints)
-            found = [self.constraints[part] for part in parts if part in self.constraints]
-            if not found:
+            constraints = [self.constraints[part] for part in parts if part in self.constraints]
+            if not constraints:
                 break
-            if not all(check_force(draft, c, at, self.points.found, path.node) for c in found):
+            if not all(
+                check_force(draft, c, at, self.points.found, path.node) for c in constraints
+            ):
                 break
             yield Arrow(name, "force", at, (), constraint, unit, parts)
 

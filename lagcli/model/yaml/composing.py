@@ -249,19 +249,19 @@ class _Composer:
         return Sequence(self.source, *self.positions(event, inner), items)
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> YamlNode:
-        found: list[_ComposedEntry] = []
+        composed: list[_ComposedEntry] = []
         while not isinstance(inner := next(self.events), yaml.MappingEndEvent):
             key = self.node(inner, depth + 1)
             value = self.node(next(self.events), depth + 1)
             bare = bool(event.flow_style) and self.is_bare(key, value)
-            found.append(_ComposedEntry(key, value, bare))
+            composed.append(_ComposedEntry(key, value, bare))
         start, end = self.positions(event, inner)
-        if found and all(entry.bare for entry in found):
+        if composed and all(entry.bare for entry in composed):
             text = self.source.between(start, end)
             # braces instead of parentheses are reported when the expression is parsed
             if ":" not in text:
                 return Scalar(self.source, start, end, text)
-        return Mapping(self.source, start, end, self.entries(self.rejoined(found)))
+        return Mapping(self.source, start, end, self.entries(self.rejoined(composed)))
 
     def is_bare(self, key: YamlNode, value: YamlNode) -> bool:
         if not (isinstance(value, Scalar) and not value.value and value.style is None):
@@ -269,11 +269,11 @@ class _Composer:
         line, column = key.end
         return not _COLON.match(self.source.lines[line], column)
 
-    def rejoined(self, found: list[_ComposedEntry]) -> list[_ComposedEntry]:
+    def rejoined(self, composed: list[_ComposedEntry]) -> list[_ComposedEntry]:
         """Report entries without a colon, and rejoin values that a comma has split."""
         rejoined: list[_ComposedEntry] = []
         cut: list[YamlNode] = []  # the keys into which commas have split one value
-        for entry in found:
+        for entry in composed:
             key = entry.key
             if not entry.bare:
                 self.join(cut, rejoined)
@@ -324,9 +324,9 @@ class _Composer:
             bare=False,
         )
 
-    def entries(self, found: list[_ComposedEntry]) -> dict[str, tuple[Scalar, YamlNode]]:
+    def entries(self, composed: list[_ComposedEntry]) -> dict[str, tuple[Scalar, YamlNode]]:
         entries: dict[str, tuple[Scalar, YamlNode]] = {}
-        for entry in found:
+        for entry in composed:
             key = entry.key
             if not isinstance(key, Scalar):
                 self.report(
