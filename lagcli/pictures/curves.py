@@ -331,11 +331,6 @@ def look_of_value(names: Notation | None, name: str) -> str:
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
     """Return the values of curves and of the time, by name.
 
-    Parameters
-    ----------
-    run : Run
-    curves : iterable of Curve
-
     Returns
     -------
     dict of str to (nt,) array

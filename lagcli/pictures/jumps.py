@@ -43,10 +43,6 @@ class Jumps:
     those of the log, and energies jump by its losses. Accelerations, forces, powers and outputs
     that jump are extrapolated to the instant from the samples on each side. Other curves are
     unchanged.
-
-    Parameters
-    ----------
-    run : RunFile
     """
 
     def __init__(self, run: RunFile):

@@ -463,12 +463,7 @@ MOST_COORDINATES = 12
 
 
 def equations_html(equations: Equations) -> str:
-    """Return the equations of motion and the constraints in HTML; empty for a large system.
-
-    Parameters
-    ----------
-    equations : Equations
-    """
+    """Return the equations of motion and the constraints in HTML; empty for a large system."""
     f = Formulas(equations)
     if len(f.coordinates) > MOST_COORDINATES or in_matrices(f):
         return ""

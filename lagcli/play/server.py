@@ -244,10 +244,6 @@ class Access:
     leads to 127.0.0.1 (DNS rebinding). It does not have the token and cannot send this server's
     Host and Origin.
 
-    Parameters
-    ----------
-    port : int
-
     Attributes
     ----------
     token : str

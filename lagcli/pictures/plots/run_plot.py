@@ -455,10 +455,6 @@ _MOST = 3  # names in a label
 def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, str]:
     """Return a label for each run, and values if a single number distinguishes the runs.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-
     Returns
     -------
     labels : list of str

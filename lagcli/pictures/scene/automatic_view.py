@@ -34,10 +34,6 @@ def with_view(model: Model) -> Model:
     A rigid body, a point with a quaternion or three angles, is the homogeneous box of its mass and
     inertia, with rods to the vector definitions that are fixed in it.
 
-    Parameters
-    ----------
-    model : Model
-
     Returns
     -------
     Model

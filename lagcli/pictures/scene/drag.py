@@ -30,13 +30,7 @@ _SAME = 1e-9  # relative: rounding errors of whole turns
 
 
 def places(model: Model, view: View) -> dict[str, bool]:
-    """Return the points of a view that depend only on the configuration, and whether they move.
-
-    Parameters
-    ----------
-    model : Model
-    view : View
-    """
+    """Return the points of a view that depend only on the configuration, and whether they move."""
     coordinates = {coordinate(q) for q in model.coordinate_names}
     known = coordinates | {TIME} | {se.Symbol(name) for name in model.parameters}
     free = {
