@@ -578,7 +578,7 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
             )
             raise UsageError(f"--band {text}: {run.name} has no derivatives by `{name}`; {has}")
         if percent:
-            known = {**run.record.parameters, **_initial(run)}
+            known = {**run.record.parameters, **run.initial}
             if name not in known:
                 raise UsageError(
                     f"--band {text}: {run.name} lacks the value of `{name}`, which a CSV file"
@@ -588,14 +588,6 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
             value *= abs(known[name]) / 100
         found[name] = value
     return found
-
-
-def _initial(run: RunFile) -> dict[str, float]:
-    """Return the initial values by name."""
-    first = run.columns(["q", "v"], np.array([0]))
-    names = run.coordinates
-    found = dict(zip(names, first["q"][0].tolist(), strict=True))
-    return {**found, **{f"{q}'": x for q, x in zip(names, first["v"][0].tolist(), strict=True)}}
 
 
 def half_widths(

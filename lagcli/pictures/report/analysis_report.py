@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 from lagcli.analysis.contents import content_sections
 from lagcli.analysis.output.tables import (
@@ -46,21 +46,6 @@ _CONTENTS = (
     ("provenance", "Provenance"),
     ("model", "Model file"),
 )
-
-
-class _Values(NamedTuple):
-    """Values of a model in the form of a run's record."""
-
-    units: Mapping[str, str]
-    parameters: Mapping[str, float]
-
-
-class _AnalysedModel:
-    """A model without a run."""
-
-    def __init__(self, model: Model, parameters: Mapping[str, float]):
-        self.coordinates, self.constraints = model.coordinate_names, model.constraint_names
-        self.record = _Values(result_units(model), parameters)
 
 
 def analysis_page(path: str, kind: str, title: str | None = None) -> str:
@@ -109,7 +94,7 @@ def _assembled(
     kind: str,
     title: str | None,
 ) -> str:
-    system = EquationSystem(_AnalysedModel(model, parameters), Formulas(derive(model)))
+    system = EquationSystem(Formulas(derive(model)), result_units(model), parameters)
     changed = {**model.set, **model.set_initial}
     rows = [
         ("File", escape(os.path.basename(path))),
@@ -118,7 +103,6 @@ def _assembled(
         ("Model", f"<code>sha256 {escape(model.sha256)}</code>"),
     ]
     return report_page(
-        model,
         system,
         template="analysis.html",
         title=title,

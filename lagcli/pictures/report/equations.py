@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from html import escape
-from typing import Protocol
 
 from lagcli.arrays import Array
 from lagcli.columns import BY_NAME
@@ -42,46 +41,23 @@ _NODES = 200_000
 _LONG, _LETTERS = 700, 4000
 
 
-class RecordOfValues(Protocol):
-    """Units and values of parameters in tables."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """SI units, by name."""
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Values of parameters."""
-
-
-class DescribedSystem(Protocol):
-    """The part of a run, or of an analysis, needed to present the equations."""
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names."""
-
-    @property
-    def constraints(self) -> tuple[str, ...]:
-        """Names."""
-
-    @property
-    def record(self) -> RecordOfValues:
-        """Units and values."""
-
-
 class EquationSystem:
     """The equations of one run, or of an analysis, in HTML.
 
     Parameters
     ----------
-    run : DescribedSystem
     formulas : Formulas
         Formulas of its model.
+    units : mapping of str to str
+        SI units, by name.
+    parameters : mapping of str to float
+        Values of the parameters.
     """
 
-    def __init__(self, run: DescribedSystem, formulas: Formulas):
-        self.run, self.formulas = run, formulas
+    def __init__(
+        self, formulas: Formulas, units: Mapping[str, str], parameters: Mapping[str, float]
+    ):
+        self.formulas, self.units, self.values = formulas, units, parameters
         self.equations, self.model = formulas.equations, formulas.model
         self.index_form = IndexForm(self.model)
         self.indexed = self.index_form.families and len(self.equations.q) <= _INDEXED
@@ -107,16 +83,15 @@ class EquationSystem:
             q and v; none if the run has no samples.
         """
         given = self.model.coordinates
-        places = chosen(self.run.coordinates, _ROWS)
-        units = self.run.record.units
+        places = chosen(self.model.coordinate_names, _ROWS)
         head = ["Coordinate", "Meaning", "Unit"]
         head += ["At the start", "Rate at the start", "Unit of the rate"] if first else []
         rows = []
         for j in places:
             c = given[j]
-            row = [self.symbol(c.name), escape(c.description or ""), unit(units.get(c.name))]
+            row = [self.symbol(c.name), escape(c.description or ""), unit(self.units.get(c.name))]
             values = [number(float(x[j])) for x in first]
-            rate = [unit(BY_NAME["v"].unit_at(units.get(c.name)))] if first else []
+            rate = [unit(BY_NAME["v"].unit_at(self.units.get(c.name)))] if first else []
             rows.append([*row, *values, *rate])
         title = "Coordinates and initial values" if first else "Coordinates"
         caption = _counted(title, len(places), len(given))
@@ -124,7 +99,6 @@ class EquationSystem:
 
     def parameters(self) -> str:
         """Return the table of parameters with the values of the run."""
-        record = self.run.record
         names = list(self.model.parameters)
         if not names:
             return ""
@@ -132,8 +106,8 @@ class EquationSystem:
         rows = []
         for i in places:
             p = self.model.parameters[names[i]]
-            value = record.parameters.get(p.name, p.value)
-            shown = unit(record.units.get(p.name, p.unit))
+            value = self.values.get(p.name, p.value)
+            shown = unit(self.units.get(p.name, p.unit))
             rows.append([self.symbol(p.name), escape(p.description or ""), number(value), shown])
         caption = _counted("Parameters, in SI units", len(places), len(names))
         head = ["Parameter", "Meaning", "Value", "Unit"]
@@ -185,7 +159,7 @@ class EquationSystem:
     def _constraints(self) -> dict[int, ConstraintEquation]:
         """The listed constraints, by index."""
         every = self.equations.constraints
-        return {i: every[i] for i in self._places(self.run.constraints)}
+        return {i: every[i] for i in self._places(self.model.constraint_names)}
 
     @cached_property
     def _matrices(self) -> list[Step]:
@@ -214,7 +188,9 @@ class EquationSystem:
         """The listed equations, by index."""
         if self._matrices:
             return {}
-        return {i: self.formulas.equation_line(i) for i in self._places(self.run.coordinates)}
+        return {
+            i: self.formulas.equation_line(i) for i in self._places(self.model.coordinate_names)
+        }
 
     def definitions(self) -> str:
         """Return the definitions used in energies, constraints and equations, as written."""
@@ -233,10 +209,10 @@ class EquationSystem:
     def forces(self) -> str:
         """Return the generalized forces Q without potential, including those of D."""
         applied = self.equations.applied_forces
-        names = [q for q, x in zip(self.run.coordinates, applied, strict=True) if x != 0]
+        names = [q for q, x in zip(self.model.coordinate_names, applied, strict=True) if x != 0]
         lines = []
         for i in chosen(names, _LISTED, _FEW):
-            expression = applied[self.run.coordinates.index(names[i])]
+            expression = applied[self.model.coordinate_names.index(names[i])]
             if _nodes(expression, _NODES) < _NODES:
                 lines.append(Line((force(Symbol(names[i])), self.formulas.arrange(expression))))
         if not lines:

@@ -12,7 +12,6 @@ from string import Template
 from typing import Any, NamedTuple
 
 from lagcli.arrays import Array
-from lagcli.model.model import Model
 from lagcli.pictures.page import asset, page, paragraphs
 from lagcli.pictures.plots.figure import FigureTarget, new_figure
 from lagcli.pictures.report.equations import EquationSystem
@@ -21,7 +20,6 @@ Links = Sequence[tuple[str, str]]  # anchors and titles
 
 
 def report_page(
-    model: Model,
     system: EquationSystem,
     *,
     template: str,
@@ -41,7 +39,6 @@ def report_page(
 
     Parameters
     ----------
-    model : Model
     system : EquationSystem
     template : str
         The asset with the page's sections, in which ``parts`` are inserted.
@@ -62,6 +59,7 @@ def report_page(
     **parts : str
         HTML.
     """
+    model = system.model
     name = title or model.title
     sections = {
         "equations": _filled(

@@ -89,7 +89,8 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
 
         asked = modes_sections(run.model, modes)
     recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
-    system = EquationSystem(run, Formulas(derive(model), freedom=recorded))
+    formulas = Formulas(derive(model), freedom=recorded)
+    system = EquationSystem(formulas, run.record.units, run.record.parameters)
     catalogue = Catalogue(run)
     found = sections(catalogue) if run.count else []
     plots = [plot for section in found for plot in section.plots]
@@ -110,7 +111,6 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
     start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
     plotted = [x for x in found if x.title != RESIDUALS_TITLE]
     return report_page(
-        model,
         system,
         template="report.html",
         title=title,
@@ -351,12 +351,12 @@ def provenance(run: RunFile) -> str:
 
 def _named(curve: Curve, system: EquationSystem) -> tuple[str, str]:
     """Return the symbol and the unit of a curve."""
-    run, place = system.run, curve.place
+    place, model = curve.place, system.model
     symbol = escape(curve.name)
     if curve.field in ("q", "v") and place:
-        symbol = system.symbol(run.coordinates[place[0]], int(curve.field == "v"))
+        symbol = system.symbol(model.coordinate_names[place[0]], int(curve.field == "v"))
     elif curve.field == "multipliers" and place:
-        name = run.constraints[place[0]]
+        name = model.constraint_names[place[0]]
         symbol = f'{system.multiplier(name)} <span class="name">{escape(name)}</span>'
     elif curve.field in BY_NAME:
         symbol = f"{escape(curve.label)}, {escape(BY_NAME[curve.field].description)}"
