@@ -8,6 +8,7 @@ from typing import Any
 
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.results.atomic import check_writable, whole_file
 from lagcli.results.metadata import to_json
 from lagcli.version import __version__
@@ -44,6 +45,7 @@ def facts_of(model: Model) -> dict[str, Any]:
         "model": model.text,
         "model_sha256": model.sha256,
         "model_path": model.path,
+        "units": result_units(model),
         "parameters": model.parameter_values,
         "set": {name: str(value) for name, value in model.set.items()},
         "set_initial": {name: str(value) for name, value in model.set_initial.items()},

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagcli.analysis.fit.file import read_fit
-from lagcli.analysis.fit.result import FitResult, FittedData
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
@@ -16,6 +14,9 @@ from lagcli.pictures import style
 from lagcli.pictures.curves import pretty_unit
 from lagcli.pictures.plots.figure import FigureFile, FigureTarget, plain_ticks
 from lagcli.pictures.selection import drawable
+
+if TYPE_CHECKING:
+    from lagcli.analysis.fit.result import FitResult, FittedData
 
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # number of panels by default
@@ -308,6 +309,8 @@ def plot_fit(path: str, names: Sequence[str], target: FigureFile) -> None:
     FileError
         A file cannot be read or written.
     """
+    from lagcli.analysis.fit.file import read_fit
+
     draw_result(read_fit(path), names, target, path)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from lagcli.errors import ModelError, UsageError
+from lagcli.errors import UsageError
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.run_file import RunFile
@@ -87,9 +87,9 @@ def plot(
         plot_fit(file, names, target)
         return ()
     from lagcli.pictures.plots.analysis_plot import plot_analysis
-    from lagcli.results.hdf5.analysis_file import read_analysis
+    from lagcli.results.hdf5.analysis_file import read_analysis, read_units
 
-    plot_analysis(read_analysis(file), names, target, _units(file))
+    plot_analysis(read_analysis(file), names, target, read_units(file))
     return ()
 
 
@@ -99,19 +99,6 @@ def _no_band(file: str, kind: str) -> UsageError:
         f"--band is for runs that were simulated with --sensitivity; {file} is the file of"
         f" {'an' if kind[0] in 'aeiou' else 'a'} {kind}"
     )
-
-
-def _units(file: str) -> dict[str, str]:
-    """Return the units of the model of an analysis; none if it needs missing files."""
-    from lagcli.model.loader import load_text
-    from lagcli.model.result_units import result_units
-    from lagcli.results.hdf5.analysis_file import read_model_text
-
-    given = read_model_text(file)
-    try:
-        return result_units(load_text(given.text, given.path, given.set, given.set_initial))
-    except ModelError:
-        return {}
 
 
 def _plot_sweep(

@@ -114,6 +114,20 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
         return ModelText(text, origin or os.fspath(path), **changed)
 
 
+def read_units(path: str | os.PathLike[str]) -> dict[str, str]:
+    """Return the units of an analysis file, as in ``Record.units``; none if it has none.
+
+    Raises
+    ------
+    FileError
+        As `read_analysis`.
+    """
+    with open_verified(path) as opened:
+        units: dict[str, str] = json.loads(text_attribute(opened.root, "units") or "{}")
+        check_json(units, _VALUES, "units")
+        return units
+
+
 def analysis_kind(path: str | os.PathLike[str]) -> str | None:
     """Return the command that wrote an analysis file; None for runs and sweeps.
 
