@@ -117,18 +117,18 @@ class Catalogue:
         curve = self.named(name)
         if curve is not None:
             return [curve]
-        found: list[Curve] = []
+        curves: list[Curve] = []
         if f"{name}.*" == _EVERY_MULTIPLIER:
             name = _EVERY_MULTIPLIER
         if "*" in name:
             pattern = name.replace("[", "[[]")
             names = [n for n in self.names() if fnmatchcase(n, pattern)]
-            found = [c for c in map(self.named, names) if c is not None]
+            curves = [c for c in map(self.named, names) if c is not None]
         elif name:
-            found = list(self._family(name))
-        if not found:
+            curves = list(self._family(name))
+        if not curves:
             raise self._unknown(text, name)
-        return found
+        return curves
 
     def named(self, name: str) -> Curve | None:
         """Return the curve of an exact name, if there is one."""
@@ -138,9 +138,9 @@ class Catalogue:
         return curve
 
     def _named(self, name: str) -> Curve | None:
-        found = read_column_name(name, self._places, self._constraints, self._conserved)
-        if found is not None:
-            return self._of(found)
+        column = read_column_name(name, self._places, self._constraints, self._conserved)
+        if column is not None:
+            return self._of(column)
         if name in _RESIDUALS:
             known = not np.isnan(self.run.record.scale_velocity).any()
             group, label = "relative residuals" if known else "residuals", _RESIDUALS[name].label

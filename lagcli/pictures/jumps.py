@@ -64,8 +64,8 @@ class Jumps:
         known = column is not None and column.quantity in jumping
         if self.log is None or not (known or name in self.outputs):
             return time, values
-        found = self.inserted(time, [name], values[:, None])
-        return found[0], found[1][:, 0]
+        drawn = self.inserted(time, [name], values[:, None])
+        return drawn[0], drawn[1][:, 0]
 
     def inserted(
         self, time: Array, names: Sequence[str], values: Array, carried: bool = False
@@ -177,9 +177,9 @@ def _continued(time: Array, values: Array, at: Array, nearest: Indices, away: in
         slope = (y0 - y1) / (t0 - t1)
         bent = np.where(three, 2 * slope - (y1 - y2) / (t1 - t2), slope)
         least = np.where(np.abs(bent) < np.abs(slope), bent, slope)
-        found = y0 - away * least * np.minimum(np.abs(at - t0), np.abs(t0 - t1))
-        steady = two & (slope * bent > 0) & np.isfinite(found)
-    return np.asarray(np.where(steady, found, y0))
+        extrapolated = y0 - away * least * np.minimum(np.abs(at - t0), np.abs(t0 - t1))
+        steady = two & (slope * bent > 0) & np.isfinite(extrapolated)
+    return np.asarray(np.where(steady, extrapolated, y0))
 
 
 def _changes(log: EventLog, quantity: str) -> Array:

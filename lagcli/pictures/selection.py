@@ -146,19 +146,19 @@ def chosen(names: Sequence[str], most: int, few: int | None = None) -> list[int]
     for i, name in enumerate(names):
         families.setdefault(name.partition("[")[0], []).append(i)
     share = max(2, few // len(families))
-    found = [i for f in families.values() for i in (f if len(f) <= share else _ends(f, share))]
-    found = sorted(found)
-    return found if len(found) <= most else _ends(found, few)
+    places = [i for f in families.values() for i in (f if len(f) <= share else _ends(f, share))]
+    places = sorted(places)
+    return places if len(places) <= most else _ends(places, few)
 
 
 def elided(places: Sequence[int], items: Sequence[_Item], dots: _Item) -> list[_Item]:
     """Return items with ellipses where their indices have gaps."""
-    found: list[_Item] = []
+    shown: list[_Item] = []
     for n, item in enumerate(items):
         if n and places[n] > places[n - 1] + 1:
-            found.append(dots)
-        found.append(item)
-    return found
+            shown.append(dots)
+        shown.append(item)
+    return shown
 
 
 def _ends(places: list[int], most: int) -> list[int]:

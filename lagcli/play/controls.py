@@ -93,13 +93,13 @@ def controls(model: Model, settings: Settings) -> dict[str, Control]:
         ``phi'``, which no parameter can be named.
     """
     maker = _Maker(model)
-    found = {name: maker.parameter(p) for name, p in model.parameters.items()}
+    made = {name: maker.parameter(p) for name, p in model.parameters.items()}
     initial = model.initial
     for coordinate in model.coordinates:
         for name in (coordinate.name, f"{coordinate.name}'"):
-            found[name] = maker.initial(coordinate, name, initial[name])
+            made[name] = maker.initial(coordinate, name, initial[name])
     end = _end(settings)
-    return found | ({end.name: end} if end is not None else {})
+    return made | ({end.name: end} if end is not None else {})
 
 
 class _Maker:

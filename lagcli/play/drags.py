@@ -150,14 +150,14 @@ class Drags:
         before, after = self._simulation.initial, moved.initial
         coordinates = [name for name in after if not name.endswith("'")]
         velocities = [name for name in after if name.endswith("'")]
-        found = {}
+        changes = {}
         for names in (coordinates, velocities):
             zero = _ZERO * max(abs(after[name]) for name in names)
             for name in names:
                 value = _rounded(after[name], zero)
                 if value != _rounded(before[name], zero):
-                    found[name] = value
-        return found
+                    changes[name] = value
+        return changes
 
     def _scene(self, moved: Simulation) -> dict[str, Any]:
         settings = moved.settings

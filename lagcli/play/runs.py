@@ -193,21 +193,21 @@ class Played:
         if self._drags is None or not self._drags.fits(drag):
             raise UsageError("the moved body does not belong to this model")
         asked = self._fitting(request)
-        found = self._drags.drag(drag, lambda: self._variants.varied(asked.set, asked.set_initial))
-        values = {name: self.controls[name].shown(x) for name, x in found["initial"].items()}
+        moved = self._drags.drag(drag, lambda: self._variants.varied(asked.set, asked.set_initial))
+        values = {name: self.controls[name].shown(x) for name, x in moved["initial"].items()}
         initial = {**asked.set_initial, **self._written(values, asked.set_initial)}
         command = self.command(dataclasses.replace(asked, set_initial=initial))
-        return {"number": request.number, **found, "initial": values, "command": command}
+        return {"number": request.number, **moved, "initial": values, "command": command}
 
     def _written(self, values: Mapping[str, float], given: Mapping[str, str]) -> dict[str, str]:
         """Return initial values in the syntax of the command line; guesses remain guesses."""
-        found = {}
+        written = {}
         for name, value in values.items():
             control = self.controls[name]
             text = f"{value!r}{control.suffix}"
             free = given[name].startswith("{") if name in given else control.free
-            found[name] = f"{{guess: {text}}}" if free else text
-        return found
+            written[name] = f"{{guess: {text}}}" if free else text
+        return written
 
     def description(self) -> dict[str, Any]:
         """Return the description of the model for the page."""
@@ -522,9 +522,9 @@ def on_page(text: str) -> str:
 
     Values become fields, guesses become marks, and settings belong in the model file.
     """
-    found = _PLACE.sub(r"\1\2 = \3", text)
-    found = _REMEDY.sub(r"\2 = \3", found)
-    found = _FREE.sub(r"mark \1 as a guess", found)
+    message = _PLACE.sub(r"\1\2 = \3", text)
+    message = _REMEDY.sub(r"\2 = \3", message)
+    message = _FREE.sub(r"mark \1 as a guess", message)
     settings = []
 
     def setting(match: re.Match[str]) -> str:
@@ -536,5 +536,5 @@ def on_page(text: str) -> str:
         settings.append(name)
         return f"`{name}: {value}`" if value else f"`{name}`"
 
-    found = _SETTING.sub(setting, found)
-    return f"{found}\n{_WHERE}" if settings else found
+    message = _SETTING.sub(setting, message)
+    return f"{message}\n{_WHERE}" if settings else message

@@ -201,7 +201,7 @@ def _saved(played: Played, request: PlayRequest) -> dict[str, Any]:
 
 def _files() -> dict[str, bytes]:
     """Return all files of the page."""
-    found = {}
+    contents = {}
     for package, folder in (
         ("lagcli.play", "assets"),
         ("lagcli.pictures", "assets"),
@@ -209,8 +209,8 @@ def _files() -> dict[str, bytes]:
     ):
         for file in files(package).joinpath(*folder.split("/")).iterdir():
             if PurePosixPath(file.name).suffix in _TYPES:
-                found[file.name] = file.read_bytes()
-    return found
+                contents[file.name] = file.read_bytes()
+    return contents
 
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]

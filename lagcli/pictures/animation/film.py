@@ -97,9 +97,9 @@ def write_gif(
 
     def picture(time: float) -> Any:
         reached(time)
-        found = Picture.fromarray(palette.places(draw(time)))
-        found.putpalette(palette.colors.ravel().tolist())
-        return found
+        image = Picture.fromarray(palette.places(draw(time)))
+        image.putpalette(palette.colors.ravel().tolist())
+        return image
 
     ends = np.round(100 * np.arange(len(times) + 1) / fps).astype(int)
     picture(times[0]).save(
@@ -205,10 +205,10 @@ def write_mp4(
 
 def _ffmpeg() -> str:
     """Return the path of ffmpeg."""
-    found = shutil.which("ffmpeg")
-    if found is None:
+    path = shutil.which("ffmpeg")
+    if path is None:
         raise UsageError(
             "MP4 is made by ffmpeg, which is not installed (Debian: apt install ffmpeg);"
             " GIF and HTML need nothing more: -o run.gif, -o run.html"
         )
-    return found
+    return path

@@ -216,12 +216,12 @@ def _label(name: str, units: Mapping[str, str]) -> str:
 
 
 def _series_at(point: Mapping[str, Any], name: str) -> float | None:
-    found = {
+    values = {
         **point["q"],
         **{f"{q}_dot": value for q, value in point["v"].items()},
         **{f"lambda.{c}": value for c, value in point["multipliers"].items()},
     }
-    return found.get(name)
+    return values.get(name)
 
 
 def _legend(ax: Any, content: Mapping[str, Any]) -> None:

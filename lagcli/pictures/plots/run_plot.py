@@ -80,11 +80,11 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
             phases.append(_phase(catalogue, pairs))
             together[place] = []
             continue
-        found = [curve for part in parts for curve in catalogue.find(part)]
+        curves = [curve for part in parts for curve in catalogue.find(part)]
         if len(parts) > 1:
-            together[place] = found
+            together[place] = curves
             continue
-        for curve in found:
+        for curve in curves:
             together.setdefault((curve.group, curve.unit, curve.log), []).append(curve)
     panels = []
     for key, curves in together.items():
@@ -131,14 +131,14 @@ def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> lis
     largest : mapping of str to float
         The largest magnitude of each curve, by its name.
     """
-    found: list[Panel] = []
+    split: list[Panel] = []
     for panel in panels:
         if panel.over or panel.log or panel.joined:
-            found.append(panel)
+            split.append(panel)
             continue
         groups = scale_groups([largest[c.name] for c in panel.curves])
-        found += [Panel(tuple(panel.curves[i] for i in group)) for group in groups]
-    return found
+        split += [Panel(tuple(panel.curves[i] for i in group)) for group in groups]
+    return split
 
 
 WIDTH = 7.0  # inches
@@ -215,12 +215,12 @@ def plot_runs(
 
 def _largest(values: Sequence[Values]) -> dict[str, float]:
     """Return the largest finite magnitude of each curve over all runs."""
-    found: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for run in values:
         for name, curve in run.items():
             finite = np.abs(curve[np.isfinite(curve)])
-            found[name] = max(found.get(name, 0.0), float(finite.max(initial=0.0)))
-    return found
+            largest[name] = max(largest.get(name, 0.0), float(finite.max(initial=0.0)))
+    return largest
 
 
 def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:
@@ -228,7 +228,7 @@ def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:
     for run, own in zip(runs, panels, strict=True):
         if not run.count:
             raise UsageError(f"{run.name} contains no samples to plot")
-        mine, first = ([_shape(p) for p in found] for found in (own, panels[0]))
+        mine, first = ([_shape(p) for p in side] for side in (own, panels[0]))
         if mine != first:
             raise UsageError(
                 f"{run.name} and {runs[0].name} are of different models; name quantities that both"
@@ -435,8 +435,8 @@ def _axis(curves: Sequence[Curve], room: float) -> str:
 
 def _letter(label: str) -> str:
     """Return a label without its index or subscript."""
-    found = _SUBSCRIPTED.match(label)
-    return f"${found[1]}$" if found else label
+    match = _SUBSCRIPTED.match(label)
+    return f"${match[1]}$" if match else label
 
 
 def _length(text: str) -> float:
@@ -558,7 +558,7 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
     UsageError
         An entry has another form, or the result has no derivatives with respect to the name.
     """
-    found: dict[str, float] = {}
+    spreads: dict[str, float] = {}
     for text in given:
         name, equals, spread = (x.strip() for x in text.partition("="))
         percent = spread.endswith("%")
@@ -586,8 +586,8 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
                     f" {name}=0.01"
                 )
             value *= abs(known[name]) / 100
-        found[name] = value
-    return found
+        spreads[name] = value
+    return spreads
 
 
 def half_widths(

@@ -479,11 +479,11 @@ def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
         )
     levels = {k: np.unique(x) for k, x in changing.items()}
     factorial = np.prod([len(x) for x in levels.values()]) == len(y)
-    found = []
+    bars = []
     if factorial and max(map(len, levels.values())) <= _LEVELS:
         for label, x in changing.items():
             means = [float(y[x == level].mean()) for level in levels[label]]
-            found.append(Effect(label, means[0], means[-1], min(means), max(means)))
+            bars.append(Effect(label, means[0], means[-1], min(means), max(means)))
     else:
         middle = {k: x.mean() for k, x in changing.items()}
         size = {k: np.ptp(x) for k, x in changing.items()}
@@ -495,18 +495,18 @@ def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
                 float(mean + slope * (end - middle[label]) / size[label])
                 for end in (x.min(), x.max())
             )
-            found.append(Effect(label, low, high, min(low, high), max(low, high)))
-    return sorted(found, key=lambda e: e.largest - e.least, reverse=True)
+            bars.append(Effect(label, low, high, min(low, high), max(low, high)))
+    return sorted(bars, key=lambda e: e.largest - e.least, reverse=True)
 
 
-def draw_tornado(ax: Any, found: list[Effect], label: str) -> None:
+def draw_tornado(ax: Any, effects: list[Effect], label: str) -> None:
     """Draw a bar for each quantity, the longest on top; colours distinguish low and high values."""
-    center = float(np.mean([0.5 * (e.low + e.high) for e in found]))
-    for place, effect in enumerate(reversed(found)):
+    center = float(np.mean([0.5 * (e.low + e.high) for e in effects]))
+    for place, effect in enumerate(reversed(effects)):
         for end, color in ((effect.low, style.PALETTE[0]), (effect.high, style.PALETTE[1])):
             ax.barh(place, end - center, left=center, color=color, height=0.6)
         ax.plot([effect.least, effect.largest], [place, place], color="#404040", linewidth=0.8)
-    ax.set_yticks(range(len(found)), [e.label for e in reversed(found)])
+    ax.set_yticks(range(len(effects)), [e.label for e in reversed(effects)])
     ax.axvline(center, color="#404040", linewidth=0.8)
     ax.grid(False, axis="y")
     ax.set_axisbelow(True)

@@ -71,8 +71,8 @@ def analysis_page(path: str, kind: str, title: str | None = None) -> str:
 
         result = read_fit(path)
         model = load_text(result.model, path)
-        found = rendered(fit_sections(result), partial(draw_result, result, ()))
-        return _assembled(model, result.parameters, found, path, kind, title)
+        sections = rendered(fit_sections(result), partial(draw_result, result, ()))
+        return _assembled(model, result.parameters, sections, path, kind, title)
     if kind == "sweep":
         from lagcli.pictures.report.sweep_report import sweep_model, sweep_sections
 
@@ -82,14 +82,14 @@ def analysis_page(path: str, kind: str, title: str | None = None) -> str:
 
     content, given = read_analysis(path), read_model_text(path)
     model = load_text(given.text, given.path, given.set, given.set_initial)
-    found = _sections(content, model)
-    return _assembled(model, model.parameter_values, found, path, kind, title)
+    sections = _sections(content, model)
+    return _assembled(model, model.parameter_values, sections, path, kind, title)
 
 
 def _assembled(
     model: Model,
     parameters: Mapping[str, float],
-    found: list[AnalysisSection],
+    sections: list[AnalysisSection],
     path: str,
     kind: str,
     title: str | None,
@@ -106,11 +106,11 @@ def _assembled(
         system,
         template="analysis.html",
         title=title,
-        contents=[*((x.anchor, escape(x.title)) for x in found), *_CONTENTS],
+        contents=[*((x.anchor, escape(x.title)) for x in sections), *_CONTENTS],
         styles=map(asset, _STYLES),
         scripts=[asset("theme.js")],
         images=True,
-        sections="".join(map(section_html, found)),
+        sections="".join(map(section_html, sections)),
         provenance=table("Files and versions", ["", ""], [x for x in rows if x[1]], kind="facts"),
     )
 
@@ -209,15 +209,15 @@ def modes_sections(model: Model, about: str) -> list[AnalysisSection]:
     from lagcli.analysis.linear.modes import modes
 
     if about in ("start", "equilibrium"):
-        found = modes(model, equilibrium=about == "equilibrium")
+        result = modes(model, equilibrium=about == "equilibrium")
     else:
         try:
-            found = modes(model, at=float(about))
+            result = modes(model, at=float(about))
         except ValueError:
             raise UsageError(
                 f"--modes {about}: give start, equilibrium or a time of the run in s: --modes start"
             ) from None
-    return _sections(describe_modes(found), model)
+    return _sections(describe_modes(result), model)
 
 
 def _sections(content: Mapping[str, Any], model: Model) -> list[AnalysisSection]:

@@ -199,11 +199,11 @@ class EquationSystem:
         used = self.formulas.definition_lines(self._constraints.values(), nodes)
         if not used:
             return ""
-        found = [line for item in self._items(used) for line in item]
-        names = [side.name for line in found if isinstance(side := line.sides[0], Symbol)]
+        definitions = [line for item in self._items(used) for line in item]
+        names = [side.name for line in definitions if isinstance(side := line.sides[0], Symbol)]
         places = chosen(names, _ROWS, _FEW)
-        shown = [self._noted(found[i]) for i in places]
-        rest = _elision(len(places), len(found), "definitions")
+        shown = [self._noted(definitions[i]) for i in places]
+        rest = _elision(len(places), len(definitions), "definitions")
         return f"<h3>Definitions</h3>{''.join(shown)}{rest}"
 
     def forces(self) -> str:
@@ -222,12 +222,12 @@ class EquationSystem:
 
     def constraints(self) -> str:
         """Return the constraints as written, their kinds, and their virtual displacements."""
-        found = self._constraints
-        if not found:
+        constraints = self._constraints
+        if not constraints:
             return "<p>None: the coordinates are independent.</p>"
         shown: dict[int, list[Line]] = {}
         about: dict[str, str] = {}
-        for i, c in found.items():
+        for i, c in constraints.items():
             name, kind = c.constraint.name, kind_of(c, self.equations)
             stated = as_inequality(self.formulas.constraint_line(c), c)
             variation = as_inequality(self.formulas.variation_line(c), c)

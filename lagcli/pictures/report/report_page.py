@@ -119,10 +119,10 @@ def highlighted(text: str) -> str:
 def _line(line: str) -> str:
     parts: list[str] = []
     end = 0
-    for found in _LINE.finditer(line):
-        parts.append(escape(line[end : found.start()]))
-        parts.append(f'<span class="yaml-{found.lastgroup}">{escape(found[0])}</span>')
-        end = found.end()
+    for match in _LINE.finditer(line):
+        parts.append(escape(line[end : match.start()]))
+        parts.append(f'<span class="yaml-{match.lastgroup}">{escape(match[0])}</span>')
+        end = match.end()
     return "".join([*parts, escape(line[end:])])
 
 

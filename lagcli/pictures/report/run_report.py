@@ -92,11 +92,11 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
     formulas = Formulas(derive(model), freedom=recorded)
     system = EquationSystem(formulas, run.record.units, run.record.parameters)
     catalogue = Catalogue(run)
-    found = sections(catalogue) if run.count else []
-    plots = [plot for section in found for plot in section.plots]
+    every = sections(catalogue) if run.count else []
+    plots = [plot for section in every for plot in section.plots]
     extremes = {curve: Extreme() for curve in _looked_at(catalogue)}
     gather(run, plots, extremes)
-    found = _notable(found, extremes)
+    every = _notable(every, extremes)
     packed = Packed()
     scene = _scene(run, model)
     data = {
@@ -104,12 +104,12 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         "palette": list(PALETTE),
         "scene": scene,
         "speed": timing(*_ends(scene)).speed if scene else 1,
-        "plots": [to_json(plot, packed) for section in found for plot in section.plots],
+        "plots": [to_json(plot, packed) for section in every for plot in section.plots],
         "arrays": list(packed.texts),
         "marks": marks(run.record.events).tolist(),
     }
     start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
-    plotted = [x for x in found if x.title != RESIDUALS_TITLE]
+    plotted = [x for x in every if x.title != RESIDUALS_TITLE]
     return report_page(
         system,
         template="report.html",
@@ -135,7 +135,7 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         data=script_data(data),
         motion=_MOTION if scene else "",
         plots=_plots(plotted, run.count),
-        residuals=_residual_plots(found),
+        residuals=_residual_plots(every),
         events=events_section(run),
         sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
@@ -180,18 +180,18 @@ def _looked_at(catalogue: Catalogue) -> list[Curve]:
 
 
 def _residuals(run: RunFile) -> Extremes:
-    found = Extremes(run.constraints, run.conserved_names)
+    extremes = Extremes(run.constraints, run.conserved_names)
     for columns in run.blocks(Extremes.COLUMNS):
-        found.add(columns)
-    return found
+        extremes.add(columns)
+    return extremes
 
 
-def _notable(found: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Section]:
+def _notable(every: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Section]:
     """Return the sections without insignificant curves."""
     energies = [x for curve, x in extremes.items() if curve.name.startswith("energy")]
     scale = max((x.high - x.low for x in energies if x.high >= x.low), default=0.0)
     kept = []
-    for section in found:
+    for section in every:
         for plot in section.plots:
             if plot.title == POWERS and len(plot.time):
                 duration = float(plot.time[-1] - plot.time[0])
@@ -202,12 +202,12 @@ def _notable(found: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Se
     return kept
 
 
-def _plots(found: list[Section], count: int) -> str:
+def _plots(every: list[Section], count: int) -> str:
     """Return the placeholders of the plots; the script fills them in this order."""
-    if not found:
+    if not every:
         return "<p>There are no samples.</p>"
     parts = []
-    drawn = min(len(plot.time) for section in found for plot in section.plots)
+    drawn = min(len(plot.time) for section in every for plot in section.plots)
     if drawn < count:
         parts.append(
             f'<p class="note">Each plot shows at least {drawn} of the {count} samples: the'
@@ -215,12 +215,12 @@ def _plots(found: list[Section], count: int) -> str:
             " the largest value of each curve in each interval of time, exactly as in the file."
             " Zooming in shows no further samples.</p>"
         )
-    return "".join([*parts, *map(_section, found)])
+    return "".join([*parts, *map(_section, every)])
 
 
-def _residual_plots(found: list[Section]) -> str:
+def _residual_plots(every: list[Section]) -> str:
     """Return the places of the residuals, which come last."""
-    return "".join(_section(x) for x in found if x.title == RESIDUALS_TITLE)
+    return "".join(_section(x) for x in every if x.title == RESIDUALS_TITLE)
 
 
 def _section(section: Section) -> str:
@@ -268,10 +268,10 @@ def status(run: RunFile) -> str:
     )
 
 
-def extremes_table(found: Mapping[Curve, Extreme], system: EquationSystem) -> str:
+def extremes_table(extremes: Mapping[Curve, Extreme], system: EquationSystem) -> str:
     """Return the table of extremes, with links at their times."""
     rows = []
-    for curve, extreme in found.items():
+    for curve, extreme in extremes.items():
         if math.isnan(extreme.low):
             continue
         symbol, shown = _named(curve, system)
@@ -304,25 +304,25 @@ def moved(run: RunFile, system: EquationSystem) -> str:
     return table(caption, head, rows, numeric=(1, 2, 3)) + note
 
 
-def solver(run: RunFile, found: Extremes) -> str:
+def solver(run: RunFile, extremes: Extremes) -> str:
     """Return the table of the solver and its accuracy."""
     record = run.record
     options = record.options
     counts = ", ".join(f"{value} {name}" for name, value in record.counts.items())
     seconds = ", ".join(f"{name} {number(value, 3)} s" for name, value in record.seconds.items())
-    scale = found.energy_scale
-    balance = f"{number(found.energy_balance, 2)} J"
+    scale = extremes.energy_scale
+    balance = f"{number(extremes.energy_balance, 2)} J"
     if scale:
-        balance += f", {number(found.energy_balance / scale, 2)} of {number(scale, 4)} J"
+        balance += f", {number(extremes.energy_balance / scale, 2)} of {number(scale, 4)} J"
     rows = [
         ("Status", escape(record.status or "not recorded")),
         ("Message", with_code(record.message)),
         ("Method", escape(_phrase(options))),
         ("Counts", escape(counts)),
         ("Time", escape(seconds)),
-        ("Position residual", _worst(found.residual_position, record.scale_position)),
-        ("Velocity residual", _worst(found.residual_velocity, record.scale_velocity)),
-        ("Equation residual", number(found.residual_equation, 2)),
+        ("Position residual", _worst(extremes.residual_position, record.scale_position)),
+        ("Velocity residual", _worst(extremes.residual_velocity, record.scale_velocity)),
+        ("Equation residual", number(extremes.residual_equation, 2)),
         ("Energy balance", balance),
     ]
     return table("Method and accuracy", ["", ""], [row for row in rows if row[1]], kind="facts")
@@ -527,13 +527,13 @@ def _tornado(catalogue: Catalogue, constraint: int, values: Array) -> str:
     run, curve = catalogue.run, catalogue.of("multipliers")[constraint]
     peak, when, slopes = 0.0, 0.0, np.zeros(len(run.sensitivity))
     for block in run.blocks(("time", "multipliers", "dmultipliers")):
-        found = np.nan_to_num(block["multipliers"][:, constraint])
-        if not len(found):
+        multiplier = np.nan_to_num(block["multipliers"][:, constraint])
+        if not len(multiplier):
             continue
-        place = int(np.argmax(np.abs(found)))
-        if abs(found[place]) > peak:
-            peak, when = float(abs(found[place])), float(block["time"][place])
-            slopes = np.sign(found[place]) * block["dmultipliers"][place, constraint]
+        place = int(np.argmax(np.abs(multiplier)))
+        if abs(multiplier[place]) > peak:
+            peak, when = float(abs(multiplier[place])), float(block["time"][place])
+            slopes = np.sign(multiplier[place]) * block["dmultipliers"][place, constraint]
     changes = 0.01 * np.abs(values) * slopes
     largest = np.abs(changes).max(initial=0.0)
     rows = []

@@ -52,20 +52,20 @@ def sweep_sections(path: str) -> list[AnalysisSection]:
         As `lagcli.plot`.
     """
     content, plotted = describe_sweep(path), PlottedTable(path)
-    found = [AnalysisSection("sweep", "Sweep", _facts(content) + _columns(content))]
+    sections = [AnalysisSection("sweep", "Sweep", _facts(content) + _columns(content))]
     if plotted.measures and any(np.isfinite(q.values).any() for q in plotted.measures):
-        found.append(AnalysisSection("measures", "Measures", _measures(plotted)))
+        sections.append(AnalysisSection("measures", "Measures", _measures(plotted)))
         effects = _effects(plotted)
         if effects:
-            found.append(AnalysisSection("effects", "Effects of what was varied", effects))
+            sections.append(AnalysisSection("effects", "Effects of what was varied", effects))
     if plotted.kept and content["rows"].get("completed"):
         rows = Rows(path)
         drawn = picture(partial(plot_runs, rows.runs, ()), "The motions of the rows")
         note = f'<p class="note">{len(rows.runs)} of {rows.good} rows are drawn.</p>'
         drawn += note * (len(rows.runs) < rows.good)
-        found.append(AnalysisSection("motions", "Motions", drawn))
-    found.append(AnalysisSection("rows", "Rows", _rows(path)))
-    return found
+        sections.append(AnalysisSection("motions", "Motions", drawn))
+    sections.append(AnalysisSection("rows", "Rows", _rows(path)))
+    return sections
 
 
 def _facts(content: Mapping[str, Any]) -> str:

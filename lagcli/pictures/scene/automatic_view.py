@@ -41,11 +41,11 @@ def with_view(model: Model) -> Model:
     """
     if model.view is not None:
         return model
-    found = dict(_points(model)) or dict(_on_a_line(model))
-    if not found:
+    places = dict(_points(model)) or dict(_on_a_line(model))
+    if not places:
         return model
-    dimension = max(map(len, found.values()))
-    points = {name: place for name, place in found.items() if len(place) == dimension}
+    dimension = max(map(len, places.values()))
+    points = {name: place for name, place in places.items() if len(place) == dimension}
     symbols = {coordinate(q) for q in model.coordinate_names}
     links = list(_rods(model.constraints, points, symbols))
     for link in links:
@@ -247,11 +247,11 @@ def rigid_bodies(model: Model, centres: Mapping[str, Position]) -> list[RigidBod
         Empty if there are more than can be distinguished.
     """
     turns = {point_name(name[1:]): turn for name, turn in _rotations(model)}
-    found = {name: turn for name, turn in turns.items() if len(centres.get(name, ())) == 3}
-    if len(found) > _BODIES:
+    located = {name: turn for name, turn in turns.items() if len(centres.get(name, ())) == 3}
+    if len(located) > _BODIES:
         return []
-    vectors = _vectors(model) if found else {}
-    return [_body(model, name, centres[name], turn, vectors) for name, turn in found.items()]
+    vectors = _vectors(model) if located else {}
+    return [_body(model, name, centres[name], turn, vectors) for name, turn in located.items()]
 
 
 def point_name(rest: str) -> str:
@@ -322,14 +322,14 @@ def _vectors(model: Model) -> dict[str, Position]:
     """Return vectors of the configuration that may be points."""
     known = {coordinate(q) for q in model.coordinate_names}
     known |= {Symbol(name) for name in model.parameters}
-    found = {}
+    vectors = {}
     for name, definition in model.definitions.items():
         value = definition.value
         if isinstance(value, Tensor) and value.is_vector and len(value.entries) == 3:
             free = set().union(*(x.free_symbols for x in value.entries))
             if free <= known and not free.isdisjoint(map(coordinate, model.coordinate_names)):
-                found[name] = tuple(value.entries)
-    return found if len(found) <= _VECTORS else {}
+                vectors[name] = tuple(value.entries)
+    return vectors if len(vectors) <= _VECTORS else {}
 
 
 def _body(

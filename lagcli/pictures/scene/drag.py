@@ -128,9 +128,11 @@ class Drag:
 
         t, v = self._state.t, self._state.v
         for begin in (self._q, self._state.q):
-            found = nearest_position(self._evaluator, t, begin, v, deviation, self._places, length)
-            if found is not None:
-                self._q = found
+            nearest = nearest_position(
+                self._evaluator, t, begin, v, deviation, self._places, length
+            )
+            if nearest is not None:
+                self._q = nearest
                 break
         return dataclasses.replace(self._simulation, start=self._start())
 
@@ -158,10 +160,10 @@ class Drag:
         as_given = np.array([x.fixed for x in entries])
         system = self._simulation.system
         try:
-            found = consistent_state(system, given, fixed, as_given, self._evaluator, spins)
+            start = consistent_state(system, given, fixed, as_given, self._evaluator, spins)
         except NoStart:
-            found = consistent_state(system, given, fixed, free, self._evaluator)
-        return found
+            start = consistent_state(system, given, fixed, free, self._evaluator)
+        return start
 
     def _unwound(self, q: Array) -> Array:
         """Remove whole turns since the initial state that change neither the equations nor the

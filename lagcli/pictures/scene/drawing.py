@@ -237,11 +237,11 @@ class Moment:
 
 def joints(scene: Scene) -> dict[str, Joint]:
     """Return the drawn points: ends of rods and springs, grounds and trails."""
-    found: dict[str, Joint] = {}
+    known_joints: dict[str, Joint] = {}
 
     def meet(name: str, bodies: int, *others: str) -> None:
-        count, known = found.get(name, Joint(0, ()))
-        found[name] = Joint(count + bodies, known + others)
+        count, known = known_joints.get(name, Joint(0, ()))
+        known_joints[name] = Joint(count + bodies, known + others)
 
     for segment in scene.segments:
         if segment.kind in ("rod", "spring"):
@@ -251,7 +251,7 @@ def joints(scene: Scene) -> dict[str, Joint]:
         meet(name, 2)
     for name in scene.trails:
         meet(name, 0)
-    return found
+    return known_joints
 
 
 def commands(
@@ -313,17 +313,17 @@ def commands(
 def _obstacles(moment: Moment, vectors: Sequence[DrawnVector]) -> list[tuple[Array, Array]]:
     """Return the ends of the lines that labels avoid."""
     scene, places = moment.scene, moment.places
-    found = [(places[s.start], places[s.end]) for s in scene.segments]
+    obstacles = [(places[s.start], places[s.end]) for s in scene.segments]
     foot = np.array([0.0, -20 * moment.raster.unit, 0.0])
-    found += [(places[name], places[name] + foot) for name in scene.grounds]
+    obstacles += [(places[name], places[name] + foot) for name in scene.grounds]
     for disc in scene.discs:
         rim = _rim(moment, disc, np.arange(25) * np.pi / 12)
-        found += list(pairwise(rim))
+        obstacles += list(pairwise(rim))
     for vector in vectors:
         at = moment.points[vector.at]
         ends = moment.camera.project(np.array([at, at + moment.vector(vector.drawn())]))
-        found.append((ends[0], ends[1]))
-    flat = [(a[:2], b[:2]) for a, b in found]
+        obstacles.append((ends[0], ends[1]))
+    flat = [(a[:2], b[:2]) for a, b in obstacles]
     return [(a, b) for a, b in flat if np.isfinite(a).all() and np.isfinite(b).all()]
 
 
@@ -524,5 +524,5 @@ def distances(places: Array, lines: Array) -> Array:
     length = np.maximum((way**2).sum(axis=1), 1e-300)
     from_start = places[:, None] - start
     part = np.clip((from_start * way).sum(axis=2) / length, 0, 1)
-    found: Array = np.linalg.norm(from_start - part[..., None] * way, axis=2).min(axis=1)
-    return found
+    nearest: Array = np.linalg.norm(from_start - part[..., None] * way, axis=2).min(axis=1)
+    return nearest

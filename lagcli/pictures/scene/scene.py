@@ -211,8 +211,8 @@ def scaled(
     for v, length in zip(vectors, lengths, strict=True):
         groups.setdefault(v.unit or v.quantity, []).append(length[np.isfinite(length)])
     scales, least = {}, {}
-    for key, found in groups.items():
-        every = np.concatenate(found)
+    for key, group in groups.items():
+        every = np.concatenate(group)
         every = every[every > 0]
         least[key] = _ROUNDED * every.max(initial=0.0)
         with np.errstate(over="ignore"):
@@ -340,7 +340,7 @@ def _flashes(scene: Scene, log: EventLog, constraints: Sequence[str]) -> tuple[D
     sizes = np.abs(log.impulse[seen, rows])
     order = np.argsort(-sizes, kind="stable")[:_MOST]
     kept = np.sort(order[sizes[order] > _WEAK * sizes.max(initial=0.0)])
-    found = []
+    flashes = []
     for name in dict.fromkeys(log.names[seen[k]] for k in kept):
         mine = np.array([k for k in kept if log.names[seen[k]] == name])
         time = log.time[[seen[k] for k in mine]]
@@ -350,8 +350,8 @@ def _flashes(scene: Scene, log: EventLog, constraints: Sequence[str]) -> tuple[D
             for axis in zip(*points, strict=True)
         )
         strength = sizes[mine] / sizes.max()
-        found.append(DrawnFlashes(name, time, at, strength, LIFE * (last - first)))
-    return tuple(found)
+        flashes.append(DrawnFlashes(name, time, at, strength, LIFE * (last - first)))
+    return tuple(flashes)
 
 
 def _at(series: Array, time: Array, times: Array) -> Array:

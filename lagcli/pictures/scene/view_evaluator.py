@@ -127,13 +127,13 @@ class ViewEvaluator:
         """Return the required fields besides time and q."""
         names = [s.name for s in self._moving]
         quantities = set(map(_quantity, names))
-        found = {
+        needs = {
             "v": any(n.endswith("'") and not n.endswith("''") for n in names),
             "a": any(n.endswith("''") for n in names),
             "multipliers": "multipliers" in quantities,
             "constraint_force_by": any(self._forces) or not quantities <= {"", "multipliers"},
         }
-        return [name for name, needed in found.items() if needed]
+        return [name for name, needed in needs.items() if needed]
 
     def scene(
         self,
@@ -219,13 +219,15 @@ class ViewEvaluator:
         """Return the value of each expression, (nt,) or (1,) if constant."""
         count = len(columns["time"])
         given = [float(parameters[name]) for name in self._model.parameters]
-        found = np.empty((len(self._slots), count))
+        values = np.empty((len(self._slots), count))
         rows = max(1, _HELD // max(1, self._tape.registers))
         for start in range(0, count, rows):
             part = slice(start, min(count, start + rows))
             inputs = [self._column(columns, terms, s.name)[part] for s in self._moving]
-            found[:, part] = run_arrays(self._tape, [*inputs, *given], part.stop - start)
-        return [row[:1] if steady else row for row, steady in zip(found, self._steady, strict=True)]
+            values[:, part] = run_arrays(self._tape, [*inputs, *given], part.stop - start)
+        return [
+            row[:1] if steady else row for row, steady in zip(values, self._steady, strict=True)
+        ]
 
     def _column(self, columns: Mapping[str, Array], terms: Terms, name: str) -> Array:
         """Return the values of a symbol."""
