@@ -176,8 +176,8 @@ def write_mp4(
             *("-pix_fmt", "yuv420p", "-movflags", "+faststart", str(target)),
         ]
         with (
-            tempfile.TemporaryFile() as said,
-            subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said) as ffmpeg,
+            tempfile.TemporaryFile() as messages,
+            subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages) as ffmpeg,
         ):
             assert ffmpeg.stdin is not None
             try:
@@ -193,8 +193,8 @@ def write_mp4(
                 ffmpeg.kill()
                 raise
             if ffmpeg.returncode:
-                said.seek(0)
-                lines = said.read().decode(errors="replace").strip().splitlines()
+                messages.seek(0)
+                lines = messages.read().decode(errors="replace").strip().splitlines()
                 raise FileError(
                     f"ffmpeg failed ({lines[-1] if lines else f'status {ffmpeg.returncode}'});"
                     " write GIF or HTML instead"

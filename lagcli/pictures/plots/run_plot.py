@@ -46,7 +46,7 @@ class Panel(NamedTuple):
         return not self.over and all(c.log for c in self.curves)
 
     @property
-    def alike(self) -> bool:
+    def equal_scales(self) -> bool:
         """Whether both axes are lengths and need equal scales."""
         pairs = list(zip(self.curves, self.over, strict=False))
         lengths = all(a.unit == b.unit == "m" for a, b in pairs)
@@ -341,7 +341,7 @@ class PanelDrawing:
             ax.set_xlim(*_span(self.values))
         else:
             plain_ticks(ax.yaxis)
-        if first.alike:
+        if first.equal_scales:
             ax.set_aspect("equal", adjustable="datalim")
         place = ax.get_position()
         if first.over:

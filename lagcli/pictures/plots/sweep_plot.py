@@ -47,7 +47,7 @@ class PlottedQuantity(NamedTuple):
     measured: bool
     unit: str = ""
 
-    def told(self, value: float) -> str:
+    def text_of(self, value: float) -> str:
         """Return a value as text: m = 2 kg."""
         return f"{self.symbol} = {value:.4g} {self.unit}".rstrip()
 
@@ -150,7 +150,7 @@ class _Panel(NamedTuple):
     value: PlottedQuantity
     over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map; none: a tornado chart
     rows: Flags | slice = slice(None)  # rows shown in a map
-    told: str = ""  # description of these rows
+    description: str = ""  # of these rows
 
     @property
     def height(self) -> float:
@@ -215,16 +215,16 @@ def _asked(table: PlottedTable, name: str) -> list[_Panel]:
         over[0].values, np.unique(over[1].values, return_inverse=True)[1]
     ):
         return [_Panel(value, tuple(over))]
-    told, combinations = _combinations(others)
-    if len(told) > _FAMILIES:
+    texts, combinations = _combinations(others)
+    if len(texts) > _FAMILIES:
         a, b = over
         listed = ", ".join(f"`{q.name}`" for q in others)
         raise UsageError(
-            f"{table.path}: {listed} varied too, with {len(told)} combinations of values: one map"
+            f"{table.path}: {listed} varied too, with {len(texts)} combinations of values: one map"
             f" does not show `{value.name}`; draw {a.name}:{value.name}, {b.name}:{value.name}, or"
             f" {TORNADO}{value.name}"
         )
-    return [_Panel(value, tuple(over), combinations == i, text) for i, text in enumerate(told)]
+    return [_Panel(value, tuple(over), combinations == i, text) for i, text in enumerate(texts)]
 
 
 def _distinct(quantity: PlottedQuantity) -> int:
@@ -241,19 +241,21 @@ def _combinations(quantities: Sequence[PlottedQuantity]) -> tuple[list[str], Ind
     """Return the existing combinations of values, as text, and that of each row, (rows,)."""
     every = np.stack([q.values for q in quantities], axis=1)
     unique, places = np.unique(every, axis=0, return_inverse=True)
-    told = [", ".join(q.told(x) for q, x in zip(quantities, row, strict=True)) for row in unique]
-    return told, places.ravel()
+    texts = [
+        ", ".join(q.text_of(x) for q, x in zip(quantities, row, strict=True)) for row in unique
+    ]
+    return texts, places.ravel()
 
 
 def _draw_curve(ax: Any, panel: _Panel, table: PlottedTable) -> None:
     """Draw a measure over one quantity; one curve for each value of the others."""
     (over,), value = panel.over, panel.value
     others = _others(table, (over, value))
-    told, places = _combinations(others) if others else ([""], np.zeros(len(over.values), int))
+    texts, places = _combinations(others) if others else ([""], np.zeros(len(over.values), int))
     if over.measured or not _is_function(over.values, places):
         ax.plot(over.values, value.values, linestyle="none", marker=".", color=style.PALETTE[0])
     else:
-        _draw_family(ax, over.values, value.values, places, told, others)
+        _draw_family(ax, over.values, value.values, places, texts, others)
     _mark_missing(ax, over.values[np.isnan(value.values)], value.values)
     ax.margins(x=0.02)
     _scale(ax, "x", over)
@@ -267,14 +269,14 @@ def _draw_family(
     x: Array,
     y: Array,
     places: Indices,
-    told: Sequence[str],
+    texts: Sequence[str],
     others: Sequence[PlottedQuantity],
 ) -> None:
     """Draw a curve for each combination of the other quantities."""
-    few = len(told) <= _FAMILIES
+    few = len(texts) <= _FAMILIES
     by = max(others, key=_distinct, default=None)
     graded = style.grades(by.values, by.log) if by is not None else None
-    for number, label in enumerate(told):
+    for number, label in enumerate(texts):
         mine = places == number
         order = np.argsort(x[mine], kind="stable")
         marker = "." if mine.sum() <= _MARKED else None
@@ -284,7 +286,7 @@ def _draw_family(
             assert by is not None
             look = {"color": graded.to_rgba(by.values[mine][0])}
         ax.plot(x[mine][order], y[mine][order], **look, marker=marker, label=label)
-    if few and len(told) > 1:
+    if few and len(texts) > 1:
         style.legend_beside(ax)
     elif graded and by is not None and not few:
         rest = ", ".join(q.symbol for q in others if q is not by)
@@ -336,11 +338,11 @@ class _Axis:
         if not self.listed:
             _scale(ax, which, self.quantity)
         if self.ticked:
-            told = [f"{x:.4g}" for x in self.values.tolist()]
-            if not any("e" in text for text in told):
-                places = max(len(text.partition(".")[2]) for text in told)
-                told = [f"{x:.{places}f}" for x in self.values.tolist()]
-            getattr(ax, f"set_{which}ticks")(self.centers, told, minor=False)
+            texts = [f"{x:.4g}" for x in self.values.tolist()]
+            if not any("e" in text for text in texts):
+                places = max(len(text.partition(".")[2]) for text in texts)
+                texts = [f"{x:.{places}f}" for x in self.values.tolist()]
+            getattr(ax, f"set_{which}ticks")(self.centers, texts, minor=False)
             getattr(ax, f"set_{which}ticks")([], minor=True)
         getattr(ax, f"set_{which}label")(self.quantity.label)
 
@@ -373,8 +375,8 @@ def _draw_map(figure: Any, ax: Any, panel: _Panel) -> None:
     empty = np.isnan(values)
     if empty.any():
         _mark_empty(ax, None if grid else (first.values[empty], second.values[empty]))
-    if panel.told:
-        ax.set_title(panel.told, loc="right", fontsize=9)
+    if panel.description:
+        ax.set_title(panel.description, loc="right", fontsize=9)
     figure.colorbar(shown, ax=ax, label=panel.value.label, pad=0.02)
 
 

@@ -237,11 +237,11 @@ class EquationSystem:
         items = []
         for item in listed.values():
             name = str(item[0].label)
-            said = escape(about[_family(name)])
+            description = escape(about[_family(name)])
             items.append(
                 f'<dt><span class="name">{escape(name)}</span>:'
                 f" {escape(item[0].remark or '')}, multiplier"
-                f" {self.multiplier(name)}{f' – {said}' if said else ''}</dt>"
+                f" {self.multiplier(name)}{f' – {description}' if description else ''}</dt>"
                 f"<dd>{''.join(map(self._equation, item))}</dd>"
             )
         rest = _elision(len(items), count, "constraints")
@@ -249,16 +249,16 @@ class EquationSystem:
 
     def freedom(self) -> str:
         """Return a sentence on the degrees of freedom."""
-        k, r = len(self.equations.q), len(self.equations.constraints)
+        n, m = len(self.equations.q), len(self.equations.constraints)
         freedom = self.formulas.freedom
-        coordinates, constraints = _number_of(k, "coordinate"), _number_of(r, "constraint")
-        if not r:
-            return f"<p>{coordinates}, no constraint: {_number_of(k, 'degree')} of freedom.</p>"
-        counted, condition = f"{k} − {r}", ", if the constraints are independent"
+        coordinates, constraints = _number_of(n, "coordinate"), _number_of(m, "constraint")
+        if not m:
+            return f"<p>{coordinates}, no constraint: {_number_of(n, 'degree')} of freedom.</p>"
+        counted, condition = f"{n} − {m}", ", if the constraints are independent"
         if freedom.rank is not None:
-            counted = f"{k} − {freedom.rank}"
+            counted = f"{n} − {freedom.rank}"
             condition = (
-                "" if freedom.rank == r else f": the rank of B is {freedom.rank} at the start"
+                "" if freedom.rank == m else f": the rank of B is {freedom.rank} at the start"
             )
         remarks = "".join(f"<p>{escape(x)}</p>" for x in freedom.remarks)
         return (

@@ -86,7 +86,9 @@ def report_page(
         title=escape(name),
         description=paragraphs(model.description),
         status=status,
-        contents="\n".join(f'<li><a href="#{anchor}">{said}</a></li>' for anchor, said in contents),
+        contents="\n".join(
+            f'<li><a href="#{anchor}">{heading}</a></li>' for anchor, heading in contents
+        ),
         content=_filled(template, **sections, **parts),
     )
     return page(name, body, styles=styles, scripts=scripts, layout=layout, images=images)

@@ -145,8 +145,8 @@ class SceneDrawing:
 
 def named(vector: DrawnVector, among: tuple[DrawnVector, ...]) -> str:
     """Return the name of a vector, with its point if others have the same name."""
-    alike = sum(v.name == vector.name for v in among) > 1
-    return f"{vector.name} at {vector.at}" if alike else vector.name
+    shared = sum(v.name == vector.name for v in among) > 1
+    return f"{vector.name} at {vector.at}" if shared else vector.name
 
 
 def three_digits(value: float) -> str:
