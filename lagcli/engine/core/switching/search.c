@@ -25,7 +25,6 @@
 #define NARROW 2.3e-16      /* of the time, or of a hundredth of the step: width of an interval that is not halved */
 #define TOUCHES 4.0         /* of the error of a value: a function within that is not negative */
 #define SHARP 60            /* halvings in the location of a minimum */
-#define TOO_LATE 1e-12      /* of the time, or of the run: how late after the end a condition still happens at it */
 
 /* Accuracy of a root before t, in the last step. */
 static double exact_in(const lag_run *run, double t)
@@ -422,13 +421,13 @@ static double first_of_all(lag_run *run, const double *nodes)
     return first;
 }
 
-/* Whether a condition happens at the end of the run, or at a tick where the step ends: so soon afterwards that the
- * times differ by rounding. Marks those that do. */
+/* Whether a condition happens at the end of the run, or at a tick where the step ends: so soon afterwards that both are
+ * one instant. Marks those that do. */
 static int happens_at_end(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     const double t = run->step.t, *y = run->step.y_new;
-    const double late = TOO_LATE * fmax(fabs(t), t - run->step.t_start), before = t - fmin(late, run->step.h_old);
+    const double late = lag_one_instant(run, t), before = t - fmin(late, run->step.h_old);
     int happens = 0;
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
