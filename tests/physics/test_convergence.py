@@ -74,3 +74,15 @@ def test_order_of_the_drift() -> None:
     assert np.abs(tight.residual_position).max() < 0.1 * position[1]
     kept = run(1e-5, "DOP853", 8)
     assert np.abs(kept.residual_position).max() < 1e-9 * position[1]
+
+
+@pytest.mark.parametrize("start", [1e6, -1e9])
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau", "Rodas5P"])
+def test_runs_far_from_the_origin_of_time_are_as_accurate(start: float, method: str) -> None:
+    model = lagcli.load_text("coordinates: [x]\nT: x'^2/2\nV: 50*x^2\ninitial: {x: 1, x': 0}\n")
+    found = lagcli.simulate(
+        model, t_start=start, t_end=start + 20, samples=101, rtol=1e-12, method=method
+    )
+    # times minus the start are exact; the rounding of the time of one step would be 1e-7 s at 1e9 s
+    expected = np.cos(10 * (found.time - start))
+    np.testing.assert_allclose(found.q[:, 0], expected, rtol=0, atol=1e-9)

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "methods/control.h"
 #include "methods/method.h"
 #include "evaluate.h"
 #include "resolution.h"
@@ -22,7 +23,9 @@ double lag_step_size(lag_run *run)
         h = lag_resolved_step(run, fmin(h, run->step.t_stop - run->step.t));
     if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
-    return run->step.t + 1.01 * h >= run->step.t_stop ? run->step.t_stop - run->step.t : h;
+    if (run->step.t + 1.01 * h >= run->step.t_stop)
+        return run->step.t_stop - run->step.t;
+    return lag_exact_step(run->step.t, h, run->step.t_start, run->step.t_end);
 }
 
 void lag_accept(lag_run *run, double h, double factor)

@@ -154,7 +154,7 @@ static double batch_step_size(const lag_batch *s, int l)
     const double t = s->t[l], h = s->h[l];
     if (!(h > 10.0 * DBL_EPSILON * fabs(t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
-    return t + 1.01 * h >= s->t_end ? s->t_end - t : h;
+    return t + 1.01 * h >= s->t_end ? s->t_end - t : lag_exact_step(t, h, s->t_start, s->t_end);
 }
 
 /* Determine the accepted steps and the sizes of the next ones; return the lanes that continue. */

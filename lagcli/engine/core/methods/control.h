@@ -32,6 +32,13 @@ static inline double lag_predicted_factor(double h, double error, double h_befor
     return 0.9 * h / h_before * pow(error_before / (error * error), 1.0 / order);
 }
 
+/* The step that t + h makes. In a run that starts far from t = 0, the time is rounded much more than the state, and the
+ * state would be that of another time; the differences would add up. */
+static inline double lag_exact_step(double t, double h, double t_start, double t_end)
+{
+    return fabs(t_start) > t_end - t_start ? t + h - t : h;
+}
+
 /* What a first step is estimated with, in parts of the run's length, where nothing else says how
  * fast the motion is; and parts of the largest size of a kind. */
 #define HORIZON 1e-4
