@@ -283,6 +283,20 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
     take_output(run, k, order, out);
 }
 
+void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double *f, lag_interval *out)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    const int tape = tape_of(run->switching.watched[k].what);
+    lag_jets_refresh(e->tapes + tape);
+    for (int i = 0; i < e->count; ++i) {
+        const int state = e->state[i];
+        e->jets[(long)JET * i] = (lag_interval){y[state], y[state]};
+        e->jets[(long)JET * i + 1] = (lag_interval){f[state], f[state]};
+    }
+    evaluate(run, e->tapes + tape, t, t, 1);
+    take_output(run, k, 1, out);
+}
+
 int lag_is_undefined(lag_run *run, int k)
 {
     lag_switching *sw = &run->switching;

@@ -22,6 +22,9 @@ lag_interval lag_enclose_step(lag_run *run, int k);
 /* The jet of watched function k on [a, b] within the step, up to an order, to `out`. */
 void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interval *out);
 
+/* The value and the rate of watched function k at a state, where y' = f, to `out`. */
+void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double *f, lag_interval *out);
+
 /* Whether an operation of its tape was undefined in all of the interval that it was evaluated on last. */
 int lag_is_undefined(lag_run *run, int k);
 

@@ -36,7 +36,8 @@ static double exact_in(const lag_run *run, double t)
 typedef struct {
     lag_run *run;
     int k;
-    double noise;                      /* it is negative below minus that */
+    double noise;                      /* it is negative below minus that: until it has been positive beyond, ... */
+    double rounding;                   /* ... and after that */
     long parts;                        /* intervals that were looked at */
 } along_step;
 
@@ -96,6 +97,18 @@ static int sign_at(const along_step *f, double t)
     lag_interval value;
     lag_enclose(f->run, f->k, t, t, 0, &value);
     return sign_of(f, value);
+}
+
+/* The function is positive until t: what it was at the beginning does not matter any longer. */
+static double positive_until(along_step *f, double t)
+{
+    lag_interval value;
+    if (f->noise > f->rounding) {
+        lag_enclose(f->run, f->k, t, t, 0, &value);
+        if (value.low > f->noise)
+            f->noise = f->rounding;
+    }
+    return t;
 }
 
 /* Enclose by Taylor's formula around the middle of [a, b]: jets there, and one order higher on the interval; these alone
@@ -165,7 +178,8 @@ static double lowest(const along_step *f, double a, double b)
     return low + 0.5 * (high - low);
 }
 
-/* The root between `open`, up to where the function counts as positive, and b, where it is negative. */
+/* The root between `open`, up to where the function counts as positive, and b, where it is negative. In between, it
+ * must not be positive beyond rounding errors. */
 static double root_before(along_step *f, double open, double b)
 {
     const double value = value_inside(f, b);
@@ -202,7 +216,7 @@ static double first_enclosed(along_step *f, double from, double to)
                 break;
         }
         if (sign > 0) {
-            open = b;
+            open = positive_until(f, b);
             continue;
         }
         if (sign < 0)
@@ -213,11 +227,9 @@ static double first_enclosed(along_step *f, double from, double to)
                 return root_before(f, open, a);
             if (end < 0)
                 return root_before(f, open, b);
-            if (start > 0 || a == from || small) {
-                if (end > 0)
-                    open = b;
-                continue;
-            } /* else it may have jumped at a, and rise to zero */
+            if (end > 0)
+                open = positive_until(f, b);
+            continue; /* it does not jump, as its slope is bounded: it touches zero at most */
         } else if (small || vanishes(f, &e) || (e.undefined && isnan(value_inside(f, middle)))) {
             continue; /* it touches zero */
         }
@@ -226,19 +238,21 @@ static double first_enclosed(along_step *f, double from, double to)
             const int start = sign_at(f, a), end = sign_at(f, b);
             if (start < 0)
                 return root_before(f, open, a);
-            if (end < 0)
-                return root_before(f, start > 0 ? a : open, b);
-            if (end > 0)
-                open = b;
-            continue;
+            if (end < 0 && start > 0)
+                return root_before(f, a, b);
+            if (end >= 0) {
+                if (end > 0)
+                    open = positive_until(f, b);
+                continue;
+            } /* else it may rise before it falls */
         }
         if (curvature > 0) {
             const double x = lowest(f, a, b);
             const int least = sign_at(f, x);
             if (least < 0)
-                return root_before(f, open, x);
+                return root_before(f, sign_at(f, a) > 0 ? a : open, x);
             if (sign_at(f, b) > 0)
-                open = b;
+                open = positive_until(f, b);
             continue;
         }
         if (count + 2 > PARTS)
@@ -358,9 +372,15 @@ static int idle(const lag_watched_function *w, double value, double rate, double
 static double first_after(lag_run *run, int k, double from, const double *nodes)
 {
     lag_watched_function *w = run->switching.watched + k;
-    along_step f = {.run = run, .k = k, .noise = fmax(w->noise, lag_watched_noise(run, w))};
-    if (lag_is_enclosed(w->what))
-        return first_enclosed(&f, fmax(from, w->resolved), run->step.t);
+    along_step f = {.run = run, .k = k, .rounding = lag_watched_noise(run, w)};
+    if (w->what == LAG_WATCH_CONDITION) /* the enclosures contain rounding errors */
+        f.rounding = 0.0;
+    f.noise = fmax(w->noise, f.rounding);
+    if (lag_is_enclosed(w->what)) {
+        const double found = first_enclosed(&f, fmax(from, w->resolved), run->step.t);
+        w->clear = f.noise <= f.rounding;
+        return found;
+    }
     return first_between(&f, from, run->step.t, nodes, HALVINGS);
 }
 
@@ -461,6 +481,7 @@ int lag_find_instant(lag_run *run)
             continue;
         const lag_interval value = lag_enclose_step(run, k);
         enclosed_busy |= w->hit = !(value.low > 0.0);
+        w->clear = value.low > w->noise;
         if (w->what == LAG_WATCH_CONDITION)
             sw->condition[w->which].largest = fmax(sw->condition[w->which].largest, fmax(value.low, -value.high));
     }

@@ -296,8 +296,11 @@ void lag_watch_on(lag_run *run, double t, const double *y, const double *values,
     measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        if (lag_is_enclosed(w->what))
+        if (lag_is_enclosed(w->what)) {
+            if (w->clear)
+                w->noise = 0.0;
             continue;
+        }
         if (w->what == LAG_WATCH_FORCE_CONDITION)
             sw->condition[w->which].largest = fmax(sw->condition[w->which].largest, fabs(values[k]));
         w->value = fmax(values[k], 0.0);
@@ -360,14 +363,36 @@ static int begins(const lag_run *run, const lag_watched_function *w, double t)
 }
 
 /* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
- * other side: it has just happened and turns back, or begins at zero. */
-static int turns_back(const lag_run *run, const lag_watched_function *w, double value, double slope)
+ * other side: it has just happened and turns back, or begins at zero. The difference, which may be rounding or reach
+ * beyond another root, is for functions that have no slope there. */
+static int turns_back(lag_run *run, int k, double value, double slope, const double *f)
 {
     const lag_switching *sw = &run->switching;
-    if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !(slope < 0.0)
-        || !begins(run, w, run->step.t))
+    const lag_watched_function *w = sw->watched + k;
+    if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !begins(run, w, run->step.t))
+        return 0;
+    if (lag_is_enclosed(w->what)) {
+        lag_interval jet[2];
+        lag_enclose_at(run, k, run->step.t, run->step.y, f, jet);
+        if (lag_interval_sign(jet[1]))
+            slope = 0.5 * (jet[1].low + jet[1].high);
+    }
+    if (!(slope < 0.0))
         return 0;
     return fabs(value) <= -slope * (w->resolved - run->step.t) + lag_condition_noise(sw->condition + w->which);
+}
+
+/* The rounding error of function k at the beginning: that of a condition by its enclosure, unless it jumps there. */
+static double rounding_at(lag_run *run, int k, double t, const double *y, const double *f)
+{
+    const lag_watched_function *w = run->switching.watched + k;
+    const double usual = lag_watched_noise(run, w);
+    lag_interval jet[2];
+    if (w->what != LAG_WATCH_CONDITION)
+        return usual;
+    lag_enclose_at(run, k, t, y, f, jet);
+    const double width = jet[0].high - jet[0].low;
+    return width <= WRONG * usual ? width : usual;
 }
 
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
@@ -382,9 +407,9 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        const double rounding = lag_watched_noise(run, w);
+        const double wrong = WRONG * lag_watched_noise(run, w), rounding = rounding_at(run, k, t, y, f);
         w->resolved = resolved_from(run, w, t);
-        if (turns_back(run, w, found[k], slopes[k])) {
+        if (turns_back(run, k, found[k], slopes[k], f)) {
             lag_condition *condition = sw->condition + w->which;
             condition->holds = !condition->holds;
             w->sign = -w->sign;
@@ -397,7 +422,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         w->noise = found[k] < rounding ? fmax(rounding, -found[k]) : 0.0;
         if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
             w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
-        if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > WRONG * rounding)
+        if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > wrong)
             w->noise = rounding; /* it jumps at the instant */
         w->value = fmax(found[k] + w->shift, 0.0);
         w->rate = slopes[k];
