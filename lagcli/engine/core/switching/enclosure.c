@@ -10,7 +10,6 @@
 #include "polynomial.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
-#include "switching/watched.h"
 
 #define WIDER 0.1           /* of the width: what encloses the dense output around interpolants of a step's ends */
 #define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */
@@ -18,6 +17,17 @@
 
 /* The tapes; GAPS has phi alone, which most steps of contacts need. */
 enum { GAPS, ROWS, CONDITIONS, KINKS };
+
+int lag_is_enclosed(enum lag_watched what)
+{
+    return what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP || what == LAG_WATCH_KINK || what == LAG_WATCH_CONDITION
+           || what == LAG_WATCH_TIME;
+}
+
+int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w)
+{
+    return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
+}
 
 void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
 {

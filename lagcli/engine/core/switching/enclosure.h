@@ -10,6 +10,12 @@
 
 #include "run.h"
 
+/* Whether a function is enclosed: those of (t, q, v) are, those of a and lambda are not. */
+int lag_is_enclosed(enum lag_watched what);
+
+/* Whether a function depends only on t. */
+int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
+
 /* Bind the tapes of a run's rules; pool->failed says whether there is no memory. */
 void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules);
 

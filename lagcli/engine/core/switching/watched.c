@@ -6,6 +6,7 @@
 
 #include "methods/method.h"
 #include "motion.h"
+#include "switching/enclosure.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
@@ -313,17 +314,6 @@ int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w)
 {
     return w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].holds
            && !sw->condition[w->which].either;
-}
-
-int lag_is_enclosed(enum lag_watched what)
-{
-    return what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP || what == LAG_WATCH_KINK || what == LAG_WATCH_CONDITION
-           || what == LAG_WATCH_TIME;
-}
-
-int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w)
-{
-    return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
 }
 
 double lag_one_instant(const lag_run *run, double t)

@@ -42,12 +42,6 @@ double lag_condition_noise(const lag_condition *condition);
 /* Whether a function may become negative without an effect: that of a condition that triggers when it begins. */
 int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w);
 
-/* Whether a function is enclosed: those of (t, q, v) are, those of a and lambda are not. */
-int lag_is_enclosed(enum lag_watched what);
-
-/* Whether a function depends only on t. */
-int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
-
 /* a and lambda at a state, of all constraints: run->solver.a, run->switching.multipliers. Returns 0, or 1. */
 int lag_all_forces(lag_run *run, double t, const double *y);
 
