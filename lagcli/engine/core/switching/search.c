@@ -233,7 +233,7 @@ static double first_enclosed(along_step *f, double from, double to)
         } else if (small || vanishes(f, &e) || (e.undefined && isnan(value_inside(f, middle)))) {
             continue; /* it touches zero */
         }
-        const int curvature = slope ? 0 : lag_interval_sign(e.curvature);
+        const int curvature = lag_interval_sign(e.curvature);
         if (curvature < 0) { /* least at an end */
             const int start = sign_at(f, a), end = sign_at(f, b);
             if (start < 0)
