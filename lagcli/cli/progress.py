@@ -97,10 +97,6 @@ class RowProgress(_Bar):
 
     On a terminal, a bar with rate and remaining time; otherwise, as in logs of batch systems, a
     line every half minute.
-
-    Parameters
-    ----------
-    enabled, color : bool
     """
 
     def __init__(self, enabled: bool, color: bool):

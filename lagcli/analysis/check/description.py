@@ -41,10 +41,6 @@ def to_mapping(found: Check) -> dict[str, Any]:
     """Return what a check found, as ``lagcli check --json`` prints it.
 
     Formulas are text of the model grammar.
-
-    Parameters
-    ----------
-    found : Check
     """
     eq, rank, start = found.equations, found.rank, found.start
     model, freedom = eq.model, rank.freedom

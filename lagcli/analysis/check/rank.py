@@ -123,11 +123,6 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     A random walk: each state is a step along the position constraints from the previous one,
     projected onto them. Guesses far from the constraints would converge to singular configurations.
 
-    Parameters
-    ----------
-    system : System
-    start : ConsistentState
-
     Returns
     -------
     list of ConsistentState

@@ -56,11 +56,6 @@ def time_scales(system: System, start: ConsistentState) -> TimeScales | None:
     The equations M a = f + Bᵀλ, B a = γ are linearized. The constraints make some of their 2k
     eigenvalues zero; these are omitted.
 
-    Parameters
-    ----------
-    system : System
-    start : ConsistentState
-
     Returns
     -------
     TimeScales or None

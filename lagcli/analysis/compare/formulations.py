@@ -331,12 +331,6 @@ def integrate(
 ) -> tuple[Block, Outcome]:
     """Integrate a formulation.
 
-    Parameters
-    ----------
-    formulation : Formulation
-    request : IntegrationRequest
-    layout : SampleLayout
-
     Returns
     -------
     samples : Block

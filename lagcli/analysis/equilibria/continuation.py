@@ -23,11 +23,6 @@ _REACHED = 1e-13  # relative to the magnitudes of the terms
 class ModelParameter:
     """A parameter of the model, with the parameters that depend on it.
 
-    Parameters
-    ----------
-    local : LocalEquations
-    name : str
-
     Raises
     ------
     UsageError
@@ -77,13 +72,7 @@ class ModelParameter:
 
 
 class HeldVelocity:
-    """A prescribed velocity as the parameter of steady motions.
-
-    Parameters
-    ----------
-    local : LocalEquations
-    coordinate : str
-    """
+    """A prescribed velocity as the parameter of steady motions."""
 
     def __init__(self, local: LocalEquations, coordinate: str):
         self.name, self.local, self.coordinate = f"{coordinate}'", local, coordinate

@@ -36,11 +36,6 @@ class Inputs:
     An input is a parameter of the forces or of V, or ``Q.phi``, a generalized force that acts in
     addition to the model's.
 
-    Parameters
-    ----------
-    local : LocalEquations
-    names : sequence of str
-
     Raises
     ------
     UsageError

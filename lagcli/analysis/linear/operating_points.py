@@ -21,13 +21,7 @@ from lagcli.settings.settings import SettingsOverrides
 
 
 class Located(NamedTuple):
-    """An operating point, and the equations that hold near it.
-
-    Parameters
-    ----------
-    local : LocalEquations
-    operating_point : OperatingPoint
-    """
+    """An operating point, and the equations that hold near it."""
 
     local: LocalEquations
     operating_point: OperatingPoint

@@ -17,19 +17,17 @@ from lagcli.analysis.local.contacts import (
     ContactState,
     ContactStatus,
 )
-from lagcli.analysis.local.gradients import Point
+from lagcli.analysis.local.gradients import Point, point_tape
 from lagcli.analysis.local.local_equations import DerivedModel, LocalEquations
 from lagcli.analysis.local.operating_point import Tangent, tangent_of
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.linear.dense import decompose
 from lagcli.engine.state import State
 from lagcli.engine.switching.switching import SwitchedRow
-from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
-from lagcli.model.model import TIME, Constraint, Model, multiplier
+from lagcli.model.model import Constraint, Model, multiplier
 from lagcli.model.sections.contacts import abs_multiplier
 
 if TYPE_CHECKING:
@@ -69,12 +67,7 @@ class RowValues(NamedTuple):
 
 
 class SwitchedModel(DerivedModel):
-    """A model whose constraints come and go, and its equations in each mode.
-
-    Parameters
-    ----------
-    model : Model
-    """
+    """A model whose constraints come and go, and its equations in each mode."""
 
     def __init__(self, model: Model):
         super().__init__(model)
@@ -264,14 +257,7 @@ class ModeEquations(LocalEquations):
         expressions = [multiplier(name) for name in limits]
         found = (limits[name] for name in switched.names)
         expressions += [se.Integer(0) if x is None else x.static for x in found]
-        return ScalarTape(
-            compile_tape(
-                [self.express(x) for x in expressions],
-                [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-                [se.Symbol(name) for name in eq.model.parameters],
-                input_functions(eq.model),
-            )
-        )
+        return ScalarTape(point_tape(eq, [self.express(x) for x in expressions]))
 
 
 def _state(row: SwitchedRow, mode: Acting, k: int, values: RowValues) -> ContactState:

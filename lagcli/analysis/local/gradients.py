@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
@@ -49,6 +50,20 @@ class Point(NamedTuple):
         return [self.t, *(float(x) for part in parts for x in part), *self.p]
 
 
+def point_tape(equations: Equations, expressions: Sequence[Basic]) -> Tape:
+    """Compile expressions in t, q, v, a, λ and the parameters, the inputs of a `Point`."""
+    import symengine as se
+
+    from lagcli.engine.inputs.tables import input_functions
+    from lagcli.engine.tape.compiler import compile_tape
+    from lagcli.model.model import TIME
+
+    eq = equations
+    inputs = [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers]
+    parameters = [se.Symbol(name) for name in eq.model.parameters]
+    return compile_tape(expressions, inputs, parameters, input_functions(eq.model))
+
+
 class Gradients:
     """Nonzero partial derivatives of expressions, as a tape.
 
@@ -63,21 +78,12 @@ class Gradients:
     """
 
     def __init__(self, equations: Equations, rows: Sequence[Row], columns: int):
-        import symengine as se
-
-        from lagcli.engine.inputs.tables import input_functions
-        from lagcli.engine.tape.compiler import compile_tape
-        from lagcli.model.model import TIME
 
         eq = equations
         self.shape = len(rows), columns
         self.pattern: Pattern = tuple((i, j) for i, row in enumerate(rows) for j in row)
-        self.tape: Tape = compile_tape(
-            [x for row in rows for x in row.values()],
-            [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-            [se.Symbol(name) for name in eq.model.parameters],
-            input_functions(eq.model),
-        )
+        tape = point_tape(eq, [x for row in rows for x in row.values()])
+        self._run = ScalarTape(tape)
 
     @classmethod
     def of(
@@ -92,37 +98,17 @@ class Gradients:
 
     def at(self, point: Point) -> Array:
         """Return the matrix of derivatives, (n, m)."""
-        from lagcli.engine.tape.interpreter import ScalarTape
-
-        return _filled(self.shape, self.pattern, ScalarTape(self.tape)(point.inputs()))
+        return _filled(self.shape, self.pattern, self._run(point.inputs()))
 
 
 class Reactive:
-    """The forces that depend on multipliers, and their derivatives with respect to these.
-
-    Parameters
-    ----------
-    equations : Equations
-    """
+    """The forces that depend on multipliers, and their derivatives with respect to these."""
 
     def __init__(self, equations: Equations):
-        import symengine as se
-
-        from lagcli.engine.inputs.tables import input_functions
-        from lagcli.engine.tape.compiler import compile_tape
-        from lagcli.engine.tape.interpreter import ScalarTape
-        from lagcli.model.model import TIME
 
         eq = equations
         self.slopes = Gradients.of(eq, eq.reactive_forces, eq.multipliers)
-        self._forces = ScalarTape(
-            compile_tape(
-                eq.reactive_forces,
-                [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-                [se.Symbol(name) for name in eq.model.parameters],
-                input_functions(eq.model),
-            )
-        )
+        self._forces = ScalarTape(point_tape(eq, eq.reactive_forces))
 
     def forces(self, point: Point) -> Array:
         """Return the forces at a point, (nq,)."""
@@ -154,7 +140,6 @@ class MotionJacobianTape:
     """
 
     def __init__(self, system: System):
-        from lagcli.engine.tape.interpreter import ScalarTape
 
         assert system.variation is not None
         self.tapes = system.variation()
@@ -187,32 +172,18 @@ class ForwardJacobians:
     For many coordinates, compiling the derivatives takes several times as long as compiling the
     equations; one tape for a derivative along any direction takes twice as long. Each evaluation
     takes longer, by operations on arrays.
-
-    Parameters
-    ----------
-    equations : Equations
     """
 
     def __init__(self, equations: Equations):
         import symengine as se
 
-        from lagcli.engine.inputs.tables import input_functions
-        from lagcli.engine.tape.compiler import compile_tape
         from lagcli.engine.tape.differentiation import directional
         from lagcli.equations.derivation.jacobians import defects
-        from lagcli.model.model import TIME
 
         eq = equations
         self.nq = len(eq.q)
         force, rhs = defects(eq)
-        self._tape = directional(
-            compile_tape(
-                [se.Add(*terms) for terms in (*force, *rhs)],
-                [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-                [se.Symbol(name) for name in eq.model.parameters],
-                input_functions(eq.model),
-            )
-        )
+        self._tape = directional(point_tape(eq, [se.Add(*terms) for terms in (*force, *rhs)]))
 
     def at(self, point: Point) -> MotionJacobians:
         """Return the Jacobians at a point."""
@@ -275,7 +246,6 @@ class ParameterPath:
         import symengine as se
 
         from lagcli.engine.tape.compiler import compile_tape
-        from lagcli.engine.tape.interpreter import ScalarTape
         from lagcli.model.expression.functions import derivative
         from lagcli.model.values import dependent_values
 

@@ -46,12 +46,7 @@ _ITERATIONS, _SETTLED = 30, 1e-14
 
 
 class DerivedModel:
-    """A model with its equations, their System and its consistent start.
-
-    Parameters
-    ----------
-    model : Model
-    """
+    """A model with its equations, their System and its consistent start."""
 
     def __init__(self, model: Model):
         self.model = model
@@ -66,12 +61,7 @@ class DerivedModel:
 
 
 class LocalEquations(DerivedModel):
-    """The equations of a model with their derivatives, at single points.
-
-    Parameters
-    ----------
-    model : Model
-    """
+    """The equations of a model with their derivatives, at single points."""
 
     def __init__(self, model: Model):
         super().__init__(model)

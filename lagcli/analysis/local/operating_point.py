@@ -99,8 +99,8 @@ def independent(
     from scipy.linalg import qr
 
     n = null.shape[1]
-    if not n:
-        return (), null
+    if n in (0, len(null)):
+        return tuple(range(n)), np.eye(len(null))[:, :n]
     weight = 1.0 / sizes
     # before others, unless the null space hardly moves them
     weight[list(next_best)] *= 30.0

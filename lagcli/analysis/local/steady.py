@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagcli.analysis.local.gradients import Gradients, MotionJacobians, Point
+from lagcli.analysis.local.gradients import Gradients, MotionJacobians, Point, point_tape
 from lagcli.analysis.local.local_equations import LocalEquations, shared_scale
 from lagcli.analysis.local.operating_point import (
     Indices,
@@ -34,14 +34,7 @@ if TYPE_CHECKING:
 
 
 class MeasuredExpression(NamedTuple):
-    """An expression in q, v, t and the parameters with its derivatives.
-
-    Parameters
-    ----------
-    value : ScalarTape
-    by_position, by_velocity : Gradients
-    expression : expression
-    """
+    """An expression in q, v, t and the parameters with its derivatives."""
 
     value: ScalarTape
     by_position: Gradients
@@ -51,18 +44,8 @@ class MeasuredExpression(NamedTuple):
     @classmethod
     def of(cls, eq: Equations, expression: Basic) -> MeasuredExpression:
         """Compile an expression."""
-        import symengine as se
 
-        from lagcli.engine.inputs.tables import input_functions
-        from lagcli.engine.tape.compiler import compile_tape
-        from lagcli.model.model import TIME
-
-        tape = compile_tape(
-            [expression],
-            [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-            [se.Symbol(name) for name in eq.model.parameters],
-            input_functions(eq.model),
-        )
+        tape = point_tape(eq, [expression])
         by_q, by_v = (Gradients.of(eq, [expression], symbols) for symbols in (eq.q, eq.v))
         return cls(ScalarTape(tape), by_q, by_v, expression)
 
@@ -138,6 +121,8 @@ class IndependentVelocities(NamedTuple):
 
     def completed(self, rhs: Array) -> Array:
         """Return the X with B X = rhs, (m,) or (m, k), that is zero for these coordinates."""
+        if not self.decomposition.rank:
+            return np.zeros((len(self.basis), *rhs.shape[1:]))
         one = rhs.ndim == 1
         x = least(self.decomposition, rhs[:, None])[:, 0] if one else least(self.decomposition, rhs)
         return np.asarray(x - self.basis @ x[list(self.coordinates)])

@@ -136,13 +136,7 @@ SectionBlock = ResultTable | Remark | PlotPlace
 
 
 class ResultSection(NamedTuple):
-    """A part of a page.
-
-    Parameters
-    ----------
-    anchor, title : str
-    blocks : sequence of SectionBlock
-    """
+    """A part of a page."""
 
     anchor: str
     title: str
