@@ -133,12 +133,12 @@ def _index(equations: Equations) -> int:
     return 2 if equations.constraints else 0
 
 
-def _values(equations: Equations, found: Conserved, start: ConsistentState) -> dict[str, float]:
+def _values(equations: Equations, conserved: Conserved, start: ConsistentState) -> dict[str, float]:
     eq, s = equations, start.state
     parameters = [se.Symbol(name) for name in eq.model.parameters]
-    expressions = [q.expression for q in found.quantities]
+    expressions = [q.expression for q in conserved.quantities]
     tape = ScalarTape(
         compile_tape(expressions, [TIME, *eq.q, *eq.v], parameters, input_functions(eq.model))
     )
     values = tape((s.t, *s.q.tolist(), *s.v.tolist(), *s.p))
-    return {q.name: float(x) for q, x in zip(found.quantities, values, strict=True)}
+    return {q.name: float(x) for q, x in zip(conserved.quantities, values, strict=True)}

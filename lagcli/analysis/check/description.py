@@ -37,12 +37,12 @@ from lagcli.results.listing import told_apart
 _Text = Callable[[Basic], str]
 
 
-def to_mapping(found: Check) -> dict[str, Any]:
+def to_mapping(checked: Check) -> dict[str, Any]:
     """Return what a check found, as ``lagcli check --json`` prints it.
 
     Formulas are text of the model grammar.
     """
-    eq, rank, start = found.equations, found.rank, found.start
+    eq, rank, start = checked.equations, checked.rank, checked.start
     model, freedom = eq.model, rank.freedom
     arrange = Formulas(eq).arrange
 
@@ -51,25 +51,25 @@ def to_mapping(found: Check) -> dict[str, Any]:
 
     names = model.coordinate_names
     state = [*start.state.q.tolist(), *start.state.v.tolist()]
-    scales = found.time_scales
+    scales = checked.time_scales
     return {
         "command": "check",
         "model": model.name,
         "coordinates": list(names),
-        "constraints": [_constraint(found, c, text) for c in eq.constraints],
+        "constraints": [_constraint(checked, c, text) for c in eq.constraints],
         "rank": freedom.rank,
         "random_ranks": list(rank.random_ranks),
         "special_start": rank.special,
         "near_singular_start": bool(rank.near_singular),
         "degrees_of_freedom": freedom.degrees,
-        "index": found.index,
+        "index": checked.index,
         "redundant": [
             {"constraints": list(x.constraints), "surplus": x.surplus} for x in freedom.redundant
         ],
         "unique_combinations": [dict(c.factors) for c in rank.combinations],
         "conserved": {
-            "searched": found.conserved.extent,
-            "quantities": [_quantity(found, q, text) for q in found.conserved.quantities],
+            "searched": checked.conserved.extent,
+            "quantities": [_quantity(checked, q, text) for q in checked.conserved.quantities],
         },
         "start": {
             "t": start.state.t,
@@ -86,28 +86,28 @@ def to_mapping(found: Check) -> dict[str, Any]:
             "slowest": scales.slowest,
             "stiffness": scales.stiffness,
         },
-        "units": found.units.to_mapping(),
+        "units": checked.units.to_mapping(),
     }
 
 
-def _constraint(found: Check, c: ConstraintEquation, text: _Text) -> dict[str, Any]:
-    names, name = found.equations.model.coordinate_names, c.constraint.name
-    tested = found.velocity_constraints.get(name)
+def _constraint(checked: Check, c: ConstraintEquation, text: _Text) -> dict[str, Any]:
+    names, name = checked.equations.model.coordinate_names, c.constraint.name
+    tested = checked.velocity_constraints.get(name)
     integral = None if tested is None else tested.integral
     return {
         "name": name,
         "kind": c.constraint.kind,
         "rheonomic": c.rheonomic,
         "variation": {names[j]: text(b) for j, b in sorted(c.row.items())},
-        "multiplier_unique": name in found.rank.unique,
+        "multiplier_unique": name in checked.rank.unique,
         "integrable": None if tested is None else tested.integrable,
         "integral": None if integral is None else text(integral.expression),
         "integral_value": None if tested is None else tested.value,
     }
 
 
-def _quantity(found: Check, q: ConservedQuantity, text: _Text) -> dict[str, Any]:
-    eq, proof = found.equations, Proof(found.equations, q)
+def _quantity(checked: Check, q: ConservedQuantity, text: _Text) -> dict[str, Any]:
+    eq, proof = checked.equations, Proof(checked.equations, q)
     names = eq.model.coordinate_names
     conditions = [
         {
@@ -127,8 +127,8 @@ def _quantity(found: Check, q: ConservedQuantity, text: _Text) -> dict[str, Any]
         "title": title_of(q, names),
         "in_momenta": q.in_momenta,
         "formula": text(q.expression),
-        "value": found.conserved_values[q.name],
-        "unit": found.conserved_units.get(q.name),
+        "value": checked.conserved_values[q.name],
+        "unit": checked.conserved_units.get(q.name),
         "for_all_parameters": q.general,
         "symmetry": {names[i]: text(x) for i, x in q.field.items()},
         "time_shift": text(q.time),
@@ -160,7 +160,7 @@ _SEARCHED = {
 }
 
 
-def page(found: Check, width: int = 80) -> str:
+def page(checked: Check, width: int = 80) -> str:
     """Return the text that ``lagcli check`` prints.
 
     Parameters
@@ -174,17 +174,17 @@ def page(found: Check, width: int = 80) -> str:
     str
         Ends with a newline.
     """
-    model = found.equations.model
-    f = Formulas(found.equations, freedom=found.rank.freedom)
+    model = checked.equations.model
+    f = Formulas(checked.equations, freedom=checked.rank.freedom)
     steps = [
         constraints_step(f),
-        *_integrability(f, found),
-        _freedom(f, found),
-        _multipliers(found),
-        *_conserved(f, found),
-        _start(found),
-        _time_scales(found),
-        Step("Units", (), " ".join(found.units.sentences())),
+        *_integrability(f, checked),
+        _freedom(f, checked),
+        _multipliers(checked),
+        *_conserved(f, checked),
+        _start(checked),
+        _time_scales(checked),
+        Step("Units", (), " ".join(checked.units.sentences())),
     ]
     formula = TextFormula(Notation(model), written_decimals(model))
     families = IndexForm(model).steps([step for step in steps if step is not None])
@@ -192,11 +192,11 @@ def page(found: Check, width: int = 80) -> str:
     return render_text(model, shown, formula, width, numbered=False)
 
 
-def _integrability(f: Formulas, found: Check) -> list[Step]:
-    if not found.velocity_constraints:
+def _integrability(f: Formulas, checked: Check) -> list[Step]:
+    if not checked.velocity_constraints:
         return []
     lines = []
-    for name, x in found.velocity_constraints.items():
+    for name, x in checked.velocity_constraints.items():
         if x.integral is not None and x.value is not None:
             sides = (f.arrange(x.integral.expression), _number(x.value))
             lines.append(Line(sides, name, "integrable: it also restricts the positions"))
@@ -211,9 +211,9 @@ def _integrability(f: Formulas, found: Check) -> list[Step]:
     return [Step("Velocity constraints (Frobenius)", tuple(lines))]
 
 
-def _freedom(f: Formulas, found: Check) -> Step:
-    step, rank = freedom_step(f), found.rank
-    said = [f"Index {found.index}: {_INDEX[found.index]}"]
+def _freedom(f: Formulas, checked: Check) -> Step:
+    step, rank = freedom_step(f), checked.rank
+    said = [f"Index {checked.index}: {_INDEX[checked.index]}"]
     if rank.freedom.constraints:
         counts = sorted(Counter(rank.random_ranks).items())
         shown = ", ".join(f"{n} at {count} states" for n, count in counts)
@@ -246,8 +246,8 @@ def _freedom(f: Formulas, found: Check) -> Step:
     return Step(step.title, step.lines, " ".join([*sets, *said]))
 
 
-def _multipliers(found: Check) -> Step | None:
-    rank = found.rank
+def _multipliers(checked: Check) -> Step | None:
+    rank = checked.rank
     if not rank.freedom.constraints:
         return None
     title = "Multipliers"
@@ -271,19 +271,19 @@ def _combination(c: Combination) -> Node:
     return sum_of(terms)
 
 
-def _conserved(f: Formulas, found: Check) -> list[Step]:
+def _conserved(f: Formulas, checked: Check) -> list[Step]:
     steps = [
-        conserved_step(f, q, found.conserved_values[q.name], found.conserved_units.get(q.name))
-        for q in found.conserved.quantities
+        conserved_step(f, q, checked.conserved_values[q.name], checked.conserved_units.get(q.name))
+        for q in checked.conserved.quantities
     ]
-    said = _SEARCHED[found.conserved.extent]
+    said = _SEARCHED[checked.conserved.extent]
     if not steps:
         return [Step("Conserved quantities", (), f"None were found. {said}")]
     return steps
 
 
-def _start(found: Check) -> Step:
-    start = found.start
+def _start(checked: Check) -> Step:
+    start = checked.start
     t = Line((Sign("t", "t"), _number(start.state.t)))
     if not start.moved:
         return Step("Consistent start", (t,), "The initial values satisfy the constraints.")
@@ -299,10 +299,10 @@ def _start(found: Check) -> Step:
     return Step("Consistent start", tuple(lines), said)
 
 
-def _time_scales(found: Check) -> Step | None:
-    x = found.time_scales
-    if found.rank.special or found.rank.near_singular:
-        where = "at" if found.rank.special else "next to"
+def _time_scales(checked: Check) -> Step | None:
+    x = checked.time_scales
+    if checked.rank.special or checked.rank.near_singular:
+        where = "at" if checked.rank.special else "next to"
         why = f"Not computed {where} a singular configuration: they change over a small distance."
         return Step("Time scales", (), why)
     if x is None:

@@ -44,16 +44,16 @@ class ModelParameter:
         """Return the steady problem and the parameters for a value."""
         return base, self.path.values(self.local.p, value)
 
-    def slope(self, problem: SteadyProblem, found: Residual, value: float) -> Array:
+    def slope(self, problem: SteadyProblem, residual: Residual, value: float) -> Array:
         """Return ∂R/∂s, (nq + nh,)."""
         along = self.path.slopes(value)
-        force, rates, position, velocity = (g.at(found.point) @ along for g in self._gradients)
-        jac = self.local.jacobians(found.point)
-        dv, da = problem.by_parameter(found, jac, velocity, rates)
-        force = force + (jac.force_velocity @ dv - found.dynamics.mass_matrix @ da)[:, 0]
+        force, rates, position, velocity = (g.at(residual.point) @ along for g in self._gradients)
+        jac = self.local.jacobians(residual.point)
+        dv, da = problem.by_parameter(residual, jac, velocity, rates)
+        force = force + (jac.force_velocity @ dv - residual.dynamics.mass_matrix @ da)[:, 0]
         more = [
-            self._by_parameter(condition).at(found.point)[0] @ along
-            + condition.slopes(found.point, found.speeds)[1] @ dv[:, 0]
+            self._by_parameter(condition).at(residual.point)[0] @ along
+            + condition.slopes(residual.point, residual.speeds)[1] @ dv[:, 0]
             for condition in problem.conditions
         ]
         return np.concatenate([force, position, more])
@@ -87,17 +87,19 @@ class HeldVelocity:
         )
         return problem, self.local.p
 
-    def slope(self, problem: SteadyProblem, found: Residual, value: float) -> Array:
+    def slope(self, problem: SteadyProblem, residual: Residual, value: float) -> Array:
         """Return ∂R/∂s, (nq + nh,)."""
-        if self.index not in found.independent:
+        if self.index not in residual.independent:
             raise UsageError(
                 f"--along {self.name}: the constraints determine this velocity; take another one"
             )
-        jac = self.local.jacobians(found.point)
-        dv = found.basis[:, [found.independent.index(self.index)]]
-        da = problem.changed(found, jac.rhs_velocity @ dv)
-        force = (jac.force_velocity @ dv - found.dynamics.mass_matrix @ da)[:, 0]
-        slopes = [c.slopes(found.point, found.speeds)[1] @ dv[:, 0] for c in problem.conditions]
+        jac = self.local.jacobians(residual.point)
+        dv = residual.basis[:, [residual.independent.index(self.index)]]
+        da = problem.changed(residual, jac.rhs_velocity @ dv)
+        force = (jac.force_velocity @ dv - residual.dynamics.mass_matrix @ da)[:, 0]
+        slopes = [
+            c.slopes(residual.point, residual.speeds)[1] @ dv[:, 0] for c in problem.conditions
+        ]
         return np.concatenate([force, np.zeros(len(problem.holonomic)), slopes])
 
 
@@ -119,9 +121,9 @@ class ConditionValue:
         """Return the steady problem and the parameters for a value."""
         return base.with_target(self.number, value), self.local.p
 
-    def slope(self, problem: SteadyProblem, found: Residual, value: float) -> Array:
+    def slope(self, problem: SteadyProblem, residual: Residual, value: float) -> Array:
         """Return ∂R/∂s, (nq + nh + conditions,)."""
-        slope = np.zeros(len(found.value))
+        slope = np.zeros(len(residual.value))
         slope[problem.nq + len(problem.holonomic) + self.number] = -1.0
         return slope
 
@@ -185,10 +187,10 @@ class ExtendedProblem:
         more = 1.0 / np.where(more > 0.0, more, 1.0)
         self.rows = np.concatenate([lengths / force, 1.0 / rows[held], more])
 
-    def scaled(self, found: Residual, value: float) -> Array:
+    def scaled(self, residual: Residual, value: float) -> Array:
         """Return z of a root."""
         return np.asarray(
-            np.concatenate([found.point.q, found.point.multipliers, found.speeds, [value]])
+            np.concatenate([residual.point.q, residual.point.multipliers, residual.speeds, [value]])
             / self.columns
         )
 
@@ -371,12 +373,12 @@ class Tracer:
     def advanced(self, point: Traced, length: float) -> tuple[Traced, int] | None:
         """Return the next point of a branch, and the number of Newton steps; None if there is
         none."""
-        found = self.problem.correct(
+        corrected = self.problem.correct(
             point.place.z + length * point.tangent, point.tangent, self.rank
         )
-        if found is None:
+        if corrected is None:
             return None
-        place, steps = found
+        place, steps = corrected
         return self.framed(place, point.tangent, point.frame), steps
 
     def stability(self, point: Traced) -> Stability:
@@ -453,9 +455,9 @@ class Tracer:
 
     def _step(self, point: Traced, length: float) -> tuple[Traced, float, int] | None:
         while length >= _SHORTEST:
-            found = self.advanced(point, length)
-            if found is not None and found[0].tangent @ point.tangent >= _TURN:
-                return found[0], length, found[1]
+            moved = self.advanced(point, length)
+            if moved is not None and moved[0].tangent @ point.tangent >= _TURN:
+                return moved[0], length, moved[1]
             length /= 2
         return None
 
@@ -509,8 +511,8 @@ class Tracer:
     def _between(self, before: Traced, one: LocatedPoint, other: LocatedPoint) -> Traced | None:
         """Return the point of the branch halfway between two special points."""
         middle = (one.point.place.z + other.point.place.z) / 2
-        found = self.advanced(before, float(before.tangent @ (middle - before.place.z)))
-        return None if found is None else found[0]
+        moved = self.advanced(before, float(before.tangent @ (middle - before.place.z)))
+        return None if moved is None else moved[0]
 
     def _special(
         self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float

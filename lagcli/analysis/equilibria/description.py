@@ -34,21 +34,21 @@ _EQUILIBRIA = 24  # largest number of equilibria in a table
 _ROUNDING = 1e-12  # real parts below this part of the imaginary ones are not shown
 
 
-def describe_equilibria(found: Equilibria) -> dict[str, Any]:
+def describe_equilibria(result: Equilibria) -> dict[str, Any]:
     """Return what ``lagcli equilibrium --json`` prints: see docs/schemas/equilibrium.json."""
     return {
         "command": "equilibrium",
-        "model": found.model,
-        "steady": dict(found.steady),
-        "starts": found.starts,
-        "equilibria": [_described(x, found) for x in found.equilibria],
-        "ignored": dict(found.ignored),
+        "model": result.model,
+        "steady": dict(result.steady),
+        "starts": result.starts,
+        "equilibria": [_described(x, result) for x in result.equilibria],
+        "ignored": dict(result.ignored),
     }
 
 
-def _described(one: Equilibrium, found: Equilibria) -> dict[str, Any]:
+def _described(one: Equilibrium, result: Equilibria) -> dict[str, Any]:
     point, stability = one.operating_point.point, one.stability
-    names, constraints = found.coordinates, one.constraints
+    names, constraints = result.coordinates, one.constraints
     stiffness = stability.stiffness
     return {
         "stability": stability.verdict,

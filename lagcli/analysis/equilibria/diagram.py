@@ -288,26 +288,26 @@ class _Diagram:
                 self._add(found, number, entry.tracer)
         self.branches.append(self._branch(points, origin))
 
-    def _add(self, found: LocatedPoint, number: int, tracer: Tracer) -> None:
-        z = found.point.place.z
-        if found.kind == "branch point":
+    def _add(self, special: LocatedPoint, number: int, tracer: Tracer) -> None:
+        z = special.point.place.z
+        if special.kind == "branch point":
             if any(np.abs(z - other).max() < _SAME for other in self.seen):
                 return
             self.seen.append(z)
-        point, frequency, crossing = found.point.place.found.point, None, None
-        if found.kind == "branch point":
-            entered = [self._entered(tracer, found.point, sign) for sign in (1.0, -1.0)]
+        point, frequency, crossing = special.point.place.found.point, None, None
+        if special.kind == "branch point":
+            entered = [self._entered(tracer, special.point, sign) for sign in (1.0, -1.0)]
             self.crossings.append((number, [x for x in entered if x is not None]))
-            crossing = _crossing(found.point, [x.point for x in self.crossings[-1][1]])
-        if found.kind in ("Hopf point", "flutter"):
-            values = tracer.stability(found.point).eigenvalues
+            crossing = _crossing(special.point, [x.point for x in self.crossings[-1][1]])
+        if special.kind in ("Hopf point", "flutter"):
+            values = tracer.stability(special.point).eigenvalues
             oscillating = values[values.imag > 0]
             if len(oscillating):
                 frequency = float(oscillating[np.argmax(oscillating.real)].imag)
-        value, q = self._clean(found.point)
+        value, q = self._clean(special.point)
         self.special.append(
             SpecialPoint(
-                found.kind,
+                special.kind,
                 number,
                 value,
                 q,
@@ -315,8 +315,8 @@ class _Diagram:
                 point.multipliers,
                 frequency,
                 crossing,
-                found.contact,
-                found.change,
+                special.contact,
+                special.change,
             )
         )
 
@@ -352,10 +352,12 @@ class _Diagram:
         for length in (_ENTRY, _ENTRY / 10, _ENTRY / 100):
             z = crossing.place.z + length * across
             for rank in range(tracer.rank, min(tracer.rank + 2, len(crossing.place.matrix) + 1)):
-                found = self.extended.correct(z, across, rank)
-                if found is not None:
+                corrected = self.extended.correct(z, across, rank)
+                if corrected is not None:
                     other = tracer.with_rank(rank)
-                    return _Entry(other, other.framed(found[0], found[0].z - crossing.place.z))
+                    return _Entry(
+                        other, other.framed(corrected[0], corrected[0].z - crossing.place.z)
+                    )
         return None
 
     def _branch(self, points: list[tuple[Traced, Stability]], origin: int | None) -> Branch:

@@ -172,9 +172,9 @@ def equilibrium(
     )
 
 
-def _order(found: Equilibrium) -> tuple[float, ...]:
-    q = found.operating_point.point.q
-    return (float(f"{found.potential:.9e}"), *(float(f"{x:.6e}") for x in q))
+def _order(one: Equilibrium) -> tuple[float, ...]:
+    q = one.operating_point.point.q
+    return (float(f"{one.potential:.9e}"), *(float(f"{x:.6e}") for x in q))
 
 
 def described(state: SteadyState) -> Equilibrium:

@@ -186,18 +186,18 @@ def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual
     but not damped: undamped iterations find more roots than those that end at a minimum of |R|.
     """
     local = problem.local
-    found = problem.begun(q, local.p)
-    if not np.isfinite(found.value).all():
+    residual = problem.begun(q, local.p)
+    if not np.isfinite(residual.value).all():
         return None
     for _ in range(_STEPS):
-        if found.relative <= _NEAR:
-            return problem.polished(found)
-        step = problem.newton_step(found)
-        change = _slope(problem, found.point.q, known) @ step[: problem.nq]
+        if residual.relative <= _NEAR:
+            return problem.polished(residual)
+        step = problem.newton_step(residual)
+        change = _slope(problem, residual.point.q, known) @ step[: problem.nq]
         # the step for m R, by the Sherman–Morrison formula
         step = step / (1.0 - change) if abs(1.0 - change) > _LEAST else step / _LEAST
-        found = problem.moved(found, problem.limited(step / _LIMIT) * _LIMIT)
-        if not np.isfinite(found.value).all():
+        residual = problem.moved(residual, problem.limited(step / _LIMIT) * _LIMIT)
+        if not np.isfinite(residual.value).all():
             return None
     return None
 

@@ -117,9 +117,9 @@ def _rate(local: LocalEquations, operating_point: OperatingPoint) -> float:
     return max(float(np.sqrt(energy / inertia)) if inertia > 0.0 else 0.0, turning)
 
 
-def _verdict(found: Stability, states: ComplexArray, least: float, dimension: int) -> Verdict:
+def _verdict(stability: Stability, states: ComplexArray, least: float, dimension: int) -> Verdict:
     """Return the verdict; `least` is the stiffness that is a rounding error, 1/s²."""
-    _, values, stiffness, rounding = found
+    _, values, stiffness, rounding = stability
     if not len(values):
         return "stable"  # the constraints determine the motion
     if (values.real > rounding).any():

@@ -43,17 +43,17 @@ _MODES, _COMPONENTS, _QUANTITIES = 12, 24, 72
 _NONE = 1e-9
 
 
-def describe_point(found: OperatingPoint, linear: LinearModel) -> dict[str, Any]:
+def describe_point(operating_point: OperatingPoint, linear: LinearModel) -> dict[str, Any]:
     """Return an operating point as JSON values."""
-    point = found.point
+    point = operating_point.point
     return {
-        "name": found.name,
-        "steady": found.steady,
+        "name": operating_point.name,
+        "steady": operating_point.steady,
         "time": point.t,
         "q": dict(zip(linear.coordinates, point.q.tolist(), strict=True)),
         "v": dict(zip(linear.coordinates, point.v.tolist(), strict=True)),
         "multipliers": dict(zip(linear.constraints, point.multipliers.tolist(), strict=True)),
-        "contacts": describe_contacts(found.contacts),
+        "contacts": describe_contacts(operating_point.contacts),
     }
 
 

@@ -115,11 +115,11 @@ class ActiveSet:
             q = local.start.state.q
         except NoStart:
             raise NumericalError(self._contradicting(local)) from None
-        found = problem.begun(q, local.p)
-        if not np.isfinite(found.value).all():
+        residual = problem.begun(q, local.p)
+        if not np.isfinite(residual.value).all():
             return None, None
         if not relaxed:
-            root = problem.polished(found)
+            root = problem.polished(residual)
             if root is not None:
                 return root, None
         passed: list[ModeChange] = []
@@ -129,8 +129,8 @@ class ActiveSet:
             passed.extend([change] if change is not None else [])
             return change is not None
 
-        found = problem.relaxed(found, ends)
-        return (None, passed[0]) if passed else (problem.polished(found), None)
+        residual = problem.relaxed(residual, ends)
+        return (None, passed[0]) if passed else (problem.polished(residual), None)
 
     def changed(self, modes: Modes, change: ModeChange) -> Modes:
         """Return the modes with one row changed, and with the friction of it."""

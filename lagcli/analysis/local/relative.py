@@ -148,41 +148,41 @@ class RelativeProblem(SteadyProblem):
     ) -> Array:
         return np.asarray(self.frame(speeds) @ v)
 
-    def _by_position(self, found: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
-        frame = self.frame(found.speeds)
+    def _by_position(self, residual: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
+        frame = self.frame(residual.speeds)
         return frame, frame @ frame
 
-    def by_speeds(self, found: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
+    def by_speeds(self, residual: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
         """Return ∂v/∂s and ∂a/∂s, (nq, ns) each."""
-        point, columns = found.point, self._columns(found.point.q)
+        point, columns = residual.point, self._columns(residual.point.q)
         turned = np.array([field.matrix @ point.v for field in self.fields])
-        return columns, turned.reshape(-1, self.nq).T + self.frame(found.speeds) @ columns
+        return columns, turned.reshape(-1, self.nq).T + self.frame(residual.speeds) @ columns
 
     def by_parameter(
-        self, found: Residual, jac: MotionJacobians, velocity: Array, rates: Array
+        self, residual: Residual, jac: MotionJacobians, velocity: Array, rates: Array
     ) -> tuple[Array, Array]:
         """Return ∂v and ∂a by a parameter: none, (nq, 1) each."""
         return np.zeros((self.nq, 1)), np.zeros((self.nq, 1))
 
-    def speed_scales(self, found: Residual) -> Array:
+    def speed_scales(self, residual: Residual) -> Array:
         """Return scales of the rates, (ns,)."""
-        moved = np.abs(self._columns(found.point.q)) / self.local.lengths[:, None]
+        moved = np.abs(self._columns(residual.point.q)) / self.local.lengths[:, None]
         largest = np.maximum(moved.max(axis=0, initial=0.0), 1e-3)
         return np.asarray(self.local.rate / largest)
 
-    def is_steady(self, found: Residual) -> bool:
+    def is_steady(self, residual: Residual) -> bool:
         """Whether the accelerations turn with the motion, up to rounding errors."""
-        local, point = self.local, found.point
+        local, point = self.local, residual.point
         tangent = local.tangent(point)
         j = list(tangent.velocities)
         if not j:
             return True
         jerk, bound = local.jerk(point, tangent, local.force_scale(point))
-        return bool((np.abs(jerk - self.frame(found.speeds) @ point.a)[j] <= bound[j]).all())
+        return bool((np.abs(jerk - self.frame(residual.speeds) @ point.a)[j] <= bound[j]).all())
 
-    def operating_point(self, found: Residual, name: str) -> OperatingPoint:
+    def operating_point(self, residual: Residual, name: str) -> OperatingPoint:
         """Return a root as an operating point, in axes that move along."""
-        point = found.point
+        point = residual.point
         orbit = np.array([field.at(point.q) for field in self.every]) / self.local.lengths
         s = np.linalg.svd(orbit, compute_uv=False)
         return OperatingPoint(
@@ -190,7 +190,7 @@ class RelativeProblem(SteadyProblem):
             point,
             self.local.tangent(point),
             True,
-            frame=self.frame(found.speeds),
+            frame=self.frame(residual.speeds),
             neutral=int((s > _DEPENDENT * s.max(initial=0.0)).sum()),
         )
 

@@ -322,97 +322,102 @@ class SteadyProblem:
         dynamics = self.local.evaluator(p).dynamics(self.t, q, zero)
         return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics, speeds)
 
-    def multipliers(self, found: Residual) -> Array:
+    def multipliers(self, residual: Residual) -> Array:
         """Return the λ of least norm that balance the forces best."""
         if self.local.reactive is not None:
-            sizes, scale = found.decomposition.sizes, found.decomposition.scale
-            reactions = self.local.reactions(found.point, found.dynamics.jacobian)
+            sizes, scale = residual.decomposition.sizes, residual.decomposition.scale
+            reactions = self.local.reactions(residual.point, residual.dynamics.jacobian)
             step, *_ = np.linalg.lstsq(
-                sizes[:, None] * reactions / scale, -sizes * found.value[: self.nq], rcond=RANK
+                sizes[:, None] * reactions / scale, -sizes * residual.value[: self.nq], rcond=RANK
             )
-            return np.asarray(found.point.multipliers + step / scale)
-        forces = found.dynamics.jacobian.T @ found.point.multipliers - found.value[: self.nq]
-        return multipliers_of(found.decomposition, forces[:, None])[:, 0]
+            return np.asarray(residual.point.multipliers + step / scale)
+        forces = (
+            residual.dynamics.jacobian.T @ residual.point.multipliers - residual.value[: self.nq]
+        )
+        return multipliers_of(residual.decomposition, forces[:, None])[:, 0]
 
     # its Jacobian
 
-    def jacobian(self, found: Residual) -> Array:
+    def jacobian(self, residual: Residual) -> Array:
         """Return ∂R/∂(q, λ, s), (nq + nh + conditions, nq + nc + ns)."""
-        jac, d = self.local.jacobians(found.point), found.dynamics
-        dv, da = self._by_position(found, jac)
+        jac, d = self.local.jacobians(residual.point), residual.dynamics
+        dv, da = self._by_position(residual, jac)
         force = jac.force_position + jac.force_velocity @ dv - d.mass_matrix @ da
-        held, reactions = d.jacobian[self.holonomic], self.local.reactions(found.point, d.jacobian)
+        held, reactions = (
+            d.jacobian[self.holonomic],
+            self.local.reactions(residual.point, d.jacobian),
+        )
         matrix = np.block([[force, reactions], [held, np.zeros((len(held), len(d.jacobian)))]])
-        if not (len(found.speeds) or self.conditions):
+        if not (len(residual.speeds) or self.conditions):
             return matrix
-        by_speed, da_s = self.by_speeds(found, jac)
+        by_speed, da_s = self.by_speeds(residual, jac)
         force = jac.force_velocity @ by_speed - d.mass_matrix @ da_s
         matrix = np.hstack([matrix, np.vstack([force, np.zeros((len(held), force.shape[1]))])])
         between = np.zeros(len(d.jacobian))
         for condition in self.conditions:
-            by_q, by_v, by_s = condition.slopes(found.point, found.speeds)
+            by_q, by_v, by_s = condition.slopes(residual.point, residual.speeds)
             row = np.concatenate([by_q + by_v @ dv, between, by_v @ by_speed + by_s])
             matrix = np.vstack([matrix, row])
         return matrix
 
-    def _by_position(self, found: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
+    def _by_position(self, residual: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
         """Return ∂v/∂q and ∂a/∂q, (nq, nq) each."""
-        dv = self.changed(found, -self.local.velocity_gradient(found.point))
-        return dv, self.changed(found, jac.rhs_position + jac.rhs_velocity @ dv)
+        dv = self.changed(residual, -self.local.velocity_gradient(residual.point))
+        return dv, self.changed(residual, jac.rhs_position + jac.rhs_velocity @ dv)
 
-    def by_speeds(self, found: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
+    def by_speeds(self, residual: Residual, jac: MotionJacobians) -> tuple[Array, Array]:
         """Return ∂v/∂s and ∂a/∂s, (nq, ns) each."""
         dv = np.zeros((self.nq, len(self.sought)))
         for k, j in enumerate(self.sought):
-            if j in found.independent:
-                dv[:, k] = found.basis[:, found.independent.index(j)]
-        return dv, self.changed(found, jac.rhs_velocity @ dv)
+            if j in residual.independent:
+                dv[:, k] = residual.basis[:, residual.independent.index(j)]
+        return dv, self.changed(residual, jac.rhs_velocity @ dv)
 
     def by_parameter(
-        self, found: Residual, jac: MotionJacobians, velocity: Array, rates: Array
+        self, residual: Residual, jac: MotionJacobians, velocity: Array, rates: Array
     ) -> tuple[Array, Array]:
         """Return ∂v and ∂a for changes of ψ and of γ − B a by a parameter, (nq, 1) each."""
-        dv = self.changed(found, -velocity[:, None])
-        return dv, self.changed(found, rates[:, None] + jac.rhs_velocity @ dv)
+        dv = self.changed(residual, -velocity[:, None])
+        return dv, self.changed(residual, rates[:, None] + jac.rhs_velocity @ dv)
 
-    def changed(self, found: Residual, rhs: Array) -> Array:
+    def changed(self, residual: Residual, rhs: Array) -> Array:
         """Return the X with B X = rhs whose rows of the independent velocities are zero."""
-        free = IndependentVelocities(found.decomposition, found.independent, found.basis)
+        free = IndependentVelocities(residual.decomposition, residual.independent, residual.basis)
         return free.completed(rhs)
 
     # Newton's method
 
-    def scales(self, found: Residual, matrix: Array) -> tuple[Array, Array]:
+    def scales(self, residual: Residual, matrix: Array) -> tuple[Array, Array]:
         """Return scales of the rows and columns that make the Jacobian dimensionless."""
-        sizes, nq = found.decomposition.sizes, self.nq
-        lengths = found.decomposition.scale
+        sizes, nq = residual.decomposition.sizes, self.nq
+        lengths = residual.decomposition.scale
         stiffness = np.abs(matrix[:nq, :nq] * np.outer(sizes, sizes)).max(initial=0.0) or 1.0
         rows = np.concatenate([sizes / stiffness, 1.0 / lengths[self.holonomic]])
         columns = np.concatenate([sizes, stiffness / lengths])
-        if not (len(found.speeds) or self.conditions):
+        if not (len(residual.speeds) or self.conditions):
             return rows, columns
-        columns = np.concatenate([columns, self.speed_scales(found)])
+        columns = np.concatenate([columns, self.speed_scales(residual)])
         more = np.abs(matrix[len(rows) :] * columns).max(axis=1, initial=0.0)
         return np.concatenate([rows, 1.0 / np.where(more > 0.0, more, 1.0)]), columns
 
-    def speed_scales(self, found: Residual) -> Array:
+    def speed_scales(self, residual: Residual) -> Array:
         """Return scales of the unknown speeds, (ns,)."""
-        return np.asarray(self.local.rate * found.decomposition.sizes[list(self.sought)])
+        return np.asarray(self.local.rate * residual.decomposition.sizes[list(self.sought)])
 
-    def newton_step(self, found: Residual, inertia: float = 0.0) -> Array:
+    def newton_step(self, residual: Residual, inertia: float = 0.0) -> Array:
         """Return the Newton step of least norm, (nq + nc + ns,).
 
         With inertia μ > 0 it is an implicit step 1/μ of M q̇ = f − M a + Bᵀλ on the constraints.
         """
-        matrix, nq = self.jacobian(found), self.nq
-        rows, columns = self.scales(found, matrix)
+        matrix, nq = self.jacobian(residual), self.nq
+        rows, columns = self.scales(residual, matrix)
         if inertia:
             weight = rows[0] / columns[0]  # forces over sizes: the inverse of a stiffness
-            matrix[:nq, :nq] -= inertia / weight * found.dynamics.mass_matrix
+            matrix[:nq, :nq] -= inertia / weight * residual.dynamics.mass_matrix
         scaled = matrix * np.outer(rows, columns)
         u, s, vt = np.linalg.svd(scaled, full_matrices=False)
         rank = int((s > RANK * s.max(initial=0.0)).sum())
-        parts = (u[:, :rank].T @ (-rows * found.value)) / s[:rank]
+        parts = (u[:, :rank].T @ (-rows * residual.value)) / s[:rank]
         return np.asarray(columns * (vt[:rank].T @ parts))
 
     def solve(
@@ -431,24 +436,26 @@ class SteadyProblem:
         multipliers : (nc,) array, optional
             Starting value; by default the λ that balance the forces best.
         """
-        found = self.begun(q, p, multipliers)
-        if not np.isfinite(found.value).all():
+        residual = self.begun(q, p, multipliers)
+        if not np.isfinite(residual.value).all():
             return None
-        root = self.polished(found)
-        return self.polished(self.relaxed(found)) if root is None else root
+        root = self.polished(residual)
+        return self.polished(self.relaxed(residual)) if root is None else root
 
     def begun(self, q: Array, p: tuple[float, ...], multipliers: Array | None = None) -> Residual:
         """Return the residual from which iterations start; for the parameters see `solve`."""
         nc = len(self.local.system.constraints)
         given = np.zeros(nc) if multipliers is None else multipliers
-        found = self.residual(q, given, p)
-        if multipliers is not None or not np.isfinite(found.value).all():
-            return found
-        return self.residual(q, self.multipliers(found), p, found.independent, found.speeds)
+        residual = self.residual(q, given, p)
+        if multipliers is not None or not np.isfinite(residual.value).all():
+            return residual
+        return self.residual(
+            q, self.multipliers(residual), p, residual.independent, residual.speeds
+        )
 
-    def polished(self, found: Residual) -> Residual | None:
+    def polished(self, residual: Residual) -> Residual | None:
         """Return the root found by damped Newton steps, with the least λ, or None."""
-        root = self._newton(found)
+        root = self._newton(residual)
         if root is None or self._strained(root):
             return None
         q = np.where(np.abs(root.point.q) > _ROUNDING * self.local.lengths, root.point.q, 0.0)
@@ -462,36 +469,36 @@ class SteadyProblem:
         largest = applied.max(initial=0.0)
         return bool(largest and reaction.max(initial=0.0) > _STRAINED * largest)
 
-    def moved(self, found: Residual, step: Array) -> Residual:
+    def moved(self, residual: Residual, step: Array) -> Residual:
         """Return the residual after a step, (nq + nc + ns,)."""
-        point, end = found.point, self.nq + len(found.point.multipliers)
+        point, end = residual.point, self.nq + len(residual.point.multipliers)
         return self.residual(
             point.q + step[: self.nq],
             point.multipliers + step[self.nq : end],
             point.p,
-            found.independent,
-            found.speeds + step[end:],
+            residual.independent,
+            residual.speeds + step[end:],
         )
 
-    def _newton(self, found: Residual) -> Residual | None:
+    def _newton(self, residual: Residual) -> Residual | None:
         """Return the root found by damped Newton steps; None if they do not converge."""
         for iteration in range(_ITERATIONS):
-            if found.relative <= REACHED:
+            if residual.relative <= REACHED:
                 break
             try:
-                step = self.newton_step(found)
+                step = self.newton_step(residual)
             except NumericalError:
                 if not iteration:
                     raise  # at the point from which the search starts
                 return None  # they lead to a singularity
-            better = self._search(found, self.limited(step))
+            better = self._search(residual, self.limited(step))
             if better is None:
                 break
-            found = better
-        return found if found.relative <= ACCEPTED else None
+            residual = better
+        return residual if residual.relative <= ACCEPTED else None
 
     def relaxed(
-        self, found: Residual, ends: Callable[[Residual, Residual], bool] | None = None
+        self, residual: Residual, ends: Callable[[Residual, Residual], bool] | None = None
     ) -> Residual:
         """Follow M q̇ = f − M a + Bᵀλ, with longer steps as the forces decrease, or until it ends.
 
@@ -499,91 +506,95 @@ class SteadyProblem:
         are arbitrary. Pseudo-transient continuation: Kelley, Keyes, SIAM J. Numer. Anal. 35 (1998)
         508.
         """
-        inertia, before = 2.0, found.relative
+        inertia, before = 2.0, residual.relative
         for _ in range(_RELAXATIONS):
             try:
-                step = self.limited(2 * self.newton_step(found, inertia)) / 2
+                step = self.limited(2 * self.newton_step(residual, inertia)) / 2
             except NumericalError:
                 break
-            after = self.moved(found, step)
+            after = self.moved(residual, step)
             if not np.isfinite(after.value).all():
                 break
-            passed = ends is not None and ends(found, after)
-            found = after
-            if passed or found.relative < _NEAR:
+            passed = ends is not None and ends(residual, after)
+            residual = after
+            if passed or residual.relative < _NEAR:
                 break
-            inertia *= min(2.0, max(0.5, found.relative / before))
-            before = found.relative
-        return found
+            inertia *= min(2.0, max(0.5, residual.relative / before))
+            before = residual.relative
+        return residual
 
     def limited(self, step: Array) -> Array:
         """Return a step limited to the coordinates' lengths."""
         longest = np.abs(step[: self.nq] / self.local.lengths).max(initial=0.0)
         return step / max(1.0, longest)
 
-    def _search(self, found: Residual, step: Array) -> Residual | None:
+    def _search(self, residual: Residual, step: Array) -> Residual | None:
         """Halve the step until the residual falls; None if it does not."""
-        scale = np.where(found.scale > 0.0, found.scale, 1.0)
-        before = np.linalg.norm(found.value / scale)
+        scale = np.where(residual.scale > 0.0, residual.scale, 1.0)
+        before = np.linalg.norm(residual.value / scale)
         for halving in range(12):
-            trial = self.moved(found, 0.5**halving * step)
+            trial = self.moved(residual, 0.5**halving * step)
             if np.linalg.norm(trial.value / scale) < before:
                 return trial
         return None
 
     # properties of a root
 
-    def neutral(self, found: Residual) -> Array:
+    def neutral(self, residual: Residual) -> Array:
         """Return the changes of q that lead from a root to other roots, (nq, dimension).
 
         Directions in which forces vanish only to first order lead back to the root.
         """
-        matrix = self.jacobian(found)
-        rows, columns = self.scales(found, matrix)
+        matrix = self.jacobian(residual)
+        rows, columns = self.scales(residual, matrix)
         _, s, vt = np.linalg.svd(matrix * np.outer(rows, columns))
         rank = int((s > RANK * s.max(initial=0.0)).sum())
         null = vt[rank:, : self.nq].T  # scaled; redundant multipliers do not affect q
         u, s, _ = np.linalg.svd(null, full_matrices=False)
-        lasting = [x for x in u[:, s > 1e-6].T if self._leads_to_others(found, columns, x)]
+        lasting = [x for x in u[:, s > 1e-6].T if self._leads_to_others(residual, columns, x)]
         return np.asarray(columns[: self.nq, None] * np.array(lasting).reshape(-1, self.nq).T)
 
-    def _leads_to_others(self, found: Residual, columns: Array, direction: Array) -> bool:
+    def _leads_to_others(self, residual: Residual, columns: Array, direction: Array) -> bool:
         """Whether there are other roots near a root in a scaled direction."""
-        sizes, point = columns[: self.nq], found.point
+        sizes, point = columns[: self.nq], residual.point
         step = _BESIDE / np.abs(sizes * direction / self.local.lengths).max()
         beside = point.q + step * sizes * direction
         root = self._newton(
-            self.residual(beside, point.multipliers, point.p, found.independent, found.speeds)
+            self.residual(beside, point.multipliers, point.p, residual.independent, residual.speeds)
         )
         if root is None:
             return False
         return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
 
-    def check_held(self, found: Residual) -> None:
+    def check_held(self, residual: Residual) -> None:
         """Raise UsageError if the constraints determine a prescribed velocity."""
         names = self.local.system.coordinates
         for j, value in self.held.items():
-            if j not in found.independent:
+            if j not in residual.independent:
                 raise UsageError(
                     f"--steady {names[j]}'={value:g}: the constraints determine {names[j]}' from"
                     " the other velocities; hold "
-                    + (" or ".join(f"{names[i]}'" for i in found.independent) or "none")
+                    + (" or ".join(f"{names[i]}'" for i in residual.independent) or "none")
                     + " instead"
                 )
         for j in self.sought:
-            if j not in found.independent:
+            if j not in residual.independent:
                 raise UsageError(
                     f"--steady {names[j]}': the constraints determine this velocity from the others"
                 )
 
-    def is_steady(self, found: Residual) -> bool:
+    def is_steady(self, residual: Residual) -> bool:
         """Whether a root is that of a motion that stays steady."""
-        return self.local.is_steady(found.point, self.local.tangent(found.point, found.independent))
+        return self.local.is_steady(
+            residual.point, self.local.tangent(residual.point, residual.independent)
+        )
 
-    def operating_point(self, found: Residual, name: str) -> OperatingPoint:
+    def operating_point(self, residual: Residual, name: str) -> OperatingPoint:
         """Return a root as an operating point."""
-        tangent = self.local.tangent(found.point, found.independent)
-        return OperatingPoint(name, found.point, tangent, True, self.local.contacts(found.point))
+        tangent = self.local.tangent(residual.point, residual.independent)
+        return OperatingPoint(
+            name, residual.point, tangent, True, self.local.contacts(residual.point)
+        )
 
 
 #: Relative differences of velocities above rounding errors.
@@ -628,7 +639,7 @@ def velocity_coordinate(names: Sequence[str], text: str) -> str:
     return name
 
 
-def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
+def completed(problem: SteadyProblem, residual: Residual) -> SteadyState:
     """Return a root as an operating point.
 
     Raises
@@ -639,18 +650,18 @@ def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
         The state is not steady: the equations depend on time or on a coordinate that moves.
     """
     local = problem.local
-    problem.check_held(found)
-    name = "the steady motion" if np.any(found.point.v) else "the equilibrium"
-    if not problem.is_steady(found):
+    problem.check_held(residual)
+    name = "the steady motion" if np.any(residual.point.v) else "the equilibrium"
+    if not problem.is_steady(residual):
         what = "steady motion" if problem.is_motion else "equilibrium"
-        cause = "the time" if not np.any(found.point.v) else "the time, or on what moves"
+        cause = "the time" if not np.any(residual.point.v) else "the time, or on what moves"
         raise NumericalError(
             f"{local.model.name} has no {what} here: forces balance at t ="
-            f" {found.point.t:g} s, but they depend on {cause}"
+            f" {residual.point.t:g} s, but they depend on {cause}"
         )
-    point = problem.operating_point(found, name)
-    speeds = dict(zip(problem.speed_names, found.speeds.tolist(), strict=True))
-    return SteadyState(local, point, found, problem.neutral(found), speeds)
+    point = problem.operating_point(residual, name)
+    speeds = dict(zip(problem.speed_names, residual.speeds.tolist(), strict=True))
+    return SteadyState(local, point, residual, problem.neutral(residual), speeds)
 
 
 def ignored_velocities(model: Model, point: Point) -> dict[str, float]:
