@@ -50,17 +50,17 @@ class DegreesOfFreedom(NamedTuple):
     @property
     def remarks(self) -> list[str]:
         """Sentences about redundant constraints."""
-        found = [
+        remarks = [
             f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
             f" follow{'s' if x.surplus == 1 else ''} from the others."
             for x in self.redundant
         ]
-        if found:
-            found.append(
+        if remarks:
+            remarks.append(
                 "The generalized constraint forces are unique; the multipliers of these"
                 " constraints are not, and a simulation gives those of least norm."
             )
-        return found
+        return remarks
 
     def to_mapping(self) -> dict[str, Any]:
         """Return a mapping for result files and summaries."""

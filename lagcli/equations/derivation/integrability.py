@@ -145,7 +145,6 @@ def _factors(form: dict[Basic, Basic]) -> Iterator[Basic]:
 
 
 def _closed(form: dict[Basic, Basic], variables: tuple[Basic, ...]) -> bool:
-    """Whether dω = 0."""
     inside = {s for b in form.values() for s in b.free_symbols}
     occurring = [x for x in variables if x in form or x in inside]
     return all(
@@ -159,15 +158,15 @@ def _potential(form: dict[Basic, Basic]) -> Basic | None:
     import sympy
     from symengine.lib.symengine_wrapper import sympy2symengine
 
-    found = sympy.Integer(0)
+    antiderivative = sympy.Integer(0)
     for x, b in form.items():
         symbol = x._sympy_()
-        rest = sympy.simplify(b._sympy_() - sympy.diff(found, symbol))
+        rest = sympy.simplify(b._sympy_() - sympy.diff(antiderivative, symbol))
         part = sympy.integrate(rest, symbol)
         if part.has(sympy.Integral):
             return None
-        found += part
-    potential = sympy2symengine(sympy.simplify(found))
+        antiderivative += part
+    potential = sympy2symengine(sympy.simplify(antiderivative))
     if all(is_zero(derivative(potential, x) - b) for x, b in form.items()):
         return potential
     return None

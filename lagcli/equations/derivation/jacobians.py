@@ -228,7 +228,7 @@ def variational_equations(
     eq, motion = equations, Motion.of(equations.model)
     changed = [p for p in eq.model.parameters if any(p in rates for rates in directions)]
     partial = differentiate_parameters(eq, changed)
-    found = differentiate(eq)
+    jacobians = differentiate(eq)
     velocity = [motion.slopes(c.velocity).by_position for c in eq.constraints]
     holonomic = [c for c in eq.constraints if c.position is not None]
     blocks: dict[str, list[tuple[Basic, ...]]] = {
@@ -257,8 +257,8 @@ def variational_equations(
         blocks["rates"].append(u)
         blocks["accelerations"].append(a)
         blocks["multipliers"].append(multipliers)
-        blocks["force"].append(tuple(map(along, found.force, partial.force)))
-        blocks["rhs"].append(tuple(map(along, found.rhs, partial.rhs)))
+        blocks["force"].append(tuple(map(along, jacobians.force, partial.force)))
+        blocks["rhs"].append(tuple(map(along, jacobians.rhs, partial.rhs)))
         blocks["position"].append(
             tuple(
                 se.Add(*[x * s[j] for j, x in c.row.items()], *_explicit(row, weights))
@@ -296,7 +296,7 @@ def derivatives_of(
     """
     eq, motion = equations, Motion.of(equations.model)
     symbols = (*eq.q, *eq.v, *eq.a, *eq.multipliers)
-    found = []
+    slopes = []
     for rates, *changes in zip(
         directions,
         variations.positions,
@@ -307,13 +307,13 @@ def derivatives_of(
     ):
         weights = dict(zip(symbols, (x for part in changes for x in part), strict=True))
         weights |= {se.Symbol(name): rate for name, rate in rates.items()}
-        found.append(
+        slopes.append(
             tuple(
                 se.Add(*[motion.diff(x, y) * weights[y] for y in x.free_symbols if y in weights])
                 for x in expressions
             )
         )
-    return tuple(found)
+    return tuple(slopes)
 
 
 def _explicit(row: Row, weights: Mapping[int, Basic]) -> list[Basic]:

@@ -245,14 +245,13 @@ def _by_multipliers(force: Basic, multipliers: frozenset[Basic]) -> tuple[Basic,
     """Return the terms of a force that do not depend on multipliers, and those that do."""
     if multipliers.isdisjoint(force.free_symbols):
         return force, ZERO
-    found: tuple[list[Basic], list[Basic]] = [], []
+    split: tuple[list[Basic], list[Basic]] = [], []
     for term in addends(force):
-        found[not multipliers.isdisjoint(term.free_symbols)].append(term)
-    return se.Add(*found[0]), se.Add(*found[1])
+        split[not multipliers.isdisjoint(term.free_symbols)].append(term)
+    return se.Add(*split[0]), se.Add(*split[1])
 
 
 def _same(terms: list[Basic], others: list[Basic]) -> bool:
-    """Whether two sums have the same terms."""
     return bool(se.Add(*terms) == se.Add(*others))
 
 
@@ -288,7 +287,7 @@ def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
 
 def _second_rate(expression: Basic, motion: Motion) -> Basic:
     """Return the part of φ̈ without accelerations; for a square c w², 2 c (ẇ² + w ẅ)."""
-    found: list[Basic] = []
+    terms: list[Basic] = []
     others: list[Basic] = []
     for term in addends(expression):
         factors = term.args if isinstance(term, se.Mul) else (term,)
@@ -298,11 +297,11 @@ def _second_rate(expression: Basic, motion: Motion) -> Basic:
         if square and isinstance(moving[0].args[0], se.Add):
             w = moving[0].args[0]
             rate = motion.convective(w)
-            found.append(TWO * se.Mul(*constant) * (rate**TWO + w * motion.convective(rate)))
+            terms.append(TWO * se.Mul(*constant) * (rate**TWO + w * motion.convective(rate)))
         else:
             others.append(term)
     rest = motion.convective(motion.convective(se.Add(*others)))
-    return se.Add(*found, rest)
+    return se.Add(*terms, rest)
 
 
 def with_forces(
@@ -310,12 +309,12 @@ def with_forces(
 ) -> dict[str, Basic]:
     """Substitute λ b for constraint forces in expressions."""
     forces = _ConstraintForces(model, constraints)
-    found = {}
+    columns = {}
     for name, expression in expressions.items():
         named = {s: forces.named(s.name) for s in expression.free_symbols}
         used = {s: forces.of(n) for s, n in named.items() if n is not None and n.coordinate}
-        found[name] = expression.subs(used) if used else expression
-    return found
+        columns[name] = expression.subs(used) if used else expression
+    return columns
 
 
 class _ConstraintForces:

@@ -83,17 +83,17 @@ class Motion:
 
     def occurring(self, expression: Basic) -> Occurrences:
         """Return the q, v and t that occur in an expression."""
-        found = self._occurring.get(expression)
-        if found is None:
+        occurrences = self._occurring.get(expression)
+        if occurrences is None:
             kinds: tuple[list[int], list[int], list[int]] = ([], [], [])
             for symbol in expression.free_symbols:
                 kind, i = self._indices.get(symbol, (-1, 0))
                 if kind >= 0:
                     kinds[kind].append(i)
             positions, rates, times = kinds
-            found = Occurrences(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
-            self._occurring[expression] = found
-        return found
+            occurrences = Occurrences(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
+            self._occurring[expression] = occurrences
+        return occurrences
 
     def diff(self, expression: Basic, symbol: Basic) -> Basic:
         """Return ∂expression/∂symbol."""
@@ -110,12 +110,12 @@ class Motion:
 
     def slopes(self, expression: Basic) -> PartialDerivatives:
         """Return the partial derivatives with respect to q and t."""
-        found = self._slopes.get(expression)
-        if found is None:
+        partials = self._slopes.get(expression)
+        if partials is None:
             row = self.row([expression], self._columns)
             explicit = row.pop(len(self.q), ZERO)
-            found = self._slopes[expression] = PartialDerivatives(row, explicit)
-        return found
+            partials = self._slopes[expression] = PartialDerivatives(row, explicit)
+        return partials
 
     def convective(self, expression: Basic) -> Basic:
         """Return (∂/∂q) v + ∂/∂t of an expression: its time derivative without accelerations."""
@@ -126,20 +126,20 @@ class Motion:
     def row(self, parts: Iterable[Basic], columns: Mapping[Basic, int]) -> dict[int, Basic]:
         """Return the nonzero derivatives of a sum with respect to symbols, by their columns."""
         terms = self.by_symbol((term for part in parts for term in addends(part)), columns)
-        found = {columns[x]: self.sum_diff(of, x) for x, of in terms.items()}
-        return {i: x for i, x in sorted(found.items()) if x != ZERO}
+        slopes = {columns[x]: self.sum_diff(of, x) for x, of in terms.items()}
+        return {i: x for i, x in sorted(slopes.items()) if x != ZERO}
 
     def by_symbol(
         self, terms: Iterable[Basic], among: Container[Basic] | None = None
     ) -> dict[Basic, list[Basic]]:
         """Return the terms in which each of some symbols occurs; by default each q, v and t."""
         known = self._indices if among is None else among
-        found: dict[Basic, list[Basic]] = defaultdict(list)
+        terms_of: dict[Basic, list[Basic]] = defaultdict(list)
         for term in terms:
             for symbol in term.free_symbols:
                 if symbol in known:
-                    found[symbol].append(term)
-        return found
+                    terms_of[symbol].append(term)
+        return terms_of
 
 
 def addends(expression: Basic) -> tuple[Basic, ...]:

@@ -183,7 +183,7 @@ class QuadraticForms:
             terms.append(slope * v[j])
             if j not in row:
                 add(j, slope, ONE)
-        sums = {i: se.Add(*found) for i, found in curl.items()}
+        sums = {i: se.Add(*curls) for i, curls in curl.items()}
         return se.Add(*terms), {i: x for i, x in sums.items() if x != ZERO}
 
 
@@ -240,12 +240,12 @@ class QuadraticPart:
 
     def _entry(self, column: dict[Basic, int], other: dict[Basic, int]) -> Basic:
         """Return Σ c w_i w_j over the squares in which both coordinates occur."""
-        found: dict[Basic, list[Basic]] = {}
+        terms_of: dict[Basic, list[Basic]] = {}
         for x, here in column.items():
             for y, there in other.items():
                 if here & there:
-                    found.setdefault(self._factor(here & there), []).append(x * y)
-        return se.Add(*[c * se.Add(*products) for c, products in found.items()])
+                    terms_of.setdefault(self._factor(here & there), []).append(x * y)
+        return se.Add(*[c * se.Add(*products) for c, products in terms_of.items()])
 
     def _factor(self, mask: int) -> Basic:
         """Return the sum of the factors of some squares."""
@@ -298,15 +298,15 @@ class QuadraticPart:
 
     def energy(self) -> Basic:
         """Return v·p − L of these terms, c [(u − u_0)(w − w_0) − u_0 w_0]."""
-        found = []
+        terms = []
         for term in self.terms:
             u, w, c = term.first, term.second, term.factor
             if u.offset == ZERO and w.offset == ZERO:
-                found.append(c * u.value * w.value)
+                terms.append(c * u.value * w.value)
             else:
                 left, right = u.value - u.offset, w.value - w.offset
-                found.append(c * (left * right - u.offset * w.offset))
-        return se.Add(*found)
+                terms.append(c * (left * right - u.offset * w.offset))
+        return se.Add(*terms)
 
 
 def _bits(number: int) -> Iterable[int]:

@@ -88,10 +88,10 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
             after.append(_solved(f, kind, contents, p))
     if len(kinds) > 1 and p is not None:
         after.append(_compared(motion, kinds, f, p))
-    found = [*before, *_arranged(f, after, contents.full)]
+    steps = [*before, *_arranged(f, after, contents.full)]
     if "first" in kinds or "maggi" in kinds or contents.solve:
-        found.append(convention(f))
-    return _cited(found if contents.full else with_hint(found))
+        steps.append(convention(f))
+    return _cited(steps if contents.full else with_hint(steps))
 
 
 _NUMBER = re.compile(r"\((8\.\d+)\)")
@@ -99,13 +99,13 @@ _NUMBER = re.compile(r"\((8\.\d+)\)")
 
 def _cited(steps: Iterable[Step]) -> tuple[Step, ...]:
     """Return steps in which only the first one that cites an equation names the source."""
-    found, named = [], False
+    cited, named = [], False
     for step in steps:
         if not named and step.remark and _NUMBER.search(step.remark):
             remark = _NUMBER.sub(r"(textbook, §8, eq. \1)", step.remark, count=1)
             step, named = replace(step, remark=remark), True
-        found.append(step)
-    return tuple(found)
+        cited.append(step)
+    return tuple(cited)
 
 
 def _arranged(f: Formulas, steps: list[Step], full: bool) -> list[Step]:
@@ -119,22 +119,22 @@ def _first(f: Formulas, contents: Contents) -> list[Step]:
     if contents.steps and not in_matrices(f, full):
         derived = derivation(f, _coordinates(f, p), full)
         return _arranged(f, [*quantities(f), *derived], full)
-    found = list(overview(f, full))
+    steps = list(overview(f, full))
     if contents.steps:
-        found = list(in_short(f, "The derivation is long; --full writes it out."))
+        steps = list(in_short(f, "The derivation is long; --full writes it out."))
     split = [split_step(f, p)] if p is not None and not contents.steps else []
-    return [*found[:-1], *_arranged(f, split, full)]
+    return [*steps[:-1], *_arranged(f, split, full)]
 
 
 def _without_equations(f: Formulas, contents: Contents) -> list[Step]:
     """Return coordinates, energies and constraints."""
     p = contents.partition
     if contents.steps:
-        found = [*quantities(f), *derivation_before_equations(f, contents.full)]
-        found += _coordinates(f, p)
+        steps = [*quantities(f), *derivation_before_equations(f, contents.full)]
+        steps += _coordinates(f, p)
     else:
-        found = [*before_equations(f), *([split_step(f, p)] if p is not None else [])]
-    return _arranged(f, found, contents.full)
+        steps = [*before_equations(f), *([split_step(f, p)] if p is not None else [])]
+    return _arranged(f, steps, contents.full)
 
 
 def _coordinates(f: Formulas, p: CoordinatePartition | None) -> list[Step]:
@@ -152,12 +152,12 @@ def _other(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -
 
 def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -> Step:
     if kind == "second":
-        found = solve_accelerations(second_kind(p, contents.full))
+        solved = solve_accelerations(second_kind(p, contents.full))
     elif kind == "maggi":
-        found = solve_accelerations(Maggi(p))
+        solved = solve_accelerations(Maggi(p))
     else:
-        found = solve_first_kind(p)
-    return solved_step(f, found, _NAMES[kind], kind == "first" and bool(p.surplus))
+        solved = solve_first_kind(p)
+    return solved_step(f, solved, _NAMES[kind], kind == "first" and bool(p.surplus))
 
 
 _COUNTED = (SECOND, MAGGI, ENTRIES, ABBREVIATIONS)

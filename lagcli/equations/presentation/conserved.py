@@ -113,15 +113,15 @@ def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
 def _proof(f: Formulas, quantity: ConservedQuantity) -> list[Line]:
     """Return the symmetry and the conditions that it satisfies, term by term."""
     proof = Proof(f.equations, quantity)
-    found = [
+    displacements = [
         Line((VirtualDisplacement(f.coordinates[i]), f.arrange(x)))
         for i, x in quantity.field.items()
     ]
     if quantity.time != 0:
-        found.append(Line((Sign("δt", r"\delta t"), f.arrange(quantity.time))))
+        displacements.append(Line((Sign("δt", r"\delta t"), f.arrange(quantity.time))))
     rate = f.arrange(proof.rate(quantity.gauge))
     change = _sum(f, proof.products())
-    found.append(Line((Sign("δL", r"\delta L"), *([change] if change else []), rate)))
+    displacements.append(Line((Sign("δL", r"\delta L"), *([change] if change else []), rate)))
     lines = []
     for beta, c in enumerate(f.equations.constraints):
         change = _sum(f, proof.constraint_products(beta))
@@ -130,7 +130,7 @@ def _proof(f: Formulas, quantity: ConservedQuantity) -> list[Line]:
         multiple = f.arrange(proof.multiple(beta))
         sides = (change, ZERO) if multiple == ZERO else (change, multiple, ZERO)
         lines.append(Line(sides, c.constraint.name))
-    return [*found, *lines[:_CONSTRAINTS]]
+    return [*displacements, *lines[:_CONSTRAINTS]]
 
 
 def _sum(f: Formulas, products: Iterable[tuple[Basic, Basic]]) -> Node | None:

@@ -128,11 +128,11 @@ def abridged(node: Node) -> Node:
 
 def items_of(lines: Sequence[Line]) -> list[list[Line]]:
     """Return lines grouped by item: a labelled line and the unlabelled ones after it."""
-    found: list[list[Line]] = []
+    items: list[list[Line]] = []
     labelled = any(line.label is not None for line in lines)
     for line in lines:
-        if labelled and line.label is None and found:
-            found[-1].append(line)
+        if labelled and line.label is None and items:
+            items[-1].append(line)
         else:
-            found.append([line])
-    return found
+            items.append([line])
+    return items

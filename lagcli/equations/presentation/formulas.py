@@ -123,17 +123,17 @@ def law(model: Model) -> tuple[Sum, Node]:
 
 def coefficients(equations: Equations) -> dict[str, list[tuple[Node, ...]]]:
     """Return the definitions of b_iβ for each kind of constraints in a system."""
-    found: dict[str, list[tuple[Node, ...]]] = {}
+    rows: dict[str, list[tuple[Node, ...]]] = {}
     signs = Signs(equations.model)
     sides = Sum(((1, Sign("lhs", r"\text{lhs}")), (-1, Sign("rhs", r"\text{rhs}"))))
     kinds = {c.constraint.kind for c in equations.constraints}
     if "holonomic" in kinds:
         slope = Partial(signs.holonomic, Sign("qᵢ", "q_i"))
-        found["holonomic"] = [(signs.coefficient, slope), (signs.holonomic, sides)]
+        rows["holonomic"] = [(signs.coefficient, slope), (signs.holonomic, sides)]
     if kinds - {"holonomic"}:
         slope = Partial(signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i"))
-        found["nonholonomic"] = [(signs.coefficient, slope), (signs.nonholonomic, sides)]
-    return found
+        rows["nonholonomic"] = [(signs.coefficient, slope), (signs.nonholonomic, sides)]
+    return rows
 
 
 def _counted(equations: Equations) -> DegreesOfFreedom:

@@ -118,11 +118,11 @@ def _written(indices: str, numbers: Mapping[str, int]) -> str:
 
 
 def _index(text: str, numbers: Mapping[str, int]) -> str:
-    found = _INDEX.fullmatch(text)
-    if found is None or found[1] not in numbers:
+    match = _INDEX.fullmatch(text)
+    if match is None or match[1] not in numbers:
         return text
-    offset = int(found[3] or 0)
-    return str(numbers[found[1]] + (offset if found[2] == "+" else -offset))
+    offset = int(match[3] or 0)
+    return str(numbers[match[1]] + (offset if match[2] == "+" else -offset))
 
 
 Term = tuple[int, Node]
@@ -140,7 +140,7 @@ def merged(terms: Sequence[Term]) -> list[Term]:
         if isinstance(last, IndexedSum):
             key = before, last.index, last.first, last.last
         alike.setdefault(key, []).append(i)
-    return _without_numbers([_joined([terms[i] for i in found]) for found in alike.values()])
+    return _without_numbers([_joined([terms[i] for i in group]) for group in alike.values()])
 
 
 def _split(term: Node) -> tuple[tuple[Node, ...], Node]:
@@ -181,7 +181,7 @@ def _without(factors: Iterable[Node], common: Iterable[Node]) -> Node:
 
 def _without_numbers(terms: list[Term]) -> list[Term]:
     """Return the terms with a number in front of a Σ and of other terms that have it."""
-    found: list[Term] = []
+    others: list[Term] = []
     used: set[int] = set()
     for i, (sign, term) in enumerate(terms):
         number = _number(term)
@@ -190,12 +190,12 @@ def _without_numbers(terms: list[Term]) -> list[Term]:
         if i in used:
             continue
         if number is None or len(same) < 2 or not any(_sums(terms[j][1]) for j in same):
-            found.append((sign, term))
+            others.append((sign, term))
             continue
         used.update(same)
         inside = [(sign * terms[j][0], product_of(_factors(terms[j][1])[1:])) for j in same]
-        found.append((sign, Product((number, Sum(tuple(inside))))))
-    return found
+        others.append((sign, Product((number, Sum(tuple(inside))))))
+    return others
 
 
 def _factors(term: Node) -> tuple[Node, ...]:
@@ -203,7 +203,6 @@ def _factors(term: Node) -> tuple[Node, ...]:
 
 
 def _number(term: Node) -> Number | None:
-    """Return the number in front of a product."""
     first = _factors(term)[0]
     return first if isinstance(first, Number) and isinstance(term, Product) else None
 
@@ -255,14 +254,14 @@ def _base(one: Sequence[Line], two: Sequence[Line]) -> int | None:
 
 def _indices(item: Sequence[Line]) -> list[int]:
     """Return the indices of all members in an item, in order."""
-    found = []
+    indices = []
     for line in item:
         for node in _nodes(line):
             for x in walk(node):
                 member = MEMBER.fullmatch(x.name) if isinstance(x, Symbol) else None
                 if member:
-                    found.append(int(member[2]))
-    return found
+                    indices.append(int(member[2]))
+    return indices
 
 
 def walk(node: Node) -> Iterator[Node]:
@@ -301,7 +300,7 @@ def run_at(items: Sequence[Sequence[Line]], at: int) -> Run | None:
 def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list[Node]] | None:
     if len(one) != len(two) or [x.note for x in one] != [x.note for x in two]:
         return None
-    found = []
+    parts = []
     for a, b in zip(one, two, strict=True):
         left, right = _nodes(a), _nodes(b)
         if len(left) != len(right):
@@ -310,8 +309,8 @@ def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list
         known = [x for x in nodes if x is not None]
         if len(known) < len(nodes):
             return None
-        found.append(known)
-    return found
+        parts.append(known)
+    return parts
 
 
 def _alike(item: Sequence[Line], first: Sequence[Line], template: list[list[Node]]) -> bool:
@@ -367,10 +366,10 @@ def _common(a: Node, b: Node, index: int) -> Node | None:
     values = {}
     for name in a.__dataclass_fields__:
         x, y = getattr(a, name), getattr(b, name)
-        found = _common_field(x, y, index)
-        if found is None and x is not None:
+        template = _common_field(x, y, index)
+        if template is None and x is not None:
             return None
-        values[name] = found
+        values[name] = template
     return type(a)(**values)
 
 
@@ -380,8 +379,8 @@ def _common_field(x: object, y: object, index: int) -> object | None:
     if isinstance(x, tuple) and isinstance(y, tuple):
         if len(x) != len(y):
             return None
-        found = [_common_field(a, b, index) for a, b in zip(x, y, strict=True)]
-        return None if any(item is None for item in found) else tuple(found)
+        items = [_common_field(a, b, index) for a, b in zip(x, y, strict=True)]
+        return None if any(item is None for item in items) else tuple(items)
     return x if x == y else None
 
 
@@ -417,13 +416,13 @@ _LETTERS = ("i", "j", "k", "n", "p", "s", "u", "w")
 
 def with_hint(steps: Sequence[Step]) -> list[Step]:
     """Return steps; the first one in index form explains how to show all members."""
-    found = list(steps)
-    for i, step in enumerate(found):
+    hinted = list(steps)
+    for i, step in enumerate(hinted):
         if any(map(_in_index_form, step.lines)):
             remark = " ".join(x for x in (step.remark, _HINT) if x)
-            found[i] = replace(step, remark=remark)
+            hinted[i] = replace(step, remark=remark)
             break
-    return found
+    return hinted
 
 
 _HINT = "Families are written with an index; --full writes out each member."
@@ -464,7 +463,7 @@ class IndexForm:
             replace(x, sides=tuple(self._with_sums(side) for side in x.sides)) for x in step.lines
         )
         items = items_of(lines)
-        found: list[Line] = []
+        indexed: list[Line] = []
         at = begun = 0
         while at < len(items):
             run = run_at(items, at)
@@ -473,13 +472,13 @@ class IndexForm:
                 continue
             first, last = self._extended(run, items, begun, at)
             for item in items[begun:first]:
-                found += map(self._alone, item)
+                indexed += map(self._alone, item)
             whole = Run(run.template, run.first - (at - first), last - first)
-            found += self._general(whole, items[at])
+            indexed += self._general(whole, items[at])
             at = begun = last
         for item in items[begun:]:
-            found += map(self._alone, item)
-        return replace(step, lines=tuple(found))
+            indexed += map(self._alone, item)
+        return replace(step, lines=tuple(indexed))
 
     def _extended(
         self, run: Run, items: Sequence[Sequence[Line]], begun: int, at: int
@@ -528,14 +527,14 @@ class IndexForm:
         bounds = [self._bound(x) for x in (run.first, run.first + run.length - 1)]
         text = f"{letter} = {bounds[0]}, …, {bounds[1]}"
         span = Sign(text, text.replace("−", "-").replace("…", r"\dots"))
-        found = []
+        general = []
         for n, (nodes, line) in enumerate(zip(run.template, item, strict=True)):
             label, *sides = (self._shown(x, letter) for x in nodes)
             named: Node | str | None = label if line.label is not None else None
             if isinstance(line.label, str) and isinstance(label, Symbol):
                 named = label.name
-            found.append(Line(tuple(sides), named, line.note, span if n == 0 else None))
-        return found
+            general.append(Line(tuple(sides), named, line.note, span if n == 0 else None))
+        return general
 
     # sums
 
@@ -557,13 +556,13 @@ class IndexForm:
 
     def _indexed(self, terms: Sequence[Term]) -> list[Term]:
         """Return terms with a sum in the place of those that differ by an index only."""
-        found: list[Term] = []
+        indexed: list[Term] = []
         at = 0
         entries = [[_signed_line(sign, term)] for sign, term in terms]
         while at < len(entries):
             run = run_at(entries, at)
             if run is None:
-                found.append(terms[at])
+                indexed.append(terms[at])
                 at += 1
                 continue
             sign, inner = terms[at]
@@ -580,8 +579,8 @@ class IndexForm:
             if isinstance(term, Product) and isinstance(term.factors[0], Number):
                 factor, *rest = term.factors
                 term = product_of(rest)
-            found.append((sign, product_of([factor, IndexedSum(term, letter, *bounds)])))
-        return found
+            indexed.append((sign, product_of([factor, IndexedSum(term, letter, *bounds)])))
+        return indexed
 
     def _continued(self, terms: Sequence[Term], sign: int, sum_: Node) -> int:
         """Return how many of the next terms are a sum too short to have been written as one."""
@@ -622,7 +621,6 @@ class IndexForm:
         return self._shown(node, letter)
 
     def _number(self, node: LinearIndex, letter: str) -> Node:
-        """Return start + slope · index; with the number of members where it is near."""
         start = node.start
         terms: list[tuple[int, Node]] = []
         if start.denominator == 1:

@@ -109,8 +109,8 @@ def _multiplied(nodes: list[Node]) -> Node:
         s, rest = forward(node)
         sign *= s
         parts.append(rest)
-    found = product_of(parts)
-    return found if sign > 0 else sum_of([(-1, found)])
+    product = product_of(parts)
+    return product if sign > 0 else sum_of([(-1, product)])
 
 
 def _factors(node: Node) -> list[Node]:
@@ -141,8 +141,8 @@ def fraction(f: Formulas, above: Basic, below: Basic) -> Node:
     for value in (1, -1):
         if se.expand(shorter - value * common) == 0:
             return whole(value)
-    found = [_fraction(f, shorter, common), _fraction(f, above, below)]
-    best = min(found, key=weight)
+    fractions = [_fraction(f, shorter, common), _fraction(f, above, below)]
+    best = min(fractions, key=weight)
     quotient = f.arrange(above / below)  # tan θ
     return quotient if weight(quotient) < weight(best) - 1 else best
 
@@ -260,7 +260,6 @@ def _solution_lines(f: Formulas, second: SecondKind, s: Solution) -> list[Line]:
 
 
 def _has_root(value: Basic) -> bool:
-    """Whether an expression has a square root."""
     return any(
         isinstance(x.args[1], se.Rational) and not isinstance(x.args[1], se.Integer)
         for x in value.atoms(se.Pow)
@@ -302,8 +301,8 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
             sides[-1] = abridged(IndexForm(f.model).sums(first))
             remark = "The dependent coordinates and velocities are the functions given above."
         else:
-            found = _inserted(f, second, first)
-            sides += [found] if found != first else []
+            inserted = _inserted(f, second, first)
+            sides += [inserted] if inserted != first else []
             remark = "This is L in the independent coordinates and velocities (8.89)."
             if second.named:
                 remark += " Its dependent coordinates are the functions given above."
@@ -339,13 +338,13 @@ def _inserted(f: Formulas, second: SecondKind, first: Node) -> Node:
 
 
 def _dotted(node: Node) -> list[Symbol]:
-    found, stack = [], [node]
+    dotted, stack = [], [node]
     while stack:
         item = stack.pop()
         if isinstance(item, Symbol) and item.dots:
-            found.append(item)
+            dotted.append(item)
         stack.extend(children(item))
-    return found
+    return dotted
 
 
 def _second_derivatives(f: Formulas, second: SecondKind) -> list[Step]:
@@ -449,40 +448,40 @@ def in_matrices(
     if short is None or (len(short.named) > _MANY and not full):
         return [_unlisted(f, title)]
     named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
-    found = [Step(title, (law,), remark)]
+    steps = [Step(title, (law,), remark)]
     if named:
-        found.append(Step(ABBREVIATIONS, named, packed=True))
+        steps.append(Step(ABBREVIATIONS, named, packed=True))
     pairs = zip(entries, short.expressions, strict=True)
     lines = tuple(Line((entry, f.arrange(x))) for (entry, _), x in pairs)
-    return [*found, Step(ENTRIES, lines)]
+    return [*steps, Step(ENTRIES, lines)]
 
 
 def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
     """Return the steps of Maggi's equations, from the dependent velocities on."""
     p, e = maggi.partition, f.equations
-    found: list[Step] = []
+    steps: list[Step] = []
     if p.rates:
         lines = tuple(
             Line((velocity(f.coordinates[rate.coordinate]), rate_node(f, rate))) for rate in p.rates
         )
         lead = "Solving the velocity constraints gives"
-        found.append(Step("Dependent velocities", lines, lead=lead))
+        steps.append(Step("Dependent velocities", lines, lead=lead))
         lines = tuple(displacement_line(f, rate) for rate in p.rates)
         signs = general.Signs(f.model)
         remark = (
             f"The coefficients are the rows of {signs.null_space.text}, whose columns span the null"
             f" space of {signs.constraint_matrix.text}."
         )
-        found.append(Step("Dependent virtual displacements", lines, remark))
+        steps.append(Step("Dependent virtual displacements", lines, remark))
     if not p.independent:
-        return [*found, Step(MAGGI, (), _NONE)]
+        return [*steps, Step(MAGGI, (), _NONE)]
     residuals = [
         rate - slope - force
         for rate, slope, force in zip(e.momentum_rates, e.gradient, e.applied_forces, strict=True)
     ]
     if operations(maggi.equations_of_motion) > 3 * LONGEST:
         free = [f.coordinates[i] for i in p.independent]
-        return [*found, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, MAGGI, full)]
+        return [*steps, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, MAGGI, full)]
     equations = []
     for k, i in enumerate(p.independent):
         terms = [(1, f.arrange(residuals[i]))]
@@ -503,7 +502,7 @@ def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
         if r
         else "There are no constraints."
     )
-    return [*found, Step(MAGGI, (law, *equations), remark)]
+    return [*steps, Step(MAGGI, (law, *equations), remark)]
 
 
 def _entry_of_null_space(f: Formulas, maggi: Maggi, i: int, k: int) -> Node:
@@ -530,12 +529,12 @@ def _maggi_law(f: Formulas) -> Node:
 
 
 def solved_step(
-    f: Formulas, found: list[SolvedUnknown], kind: str, redundant: bool = False
+    f: Formulas, unknowns: list[SolvedUnknown], kind: str, redundant: bool = False
 ) -> Step:
     """Return λ and the accelerations in closed form, or a remark why they are omitted."""
     title = f"Solved for the unknowns ({kind})"
-    parts = [f.arrange(x) for s in found for x in (s.numerator, s.denominator)]
-    if not found or max(map(weight, parts)) > _LONGEST_SOLUTION:
+    parts = [f.arrange(x) for s in unknowns for x in (s.numerator, s.denominator)]
+    if not unknowns or max(map(weight, parts)) > _LONGEST_SOLUTION:
         reason = "λ is not unique, because constraints are redundant"
         remark = (
             f"The closed form is omitted: {reason if redundant else 'it is long'}."
@@ -545,11 +544,11 @@ def solved_step(
     nodes = {x.name: Symbol(c.name, 2) for x, c in zip(f.equations.a, f.coordinates, strict=True)}
     for symbol, c in zip(f.equations.multipliers, f.equations.constraints, strict=True):
         nodes[symbol.name] = Symbol(c.constraint.name, kind="multiplier")
-    whole_fractions = [fraction(f, s.numerator, s.denominator) for s in found]
+    whole_fractions = [fraction(f, s.numerator, s.denominator) for s in unknowns]
     if max(map(weight, whole_fractions)) <= _LONG_FRACTION:
-        pairs = zip(found, whole_fractions, strict=True)
+        pairs = zip(unknowns, whole_fractions, strict=True)
         return Step(title, tuple(Line((nodes[s.unknown.name], x)) for s, x in pairs))
-    return Step(title, tuple(_over_determinants(f, found, nodes)))
+    return Step(title, tuple(_over_determinants(f, unknowns, nodes)))
 
 
 _LONGEST_SOLUTION = 160  # largest numerator or denominator that is shown, characters
@@ -558,12 +557,12 @@ _SHORT_DIVISOR = 8  # largest denominator that remains in a fraction, characters
 
 
 def _over_determinants(
-    f: Formulas, found: list[SolvedUnknown], nodes: dict[str, Symbol]
+    f: Formulas, unknowns: list[SolvedUnknown], nodes: dict[str, Symbol]
 ) -> list[Line]:
     """Return fractions as products with 1/Δ, which can be broken, and the definitions of Δ."""
     below: dict[Node, Sign] = {}
     lines = []
-    for s in found:
+    for s in unknowns:
         sign, divisor = forward(f.arrange(s.denominator))
         inverse = quotient_of(whole(1), divisor)
         if weight(divisor) > _SHORT_DIVISOR and divisor not in below:

@@ -93,16 +93,15 @@ def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbre
 
 
 def _uses(parts: Sequence[Basic], expressions: Sequence[Basic]) -> Counter[Basic]:
-    """Count how often each symbol occurs."""
-    found: Counter[Basic] = Counter()
+    uses: Counter[Basic] = Counter()
     stack = [*parts, *expressions]
     while stack:
         e = stack.pop()
         if isinstance(e, se.Symbol):
-            found[e] += 1
+            uses[e] += 1
         else:
             stack.extend(e.args)
-    return found
+    return uses
 
 
 def _short(value: Basic) -> bool:
@@ -159,11 +158,11 @@ class Matrices:
     def entries(self) -> Mapping[Place, Basic]:
         """The nonzero entries; for M, those on and above the diagonal. Vectors have one column."""
         e, constraints = self.equations, self.equations.constraints
-        found: dict[Place, Basic] = {}
+        entries: dict[Place, Basic] = {}
         for i, row in enumerate(e.mass_matrix):
-            found |= {("M", i, j): m for j, m in sorted(row.items()) if j >= i}
+            entries |= {("M", i, j): m for j, m in sorted(row.items()) if j >= i}
         for i, c in enumerate(constraints):
-            found |= {("B", i, j): b for j, b in sorted(c.row.items())}
+            entries |= {("B", i, j): b for j, b in sorted(c.row.items())}
         columns = {
             "f": e.forcing,
             "gamma": [c.rhs for c in constraints],
@@ -173,8 +172,8 @@ class Matrices:
             "energy": (e.kinetic, e.potential, e.lagrangian),
         }
         for part, column in columns.items():
-            found |= {(part, i, 0): x for i, x in enumerate(column)}
-        return {place: x for place, x in found.items() if x != 0 and place[0] in self.parts}
+            entries |= {(part, i, 0): x for i, x in enumerate(column)}
+        return {place: x for place, x in entries.items() if x != 0 and place[0] in self.parts}
 
     @cached_property
     def short(self) -> Abbreviations:
@@ -278,11 +277,11 @@ class Matrices:
         )
         if "gamma" not in self.parts and self.equations.constraints:
             remark += f" {_without(signs)}"
-        found = [Step("Equations of motion, in matrices", self._laws(), remark)]
+        steps = [Step("Equations of motion, in matrices", self._laws(), remark)]
         if self.short.named:
             lines, count = self.abbreviations(share), len(self.short.named)
             said = cut_short(len(lines), count)
-            found.append(Step("Abbreviations", tuple(lines), said, packed=True))
+            steps.append(Step("Abbreviations", tuple(lines), said, packed=True))
         titles = {
             "M": f"Mass matrix {signs.mass_matrix.text}",
             "f": f"Forces {signs.forcing.text}",
@@ -297,8 +296,8 @@ class Matrices:
             ]
             if values:
                 lines = self.lines(matrix, share)
-                found.append(Step(title, tuple(lines), cut_short(len(lines), len(set(values)))))
-        return found
+                steps.append(Step(title, tuple(lines), cut_short(len(lines), len(set(values)))))
+        return steps
 
     def _laws(self) -> tuple[Line, ...]:
         """Return M q̈ = f + Bᵀ λ and B q̈ = γ."""

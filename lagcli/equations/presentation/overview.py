@@ -41,8 +41,8 @@ def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     """
     if in_matrices(f, full):
         return in_short(f)
-    found = _written_out(f)
-    return tuple(found if full else Extent(f).shortened(IndexForm(f.model).steps(found)))
+    steps = _written_out(f)
+    return tuple(steps if full else Extent(f).shortened(IndexForm(f.model).steps(steps)))
 
 
 def in_matrices(f: Formulas, full: bool = False) -> bool:
@@ -80,7 +80,7 @@ _BEFORE = 150  # maximum number of lines before the matrices
 
 
 def _before(f: Formulas) -> list[Step]:
-    found = [
+    steps = [
         _coordinates(f),
         inputs_step(f),
         _all_definitions(f),
@@ -90,7 +90,7 @@ def _before(f: Formulas) -> list[Step]:
         events_step(f),
         freedom_step(f),
     ]
-    return IndexForm(f.model).steps([step for step in found if step is not None])
+    return IndexForm(f.model).steps([step for step in steps if step is not None])
 
 
 def before_equations(f: Formulas) -> list[Step]:
@@ -109,15 +109,15 @@ def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = constraints_step(f), _equations(f)
     contacts, events = contacts_step(f), events_step(f)
     shown = [step for step in (equations, constraints, contacts, events) if step is not None]
-    found = [_coordinates(f), parameters_step(f), inputs_step(f), _definitions(f, shown)]
-    found += [constraints, contacts, events, freedom_step(f), equations]
-    return [*(step for step in found if step is not None), convention(f)]
+    steps = [_coordinates(f), parameters_step(f), inputs_step(f), _definitions(f, shown)]
+    steps += [constraints, contacts, events, freedom_step(f), equations]
+    return [*(step for step in steps if step is not None), convention(f)]
 
 
 def quantities(f: Formulas) -> list[Step]:
     """Return the coordinates, and the parameters with their values."""
-    found = (_coordinates(f), parameters_step(f))
-    return [step for step in found if step is not None]
+    steps = (_coordinates(f), parameters_step(f))
+    return [step for step in steps if step is not None]
 
 
 def _all_definitions(f: Formulas) -> Step | None:
@@ -150,18 +150,20 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
         return f"holonomic, {time}"
     if c.constraint.kind == "nonlinear":
         return f"nonlinear in the velocities, {time}"
-    found = integrable(c, equations)
-    if found:
+    integrability = integrable(c, equations)
+    if integrability:
         return f"nonholonomic in form, but integrable by itself; {time}"
-    return f"nonholonomic, {time}" + (" (integrability not tested)" if found is None else "")
+    return f"nonholonomic, {time}" + (
+        " (integrability not tested)" if integrability is None else ""
+    )
 
 
 def convention(f: Formulas) -> Step:
     """Return the general equations, which define the sign of λ (8.85)."""
     lines = [Line(general.law(f.model))]
-    found = general.coefficients(f.equations)
-    for kind, definitions in found.items():
-        note = f"for {kind} constraints" if len(found) > 1 else None
+    coefficients = general.coefficients(f.equations)
+    for kind, definitions in coefficients.items():
+        note = f"for {kind} constraints" if len(coefficients) > 1 else None
         first, *others = definitions
         lines += [Line(first, note=note), *map(Line, others)]
     remark = None

@@ -46,20 +46,20 @@ def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> 
     tuple of Step
     """
     signs = general.Signs(f.model)
-    found = [inputs_step(f), _definitions(f), _energies(f, signs)]
-    found += _derivatives(f, signs)
-    found += [_forces(f), _constraints(f), contacts_step(f), events_step(f)]
-    found += [_accelerations(f, full), _variations(f), *coordinates]
-    found += [_unassembled(f, signs), _assembled(f), _closing(f)]
-    return tuple(step for step in found if step is not None)
+    shown = [inputs_step(f), _definitions(f), _energies(f, signs)]
+    shown += _derivatives(f, signs)
+    shown += [_forces(f), _constraints(f), contacts_step(f), events_step(f)]
+    shown += [_accelerations(f, full), _variations(f), *coordinates]
+    shown += [_unassembled(f, signs), _assembled(f), _closing(f)]
+    return tuple(step for step in shown if step is not None)
 
 
 def before_equations(f: Formulas, full: bool = False) -> list[Step]:
     """Return definitions, energies, forces, constraints and virtual displacements."""
-    found = [inputs_step(f), _definitions(f), _energies(f, general.Signs(f.model)), _forces(f)]
-    found += [_constraints(f), contacts_step(f), events_step(f)]
-    found += [_accelerations(f, full), _variations(f)]
-    return [step for step in found if step is not None]
+    shown = [inputs_step(f), _definitions(f), _energies(f, general.Signs(f.model)), _forces(f)]
+    shown += [_constraints(f), contacts_step(f), events_step(f)]
+    shown += [_accelerations(f, full), _variations(f)]
+    return [step for step in shown if step is not None]
 
 
 def _definitions(f: Formulas) -> Step | None:

@@ -54,15 +54,15 @@ def written(
 def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, ...]:
     """Return the definitions that a tree uses, in topological order."""
     scope = scope_of(model)
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     stack: list[tuple[Tree | str, Indices, bool]] = [(tree, indices, False)]
     while stack:
         item, here, done = stack.pop()
         if isinstance(item, str):
             definition = model.definitions[item]
             if done:
-                found[item] = None
-            elif item not in found:
+                names[item] = None
+            elif item not in names:
                 stack += [(item, here, True), (definition.tree, definition.indices, False)]
             continue
         scope.values.clear()
@@ -76,13 +76,13 @@ def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, .
             stack.extend((item.term, {**here, item.index: k}, False) for k in values)
         else:
             stack.extend((part, here, False) for part in reversed(item.parts))
-    return tuple(found)
+    return tuple(names)
 
 
 def differentiated_in(tree: Tree, model: Model) -> set[str]:
     """Return the scalar definitions whose time derivatives a tree uses."""
     scope = scope_of(model)
-    found: set[str] = set()
+    names: set[str] = set()
     stack: list[tuple[Tree, Indices]] = [(tree, _NONE)]
     while stack:
         item, here = stack.pop()
@@ -93,14 +93,14 @@ def differentiated_in(tree: Tree, model: Model) -> set[str]:
             definition = model.definitions.get(name)
             if definition is not None:
                 if dots and isinstance(definition.value, Basic):
-                    found.add(name)
+                    names.add(name)
                 stack.append((definition.tree, definition.indices))
         elif isinstance(item, trees.IndexedSumExpr):
             values = scope.indices.range(item.range)
             stack.extend((item.term, {**here, item.index: k}) for k in values)
         else:
             stack.extend((part, here) for part in item.parts)
-    return found
+    return names
 
 
 def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:

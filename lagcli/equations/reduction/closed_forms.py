@@ -162,8 +162,8 @@ def solve(equations: Sequence[Basic], unknowns: Sequence[Basic], value: Value) -
     if linear:
         return linear
     if len(unknowns) == 1:
-        found = _one(equations[0], unknowns[0], value)
-        return [found] if found is not None else []
+        solutions = _one(equations[0], unknowns[0], value)
+        return [solutions] if solutions is not None else []
     if len(unknowns) == 2:
         for attempt in (_loop, _circles):
             for first, second in (unknowns, unknowns[::-1]):
@@ -266,12 +266,12 @@ def _of_angle(
     value: Value,
     inverse: Basic | None = None,
 ) -> Solution | None:
-    found = se.atan2(sine, cosine) if inverse is None else inverse
-    turns = (value(angle.expression) - value(found)) / (2 * math.pi)
+    solution = se.atan2(sine, cosine) if inverse is None else inverse
+    turns = (value(angle.expression) - value(solution)) / (2 * math.pi)
     if not math.isfinite(turns) or abs(turns - round(turns)) > 1e-6:
         return None
-    found += 2 * round(turns) * se.pi
-    return Solution(angle.unknown, angle.solved(found), angle.expression, sine, cosine, sign)
+    solution += 2 * round(turns) * se.pi
+    return Solution(angle.unknown, angle.solved(solution), angle.expression, sine, cosine, sign)
 
 
 def _loop(equations: Sequence[Basic], unknown: Basic, other: Basic, value: Value) -> list[Solution]:
@@ -328,8 +328,8 @@ def _contracted(e: Basic) -> Basic:
 def _without_cosine_squares(e: Basic, angle: Basic) -> Basic:
     """Return an expanded expression with cos² of an angle written as 1 − sin²."""
     square = se.Symbol("\ufdd0")
-    found = se.expand(e).xreplace({se.cos(angle) ** 2: square})
-    return found.xreplace({square: ONE - se.sin(angle) ** 2})
+    replaced = se.expand(e).xreplace({se.cos(angle) ** 2: square})
+    return replaced.xreplace({square: ONE - se.sin(angle) ** 2})
 
 
 def _sign(x: float) -> int:

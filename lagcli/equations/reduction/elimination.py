@@ -67,8 +67,8 @@ def solve_first_kind(partition: CoordinatePartition) -> list[SolvedUnknown]:
     right = [*e.forcing, *(c.rhs for c in e.constraints)]
     for c in e.constraints:
         matrix.append([*(c.row.get(j, ZERO) for j in range(k)), *[ZERO] * len(e.constraints)])
-    found = _solved(matrix, right, [*e.a, *e.multipliers], partition)
-    return _short([*found[k:], *found[:k]])
+    solved = _solved(matrix, right, [*e.a, *e.multipliers], partition)
+    return _short([*solved[k:], *solved[:k]])
 
 
 def _by_multipliers(
@@ -84,14 +84,14 @@ def _by_multipliers(
         c.rhs - se.Add(*[x * e.forcing[j] / masses[j] for j, x in c.row.items()])
         for c in e.constraints
     ]
-    found = _solved(matrix, right, list(e.multipliers), partition)
+    solved = _solved(matrix, right, list(e.multipliers), partition)
     for i, a in enumerate(e.a):
-        below = found[0].denominator if found else se.Integer(1)
-        forces = [found[n].numerator * row[i] for n, row in enumerate(rows) if i in row]
-        same = all(x.denominator == below for x in found)
+        below = solved[0].denominator if solved else se.Integer(1)
+        forces = [solved[n].numerator * row[i] for n, row in enumerate(rows) if i in row]
+        same = all(x.denominator == below for x in solved)
         if not same:
             forces = [
-                found[n].numerator / found[n].denominator * row[i]
+                solved[n].numerator / solved[n].denominator * row[i]
                 for n, row in enumerate(rows)
                 if i in row
             ]
@@ -99,8 +99,8 @@ def _by_multipliers(
         if not forces:
             below = se.Integer(1)
         above = se.Add(e.forcing[i] * below, *forces)
-        found.append(SolvedUnknown(a, *_lowest_terms(above, below * masses[i])))
-    return found
+        solved.append(SolvedUnknown(a, *_lowest_terms(above, below * masses[i])))
+    return solved
 
 
 def solve_accelerations(equations: SecondKind | Maggi) -> list[SolvedUnknown]:
@@ -134,10 +134,10 @@ def _lowest_terms(numerator: Basic, denominator: Basic) -> tuple[Basic, Basic]:
     from symengine.lib.symengine_wrapper import sympy2symengine
 
     value = sympy.cancel(above._sympy_() / below._sympy_())
-    found = tuple(map(sympy2symengine, sympy.fraction(value)))
-    return found if operations(found) < operations([above, below]) else (above, below)
+    reduced = tuple(map(sympy2symengine, sympy.fraction(value)))
+    return reduced if operations(reduced) < operations([above, below]) else (above, below)
 
 
-def _short(found: list[SolvedUnknown]) -> list[SolvedUnknown]:
-    longest = max((se.count_ops(x) for s in found for x in s[1:]), default=0)
-    return found if longest <= LONGEST else []
+def _short(unknowns: list[SolvedUnknown]) -> list[SolvedUnknown]:
+    longest = max((se.count_ops(x) for s in unknowns for x in s[1:]), default=0)
+    return unknowns if longest <= LONGEST else []

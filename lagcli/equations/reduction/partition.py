@@ -65,13 +65,13 @@ def triangular_blocks(incidence: Sequence[set[int]]) -> list[CoordinateBlock]:
     column_of = {row: column for column, row in row_of.items()}
     needs = [{row_of[c] for c in columns} | {i} for i, columns in enumerate(incidence)]
     reach = [_reachable(i, needs) for i in range(len(needs))]
-    found: list[CoordinateBlock] = []
+    blocks: list[CoordinateBlock] = []
     for i in sorted(range(len(needs)), key=lambda i: (len(reach[i]), i)):
-        if any(i in block.rows for block in found):
+        if any(i in block.rows for block in blocks):
             continue
         rows = tuple(sorted(j for j in reach[i] if i in reach[j]))
-        found.append(CoordinateBlock(rows, tuple(sorted(column_of[j] for j in rows))))
-    return found
+        blocks.append(CoordinateBlock(rows, tuple(sorted(column_of[j] for j in rows))))
+    return blocks
 
 
 def _matching(incidence: Sequence[set[int]]) -> dict[int, int]:
@@ -101,12 +101,12 @@ def _matching(incidence: Sequence[set[int]]) -> dict[int, int]:
 
 
 def _reachable(start: int, needs: Sequence[set[int]]) -> set[int]:
-    found, stack = {start}, [start]
+    reached, stack = {start}, [start]
     while stack:
-        for j in needs[stack.pop()] - found:
-            found.add(j)
+        for j in needs[stack.pop()] - reached:
+            reached.add(j)
             stack.append(j)
-    return found
+    return reached
 
 
 Values = Mapping[Basic, float]
@@ -207,10 +207,10 @@ class CoordinatePartition:
     @cached_property
     def rates(self) -> tuple[DependentRate, ...]:
         """The dependent velocities, each in terms of independent and earlier ones."""
-        found: list[DependentRate] = []
+        rates: list[DependentRate] = []
         for block in self.blocks:
-            found += self._solved(block)
-        return tuple(found)
+            rates += self._solved(block)
+        return tuple(rates)
 
     def _solved(self, block: CoordinateBlock) -> list[DependentRate]:
         held = [self.equations.constraints[i] for i in block.rows]
@@ -219,7 +219,7 @@ class CoordinatePartition:
         columns = [[-c.row.get(j, ZERO) for c in held] for j in others]
         columns += [[-c.drift for c in held], [c.rhs for c in held]]
         solved, below = solutions(matrix, columns, lambda x: number(x, self.values))
-        found = []
+        resolved = []
         for place, i in enumerate(block.columns):
             parts, divisor = [x[place] for x in solved], below
             shorter, common = cancelled(parts, divisor)
@@ -228,8 +228,8 @@ class CoordinatePartition:
                 parts, divisor = shorter, common
             *moving, drift, acceleration = parts
             numerators = {j: x for j, x in zip(others, moving, strict=True) if x != 0}
-            found.append(DependentRate(i, numerators, drift, divisor, acceleration / divisor))
-        return found
+            resolved.append(DependentRate(i, numerators, drift, divisor, acceleration / divisor))
+        return resolved
 
     @cached_property
     def null_space(self) -> tuple[Mapping[int, Basic], ...]:
@@ -255,11 +255,11 @@ class CoordinatePartition:
         return self._offsets("acceleration")
 
     def _offsets(self, kind: str) -> tuple[Basic, ...]:
-        found = [ZERO] * len(self.equations.q)
+        offsets = [ZERO] * len(self.equations.q)
         for rate in self.rates:
-            terms = [x * found[j] for j, x in rate.coefficients.items()]
-            found[rate.coordinate] = se.Add(getattr(rate, kind), *terms)
-        return tuple(found)
+            terms = [x * offsets[j] for j, x in rate.coefficients.items()]
+            offsets[rate.coordinate] = se.Add(getattr(rate, kind), *terms)
+        return tuple(offsets)
 
 
 def _combined(
@@ -357,9 +357,9 @@ def _eliminate(matrix: Matrix, groups: Sequence[Sequence[int]]) -> tuple[list[in
         if not largest > _ZERO_PIVOT:
             break
         i, j = next(
-            found
-            for found in (_pivot(left, free, group, columns, largest) for group in groups)
-            if found is not None
+            pivot
+            for pivot in (_pivot(left, free, group, columns, largest) for group in groups)
+            if pivot is not None
         )
         rows.append(i)
         columns.append(j)
@@ -437,8 +437,8 @@ def values_at(
 ) -> dict[Basic, float]:
     """Return the values of all symbols of a model at a state."""
     names = model.coordinate_names
-    found = {symbols.TIME: t}
-    found |= {symbols.coordinate(name): float(x) for name, x in zip(names, q, strict=True)}
-    found |= {symbols.velocity(name): float(x) for name, x in zip(names, v, strict=True)}
-    found |= {se.Symbol(name): float(x) for name, x in zip(model.parameters, p, strict=True)}
-    return found
+    values = {symbols.TIME: t}
+    values |= {symbols.coordinate(name): float(x) for name, x in zip(names, q, strict=True)}
+    values |= {symbols.velocity(name): float(x) for name, x in zip(names, v, strict=True)}
+    values |= {se.Symbol(name): float(x) for name, x in zip(model.parameters, p, strict=True)}
+    return values

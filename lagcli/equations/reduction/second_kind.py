@@ -67,12 +67,10 @@ class Maggi:
         return self._projected(left)
 
     def _weighted(self, vector: tuple[Basic, ...] | list[Basic]) -> list[Basic]:
-        """Return M times a vector."""
         mass = self.partition.equations.mass_matrix
         return [se.Add(*[m * vector[j] for j, m in row.items()]) for row in mass]
 
     def _projected(self, vector: list[Basic]) -> tuple[Basic, ...]:
-        """Return Jᵀ times a vector."""
         terms: list[list[Basic]] = [[] for _ in self.partition.independent]
         for x, row in zip(vector, self.partition.null_space, strict=True):
             for k, j in row.items():
@@ -129,15 +127,15 @@ class SecondKind:
     @cached_property
     def inserted(self) -> tuple[Solution, ...]:
         """Solutions that are substituted into L, in order of dependence."""
-        found: list[Solution] = []
+        solutions: list[Solution] = []
         unknown = {self.equations.q[i] for i in self.partition.dependent}
         for solution in (s for block in self.blocks for s in block.solutions):
             parts = [x for x in (solution.sine, solution.cosine) if x is not None]
-            whole = [self._with(found, x) for x in parts or [solution.value]]
+            whole = [self._with(solutions, x) for x in parts or [solution.value]]
             short = max(map(se.count_ops, whole)) <= _SHORT
             if self.written_out or (short and not any(x.free_symbols & unknown for x in whole)):
-                found.append(solution)
-        return tuple(found)
+                solutions.append(solution)
+        return tuple(solutions)
 
     @staticmethod
     def _with(solutions: list[Solution] | tuple[Solution, ...], expression: Basic) -> Basic:
@@ -241,11 +239,11 @@ class SecondKind:
     def momentum_rates(self) -> tuple[Basic, ...]:
         """The n time derivatives d/dt ∂L/∂v_k, including accelerations."""
         a = [self.equations.a[i] for i in self.partition.independent]
-        found = []
+        rates = []
         for p, row in zip(self.momenta, self.mass_matrix, strict=True):
             moving = [m * x for m, x in zip(row, a, strict=True)]
-            found.append(se.Add(*moving, self._convective(p)))
-        return tuple(found)
+            rates.append(se.Add(*moving, self._convective(p)))
+        return tuple(rates)
 
     @cached_property
     def forcing(self) -> tuple[Basic, ...]:
@@ -319,8 +317,8 @@ def second_kind(partition: CoordinatePartition, written_out: bool = False) -> Se
         # the sides as written, because their squares are recognized
         sides = [e.constraints[i].constraint.expression for i in block.rows]
         unknowns = [e.q[i] for i in block.columns]
-        found = solve(sides, unknowns, lambda x: number(x, partition.values))
-        blocks.append(SolvedBlock(block, tuple(found)))
+        solutions = solve(sides, unknowns, lambda x: number(x, partition.values))
+        blocks.append(SolvedBlock(block, tuple(solutions)))
     return SecondKind(partition, tuple(blocks), written_out)
 
 

@@ -89,17 +89,17 @@ def shared_factor(terms: Sequence[Basic]) -> Basic:
     numbers = []
     powers: list[dict[Basic, Basic]] = []
     for term in terms:
-        number, found = Fraction(1), {}
+        number, shared = Fraction(1), {}
         for x in term.args if isinstance(term, se.Mul) else (term,):
             base, exponent = x.args if isinstance(x, se.Pow) else (x, ONE)
             if isinstance(x, se.Integer | se.Rational):
                 number = Fraction(str(x))
             elif isinstance(exponent, se.Integer | se.Rational):
-                found[base] = exponent
+                shared[base] = exponent
         numbers.append(abs(number))
-        powers.append(found)
-    bases = dict.fromkeys(x for found in powers for x in found)
-    lowest = {x: min(found.get(x, ZERO) for found in powers) for x in bases}
+        powers.append(shared)
+    bases = dict.fromkeys(x for shared in powers for x in shared)
+    lowest = {x: min(shared.get(x, ZERO) for shared in powers) for x in bases}
     content = content_of(numbers)
     return se.Mul(
         se.Rational(content.numerator, content.denominator),

@@ -204,11 +204,11 @@ class _JsonWriter:
 
     def kinds(self, contents: Contents) -> dict[str, Any]:
         p = contents.partition
-        found: dict[str, Any] = {"kinds": list(contents.kinds), "partition": None}
+        content: dict[str, Any] = {"kinds": list(contents.kinds), "partition": None}
         if p is None:
-            return found
+            return content
         names, constraints = self.f.model.coordinate_names, self.f.model.constraint_names
-        found["partition"] = {
+        content["partition"] = {
             "independent": [names[i] for i in p.independent],
             "dependent": [names[i] for i in p.dependent],
             "constraints": [constraints[i] for i in p.constraints],
@@ -219,28 +219,28 @@ class _JsonWriter:
         for kind in contents.kinds:
             if kind == "second":
                 second = second_kind(p, contents.full)
-                found["second"] = self.second(second)
+                content["second"] = self.second(second)
                 solved[kind] = solve_accelerations(second) if contents.solve else []
             elif kind == "maggi":
-                found["maggi"] = self.maggi(Maggi(p))
+                content["maggi"] = self.maggi(Maggi(p))
                 solved[kind] = solve_accelerations(Maggi(p)) if contents.solve else []
             else:
                 solved[kind] = solve_first_kind(p) if contents.solve else []
         if contents.solve:
-            found["solved"] = {kind: self.solved(x) for kind, x in solved.items()}
-        return found
+            content["solved"] = {kind: self.solved(x) for kind, x in solved.items()}
+        return content
 
     def arranged(self, expression: Basic) -> dict[str, str]:
         return self.node(self.f.arrange(expression))
 
-    def solved(self, found: list[SolvedUnknown]) -> list[dict[str, Any]] | None:
+    def solved(self, unknowns: list[SolvedUnknown]) -> list[dict[str, Any]] | None:
         return [
             {
                 "unknown": x.unknown.name,
                 "numerator": self.arranged(x.numerator),
                 "denominator": self.arranged(x.denominator),
             }
-            for x in found
+            for x in unknowns
         ] or None
 
     def second(self, second: SecondKind) -> dict[str, Any]:

@@ -88,7 +88,7 @@ def writing_order(model: Model) -> tuple[str, ...]:
     trees: dict[str, dict[int, Tree]] = {}
     for name, definition in model.definitions.items():
         trees.setdefault(family_of(name), {})[id(definition.tree)] = definition.tree
-    known = Known(families.keys(), {name: [*found.values()] for name, found in trees.items()})
+    known = Known(families.keys(), {name: [*by_id.values()] for name, by_id in trees.items()})
     for tree in model.trees.values():
         for left, right in _pairs(tree, known):
             if (left, right) not in seen and (right, left) not in seen:
@@ -145,14 +145,14 @@ def _pairs(tree: Tree, known: Known) -> Iterator[tuple[str, str]]:
 
 def _names(tree: Tree, known: Known) -> list[str]:
     """Return the parameters that are factors in a tree, with definitions expanded."""
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     opened: set[str] = set()
     stack = [tree]
     while stack:
         item = stack.pop()
         match item:
             case Name() if item.text in known.parameters:
-                found[item.text] = None
+                names[item.text] = None
             case Name() if item.text in known.definitions and item.text not in opened:
                 opened.add(item.text)
                 stack.extend(known.definitions[item.text])
@@ -165,7 +165,7 @@ def _names(tree: Tree, known: Known) -> list[str]:
             case ProductExpr():
                 above = [factor for exponent, factor in item.factors if exponent > 0]
                 stack.extend(reversed(above))
-    return list(found)
+    return list(names)
 
 
 class PrescribedNames:
@@ -214,12 +214,12 @@ def _power(e: Basic) -> tuple[Basic, Basic]:
 
 def _whole_powers(product: se.Mul) -> dict[Basic, int]:
     """Return the factors of a product with their exponents; none if one is not a whole power."""
-    found: dict[Basic, int] = {}
+    powers: dict[Basic, int] = {}
     for base, n in map(_power, product.args):
         if isinstance(base, se.Number) or not isinstance(n, se.Integer) or int(n) < 1:
             return {}
-        found[base] = int(n)
-    return found
+        powers[base] = int(n)
+    return powers
 
 
 Arrange = Callable[[Basic], Node]
@@ -401,7 +401,7 @@ class Arranger:
 
     def _defined_roots(self, model: Model) -> dict[tuple[Basic, int], str]:
         """Return definitions that are roots, by radicand and degree: s = √(x² + y²)."""
-        found: dict[tuple[Basic, int], str] = {}
+        roots: dict[tuple[Basic, int], str] = {}
         for name, definition in model.definitions.items():
             value = definition.value
             if isinstance(value, se.Pow) and isinstance(value.args[1], se.Rational):
@@ -409,8 +409,8 @@ class Arranger:
                 if int(p) == 1 and int(q) > 1:
                     radicand = value.args[0]
                     radicand = self._named(radicand) if self._named else radicand
-                    found.setdefault((radicand, int(q)), name)
-        return found
+                    roots.setdefault((radicand, int(q)), name)
+        return roots
 
     # expanded
 
@@ -490,15 +490,15 @@ class Arranger:
         style: ContentStyle,
     ) -> list[tuple[Key, Node]]:
         """Return the terms of a bracket, factored if that is shorter."""
-        found = [
+        terms = [
             (self._place(p, expansion), self._pair(p.functions, p.motion, expansion).node())
             for p in parts
         ]
         if together and len(parts) > 1:
             whole = self._parts(Term(Fraction(1), ()), parts, expansion, style).node()
-            if weight(whole) < weight(sum_of((1, node) for _, node in found)):
-                return [(min(place for place, _ in found), whole)]
-        return found
+            if weight(whole) < weight(sum_of((1, node) for _, node in terms)):
+                return [(min(place for place, _ in terms), whole)]
+        return terms
 
     def _place(self, part: Pair, expansion: MonomialExpansion) -> Key:
         """Return the sort key of a term in a bracket."""
@@ -553,10 +553,10 @@ class Arranger:
         self, terms: Polynomial, squared: bool, expansion: MonomialExpansion
     ) -> Iterator[tuple[Key, Node]]:
         """Yield the terms of a sum with their sort keys, and its squares of sums as such."""
-        found, others = squares(terms) if squared else ([], terms)
+        forms, others = squares(terms) if squared else ([], terms)
         for m, c in others.items():
             yield (expansion.order(m),), Term(Fraction(c), self._monomial(m, expansion)).node()
-        for c, form in found:
+        for c, form in forms:
             _, base = oriented(self._summands(form, False, expansion))
             square = TermFactor(base, Fraction(2), (position.SQUARE,))
             yield (min(expansion.order(times(m, m)) for m in form),), Term(c, (square,)).node()
@@ -631,12 +631,12 @@ class Arranger:
 
     def _structured_sum(self, e: Basic) -> Node:
         """Return a sum with each term arranged and common parameters factored out."""
-        found: dict[Basic, list[Basic]] = {}
+        inner_of: dict[Basic, list[Basic]] = {}
         for term in e.args:
             outer, inner = self._split(term)
-            found.setdefault(outer, []).append(inner)
+            inner_of.setdefault(outer, []).append(inner)
         terms: list[tuple[Key, Node]] = []
-        for outer, inners in found.items():
+        for outer, inners in inner_of.items():
             if outer == 1 or len(inners) == 1:
                 terms.extend((self._key(i), self.arrange(outer * i, self._own)) for i in inners)
                 continue

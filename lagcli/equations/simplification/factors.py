@@ -99,8 +99,8 @@ class Term:
 
 def _with_tangents(factors: Iterable[TermFactor]) -> list[TermFactor]:
     """Return factors with tan x for sin x/cos x."""
-    found = list(factors)
-    circular = {x.node: x for x in found if isinstance(x.node, Call)}
+    with_tangents = list(factors)
+    circular = {x.node: x for x in with_tangents if isinstance(x.node, Call)}
     for node, sine in circular.items():
         if not isinstance(node, Call) or node.function != "sin" or sine.exponent <= 0:
             continue
@@ -109,10 +109,10 @@ def _with_tangents(factors: Iterable[TermFactor]) -> list[TermFactor]:
             continue
         common = min(sine.exponent, -cosine.exponent)
         left = [(sine, sine.exponent - common), (cosine, cosine.exponent + common)]
-        found = [x for x in found if x is not sine and x is not cosine]
-        found += [TermFactor(x.node, power, x.key) for x, power in left if power]
-        found.append(TermFactor(Call("tan", node.arguments), common, sine.key))
-    return found
+        with_tangents = [x for x in with_tangents if x is not sine and x is not cosine]
+        with_tangents += [TermFactor(x.node, power, x.key) for x, power in left if power]
+        with_tangents.append(TermFactor(Call("tan", node.arguments), common, sine.key))
+    return with_tangents
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def squares(
             for g, _ in monomial:
                 group |= joined.get(g, {g})
             joined.update(dict.fromkeys(group, group))
-    found: list[tuple[Fraction, Polynomial]] = []
+    forms: list[tuple[Fraction, Polynomial]] = []
     rest: Polynomial = dict(terms)
     for group in {id(x): x for x in joined.values()}.values():
         part = {m: c for m, c in terms.items() if any(g in group for g, _ in m)}
@@ -255,9 +255,9 @@ def squares(
         content *= -1 if any(c < 0 for m, c in part.items() if len(m) == 1) else 1
         root = square_root({m: c / content for m, c in part.items()})
         if root is not None:
-            found.append((content, root))
+            forms.append((content, root))
             rest = {m: c for m, c in rest.items() if m not in part}
-    return found, rest
+    return forms, rest
 
 
 def _rational_root(value: Fraction) -> Fraction | None:
@@ -293,22 +293,22 @@ def groups(terms: Polynomial, expansion: MonomialExpansion) -> list[TermGroup]:
 
     m₁ l² θ̈ + m₂ l² θ̈ becomes (m₁ l² + m₂ l²) · θ̈.
     """
-    found: dict[Monomial, Polynomial] = {}
+    sums: dict[Monomial, Polynomial] = {}
     for monomial, c in terms.items():
         outer, inner = _split(monomial, expansion, ("parameter",))
-        add_to(found.setdefault(outer, {}), inner, c)
-    return [TermGroup(a, b) for a, b in _merged(found, expansion)]
+        add_to(sums.setdefault(outer, {}), inner, c)
+    return [TermGroup(a, b) for a, b in _merged(sums, expansion)]
 
 
 def pairs(terms: Polynomial, expansion: MonomialExpansion) -> list[Pair]:
     """Collect terms by functions of position, and merge groups with the same motion."""
-    found: dict[Monomial, Polynomial] = {}
+    sums: dict[Monomial, Polynomial] = {}
     for monomial, c in terms.items():
         motion, function = _split(monomial, expansion, MOVING)
-        add_to(found.setdefault(function, {}), motion, c)
+        add_to(sums.setdefault(function, {}), motion, c)
     return [
         Pair(a, b, _motion_class(b, expansion), min(_complexity(m, expansion) for m in a))
-        for a, b in _merged(found, expansion)
+        for a, b in _merged(sums, expansion)
     ]
 
 
@@ -336,11 +336,11 @@ def _split(
 
 
 def _merged(
-    found: Mapping[Monomial, Polynomial], expansion: MonomialExpansion
+    sums: Mapping[Monomial, Polynomial], expansion: MonomialExpansion
 ) -> list[tuple[Polynomial, Polynomial]]:
     """Merge the monomials whose sums are proportional."""
     joined: dict[frozenset[tuple[Monomial, Exact]], tuple[Polynomial, Polynomial]] = {}
-    for outer, inner in found.items():
+    for outer, inner in sums.items():
         if not inner:
             continue
         scale = Fraction(inner[min(inner, key=expansion.order)])
@@ -374,14 +374,14 @@ def ordered(terms: Iterable[tuple[Key, Node]], follows: bool = False) -> Node:
         Whether the sum follows other terms. If not, a leading class with a positive term starts
         with it: b − a, not −a + b.
     """
-    found = _sorted(terms)
-    if found and found[0][1] < 0 and not follows:
-        kind = found[0][0][0]
-        for i, (key, sign, _) in enumerate(found):
+    in_order = _sorted(terms)
+    if in_order and in_order[0][1] < 0 and not follows:
+        kind = in_order[0][0][0]
+        for i, (key, sign, _) in enumerate(in_order):
             if sign > 0 and (key[0] == kind or kind != 0):
-                found.insert(0, found.pop(i))
+                in_order.insert(0, in_order.pop(i))
                 break
-    return sum_of((sign, term) for _, sign, term in found)
+    return sum_of((sign, term) for _, sign, term in in_order)
 
 
 def oriented(terms: Iterable[tuple[Key, Node]]) -> tuple[int, Node]:

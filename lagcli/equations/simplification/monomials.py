@@ -145,14 +145,14 @@ class MonomialExpansion:
 
     def index(self, generator: Generator) -> int:
         """Return the number of a generator."""
-        found = self._index.get(generator)
-        if found is None:
-            found = self._index[generator] = len(self.generators)
+        number = self._index.get(generator)
+        if number is None:
+            number = self._index[generator] = len(self.generators)
             self.generators.append(generator)
             self.classes.append(self._classify(generator))
             self.places.append(((), 0, ""))
-            self.places[found] = self._place(generator, found)
-        return found
+            self.places[number] = self._place(generator, number)
+        return number
 
     def order(self, monomial: Monomial) -> tuple[tuple[Place, int], ...]:
         """Return a key that sorts x² before x y before y², sin before cos, in the order of
@@ -393,10 +393,10 @@ def _gcd(a: Fraction, b: Fraction) -> Fraction:
 
 def content_of(values: Iterable[Exact]) -> Fraction:
     """Return the greatest fraction of which all values are multiples."""
-    found = Fraction(0)
+    content = Fraction(0)
     for value in values:
-        found = _gcd(found, Fraction(value))
-    return found or Fraction(1)
+        content = _gcd(content, Fraction(value))
+    return content or Fraction(1)
 
 
 def shorten(terms: Polynomial, expansion: MonomialExpansion) -> Polynomial:
@@ -415,12 +415,12 @@ def _circular(
     monomial: Monomial, expansion: MonomialExpansion
 ) -> list[tuple[str, se.Basic, int, int]]:
     """Return (name, angle, generator, exponent) of the sines and cosines in a monomial."""
-    found = []
+    circular = []
     for g, exponent in monomial:
         generator = expansion.generators[g]
         if generator.name in ("sin", "cos") and generator.head == "function" and exponent > 0:
-            found.append((generator.name, generator.arguments[0], g, exponent))
-    return found
+            circular.append((generator.name, generator.arguments[0], g, exponent))
+    return circular
 
 
 def _circle(expansion: MonomialExpansion, name: str, angle: se.Basic) -> int:

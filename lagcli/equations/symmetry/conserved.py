@@ -120,8 +120,8 @@ def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
     equations : Equations
     """
     symmetries, _ = linear_symmetries(equations, equations.model.parameter_values, QUICK)
-    found = _lasting(equations, [s for s in symmetries if not s.is_energy])
-    return _named(equations, found)
+    quantities = _lasting(equations, [s for s in symmetries if not s.is_energy])
+    return _named(equations, quantities)
 
 
 def _lasting(equations: Equations, symmetries: list[Symmetry]) -> list[Symmetry]:
@@ -140,10 +140,12 @@ def _lasting(equations: Equations, symmetries: list[Symmetry]) -> list[Symmetry]
 
 def _named(equations: Equations, symmetries: list[Symmetry]) -> tuple[ConservedQuantity, ...]:
     """Return the quantities of symmetries: momenta of cyclic coordinates first, energy last."""
-    found = [q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)]
-    found.sort(key=lambda q: (q.time != ZERO, q.name == ""))
-    numbers = iter(range(1, len(found) + 1))
-    return tuple(q if q.name else q._replace(name=f"J_{next(numbers)}") for q in found)
+    quantities = [
+        q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)
+    ]
+    quantities.sort(key=lambda q: (q.time != ZERO, q.name == ""))
+    numbers = iter(range(1, len(quantities) + 1))
+    return tuple(q if q.name else q._replace(name=f"J_{next(numbers)}") for q in quantities)
 
 
 def _quantity(equations: Equations, symmetry: Symmetry) -> ConservedQuantity:
@@ -215,13 +217,13 @@ def _size(equations: Equations, symmetry: Symmetry) -> Fraction:
 
 def _quaternions(equations: Equations) -> set[int]:
     """Return the coordinates of unit quaternions: those of constraints e·e = 1."""
-    found: set[int] = set()
+    components: set[int] = set()
     for c in equations.constraints:
         ratios = {b / equations.q[i] for i, b in c.row.items()}
         constant = len(ratios) == 1 and not ratios.pop().free_symbols
         if c.position is not None and len(c.row) == 4 and constant:
-            found.update(c.row)
-    return found
+            components.update(c.row)
+    return components
 
 
 def _factor(coefficient: Basic, term: str) -> tuple[str, str]:
@@ -328,8 +330,8 @@ def _namings(equations: Equations, quantity: ConservedQuantity) -> Iterator[dict
     used = sorted({abs(x) for part in parts for x in _numbers(part)})
     choices: list[list[Basic]] = []
     for number in used:
-        found = _equal(number, powers if number in _PLAIN else {**powers, **pairs})
-        choices.append([symbolic(number), *found][:_MOST_NAMINGS])
+        names = _equal(number, powers if number in _PLAIN else {**powers, **pairs})
+        choices.append([symbolic(number), *names][:_MOST_NAMINGS])
     for tried, chosen in enumerate(product(*choices)):
         if tried >= _MOST_NAMINGS:
             return

@@ -42,9 +42,9 @@ _ROUNDING = 4e-16  # rounding error of a parameter computed from others
 
 def rational(value: float) -> Fraction:
     """Return the simple rational number that a double represents: 3/4000 for 7.5e-4."""
-    found = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
-    if abs(found - Fraction(value)) <= _ROUNDING * abs(Fraction(value)):
-        return found
+    fraction = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
+    if abs(fraction - Fraction(value)) <= _ROUNDING * abs(Fraction(value)):
+        return fraction
     return Fraction(repr(value))
 
 
@@ -138,8 +138,8 @@ def coefficients(expression: Basic) -> dict[Basic, Basic]:
     """Return the terms of a sum, without their numerical coefficients, with these."""
     if isinstance(expression, se.Number):
         return {ONE: expression} if expression != 0 else {}
-    found = expression.as_coefficients_dict().items()
-    return {term: _number(x) for term, x in found if x != 0}
+    items = expression.as_coefficients_dict().items()
+    return {term: _number(x) for term, x in items if x != 0}
 
 
 SparseVector = dict[int, Exact]
@@ -176,10 +176,10 @@ def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVe
     """Return rows without the unknowns that must vanish, which are the majority, and these
     unknowns."""
     left, vanishing = [row for row in rows if row], set[int]()
-    while found := {column for row in left if len(row) == 1 for column in row}:
-        vanishing |= found
+    while single := {column for row in left if len(row) == 1 for column in row}:
+        vanishing |= single
         left = [
-            row if found.isdisjoint(row) else {c: x for c, x in row.items() if c not in found}
+            row if single.isdisjoint(row) else {c: x for c, x in row.items() if c not in single}
             for row in left
         ]
         left = [row for row in left if row]
@@ -202,13 +202,13 @@ def echelon(vectors: Iterable[SparseVector]) -> list[SparseVector]:
 
 def remainder(vector: SparseVector, basis: Iterable[SparseVector]) -> SparseVector:
     """Return a vector reduced by those of `echelon`."""
-    found = dict(vector)
+    rest = dict(vector)
     for row in basis:
-        factor = found.get(min(row))
+        factor = rest.get(min(row))
         if factor:
             for c, x in row.items():
-                found[c] = found.get(c, 0) - factor * x
-    return {c: x for c, x in found.items() if x}
+                rest[c] = rest.get(c, 0) - factor * x
+    return {c: x for c, x in rest.items() if x}
 
 
 def _add(row: _Integers, pivots: dict[int, _Integers]) -> bool:
@@ -239,24 +239,24 @@ def _without(row: _Integers, lead: int, pivot: _Integers) -> _Integers:
     """Return a combination of a row and a pivot row that eliminates the pivot column."""
     divisor = gcd(row[lead], pivot[lead])
     own, other = pivot[lead] // divisor, row[lead] // divisor
-    found = {c: own * x for c, x in row.items()}
+    combined = {c: own * x for c, x in row.items()}
     for c, x in pivot.items():
-        found[c] = found.get(c, 0) - other * x
-    return _primitive({c: x for c, x in found.items() if x})
+        combined[c] = combined.get(c, 0) - other * x
+    return _primitive({c: x for c, x in combined.items() if x})
 
 
 def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> SparseVector:
     """Return the solution with one free unknown equal to 1 and the others 0, by back
     substitution."""
-    found: SparseVector = {free: 1}
+    solution: SparseVector = {free: 1}
     for lead in solved:
         row = pivots[lead]
-        if lead > free or found.keys().isdisjoint(row):
+        if lead > free or solution.keys().isdisjoint(row):
             continue
-        value = sum(x * found[c] for c, x in row.items() if c in found)
+        value = sum(x * solution[c] for c, x in row.items() if c in solution)
         if value:
-            found[lead] = Fraction(-value) / row[lead]
-    return found
+            solution[lead] = Fraction(-value) / row[lead]
+    return solution
 
 
 #: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
@@ -386,17 +386,17 @@ class _Conditions:
         """
         k = len(self.momenta)
         rows: dict[int, SparseVector] = defaultdict(dict)
-        found = {}
+        conditions = {}
         for place, x in vector.items():
             letter, i, j = known[place]
             if letter in ("A", "b"):
                 rows[i][j if letter == "A" else k] = x
             elif letter == "tau":
-                found[k * (k + 1)] = x
+                conditions[k * (k + 1)] = x
         for i, row in rows.items():
             for j, x in remainder(row, self._linear_constraints).items():
-                found[i * (k + 1) + j] = x
-        return found
+                conditions[i * (k + 1) + j] = x
+        return conditions
 
     @cached_property
     def _linear_constraints(self) -> list[SparseVector]:
@@ -425,14 +425,14 @@ class _Conditions:
         """Return the unknowns; of linearly dependent ones, the last ones are free."""
         k, r, rh = len(self.momenta), len(self.rows), len(self.positions)
         both = [(i, j) for i in range(k) for j in range(k)]
-        found = [("mu", i, j) for i in range(r) for j in range(rh)]
-        found += [("c", i, 0) for i in range(k)]
+        unknowns = [("mu", i, j) for i in range(r) for j in range(rh)]
+        unknowns += [("c", i, 0) for i in range(k)]
         if with_rotations:
-            found += [("C", i, j) for i, j in both if i <= j]
-        found += [("b", i, 0) for i in range(k)]
+            unknowns += [("C", i, j) for i, j in both if i <= j]
+        unknowns += [("b", i, 0) for i in range(k)]
         if with_rotations:
-            found += [("A", i, j) for i, j in both]
-        return [*found, ("tau", 0, 0)]
+            unknowns += [("A", i, j) for i, j in both]
+        return [*unknowns, ("tau", 0, 0)]
 
     def _entries(self, with_rotations: bool) -> Iterator[tuple[int, Iterable[Term], list[_Use]]]:
         """Yield the number of a condition, the terms of a sum, and the unknowns multiplied by it.
@@ -475,13 +475,13 @@ def _symmetry(vector: SparseVector, unknowns: list[Unknown]) -> Symmetry:
 
 def _absent(equations: Equations) -> list[Symmetry]:
     """Return the translations along coordinates that do not occur, and that of time."""
-    eq, found = equations, []
+    eq, absent = equations, []
     inside = eq.lagrangian.free_symbols
     on = {i for c in eq.constraints for i in c.row}
     for i, (x, force) in enumerate(zip(eq.q, eq.applied_forces, strict=True)):
         if x not in inside and i not in on and force == ZERO:
-            found.append(Symmetry({}, {i: Fraction(1)}, Fraction(0), {}, {}, {}))
+            absent.append(Symmetry({}, {i: Fraction(1)}, Fraction(0), {}, {}, {}))
     forces = any(force != ZERO for force in eq.applied_forces)
     if not (forces or TIME in inside or any(c.drift != ZERO for c in eq.constraints)):
-        found.append(Symmetry({}, {}, Fraction(1), {}, {}, {}))
-    return found
+        absent.append(Symmetry({}, {}, Fraction(1), {}, {}, {}))
+    return absent

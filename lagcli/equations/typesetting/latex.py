@@ -18,12 +18,9 @@ from lagcli.equations.typesetting.writer import (
     DisplayWriter,
     Token,
     cases_of,
-    decimal,
     factor_depth,
     flat,
-    is_rounded,
     lines,
-    rounded,
     rows_of,
     spelling_of,
 )
@@ -88,15 +85,11 @@ class LatexFormula(DisplayWriter):
         sign = _RELATIONS.get(node.operator, node.operator)
         return [f"{self.latex(node.left)} {sign} {self.latex(node.right)}"]
 
-    def number(self, value: Fraction) -> str:
-        """Return a number: \\tfrac{1}{2}, 0.1."""
-        if value < 0:
-            return f"-{self.number(-value)}"
-        plain = decimal(value, self.decimals)
-        if is_rounded(value, plain, self.numeric):
-            mantissa, power = rounded(value)
-            return mantissa if power is None else rf"{mantissa}\cdot 10^{{{power}}}"
-        return plain or rf"\tfrac{{{value.numerator}}}{{{value.denominator}}}"
+    def _scientific(self, mantissa: str, power: int) -> str:
+        return rf"{mantissa}\cdot 10^{{{power}}}"
+
+    def _fraction(self, value: Fraction) -> str:
+        return rf"\tfrac{{{value.numerator}}}{{{value.denominator}}}"
 
     def _symbol(self, node: t.Symbol) -> str:
         match node.kind:
@@ -111,16 +104,16 @@ class LatexFormula(DisplayWriter):
         return self.names.latex(node.name, node.dots)
 
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:
-        found: list[Token] = []
+        tokens: list[Token] = []
         for i, factor in enumerate(node.factors):
             part = self._factor(node, i, depth)
             if i:
                 before = node.factors[i - 1]
                 apart = needs_space(before, factor)
                 space = r" \, " if apart else " "
-                found.append(Break(factor_depth(node.factors, i, depth), space))
-            found += part
-        return found
+                tokens.append(Break(factor_depth(node.factors, i, depth), space))
+            tokens += part
+        return tokens
 
     def _write_power(self, node: t.Power, depth: int) -> list[Token]:
         raised = f"^{{{self.latex(node.exponent)}}}"
@@ -312,19 +305,19 @@ def render_latex(
     fragment : bool
         Whether to omit the preamble and the end of the document.
     """
-    found = [rf"\section*{{{escape(model.title)}}}"]
+    parts = [rf"\section*{{{escape(model.title)}}}"]
     if model.description:
-        found.append(escape(" ".join(model.description.split())))
+        parts.append(escape(" ".join(model.description.split())))
     labels = _Labels()
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
-        found.append(rf"\subsection*{{{_title(title)}}}")
+        parts.append(rf"\subsection*{{{_title(title)}}}")
         if step.lead:
-            found.append(rf"\noindent {escape(step.lead)}")
-        found += _body(step, formula, labels)
+            parts.append(rf"\noindent {escape(step.lead)}")
+        parts += _body(step, formula, labels)
         if step.remark:
-            found.append(rf"\noindent {escape(step.remark)}")
-    body = "\n\n".join(found)
+            parts.append(rf"\noindent {escape(step.remark)}")
+    body = "\n\n".join(parts)
     return body + "\n" if fragment else f"{_PREAMBLE}\n{body}\n\n\\end{{document}}\n"
 
 
@@ -335,15 +328,15 @@ def _title(text: str) -> str:
 
 def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
     """Split lines at labelled ones: (the labelled line or None, lines that belong together)."""
-    found: list[tuple[Line | None, list[Line]]] = []
+    groups: list[tuple[Line | None, list[Line]]] = []
     for line in group:
         if isinstance(line.label, str):
-            found.append((line, [line]))
-        elif found:
-            found[-1][1].append(line)
+            groups.append((line, [line]))
+        elif groups:
+            groups[-1][1].append(line)
         else:
-            found.append((None, [line]))
-    return found
+            groups.append((None, [line]))
+    return groups
 
 
 class _Labels:
@@ -360,12 +353,12 @@ class _Labels:
         words = [step.title.split(":")[0].rpartition(" of the ")[0] or step.title.split(":")[0]]
         label = latex_ascii(label.replace(".", "_"))
         name = "-".join(re.findall(r"[A-Za-z0-9]+", f"{words[0].lower()} {label}"))
-        found, number = name, 1
-        while found in self._used:
+        unique, number = name, 1
+        while unique in self._used:
             number += 1
-            found = f"{name}-{number}"
-        self._used.add(found)
-        return rf"\label{{eq:{found}}}"
+            unique = f"{name}-{number}"
+        self._used.add(unique)
+        return rf"\label{{eq:{unique}}}"
 
 
 def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
@@ -374,11 +367,11 @@ def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
         inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
         body = ";\n\\quad ".join(f"${text}$" for text in inline)
         return [f"\\begin{{flushleft}}\n{body}\n\\end{{flushleft}}"]
-    found = []
+    parts = []
     for alone, group in groupby(step.lines, key=is_item):
         if alone:
             items = [_item(line, formula) for line in group]
-            found.append("\\begin{itemize}\n" + "\n".join(items) + "\n\\end{itemize}")
+            parts.append("\\begin{itemize}\n" + "\n".join(items) + "\n\\end{itemize}")
             continue
         for named, belonging in paragraphs(list(group)):
             display = "\n".join(
@@ -389,20 +382,20 @@ def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
                 note = f" ({escape(named.remark)})" if named.remark else ""
                 label = rf"\textit{{{escape(str(named.label))}}}"
                 display = f"\\noindent {label}{note}:\n{display}"
-            found.append(display)
-    return found
+            parts.append(display)
+    return parts
 
 
 def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
     """Return rows of a display; the last row of each equation has its number."""
-    found = []
+    lines = []
     for i, row in enumerate(rows):
         plain = row.line is None or _is_value(row.line)
         end = r" \notag" if row.line is None or plain else labels.of(step, row.line)
         broken = row.line is None or (i > 0 and rows[i - 1].line is None)
         apart = "" if i == len(rows) - 1 else r" \\[1ex]" if broken and row.line else r" \\"
-        found.append(row.latex + end + apart)
-    return "\n".join(found)
+        lines.append(row.latex + end + apart)
+    return "\n".join(lines)
 
 
 def _is_value(line: Line) -> bool:
@@ -472,16 +465,16 @@ def _flush(line: Line, head: str, formula: LatexFormula, width: float) -> list[s
     whole = " = ".join(map(flat, sides))
     if measure(whole) <= room:
         return [rf"{head}&{whole}"]
-    found: list[str] = []
+    rows: list[str] = []
     for i, side in enumerate(sides):
         tokens = ["= ", *side] if i else side
-        if found and side == ["0"]:
-            found[-1] += " = 0"
+        if rows and side == ["0"]:
+            rows[-1] += " = 0"
             continue
         broken = lines(tokens, measure, room - _INDENT * bool(i), room - 2 * _INDENT, _NESTED)
-        found.append(rf"&\quad {broken[0]}" if i else rf"{head}&{broken[0]}")
-        found += [rf"&\qquad {x}" for x in broken[1:]]
-    return found
+        rows.append(rf"&\quad {broken[0]}" if i else rf"{head}&{broken[0]}")
+        rows += [rf"&\qquad {x}" for x in broken[1:]]
+    return rows
 
 
 def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[str]:
@@ -492,12 +485,12 @@ def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[
     rest = " = ".join(map(flat, others))
     if measure(rest) <= room:
         return [f"{head} &= {rest}"]
-    found: list[str] = []
+    rows: list[str] = []
     for side in others:
         broken = lines(side, measure, room, room - _INDENT, _NESTED)
-        found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
+        rows += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
         head = ""
-    return found
+    return rows
 
 
 def _note(line: Line) -> list[Token]:
@@ -506,10 +499,10 @@ def _note(line: Line) -> list[Token]:
         return []
     parts = [rf"\text{{{escape(line.note)}}}"] if line.note else []
     parts += [f"({line.span.latex})"] if line.span is not None else []
-    found: list[Token] = []
+    tokens: list[Token] = []
     for part in parts:
-        found += [Break(0, r" \qquad "), part]
-    return found
+        tokens += [Break(0, r" \qquad "), part]
+    return tokens
 
 
 _PIECE = re.compile(r"\\[A-Za-z]+|\\.|[{}_^]|[A-Za-z]|\d|\s+|.", re.DOTALL)

@@ -149,18 +149,18 @@ def to_latex(part: Part) -> str:
             return part.font + "{" + part.text.replace("_", r"\_") + "}"
         case Scripts():
             base = to_latex(part.base)
-            found = f"{{{base}}}" if isinstance(part.base, LatexRow | Scripts) else base
+            latex = f"{{{base}}}" if isinstance(part.base, LatexRow | Scripts) else base
             for sign, script in (("_", part.below), ("^", part.above)):
                 if script is not None:
-                    found += f"{sign}{{{to_latex(script)}}}"
-            return found
+                    latex += f"{sign}{{{to_latex(script)}}}"
+            return latex
         case LatexRow():
-            found = ""
+            latex = ""
             for text in map(to_latex, part.parts):
                 # a letter after a command would be read as part of its name
-                apart = text[:1].isalpha() and _COMMAND_AT_END.search(found)
-                found += f" {text}" if apart else text
-            return found
+                apart = text[:1].isalpha() and _COMMAND_AT_END.search(latex)
+                latex += f" {text}" if apart else text
+            return latex
 
 
 class _Reader:
@@ -201,17 +201,17 @@ class _Reader:
             parts.append(self.scripts(self.atom(depth), depth))
 
     def scripts(self, base: Part, depth: int) -> Part:
-        found: dict[str, Part] = {}
+        scripts: dict[str, Part] = {}
         while True:
             self.skip_spaces()
             kind = self.token
             if kind not in ("_", "^") or not kind:
                 break
-            if kind in found:
+            if kind in scripts:
                 raise self.fail(f"a second `{kind}` needs braces around the part before it")
             self.at += 1
-            found[kind] = self.atom(depth)
-        return Scripts(base, found.get("_"), found.get("^")) if found else base
+            scripts[kind] = self.atom(depth)
+        return Scripts(base, scripts.get("_"), scripts.get("^")) if scripts else base
 
     def atom(self, depth: int) -> Part:
         """Read one letter, command or group."""

@@ -31,37 +31,37 @@ def render_markdown(
     numbered : bool
         Whether the steps are numbered.
     """
-    found = [f"# {escape(model.title)}"]
+    parts = [f"# {escape(model.title)}"]
     if model.description:
-        found.append(escape(model.description))
+        parts.append(escape(model.description))
     for i, step in enumerate(steps, 1):
-        found.append(f"## {i}. {step.title}" if numbered else f"## {step.title}")
+        parts.append(f"## {i}. {step.title}" if numbered else f"## {step.title}")
         if step.lead:
-            found.append(escape(step.lead))
-        found += _body(step, formula)
+            parts.append(escape(step.lead))
+        parts += _body(step, formula)
         if step.remark:
-            found.append(escape(step.remark))
-    return "\n\n".join(found) + "\n"
+            parts.append(escape(step.remark))
+    return "\n\n".join(parts) + "\n"
 
 
 def _body(step: Step, formula: LatexFormula) -> list[str]:
     if step.packed:
         inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
         return ["\n".join(f"${text}$;" for text in inline)]
-    found = []
+    parts = []
     for alone, group in groupby(step.lines, key=is_item):
         if alone:
-            found.append("\n".join(_item(line, formula) for line in group))
+            parts.append("\n".join(_item(line, formula) for line in group))
             continue
         for named, belonging in paragraphs(list(group)):
             if named is not None:
                 note = f" ({escape(named.remark)})" if named.remark else ""
-                found.append(f"*{escape(str(named.label))}*{note}:")
-            found += [
+                parts.append(f"*{escape(str(named.label))}*{note}:")
+            parts += [
                 "$$\n\\begin{aligned}\n" + _rows(rows) + "\n\\end{aligned}\n$$"
                 for rows in displays(belonging, formula)
             ]
-    return found
+    return parts
 
 
 def _rows(rows: Sequence[Row]) -> str:

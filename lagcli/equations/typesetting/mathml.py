@@ -20,10 +20,7 @@ from lagcli.equations.typesetting.writer import (
     DisplayWriter,
     Token,
     cases_of,
-    decimal,
     is_named,
-    is_rounded,
-    rounded,
     rows_of,
     spelling_of,
 )
@@ -95,20 +92,17 @@ class MathmlFormula(DisplayWriter):
         sign = operator(_RELATIONS.get(node.operator, node.operator))
         return [f"{self.mathml(node.left)}{sign}{self.mathml(node.right)}"]
 
-    def number(self, value: Fraction) -> str:
-        """Return a number: ½, 0.1."""
-        if value < 0:
-            return f"<mrow>{operator('−', 'prefix')}{self.number(-value)}</mrow>"
-        plain = decimal(value, self.decimals)
-        if is_rounded(value, plain, self.numeric):
-            mantissa, power = rounded(value)
-            if power is None:
-                return f"<mn>{mantissa}</mn>"
-            raised = self.number(Fraction(power))
-            ten = f"<msup><mn>10</mn>{raised}</msup>"
-            return f"<mrow><mn>{mantissa}</mn>{operator('⋅')}{ten}</mrow>"
-        if plain:
-            return f"<mn>{plain}</mn>"
+    def _negated(self, number: str) -> str:
+        return f"<mrow>{self.negative}{number}</mrow>"
+
+    def _digits(self, digits: str) -> str:
+        return f"<mn>{digits}</mn>"
+
+    def _scientific(self, mantissa: str, power: int) -> str:
+        ten = f"<msup><mn>10</mn>{self.number(Fraction(power))}</msup>"
+        return f"<mrow><mn>{mantissa}</mn>{operator('⋅')}{ten}</mrow>"
+
+    def _fraction(self, value: Fraction) -> str:
         # small, as within a line of text
         parts = f"<mn>{value.numerator}</mn><mn>{value.denominator}</mn>"
         return f'<mstyle displaystyle="false" scriptlevel="0"><mfrac>{parts}</mfrac></mstyle>'
@@ -121,11 +115,11 @@ class MathmlFormula(DisplayWriter):
             if base.startswith("<mover>"):  # the exponent belongs to the letter, not to its dots
                 base = f'<mpadded height="0.7em">{base}</mpadded>'
             return f"<{tag}>{base}{below}{raised}</{tag}>"
-        found = f"<msub>{base}{below}</msub>" if below else base
+        symbol = f"<msub>{base}{below}</msub>" if below else base
         if node.kind == "multiplier":
             name = escape(node.name)
-            return f'<mrow class="multiplier" data-constraint="{name}">{found}</mrow>'
-        return found
+            return f'<mrow class="multiplier" data-constraint="{name}">{symbol}</mrow>'
+        return symbol
 
     def _name(self, node: t.Symbol) -> tuple[str, str]:
         match node.kind:
@@ -141,14 +135,14 @@ class MathmlFormula(DisplayWriter):
         return self.names.mathml(node.name, node.dots)
 
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:
-        found: list[Token] = []
+        tokens: list[Token] = []
         for i, factor in enumerate(node.factors):
             part = self._factor(node, i, depth)
             if i:
                 apart = needs_space(node.factors[i - 1], factor) or _named(factor)
-                found += [Break(depth + LAST_RESORT), _THIN if apart else _TIMES]
-            found += part
-        return found
+                tokens += [Break(depth + LAST_RESORT), _THIN if apart else _TIMES]
+            tokens += part
+        return tokens
 
     def _write_power(self, node: t.Power, depth: int) -> list[Token]:
         raised, base = self.mathml(node.exponent), node.base
@@ -226,7 +220,6 @@ class MathmlFormula(DisplayWriter):
         return [f"<mrow>{word.join(parts)}</mrow>"]
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
-        """Return tokens in brackets of matching size."""
         text = _joined(inner)
         opening, closing = ("[", "]") if ">(</mo>" in text and ">[</mo>" not in text else ("(", ")")
         tall = any(tag in text for tag in _TALL)
@@ -242,7 +235,6 @@ class MathmlFormula(DisplayWriter):
 
 
 def _between(opening: str, inside: str, closing: str, stretchy: bool = True) -> str:
-    """Return a formula in stretchy fences."""
     size = "true" if stretchy else "false"
     left, right = (
         f'<mo form="{form}" fence="true" stretchy="{size}">{sign}</mo>' if sign else ""
@@ -256,7 +248,6 @@ def _joined(tokens: Sequence[Token]) -> str:
 
 
 def _row(mathml: str) -> str:
-    """Return one element."""
     return f"<mrow>{mathml}</mrow>"
 
 

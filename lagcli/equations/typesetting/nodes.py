@@ -303,13 +303,13 @@ def rebuilt(node: Node, change: Callable[[Node], Node]) -> Node:
         if isinstance(x, Node):
             return change(x)
         if isinstance(x, tuple):
-            found = tuple(map(of, x))
-            return x if all(map(is_, found, x)) else found
+            items = tuple(map(of, x))
+            return x if all(map(is_, items, x)) else items
         return x
 
     values = [getattr(node, name) for name in node.__dataclass_fields__]
-    found = list(map(of, values))
-    return node if all(map(is_, found, values)) else type(node)(*found)
+    items = list(map(of, values))
+    return node if all(map(is_, items, values)) else type(node)(*items)
 
 
 def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:

@@ -276,7 +276,7 @@ def _valid_latex(latex: Mapping[str, str]) -> dict[str, str]:
 
 def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
     """Return warnings for coordinates with invalid LaTeX, whose names are written instead."""
-    found: dict[object, Diagnostic] = {}
+    warnings: dict[object, Diagnostic] = {}
     for c in model.coordinates:
         if not c.latex:
             continue
@@ -284,7 +284,7 @@ def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
             parse(c.latex)
         except InvalidLatex as error:
             location = c.latex_location or c.location
-            found.setdefault(
+            warnings.setdefault(
                 location or c.name,
                 Diagnostic(
                     "latex-sign",
@@ -295,7 +295,7 @@ def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
                     severity="warning",
                 ),
             )
-    return list(found.values())
+    return list(warnings.values())
 
 
 def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:

@@ -98,10 +98,10 @@ def displaced(node: Node) -> Node | None:
         return VirtualDisplacement(Symbol(node.name)) if moved else node
     if isinstance(node, Quotient | Root):
         return None if _moves(node) else node
-    found: list[Node | None] = [displaced(x) for x in children(node)]
-    if None in found:
+    parts: list[Node | None] = [displaced(x) for x in children(node)]
+    if None in parts:
         return None
-    changed = iter(x for x in found if x is not None)
+    changed = iter(x for x in parts if x is not None)
     whole = rebuilt(node, lambda _: next(changed))
     if isinstance(whole, Product):
         whole = Product(tuple(sorted(whole.factors, key=_displaces)))
@@ -118,14 +118,14 @@ def _displaces(node: Node) -> bool:
 
 def differences(nodes: Iterable[Node]) -> frozenset[Node]:
     """Return the differences a − b in formulas."""
-    found: set[Node] = set()
+    sums: set[Node] = set()
     stack = list(nodes)
     while stack:
         node = stack.pop()
         if _is_difference(node):
-            found.add(node)
+            sums.add(node)
         stack.extend(children(node))
-    return frozenset(found)
+    return frozenset(sums)
 
 
 def oriented(node: Node, written: frozenset[Node]) -> Node:

@@ -14,12 +14,9 @@ from lagcli.equations.typesetting.writer import (
     Break,
     FormulaWriter,
     Token,
-    decimal,
     factor_depth,
     flat,
-    is_rounded,
     lines,
-    rounded,
 )
 from lagcli.errors import display_width
 from lagcli.model import model as symbols
@@ -98,17 +95,10 @@ class TextFormula(FormulaWriter):
         left, right = self.tokens(node.left, depth + 1), self.tokens(node.right, depth + 1)
         return [*left, Break(depth), f"{relation} ", *right]
 
-    def number(self, value: Fraction) -> str:
-        """Return a number: ½, 0.1, 3/7."""
-        if value < 0:
-            return f"−{self.number(-value)}"
-        plain = decimal(value, self.decimals)
-        if is_rounded(value, plain, self.numeric):
-            mantissa, power = rounded(value)
-            raised = str(power).translate(SUPERSCRIPTS)
-            return mantissa if power is None else f"{mantissa}×10{raised}"
-        if plain is not None:
-            return plain
+    def _scientific(self, mantissa: str, power: int) -> str:
+        return f"{mantissa}×10{str(power).translate(SUPERSCRIPTS)}"
+
+    def _fraction(self, value: Fraction) -> str:
         return _VULGAR.get(value) or f"{value.numerator}/{value.denominator}"
 
     def _factor_number(self, value: Fraction) -> str:
@@ -128,17 +118,17 @@ class TextFormula(FormulaWriter):
         return "π" if node.kind == "constant" else self.names.text(node.name, node.dots)
 
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:
-        found: list[Token] = []
+        tokens: list[Token] = []
         for i, factor in enumerate(node.factors):
             if i:
-                found.append(Break(factor_depth(node.factors, i, depth)))
+                tokens.append(Break(factor_depth(node.factors, i, depth)))
             if isinstance(factor, t.Number):
-                found.append(self._factor_number(factor.value))
+                tokens.append(self._factor_number(factor.value))
             elif isinstance(factor, t.Quotient) and i < len(node.factors) - 1:
-                found += self._bracketed(factor, depth)
+                tokens += self._bracketed(factor, depth)
             else:
-                found += self._factor(node, i, depth)
-        return found
+                tokens += self._factor(node, i, depth)
+        return tokens
 
     def _write_power(self, node: t.Power, depth: int) -> list[Token]:
         top = node.exponent
@@ -175,15 +165,15 @@ class TextFormula(FormulaWriter):
     def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
         if node.operator == "not":
             return ["not ", *self._bracketed(node.operands[0], depth)]
-        found: list[Token] = []
+        tokens: list[Token] = []
         for i, operand in enumerate(node.operands):
             if i:
-                found += [Break(depth), f"{node.operator} "]
+                tokens += [Break(depth), f"{node.operator} "]
             if isinstance(operand, t.Logical):
-                found += self._bracketed(operand, depth)
+                tokens += self._bracketed(operand, depth)
             else:
-                found += self.tokens(operand, depth + 1)
-        return found
+                tokens += self.tokens(operand, depth + 1)
+        return tokens
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
         """Return a node as a factor, base or denominator, in parentheses if necessary."""
@@ -396,7 +386,7 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
     bodies = [_formula(line, formula, room, aligned, aligned_sides) for line in group]
     listed = [display_width(b[0]) for b, x in zip(bodies, group, strict=True) if _is_entry(x)]
     names = max(listed, default=0)
-    found: list[list[str]] = []
+    blocks: list[list[str]] = []
     for line, label, body in zip(group, labels, bodies, strict=True):
         if _is_entry(line) and line.remark and names <= room // 2:
             body = [_padded(body[0], names)]
@@ -408,8 +398,8 @@ def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[lis
         for i, text in enumerate(body):
             head = _padded(label if i == 0 else "", margin)
             block.append((_INDENT + head + text).rstrip())
-        found.append(block)
-    return found
+        blocks.append(block)
+    return blocks
 
 
 def _is_entry(line: Line) -> bool:
@@ -420,17 +410,17 @@ def _is_entry(line: Line) -> bool:
 
 def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
     """Return lines packed side by side, as many as fit."""
-    found: list[str] = []
+    packed: list[str] = []
     room = width - len(_INDENT)
     for line in group:
         text = " = ".join(map(formula.text, line.sides))
         if display_width(text) > room:
-            found += _unaligned(line, formula, room)
-        elif found and display_width(found[-1]) + len(_APART) + display_width(text) <= room:
-            found[-1] += _APART + text
+            packed += _unaligned(line, formula, room)
+        elif packed and display_width(packed[-1]) + len(_APART) + display_width(text) <= room:
+            packed[-1] += _APART + text
         else:
-            found.append(text)
-    return [_INDENT + text for text in found]
+            packed.append(text)
+    return [_INDENT + text for text in packed]
 
 
 def _label(line: Line, formula: TextFormula) -> str:
@@ -461,14 +451,14 @@ def _formula(
     rest = " = ".join(flat(side) for side in others)
     if display_width(head) + 3 + display_width(rest) <= room:
         return [f"{head} = {rest}"]
-    found = []
+    rows = []
     for side in others:
         inner = room - aligned - 3
         broken = lines(side, display_width, inner, inner - 2, _NESTED)
-        found.append(f"{head} = {broken[0]}")
-        found += [" " * (aligned + 5) + x for x in broken[1:]]
+        rows.append(f"{head} = {broken[0]}")
+        rows += [" " * (aligned + 5) + x for x in broken[1:]]
         head = " " * aligned
-    return found
+    return rows
 
 
 def _unaligned(line: Line, formula: TextFormula, room: int) -> list[str]:
@@ -476,18 +466,18 @@ def _unaligned(line: Line, formula: TextFormula, room: int) -> list[str]:
     whole = " = ".join(map(formula.text, line.sides))
     if display_width(whole) <= room:
         return [whole]
-    found: list[str] = []
+    rows: list[str] = []
     parts = [formula.tokens(side) for side in line.sides]
     parts[1:] = [["= ", *part] for part in parts[1:]]
     if len(parts) > 1 and display_width(flat(parts[0])) <= _SHORT_LEFT:
         parts[:2] = [[f"{flat(parts[0])} ", *parts[1]]]
     for i, tokens in enumerate(parts):
         short = flat(tokens)
-        if found and len(short) <= _SHORT and display_width(found[-1]) + len(short) < room:
-            found[-1] += f" {short}"
+        if rows and len(short) <= _SHORT and display_width(rows[-1]) + len(short) < room:
+            rows[-1] += f" {short}"
             continue
         margin = _CONTINUED // 2 if i else 0
         broken = lines(tokens, display_width, room - margin, room - _CONTINUED, _NESTED)
-        found.append(" " * margin + broken[0])
-        found += [" " * _CONTINUED + x for x in broken[1:]]
-    return found
+        rows.append(" " * margin + broken[0])
+        rows += [" " * _CONTINUED + x for x in broken[1:]]
+    return rows

@@ -69,7 +69,7 @@ def lines(
     """
     layout = _Layout(tokens, measure, first, following, nested)
     layout.place(0, len(layout.breaks), "", 0.0)
-    return layout.found
+    return layout.rows
 
 
 class _Layout:
@@ -96,7 +96,7 @@ class _Layout:
         self._keep_brackets_whole(following)
         self._measured(measure)
         self.room, self.following = first, following
-        self.found, self.used = [""], 0.0
+        self.rows, self.used = [""], 0.0
         self.begun = False  # whether the line holds more than its indentation
 
     def _measured(self, measure: Callable[[str], float]) -> None:
@@ -110,7 +110,7 @@ class _Layout:
         """Drop the breaks inside brackets that fit on a line with what they are attached to."""
         dropped: set[int] = set()
         begun: list[int] = []
-        found: list[tuple[float, int, int, float]] = []
+        opened: list[tuple[float, int, int, float]] = []
         for i, piece in enumerate(self.pieces):
             for char in piece:
                 if char in "([{":
@@ -119,8 +119,8 @@ class _Layout:
                     first = begun.pop()
                     if first < i:
                         room = following - len(begun) * self.indentation
-                        found.append((self._width(first, i), first, i, room))
-        for _, first, last, room in sorted(found):
+                        opened.append((self._width(first, i), first, i, room))
+        for _, first, last, room in sorted(opened):
             start, end = first, last
             while start - 1 in dropped:
                 start -= 1
@@ -143,9 +143,9 @@ class _Layout:
         return self.ends[end + 1] - self.ends[start] - trailing
 
     def _newline(self) -> None:
-        text = "".join(self.found)
+        text = "".join(self.rows)
         level = sum(map(text.count, "([{")) - sum(map(text.count, ")]}"))
-        self.found.append(self.nested * level)
+        self.rows.append(self.nested * level)
         self.room, self.used = self.following, level * self.indentation
         self.begun = False
 
@@ -166,7 +166,7 @@ class _Layout:
         if self.used + gap + wanted <= self.room or start == end:
             between = [*(x.space for x in self.breaks[start:end]), ""]
             parts = zip(self.pieces[start : end + 1], between, strict=True)
-            self.found[-1] += space + "".join(map("".join, parts))
+            self.rows[-1] += space + "".join(map("".join, parts))
             self.used += gap + wanted
             self.begun = True
             return False
@@ -189,10 +189,12 @@ LARGEST_DENOMINATOR = 12
 
 def written_decimals(model: Model) -> frozenset[int]:
     """Return the denominators of decimals in the model: 0.2 is 1/5."""
-    found: set[int] = set()
+    denominators: set[int] = set()
     for tree in model.trees.values():
-        found.update(part.value.denominator for part in walk(tree) if isinstance(part, NumberExpr))
-    return frozenset(found)
+        denominators.update(
+            part.value.denominator for part in walk(tree) if isinstance(part, NumberExpr)
+        )
+    return frozenset(denominators)
 
 
 def decimal(value: Fraction, decimals: frozenset[int]) -> str | None:
@@ -296,15 +298,32 @@ class FormulaWriter:
     def tokens(self, node: Node, depth: int = 0) -> list[Token]:
         """Return the pieces of a formula and its possible line breaks."""
         write = getattr(self, f"_write_{type(node).__name__.lower()}")
-        found: list[Token] = write(node, depth)
-        return found
+        tokens: list[Token] = write(node, depth)
+        return tokens
 
     def number(self, value: Fraction) -> str:
-        """Return a number."""
+        """Return a number: ½, 0.1, 3/7."""
+        if value < 0:
+            return self._negated(self.number(-value))
+        plain = decimal(value, self.decimals)
+        if is_rounded(value, plain, self.numeric):
+            mantissa, power = rounded(value)
+            return self._digits(mantissa) if power is None else self._scientific(mantissa, power)
+        return self._fraction(value) if plain is None else self._digits(plain)
+
+    def _negated(self, number: str) -> str:
+        return f"{self.negative}{number}"
+
+    def _digits(self, digits: str) -> str:
+        return digits
+
+    def _scientific(self, mantissa: str, power: int) -> str:
+        raise NotImplementedError
+
+    def _fraction(self, value: Fraction) -> str:
         raise NotImplementedError
 
     def _symbol(self, node: t.Symbol) -> str:
-        """Return a name."""
         raise NotImplementedError
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
@@ -332,23 +351,23 @@ class FormulaWriter:
 
     def _write_sum(self, node: t.Sum, depth: int) -> list[Token]:
         """Return the tokens of a sum, with a possible break before each sign."""
-        found: list[Token] = []
+        tokens: list[Token] = []
         for i, (sign, term) in enumerate(node.terms):
             if i:
-                found += [Break(depth, term=True), self.plus if sign > 0 else self.minus]
+                tokens += [Break(depth, term=True), self.plus if sign > 0 else self.minus]
             elif sign < 0:
-                found.append(self.negative)
-            found += self.tokens(term, depth + 1)
-        return found
+                tokens.append(self.negative)
+            tokens += self.tokens(term, depth + 1)
+        return tokens
 
     def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:
         """Return the tokens of a list, with a possible break after each comma."""
-        found: list[Token] = []
+        tokens: list[Token] = []
         for i, item in enumerate(items):
             if i:
-                found += [self.comma, Break(depth + 1)]
-            found += self.tokens(item, depth + 2)
-        return found
+                tokens += [self.comma, Break(depth + 1)]
+            tokens += self.tokens(item, depth + 2)
+        return tokens
 
 
 class DisplayWriter(FormulaWriter):
@@ -387,9 +406,9 @@ def rows_of(node: t.Vector) -> list[tuple[Node, ...]]:
 
 def cases_of(node: t.Cases) -> tuple[list[tuple[Node, Node]], Node]:
     """Return the conditions with their values, and the value if none holds."""
-    found: list[tuple[Node, Node]] = []
+    cases: list[tuple[Node, Node]] = []
     rest: Node = node
     while isinstance(rest, t.Cases):
-        found.append((rest.condition, rest.then))
+        cases.append((rest.condition, rest.then))
         rest = rest.otherwise
-    return found, rest
+    return cases, rest
