@@ -11,8 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.engine.layout import SampleLayout
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.settings.settings import Settings
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_rows, row_lengths
-from lagcli.engine.state import State
-from lagcli.engine.system import Pattern, System
+from lagcli.engine.system import Pattern, State, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
 #: Powers of ten searched for the change of a constraint; beyond, its terms are rounding errors.

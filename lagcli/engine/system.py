@@ -8,14 +8,40 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from lagcli.arrays import Array
-from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.layout import ConstraintLayout, Counts, DynamicsLayout, SampleLayout
+from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 
 if TYPE_CHECKING:
     from lagcli.engine.switching.switching import Switching
+
+
+class State(NamedTuple):
+    """Time, coordinates, velocities and parameters.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    q, v : (nq,) arrays
+    p : tuple of float
+        Values of the System's parameters, in their order.
+    """
+
+    t: float
+    q: Array
+    v: Array
+    p: tuple[float, ...] = ()
+
+    @property
+    def y(self) -> Array:
+        """y = (q, v, 0), (2 nq + 1,): the initial state of a run, with zero work."""
+        return np.concatenate([self.q, self.v, [0.0]])
+
 
 #: Operations at which a tape is not smooth.
 KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))

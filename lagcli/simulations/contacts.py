@@ -11,10 +11,8 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import least_scales
-from lagcli.engine.state import State
-from lagcli.engine.switching.clocks import clocks_of
-from lagcli.engine.switching.switching import SwitchedRow, Switching
-from lagcli.engine.system import System
+from lagcli.engine.switching.switching import SwitchedRow, Switching, clocks_of
+from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, UsageError

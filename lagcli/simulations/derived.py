@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import symengine as se
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Flags
 from lagcli.columns import ColumnName
 from lagcli.engine.contract import Block
 from lagcli.engine.evaluator import Batch
-from lagcli.engine.inputs.tables import input_functions
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.scales import least_scales_of_entries, usable
 from lagcli.engine.system import System
-from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
@@ -173,14 +172,10 @@ class DerivedColumns:
         position[list(system.holonomic)] = e.position
         velocity_residual = velocity + e.drift
         if system.switching is not None and system.switching.rows:
-            from lagcli.engine.held_rows import held_rows
-
             free = ~held_rows(system, self.p, block).T
             np.copyto(position, np.nan, where=free)
             np.copyto(velocity_residual, np.nan, where=free)
         if system.switching is not None and system.switching.forces is not None:
-            from lagcli.engine.held_rows import reactive_forces
-
             forces += reactive_forces(system, self.p, block)
 
         residual = np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0)
@@ -231,3 +226,50 @@ class DerivedColumns:
 def _larger(scale: Array, scales: Array) -> Array:
     """Return the updated largest scale of each constraint."""
     return np.maximum(scale, scales.max(axis=1, initial=0.0))
+
+
+#: Relative difference of a force from the kinetic limit below which the row slips.
+_AT_LIMIT = 1e-9
+
+
+def held_rows(system: System, p: tuple[float, ...], block: Block) -> Flags:
+    """Return which constraints are active at each sample, (nt, nc).
+
+    A row without force is open, and one with its kinetic limit slips: both have no residual. An
+    active row without force counts as open.
+
+    Parameters
+    ----------
+    system : System
+    p : tuple of float
+        Values of its parameters.
+    block : Block
+    """
+    held = np.ones(block.multipliers.shape, dtype=bool)
+    if system.switching is None:
+        return held
+    rows, size = system.switching.rows, np.abs(block.multipliers)
+    for row in rows:
+        held[:, row.row] = size[:, row.row] != 0
+    limited = [row for row in rows if row.limit is not None]
+    if limited:
+        limits = run_arrays(system.switching.limits, _inputs(block, p), len(block.time))
+        for row in limited:
+            assert row.limit is not None
+            kinetic = limits[len(limited) + row.limit]
+            away = np.abs(size[:, row.row] - kinetic) > _AT_LIMIT * np.abs(kinetic)
+            held[:, row.row] &= away
+    return held
+
+
+def reactive_forces(system: System, p: tuple[float, ...], block: Block) -> Array:
+    """Return the generalized forces that depend on λ, (nq, nt)."""
+    found = np.zeros((len(system.coordinates), len(block.time)))
+    if system.switching is not None and system.switching.forces is not None:
+        tape, places = system.switching.forces, system.switching.force_coordinates
+        found[list(places)] = run_arrays(tape, _inputs(block, p), len(block.time))[: len(places)]
+    return found
+
+
+def _inputs(block: Block, p: tuple[float, ...]) -> list[Array | float]:
+    return [block.time, *block.q.T, *block.v.T, *block.a.T, *block.multipliers.T, *p]

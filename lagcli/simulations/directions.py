@@ -10,9 +10,9 @@ import numpy as np
 import symengine as se
 
 from lagcli.arrays import Array, Flags
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.sensitivity.start import StartDerivatives
-from lagcli.engine.state import State
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.jacobians import Rates
 from lagcli.errors import UsageError

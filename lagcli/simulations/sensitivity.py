@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagcli.engine.constraints.initial import ConsistentState, consistent_state
-from lagcli.engine.constraints.spins import (
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
     Spin,
     along,
+    consistent_state,
     free_directions,
     rates_of_spin,
     spin_of,
@@ -21,6 +22,7 @@ from lagcli.engine.constraints.spins import (
 from lagcli.engine.contract import IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.lowering.tangent import lower_tangent
 from lagcli.engine.scales import lengths_of_rows, usable
 from lagcli.engine.sensitivity.integration import Derivatives, Sink, TangentProblem
 from lagcli.engine.sensitivity.start import (
@@ -28,9 +30,7 @@ from lagcli.engine.sensitivity.start import (
     StartDerivatives,
     start_derivatives,
 )
-from lagcli.engine.sensitivity.tangent import lower_tangent
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.model import Model
@@ -40,7 +40,7 @@ from lagcli.simulations.directions import Directions
 from lagcli.simulations.start import spins_of
 
 if TYPE_CHECKING:
-    from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
+    from lagcli.engine.sensitivity.switched_run import SwitchedProblem
     from lagcli.simulations.simulation import Simulation
 
 
@@ -167,7 +167,7 @@ class Sensitivity:
             self._refuse_hidden_jumps()
         self.problem: TangentProblem | SwitchedProblem
         if self._switches(settings):
-            from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
+            from lagcli.engine.sensitivity.switched_run import SwitchedProblem
 
             self.problem = SwitchedProblem(system, names, self.directions.scales)
         else:

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.constraints.near_singular import next_to_singular
+from lagcli.engine.constraints.initial import ConsistentState, next_to_singular
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted
-from lagcli.engine.lowering import lower
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import State, System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.model import Model

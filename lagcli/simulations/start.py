@@ -13,17 +13,16 @@ from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
+    Spin,
     UndefinedStart,
     VanishingGradient,
     consistent_state,
+    dependent_sets,
 )
-from lagcli.engine.constraints.redundancy import dependent_sets
-from lagcli.engine.constraints.spins import Spin
 from lagcli.engine.contract import Outcome
 from lagcli.engine.evaluator import Dynamics, Evaluator
-from lagcli.engine.lowering import lower
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import State, System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, RedundantSet
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError

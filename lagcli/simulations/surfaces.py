@@ -8,9 +8,8 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block
-from lagcli.engine.state import State
 from lagcli.engine.switching.kinks import Kink, frozen_of
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
 #: Values of a function below this part of its largest terms count as zero; residual of the

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
-from lagcli.engine.state import State
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
+from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.written import scope_of

@@ -11,11 +11,11 @@ import numpy as np
 import symengine as se
 
 from lagcli.arrays import Array, Flags
-from lagcli.engine.constraints.spins import Spin
+from lagcli.engine.constraints.initial import Spin
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.compiler import compile_tape
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.system import System
-from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations, derive

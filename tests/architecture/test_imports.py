@@ -61,10 +61,7 @@ LOADERS = {"lagcli.engine.core.fingerprint", "lagcli.engine.core.library"}
 
 #: The modules of the engine that know symbols: a System can be written by hand for the others.
 SYMBOLIC = {
-    "lagcli.engine.lowering",
-    "lagcli.engine.switching.symbolic",
-    "lagcli.engine.sensitivity.tangent",
-    "lagcli.engine.tape.compiler",
+    f"lagcli.engine.lowering.{name}" for name in ("compiler", "lower", "switching", "tangent")
 }
 
 #: What `lagcli simulate` may import from outside the standard library: what it uses, and what
@@ -75,6 +72,7 @@ OF_SIMULATE = {"numpy", "symengine", "yaml"} | OF_TYPER
 #: What a plain run has no use for: what only errors, inputs, contacts or vectors need.
 NOT_OF_PLAIN_RUNS = {
     *("lagcli.engine.core.contact_problem", "lagcli.engine.switching.switching"),
+    "lagcli.engine.switching.stops",
     *("lagcli.model.expression.syntax_hints", "lagcli.model.dimensions.reporting"),
     *("lagcli.model.locations", "lagcli.model.names.unknown", "lagcli.model.sections.fit"),
     *("lagcli.model.sections.events", "lagcli.model.sections.inputs"),
@@ -104,7 +102,7 @@ HEAVY = {
     },
 }
 #: Packages whose modules beside the folders count as one folder in the search for circles.
-WITH_TOP = {"analysis", "cli", "pictures", "play", "simulations"}
+WITH_TOP = {"analysis", "cli", "engine", "pictures", "play", "simulations"}
 #: Modules of HDF5 files, themselves imported where they are used.
 OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store", "lagcli.analysis.fit.file")
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import lagcli
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -19,7 +19,7 @@ from comparison.verdicts import faster, judge
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 
 BY_TITLE = {method.title: method for method in METHODS}
 OURS, BY_HAND = BY_TITLE["lagcli DOP853"], BY_TITLE["lambdify + solve_ivp DOP853"]

@@ -12,7 +12,7 @@ import symengine as se
 from shipped import every_model
 
 import lagcli
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.conserved import Conserved, Proof, conserved_quantities, generalized

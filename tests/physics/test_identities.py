@@ -12,7 +12,7 @@ import pytest
 
 import lagcli
 from lagcli.engine.evaluator import Batch
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.model.model import Model
 from lagcli.trajectory.trajectory import Trajectory
 

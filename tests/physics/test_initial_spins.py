@@ -10,7 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.arrays import Array
-from lagcli.engine.constraints.spins import free_directions, with_given_spins
+from lagcli.engine.constraints.initial import free_directions, with_given_spins
 from lagcli.engine.evaluator import Evaluator
 from lagcli.errors import ModelError
 from lagcli.simulations import simulation

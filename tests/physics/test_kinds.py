@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from lagcli.engine.constraints.initial import NoConsistentState, consistent_state
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering import lower
-from lagcli.engine.state import State
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.reduction.elimination import (
     solve_accelerations,

@@ -10,7 +10,7 @@ from lowered import lowered
 import lagcli
 from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.integrate.run import Integration
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.settings.settings import SettingsOverrides, resolve
 
 MODEL = Path(__file__).parents[2] / "models" / "pendulum_cartesian.yaml"

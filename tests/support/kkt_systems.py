@@ -6,8 +6,7 @@ import numpy as np
 from core_parts import run_tape, solve_ldl
 from lowered import Lowered
 
-from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.linear.elimination import Elimination, unroll
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Builder, Tape
 

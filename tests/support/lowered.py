@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.system import System
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.model.model import Model

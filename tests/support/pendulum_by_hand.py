@@ -10,8 +10,7 @@ from integration_requests import changed
 from scipy.special import ellipj, ellipk
 
 from lagcli.engine.contract import IntegrationRequest
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.settings.settings import SettingsOverrides, resolve

@@ -10,7 +10,7 @@ import numpy as np
 import symengine as se
 from core_parts import run_tape
 
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.functions import apply

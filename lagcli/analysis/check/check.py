@@ -12,9 +12,8 @@ from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
 from lagcli.analysis.check.units import UnitReport, report_units
 from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.inputs.tables import input_functions
-from lagcli.engine.lowering import lower
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized

@@ -11,8 +11,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.inputs.tables import input_functions
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.integrability import FirstIntegral, first_integral, integrable
 from lagcli.equations.derivation.lagrange import Equations

@@ -12,13 +12,13 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoStart,
+    almost_dependent,
     consistent_state,
+    coordinate_reach,
 )
-from lagcli.engine.constraints.near_singular import almost_dependent, coordinate_reach
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.dense import decompose
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 
 #: Number of random consistent states, and the largest number of coordinates for which they are

@@ -10,8 +10,7 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.dense import SingularSystem, decompose, solve_redundant
-from lagcli.engine.state import State
-from lagcli.engine.system import Pattern, System
+from lagcli.engine.system import Pattern, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 
 #: Largest numbers of coordinates and of entries of M for which eigenvalues are computed: the

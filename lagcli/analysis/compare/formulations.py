@@ -13,7 +13,7 @@ from lagcli.engine.contract import Block, IntegrationRequest, Limits, Outcome, S
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.linear.dense import least_change
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853

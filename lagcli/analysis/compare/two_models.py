@@ -15,7 +15,7 @@ import symengine as se
 
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import Motion

@@ -15,8 +15,8 @@ import symengine as se
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState, NoConsistentState, NoStart
 from lagcli.engine.contract import Block, IntegrationRequest
+from lagcli.engine.lowering.tangent import lower_observed
 from lagcli.engine.sensitivity.integration import Derivatives
-from lagcli.engine.sensitivity.tangent import lower_observed
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.column_expressions import column_expression
@@ -278,7 +278,7 @@ def experiments_of(
     names: Sequence[str],
 ) -> list[Experiment]:
     """Return the experiments; models that differ only in values share one derivation."""
-    from lagcli.engine.lowering import lower
+    from lagcli.engine.lowering.lower import lower
     from lagcli.equations.derivation.lagrange import derive
 
     found: list[Experiment] = []

@@ -17,7 +17,7 @@ from lagcli.analysis.local.steady_terms import Given
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model

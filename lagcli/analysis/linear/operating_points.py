@@ -14,7 +14,7 @@ from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady_terms import Given, nearest_steady_state
 from lagcli.arrays import Indices
 from lagcli.engine.contract import Block, Interrupted, Outcome
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides

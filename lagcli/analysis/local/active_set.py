@@ -14,7 +14,7 @@ from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady import Residual, SteadyProblem, SteadyState, completed, none_found
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.errors import NumericalError
 
 #: Changes of the active set after which none is found, and those that a message lists.

@@ -23,8 +23,8 @@ from lagcli.analysis.local.operating_point import Tangent, tangent_of
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.dense import decompose
-from lagcli.engine.state import State
 from lagcli.engine.switching.switching import SwitchedRow
+from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.model.model import Constraint, Model, multiplier

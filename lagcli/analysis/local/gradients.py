@@ -54,8 +54,7 @@ def point_tape(equations: Equations, expressions: Sequence[Basic]) -> Tape:
     """Compile expressions in t, q, v, a, λ and the parameters, the inputs of a `Point`."""
     import symengine as se
 
-    from lagcli.engine.inputs.tables import input_functions
-    from lagcli.engine.tape.compiler import compile_tape
+    from lagcli.engine.lowering.compiler import compile_tape, input_functions
     from lagcli.model.model import TIME
 
     eq = equations
@@ -245,7 +244,7 @@ class ParameterPath:
     def __init__(self, model: Model, name: str):
         import symengine as se
 
-        from lagcli.engine.tape.compiler import compile_tape
+        from lagcli.engine.lowering.compiler import compile_tape
         from lagcli.model.expression.functions import derivative
         from lagcli.model.values import dependent_values
 

@@ -23,9 +23,9 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Constraints, Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.dense import Decomposition, SingularSystem, decompose
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.scales import LEAST_PART, largest, row_lengths
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import NumericalError
 from lagcli.model.model import Model

@@ -12,7 +12,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 
 #: Relative residual of B a = γ above which redundant constraints contradict each other.
 _CONTRADICTION = 1e-6

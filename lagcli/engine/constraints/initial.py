@@ -1,4 +1,10 @@
-"""Consistent initialization: guesses are adjusted until the constraints hold; fixed values stay."""
+"""Consistent initial states: guesses are adjusted until the constraints hold; fixed values stay.
+
+A model file gives the angular velocity ω of a quaternion e, in the body frame, each component fixed
+or guessed, and e' = e ∘ (0, ω)/2: where the orientation is adjusted, e' follows, so that ω stays as
+it is given. Redundant constraints form sets, and a state next to a singular configuration is
+reported.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +14,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.constraints.spins import (
-    Spin,
-    along,
-    free_directions,
-    rates_of_spin,
-    spin_of,
-    with_given_spins,
-)
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.linear.dense import decompose
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.scales import apart, largest, least_scales, lengths_of_rows, usable
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 
 Level = Literal["position", "velocity"]
 
@@ -480,3 +478,228 @@ class ConsistentSearch:
             labels = zip(spin.labels(), spin.fixed, turns.tolist(), strict=True)
             found += [label for label, is_fixed, is_touched in labels if is_fixed and is_touched]
         return found
+
+
+_NOTHING = 1e-14  # of the terms of a product
+
+
+class Spin(NamedTuple):
+    """The angular velocity of one quaternion.
+
+    Parameters
+    ----------
+    name : str
+        Of the quaternion.
+    places : tuple of 4 int
+        Indices of its components among the coordinates.
+    fixed : tuple of 3 bool
+        Which components of ω are fixed.
+    """
+
+    name: str
+    places: tuple[int, int, int, int]
+    fixed: tuple[bool, bool, bool]
+
+    def labels(self) -> tuple[str, ...]:
+        """Return the names of the components of ω, as in expressions."""
+        return tuple(f"omega({self.name}).{axis}" for axis in "xyz")
+
+
+def rates_of_spin(e: Array) -> Array:
+    """Return the matrix G/2 of e' = G ω/2, (..., 4, 3)."""
+    a, b, c, d = np.moveaxis(np.asarray(e, dtype=float), -1, 0)
+    rows = [[-b, -c, -d], [a, -d, c], [d, a, -b], [-c, b, a]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1)) / 2
+
+
+def spin_of(e: Array, rates: Array) -> Array:
+    """Return ω of a quaternion of any length, and its rates, (3,)."""
+    return np.asarray(4 * rates_of_spin(e).T @ rates / (e @ e))
+
+
+def spin_derivative(e: Array, rates: Array, de: Array, drates: Array) -> Array:
+    """Return the derivative of ω along changes of the quaternion and of its rates, (3,)."""
+    along = 4 * (rates_of_spin(de).T @ rates + rates_of_spin(e).T @ drates)
+    return np.asarray((along - 2 * (e @ de) * spin_of(e, rates)) / (e @ e))
+
+
+def with_given_spins(spins: Sequence[Spin], before: Array, v: Array, q: Array) -> Array:
+    """Return velocities whose ω at an orientation q are those of v at another one."""
+    v = v.copy()
+    for spin in spins:
+        places = list(spin.places)
+        if not np.array_equal(before[places], q[places]) and before[places].any():
+            v[places] = rates_of_spin(q[places]) @ spin_of(before[places], v[places])
+    return v
+
+
+def free_directions(spins: Sequence[Spin], fixed: Flags, q: Array) -> Array:
+    """Return the changes of the velocities that are not fixed, (nq, n).
+
+    Parameters
+    ----------
+    spins : sequence of Spin
+    fixed : (nq,) array of bool
+        Ignored for the components of the quaternions of spins.
+    q : (nq,) array
+    """
+    plain = ~np.asarray(fixed, dtype=bool)
+    for spin in spins:
+        plain[list(spin.places)] = False
+    columns = [np.eye(len(q))[:, plain]]
+    for spin in spins:
+        places = list(spin.places)
+        turned = np.zeros((len(q), 3))
+        turned[places] = rates_of_spin(q[places])
+        columns.append(turned[:, ~np.array(spin.fixed)])
+    return np.hstack(columns)
+
+
+def along(jacobian: Array, free: Array) -> Array:
+    """Return the rows of B along directions, B times `free_directions`, without rounding errors.
+
+    All ω are tangent to |e| = 1, whose row must vanish.
+    """
+    found = jacobian @ free
+    found[np.abs(found) <= _NOTHING * (np.abs(jacobian) @ np.abs(free))] = 0.0
+    return np.asarray(found)
+
+
+#: Entries of the projection onto the dependencies above this count: vanishing ones are about 1e-8,
+#: the tolerance of the rank.
+_TAKES_PART = 1e-6
+
+
+def dependent_sets(
+    system: System, state: State, rank: int, held: Sequence[int]
+) -> list[tuple[list[int], int]]:
+    """Return the sets of constraints whose rows of B are linearly dependent at a state.
+
+    The projection P onto the combinations of rows that vanish does not depend on their basis.
+    Constraints coupled by it form a set; the trace of P over the set is the number of redundant
+    rows in it.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+        On the constraints.
+    rank : int
+        Rank of the active rows of B.
+    held : sequence of int
+        The active constraints.
+
+    Returns
+    -------
+    list of (list of int, int)
+        The constraints of each set, and the number of redundant ones.
+    """
+    held = list(held)
+    if rank == len(held):
+        return []
+    evaluator, t, q, v = Evaluator(system, state.p), state.t, state.q, state.v
+    c = evaluator.constraints(t, q, v)
+    sizes = evaluator.sizes(t, q, v)
+    lengths = evaluator.row_lengths(t, q, v, c, sizes)[held]
+    found = dense.decompose(c.jacobian[held], rank, scale=lengths, sizes=sizes).dependent
+    projection = found @ found.T
+    joined = np.abs(projection) > _TAKES_PART
+    left = {int(i) for i in np.flatnonzero(np.diag(joined))}
+    sets = []
+    while left:
+        members: set[int] = set()
+        stack = [min(left)]
+        while stack:
+            i = stack.pop()
+            if i not in members:
+                members.add(i)
+                stack.extend(left.intersection(np.flatnonzero(joined[i]).tolist()) - members)
+        left -= members
+        inside = sorted(members)
+        sets.append(([held[i] for i in inside], round(float(projection[inside, inside].sum()))))
+    return sets
+
+
+#: Next to a singular configuration, the weakest singular value of B, which is proportional to the
+#: distance, is below this part of its median at states that are this far away, relative to the
+#: sizes of the coordinates.
+_NEAR, _AROUND = 1e-4, 0.1
+_STATES = 20
+#: A larger singular value of B, whose rows have length one, needs no comparison.
+_REGULAR = 1e-2
+#: Constraints with a smaller part in the weakest combination are not named.
+_PART = 0.05
+
+
+def coordinate_reach(evaluator: Evaluator, state: State) -> Array:
+    """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate."""
+    sizes = evaluator.sizes(state.t, state.q, state.v)
+    most = largest(state.q, sizes) or 1.0
+    return np.maximum(np.abs(state.q), np.minimum(most * sizes, 1.0))
+
+
+def almost_dependent(system: System, state: State, rank: int) -> tuple[str, ...]:
+    """Return the constraints that are almost dependent at the initial state, but not around it.
+
+    The states around it are not consistent: where constraints touch, all consistent states may be
+    next to the singular configuration. The weakest singular value of constraints that are almost
+    dependent everywhere does not depend on the state.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+        A consistent state.
+    rank : int
+        The rank of B there, of the constraints that hold at the start.
+
+    Returns
+    -------
+    tuple of str
+        Empty away from singular configurations.
+    """
+    held = list(system.held_at_start)
+    if not rank:
+        return ()
+    evaluator, t, v = Evaluator(system, state.p), state.t, state.v
+    sizes = evaluator.sizes(t, state.q, v)
+    c = evaluator.constraints(t, state.q, v)
+    lengths = usable(evaluator.row_lengths(t, state.q, v, c, sizes)[held])
+    here = decompose(c.jacobian[held], rank, lengths, sizes)
+    weakest = here.values[rank - 1]
+    if weakest > _REGULAR:
+        return ()
+
+    def around(q: Array) -> float:
+        jacobian = evaluator.constraints(t, q, v).jacobian[held]
+        if not np.isfinite(jacobian).all():
+            return 0.0
+        return float(decompose(jacobian, rank, lengths, sizes).values[rank - 1])
+
+    random, reach = np.random.default_rng(8), _AROUND * coordinate_reach(evaluator, state)
+    others = [around(state.q + reach * random.normal(size=len(reach))) for _ in range(_STATES)]
+    if not weakest < _NEAR * np.median(others):
+        return ()
+    parts = np.abs(here.left[:, rank - 1])
+    return tuple(system.constraints[k] for k, part in zip(held, parts, strict=True) if part > _PART)
+
+
+def next_to_singular(system: System, start: ConsistentState) -> list[str]:
+    """Return a warning if the start is next to a singular configuration.
+
+    Parameters
+    ----------
+    system : System
+    start : ConsistentState
+        A large system with an order of elimination is regular.
+    """
+    names = () if start.elimination else almost_dependent(system, start.state, start.rank)
+    if not names:
+        return []
+    listed = ", ".join(f"`{name}`" for name in names)
+    plural, verb = ("s", "are dependent") if len(names) > 1 else ("", "has no gradient")
+    return [
+        "the start is next to a singular configuration, in which the"
+        f" constraint{plural} {listed} {verb}: accelerations and multipliers change much over a"
+        " small distance; give guesses that lead to a start away from it"
+    ]

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
-from lagcli.engine.constraints.spins import Spin
+from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR, Spin
 from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.program.program import assemble

@@ -18,8 +18,7 @@ from lagcli.engine.core.structures import (
     address,
     each,
 )
-from lagcli.engine.program.program import Program
-from lagcli.engine.program.subprograms import unpacked
+from lagcli.engine.program.program import Program, unpacked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

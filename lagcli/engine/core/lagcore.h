@@ -152,7 +152,7 @@ typedef struct {
     const int32_t *places;             /* position of each matrix entry in the factors */
 } lag_pivots;
 
-/* A known function of time in pieces: engine/inputs/functions.py. Its piece at t is among the parameters of
+/* A known function of time in pieces: engine/tape/inputs.py. Its piece at t is among the parameters of
  * programs: the time from which it counts, then degree + 1 coefficients, ascending. The arrays are not
  * copied: they must outlive the run. */
 typedef struct {

@@ -29,10 +29,10 @@ from lagcli.engine.tape.tape import Tape
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from lagcli.engine.sensitivity.directional_programs import DirectionalPrograms
-    from lagcli.engine.switching.clocks import Ticks
+    from lagcli.engine.sensitivity.switched_run import DirectionalPrograms
     from lagcli.engine.switching.kinks import FrozenSystem
     from lagcli.engine.switching.splitting import SplitSystem
+    from lagcli.engine.switching.switching import Ticks
 
 
 class lag_switching_rules(Structure):

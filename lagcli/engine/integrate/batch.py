@@ -25,8 +25,7 @@ from lagcli.engine.integrate.engine import integrate, switches
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.program.program import assemble
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.engine.tape.tape import Tape
 
 #: Time after which the core returns, s, and the number of step attempts of the first call.

@@ -4,23 +4,26 @@ Unrolling an elimination into the tape and assembling it takes some 50 µs of Py
 operation, and saves the core some nanoseconds at each evaluation. Therefore a short elimination is
 unrolled before the first step, a longer one when a run has taken many steps or when many runs are
 to come, and one with large fill never: its columns are long enough for the loop in C.
+
+Steps are limited where functions depend on t explicitly, such as sin(ω t): an integrator sees them
+only at its stages, and a body at rest under a force of time, or before a short pulse, would allow
+steps in which they oscillate unseen (`engine/core/resolution.c`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import NamedTuple, TypeGuard
 
-from lagcli.engine.constraints.rates import with_rates
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
-from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.layout import RatesLayout
+from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at, unroll
 from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.program.vectorize import LONG
-from lagcli.engine.state import State
-from lagcli.engine.system import System, without_numbers
-from lagcli.engine.tape.explicit_time import explicit_functions
+from lagcli.engine.system import State, System, without_numbers
+from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.
@@ -170,3 +173,77 @@ def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Eliminati
         return order_at(motion, [evaluator.entries(s.t, s.q, s.v) for s in states])
     except NoElimination:
         return None
+
+
+#: Operations that bend a function of time; sums and products inherit from their operands.
+_NONLINEAR = {Op.DIV} | {
+    op for op in Op if op.function is not None and op not in (Op.FLOOR, Op.CEIL)
+}
+
+
+def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:
+    """Return the tape of the nonlinear operations whose operands depend on t explicitly.
+
+    Parameters
+    ----------
+    tapes : iterable of Tape
+        Of (t, q, v, …, parameters), with the same parameters. Operations on inputs between v and
+        the parameters are left out.
+    states : int
+        Number of q and v.
+
+    Returns
+    -------
+    Tape or None
+        (t, q, v, parameters) → their results; None if there are none.
+    """
+    given = [tape for tape in tapes if tape.outputs]
+    if not given:
+        return None
+    parameters = given[0].parameters
+    builder = Builder(1 + states + parameters, parameters, functions=given[0].functions)
+    found: list[int] = []
+    for tape in given:
+        first = tape.inputs - tape.rhs_inputs - tape.parameters
+        own = [*range(1 + states), *[-1] * (first - 1 - states)]
+        own += range(1 + states, 1 + states + parameters)
+        wanted = _nonlinear(tape, states, first)
+        found += builder.splice(tape._replace(outputs=tuple(wanted)), own)
+    return builder.finish(dict.fromkeys(found)) if found else None
+
+
+def _nonlinear(tape: Tape, states: int, parameters: int) -> Sequence[int]:
+    """Return the registers of the operations."""
+    timed, unknown, found = {0}, {*range(1 + states, parameters)}, []
+    unknown |= {*range(parameters + tape.parameters, tape.inputs)}
+    for op, to, a, b, c in tape.code:
+        operands = (a, b, c)[: ARITY[op]]
+        if not unknown.isdisjoint(operands):
+            unknown.add(to)
+        elif not timed.isdisjoint(operands):
+            timed.add(to)
+            if op in _NONLINEAR and (op != Op.DIV or b in timed):
+                found.append(to)
+    return found
+
+
+def with_rates(system: System) -> Tape:
+    """Append ψ (nc) to the constraint tape.
+
+    Output subsets are φ with its scale, and B, ψ and its scale.
+    """
+    given, layout = system.constraint, system.constraint_layout
+    v = system.sample_layout.v.start
+    builder = Arithmetic(given.inputs, given.parameters, functions=given.functions)
+    outputs = builder.extend(given)
+    rates = outputs[layout.drift]
+    for (i, j), x in zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True):
+        rates[i] = builder.plus(rates[i], builder.times(x, v + j))
+    extended, places = RatesLayout(system.counts), range(len(outputs) + len(rates))
+    positions = *places[layout.position], *places[layout.position_scale]
+    velocities = (
+        *places[layout.jacobian],
+        *places[layout.velocity_scale],
+        *places[extended.velocity],
+    )
+    return builder.finish([*outputs, *rates], output_subsets=(positions, velocities))

@@ -39,10 +39,9 @@ from lagcli.engine.integrate.prepared import (
     prepare,
     unrolled,
 )
-from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.linear.elimination import unroll
 from lagcli.engine.program.program import Program
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 
 if TYPE_CHECKING:
     from lagcli.engine.constraints.index1 import Index1
@@ -361,7 +360,7 @@ class Integration:
             return False
         if not self.settings.through_singular:
             raise watch.stop(ahead.time, *ahead.path(ahead.time))
-        from lagcli.engine.constraints.passage import Crossing
+        from lagcli.engine.constraints.singular import Crossing
 
         crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
         self.collect()

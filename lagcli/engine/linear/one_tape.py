@@ -10,13 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lagcli.engine.layout import UnrolledLayout
-from lagcli.engine.linear.blocks import Blocks, inputs_of
-from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.layout import Blocks, UnrolledLayout, inputs_of
+from lagcli.engine.linear.elimination import Elimination, unroll
 from lagcli.engine.system import System, TangentBlocks
-from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Tape
+from lagcli.engine.tape.tape import Arithmetic, Tape
 
 
 def in_one_tape(system: System, elimination: Elimination) -> tuple[System, Tape]:
@@ -25,7 +22,7 @@ def in_one_tape(system: System, elimination: Elimination) -> tuple[System, Tape]
     Parameters
     ----------
     system : System
-        System from `lagcli.engine.sensitivity.augmented.with_derivatives`.
+        System from `lagcli.engine.sensitivity.integration.with_derivatives`.
     elimination : Elimination
         Elimination of the motion.
 

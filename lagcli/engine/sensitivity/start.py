@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags
-from lagcli.engine.constraints.spins import (
+from lagcli.engine.constraints.initial import (
     Spin,
     along,
     free_directions,
@@ -25,9 +25,9 @@ from lagcli.engine.constraints.spins import (
 )
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.lowering.tangent import TangentTapes
 from lagcli.engine.scales import largest, lengths_of_rows, usable
-from lagcli.engine.sensitivity.tangent import TangentTapes
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 
 #: Residuals of the linearized constraints above this part of their scale are contradictions.
 _REACHED = 1e-7

@@ -1,11 +1,16 @@
-"""Runs of the core that differentiate a motion with contacts, friction, events and kinks."""
+"""Runs of the core that differentiate a motion with contacts, friction, events and kinks.
+
+`DirectionalPrograms` are the directional derivatives of a System's tapes, for the core, and
+`why_lost` states why a motion has no derivatives from an instant on.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cached_property
-from typing import Any
+from enum import IntEnum
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,17 +19,17 @@ from lagcli.engine.constraints.adjustment import adjusted
 from lagcli.engine.constraints.initial import NoConsistentState
 from lagcli.engine.contract import Block, EventEntry, IntegrationRequest, Outcome
 from lagcli.engine.core.switching import SwitchingIntegrator
-from lagcli.engine.integrate.switching_actions import Actions
-from lagcli.engine.integrate.switching_run import SwitchingIntegration
-from lagcli.engine.program.program import Program
-from lagcli.engine.sensitivity.directional_programs import directional_programs
+from lagcli.engine.integrate.switching_run import Actions, SwitchingIntegration
+from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.sensitivity.integration import Derivatives, Sink
-from lagcli.engine.sensitivity.losses import why_lost
 from lagcli.engine.sensitivity.start import StartDerivatives
+from lagcli.engine.switching.kinks import FrozenSystem
+from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.tape import Builder, Tape
 
 #: The method that takes the steps: others have no derivatives of rows that hold or slip.
 METHOD = "DOP853"
@@ -252,3 +257,279 @@ class DifferentiatedActions(Actions):
         state, p, _ = self.core.changes(self._parameters)
         self.core.set_changes(state, p)  # the motion after it is another one
         super().activate(row, active)
+
+
+class DirectionalPrograms(NamedTuple):
+    """What the core differentiates a motion with; see ``lag_directions`` in core/lagcore.h.
+
+    Parameters
+    ----------
+    parameters : (n, np) array
+        Derivatives of the System's parameters, including branches, which do not change.
+    decides : tuple of bool
+        For each condition, whether an event with actions depends on it.
+    dynamics, constraint, functions, limits, impact, forces, conditions, force_conditions, kinks,
+    kink_rates : Program
+    """
+
+    parameters: Array
+    decides: tuple[bool, ...]
+    dynamics: Program
+    constraint: Program
+    functions: Program
+    limits: Program
+    impact: Program
+    forces: Program
+    conditions: Program
+    force_conditions: Program
+    kinks: Program
+    kink_rates: Program
+
+
+@lru_cache(maxsize=4)
+def _programs(split: SplitSystem, frozen: FrozenSystem | None) -> tuple[Program, ...]:
+    """Return the programs from ``dynamics`` on; cached for many runs."""
+    fixed, switching, system = split.fixed, split.switching, split.system
+    d, c, rows = fixed.dynamics_layout, fixed.constraint_layout, len(split.rows)
+    holonomic = sum(place >= 0 for place in split.places)
+    of_rows = range(holonomic + len(split.pattern) + 2 * rows)
+    limited = 2 * sum(row.limit is not None for row in switching.rows)
+    state, forces = 1 + 2 * len(system.coordinates), len(system.constraints)
+    forces += state + len(system.coordinates)
+    held = system.dynamics.parameters
+    # with the inputs of any other
+    nothing = Tape(2 * (forces + held) + state, (), (), (), held)
+
+    def along(tape: Tape | None, inputs: int) -> Program:
+        if tape is None or not tape.outputs:
+            return assemble(nothing)
+        return assemble(arranged(directional(tape), inputs))
+
+    matrices = [
+        *range(d.mass_matrix.start, d.mass_matrix.stop),
+        *range(d.forcing.start, d.forcing.stop),
+        *range(d.jacobian.start, d.jacobian.stop),
+        *range(d.rhs.start, d.rhs.stop),
+    ]
+    constraints = [
+        *range(c.position.start, c.position.stop),
+        *range(c.jacobian.start, c.jacobian.stop),
+        *range(c.drift.start, c.drift.stop),
+    ]
+    some, kinks = switching.forces, None
+    if some is not None:
+        some = some.selected(range(len(switching.force_coordinates)))
+    if frozen is not None:
+        kinks = frozen.functions.selected(range(len(frozen.kinks)))
+    return (
+        along(fixed.dynamics.selected(matrices), state),
+        along(fixed.constraint.selected(constraints), state),
+        along(split.functions.selected(of_rows) if rows else None, state),
+        along(switching.limits.selected(range(limited)), forces),
+        along(switching.impact, state),
+        along(some, forces),
+        along(system.events, state),
+        along(switching.force_conditions, forces),
+        along(kinks, state),
+        assemble(_rates(kinks, state)) if kinks is not None else assemble(nothing),
+    )
+
+
+def directional_programs(
+    split: SplitSystem, frozen: FrozenSystem | None, parameters: Array
+) -> DirectionalPrograms:
+    """Return the programs of a System.
+
+    Parameters
+    ----------
+    split : SplitSystem
+    frozen : FrozenSystem or None
+        If the System has branches.
+    parameters : (n, np) array
+        Derivatives of the System's parameters.
+    """
+    rules = split.switching.events
+    acting = {
+        rule.condition
+        for rule in rules
+        if rule.targets or rule.impulses or rule.release or rule.engage or rule.stop
+    }
+    tapes = split.system.events, split.switching.force_conditions
+    count = sum(len(tape.outputs) for tape in tapes if tape is not None)
+    decides = tuple(k in acting for k in range(count))
+    return DirectionalPrograms(parameters, decides, *_programs(split, frozen))
+
+
+def arranged(tape: Tape, state: int) -> Tape:
+    """Return the derivative of a tape with other inputs: the parameters after all else.
+
+    Parameters
+    ----------
+    tape : Tape
+        Of (x, p, their changes), p the parameters: the result of `directional`.
+    state : int
+        Number of x.
+
+    Returns
+    -------
+    Tape
+        Of (x, its changes, those of p, p).
+    """
+    pieces = tape.functions.size
+    given = (tape.inputs - pieces) // 2
+    p = given - state
+    builder = Builder(2 * given + pieces, p + pieces, functions=tape.functions)
+    last = 2 * state + p
+    return builder.finish(
+        builder.splice(
+            tape,
+            [
+                *range(state),
+                *range(last, last + p),
+                *range(state, 2 * state),
+                *range(2 * state, last),
+                *range(last + p, builder.inputs),
+            ],
+        )
+    )
+
+
+def _rates(tape: Tape, state: int) -> Tape:
+    """Return the rates of a tape's outputs along a motion, and the changes of these.
+
+    Returns
+    -------
+    Tape
+        Of (t, q, v; their rates; their changes; the changes of p; those of the rates of q and v;
+        p).
+    """
+    first = directional(tape)
+    second = directional(first)
+    pieces = tape.functions.size
+    p = tape.inputs - pieces - state
+    parts = (state, state, state, p, state - 1, p, pieces)
+    builder = Builder(sum(parts), p + pieces, functions=tape.functions)
+    places, start = [], 0
+    for count in parts:
+        places.append([*range(start, start + count)])
+        start += count
+    x, rates, changes, of_p, of_rates, parameters, rest = places
+    zero = builder.constant(0.0)
+    along = [*x, *parameters, *rates, *[zero] * p]
+    of_along = [*changes, *of_p, zero, *of_rates, *[zero] * p]
+    return builder.finish(
+        [
+            *builder.splice(first, [*along, *rest]),
+            *builder.splice(second, [*along, *of_along, *rest]),
+        ]
+    )
+
+
+class Loss(IntEnum):
+    """The reasons: ``lag_reason`` in core/derivatives/derivatives.h."""
+
+    UNKNOWN = 0
+    GRAZES = 1
+    SHARES = 2
+    COINCIDE = 3
+    CLOSE_TOGETHER = 4
+    RESTS = 5
+    ONLY_HERE = 6
+    WITHIN_TOLERANCE = 7
+
+
+#: Kinds of watched functions that are not of rows: ``lag_watched`` in core/switching/switching.h.
+_KINKS, _FIRST_CONDITION = (6, 7), 8
+
+
+def why_lost(
+    split: SplitSystem,
+    frozen: FrozenSystem | None,
+    reason: int,
+    culprits: Sequence[tuple[int, int]],
+) -> str:
+    """Return why there is no derivative.
+
+    Parameters
+    ----------
+    split : SplitSystem
+    frozen : FrozenSystem or None
+        With the kinks, if there are any.
+    reason : int
+        `Loss`.
+    culprits : sequence of (int, int)
+        Kinds and numbers of the functions that it is about.
+    """
+    names = [*dict.fromkeys(_name(split, frozen, what, which) for what, which in culprits)]
+    first = names[0] if names else ""
+    if reason == Loss.GRAZES:
+        return f"{first} is only touched, without a rate, and the time has no derivative"
+    if reason == Loss.SHARES:
+        return f"{first} shares its force with others, so that the time has no derivative"
+    if reason == Loss.COINCIDE:
+        return f"{' and '.join(names)} occur simultaneously, and their order decides what follows"
+    if reason == Loss.CLOSE_TOGETHER:
+        return f"contacts close simultaneously there, {first} among them, and their order decides"
+    if reason == Loss.RESTS:
+        return f"infinitely many impacts of {first} end there"
+    if reason == Loss.ONLY_HERE:
+        return f"{first} holds there only for this value"
+    if reason == Loss.WITHIN_TOLERANCE:
+        return f"{first} holds from there on within a tolerance, and not exactly"
+    return "they have no finite value"
+
+
+def _name(split: SplitSystem, frozen: FrozenSystem | None, what: int, which: int) -> str:
+    if what in _KINKS:
+        assert frozen is not None
+        names = frozen.kinks[which].names or ("t",)
+        return "the kink of a function of " + ", ".join(f"`{name}`" for name in names)
+    if what < _FIRST_CONDITION:
+        return f"`{split.system.constraints[split.rows[which]]}`"
+    rules = split.switching.events
+    return f"`{next(rule.name for rule in rules if rule.condition == which)}`"
+
+
+class SwitchedProblem:
+    """A System and the directions in which its motion is differentiated, for many runs.
+
+    DOP853 takes the steps, regardless of the settings.
+
+    Parameters
+    ----------
+    system : System
+    names : sequence of n str
+        Names of the directions.
+    scales : (n,) array
+        Derivatives are carried with respect to θ / scale.
+    """
+
+    def __init__(self, system: System, names: Sequence[str], scales: Array):
+        self.system, self.names, self.scales = system, tuple(names), scales
+
+    def integrate(
+        self,
+        request: IntegrationRequest,
+        start: StartDerivatives,
+        parameters: Array,
+        sink: Sink,
+        progress: Callable[[float], None] | None = None,
+    ) -> Outcome:
+        """Integrate the motion with its derivatives.
+
+        Parameters
+        ----------
+        request : IntegrationRequest
+        start : StartDerivatives
+            With respect to θ / scale.
+        parameters : (n, np) array
+            Derivatives of the parameters with respect to θ / scale.
+        sink : callable
+            Takes the samples in blocks, in order.
+        progress : callable, optional
+            As in `lagcli.engine.integrate.engine.integrate`.
+        """
+
+        return DifferentiatedIntegration(
+            self.system, request, start, parameters, self.names, self.scales, sink, progress
+        ).run()

@@ -13,9 +13,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from lagcli.engine.state import State
 from lagcli.engine.switching.switching import Switching
-from lagcli.engine.system import JacobianTapes, System
+from lagcli.engine.system import JacobianTapes, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape

@@ -5,10 +5,9 @@ Griewank & Walther, Evaluating Derivatives, 2008, chapter 3.
 
 from __future__ import annotations
 
-from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, Op
 from lagcli.engine.tape.slopes import SlopeRules
-from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 
 #: Operations whose results are piecewise constant.
 _CONSTANT = (Op.LT, Op.LE, Op.EQ, Op.NE, Op.AND, Op.OR, Op.NOT, Op.FLOOR, Op.CEIL)

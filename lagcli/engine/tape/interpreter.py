@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.tape.domains import bounded
-from lagcli.engine.tape.operations import ARITY, OPERATIONS, Kind
+from lagcli.engine.tape.operations import ARITY, OPERATIONS, ROUNDING, Kind
 from lagcli.engine.tape.tape import Tape
+from lagcli.functions import Domain
 
 #: Functions on floats that never raise.
 _TOTAL = (operator.add, operator.sub, operator.mul, operator.neg, abs, max)
@@ -127,3 +127,15 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     for i, register in enumerate(tape.outputs):
         out[i] = r[register]
     return out
+
+
+def bounded(a: Array, domain: Domain) -> Array:
+    """Return a, or the bound of a domain where it is beyond by rounding."""
+    low, high = domain.low, domain.high
+    a = np.where((a < low) & (a >= low - ROUNDING), low, a)
+    return np.where((a > high) & (a <= high + ROUNDING), high, a)
+
+
+def clipped(a: Array, b: Array) -> Array:
+    """Return a, or 0 where it is negative by rounding of terms whose squares add up to b."""
+    return np.where((a < 0.0) & (a * a <= ROUNDING * ROUNDING * b), 0.0, a)

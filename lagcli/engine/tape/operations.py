@@ -146,7 +146,7 @@ class Op(IntEnum):
     OR = 2, Kind.BATCH, "LARGER(A, B)", max, "numpy.maximum", "Or"
     NOT = 1, Kind.BATCH, "1.0 - A", lambda a: 1.0 - a, "", "Not"
     SELECT = 3, Kind.BATCH, "CHOOSE(A != 0.0, B, C)", lambda a, b, c: b if a else c, "numpy.where"
-    CLIP = 2, Kind.BATCH, _CLIPPED, clipped, "lagcli.engine.tape.domains.clipped"
+    CLIP = 2, Kind.BATCH, _CLIPPED, clipped, "lagcli.engine.tape.interpreter.clipped"
     # operations that occur only in programs
     MULADD = 3, Kind.VECTOR, "A * B + C"
     MULSUB = 3, Kind.VECTOR, "A * B - C"

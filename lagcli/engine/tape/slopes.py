@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Arithmetic
 
 
 class Slope(NamedTuple):

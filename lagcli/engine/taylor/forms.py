@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from lagcli.engine.tape.arithmetic import Arithmetic
+from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor.series_nodes import (
     ZERO,
     Delayed,

@@ -12,10 +12,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from lagcli.engine.program.nodes import VECTOR, Node
-from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
-from lagcli.engine.program.slots import LINE, Slots
-from lagcli.engine.program.vectorize import WORTH, last_uses, together
+from lagcli.engine.program.nodes import LINE, VECTOR, Node, Slots
+from lagcli.engine.program.vectorize import (
+    SHORTEST,
+    WORTH,
+    last_uses,
+    pieces,
+    progressions,
+    steps,
+    together,
+)
 from lagcli.engine.taylor.series_nodes import (
     LONGEST,
     Delayed,

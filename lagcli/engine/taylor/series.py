@@ -3,10 +3,18 @@
 The operations on coefficients are defined in `lagcli.engine.taylor.expansion`; here they are
 ordered and get places.
 
+The solution of K x = r with K = [[M, −Bᵀ], [B, 0]] needs one factorization: coefficient k of x is
+the solution of K_0 x_k = r_k − K_1 x_{k−1} − … − K_k x_0, so all orders have the matrix of order 0
+(Nedialkov and Pryce). Sums of products are factored, because a convolution costs several times as
+much as a sum: f a + f b becomes f (a + b).
+
 References
 ----------
 À. Jorba and M. Zou, A software package for the numerical integration of ODEs by means of high-order
 Taylor methods, Experimental Mathematics 14 (2005), doi:10.1080/10586458.2005.10128904.
+
+N. S. Nedialkov and J. D. Pryce, Solving differential-algebraic equations by Taylor series (I):
+computing Taylor coefficients, BIT 45 (2005), doi:10.1007/s10543-005-0019-y.
 """
 
 from __future__ import annotations
@@ -20,16 +28,14 @@ import numpy as np
 
 from lagcli.arrays import Int32
 from lagcli.engine.layout import UnrolledLayout
+from lagcli.engine.program.nodes import LINE
 from lagcli.engine.program.program import Node, allocate, in_order, stream
-from lagcli.engine.program.slots import LINE
 from lagcli.engine.system import System, without_numbers
-from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import Op
-from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 from lagcli.engine.taylor.expansion import SeriesExpansion
-from lagcli.engine.taylor.factoring import factored
+from lagcli.engine.taylor.forms import Form
 from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
-from lagcli.engine.taylor.linear_series import LinearSystem
 from lagcli.engine.taylor.series_nodes import (
     MAX_ORDER,
     WORK,
@@ -41,6 +47,7 @@ from lagcli.engine.taylor.series_nodes import (
     RegisterValue,
     SeriesNode,
     SeriesOp,
+    UnnamedSeries,
 )
 
 #: Places between rows, because four coefficients are read at a time, some of them beyond a row.
@@ -393,3 +400,176 @@ def _kept(nodes: Iterable[SeriesNode], state: set[Name]) -> list[Name]:
             kept.update((operands[i], None) for i in op.convolved)
             kept.update((x.series, None) for x in operands if isinstance(x, Delayed))
     return [x for x in kept if x not in state]
+
+
+class LinearSystem:
+    """Computes the series of a and λ.
+
+    Parameters
+    ----------
+    expansion : Expansion
+    system : System
+    outputs : sequence of int
+        Registers of the outputs of the dynamics tape with the unrolled elimination.
+    """
+
+    def __init__(self, expansion: SeriesExpansion, system: System, outputs: Sequence[int]):
+        mass, jacobian = system.mass_pattern, system.jacobian_pattern
+        layout, nq, size = UnrolledLayout(system.counts), system.counts.nq, system.counts.unknowns
+        rows = outputs[layout.jacobian]
+        self.expansion = expansion
+        # rows, columns and registers of the matrix, and their signs in r − K x
+        self.entries = [
+            *((i, j, x, -1) for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=True)),
+            *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
+            *((j, nq + i, x, 1) for (i, j), x in zip(jacobian, rows, strict=True)),
+        ]
+        self.right = [*outputs[layout.forcing], *outputs[layout.rhs]]
+        self.values = outputs[layout.solution]
+        self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
+        self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
+
+    def solve(self) -> list[Name]:
+        """Convert the matrix and the right side, then the substitutions; return the unknowns."""
+        expansion = self.expansion
+        expansion.expand([*(x for _, _, x, _ in self.entries), *self.right])
+        unknowns = self.unknowns()
+        rows: list[dict[Name, list[Form]]] = [{} for _ in unknowns]
+        for i, j, x, sign in self.entries:
+            if not expansion.is_invariant(x):
+                number, base = expansion.tail(x)
+                number = number if sign > 0 else expansion.builder.negative(number)
+                rows[i].setdefault(base, []).append((number, unknowns[j]))
+        moving: set[Name] = set()
+        for to, right, row in zip(self.other_right, self.right, rows, strict=True):
+            terms = [] if expansion.is_invariant(right) else [expansion.tail(right)]
+            terms += [self.product(base, factors) for base, factors in row.items()]
+            if terms:
+                moving.add(to)
+                expansion.whole[to] = expansion.add(terms)
+        # from the right side to the solution, everything else is of order 0: numbers
+        before, expansion.moving = expansion.moving, moving
+        names = dict(zip(self.solution, unknowns, strict=True))
+        for x in names.keys() & set(self.other_right):  # without an operation
+            expansion.rename(x, names[x])
+        expansion.expand(names, names)
+        expansion.moving = before
+        return unknowns
+
+    def unknowns(self) -> list[Name]:
+        """Return names of the series of a and λ: registers if they are not computed otherwise."""
+        expansion = self.expansion
+        found: list[Name] = []
+        for x in self.values:
+            known = x in expansion.taken or x < expansion.builder.inputs
+            if not known:
+                expansion.taken.add(x)
+                expansion.moving.add(x)
+            found.append(expansion.new(x) if known else x)
+        return found
+
+    def product(self, base: Name, factors: list[Form]) -> Form:
+        """Return the product of a series, without its first coefficient, and a sum."""
+        expansion = self.expansion
+        number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)
+        return number, expansion.multiply(base, x, tail=True)
+
+
+#: Operations with one term or two.
+_SUMS = SeriesOp.SUM, SeriesOp.SCALE
+
+
+def factored(expansion: SeriesExpansion, results: Sequence[Name]) -> list[SeriesNode]:
+    """Return the operations that results need, with common factors of sums factored out."""
+    return _Factoring(expansion, results).nodes()
+
+
+class _Factoring:
+    """Rewrites the sums of an expansion, each including nested sums that are used once."""
+
+    def __init__(self, expansion: SeriesExpansion, results: Sequence[Name]):
+        self.expansion, self.results = expansion, results
+        self.given = {to: node for node in expansion.wanted(results) for to in node[1]}
+        self.uses: dict[Name, int] = dict.fromkeys(results, 2)
+        self.named = set(results)  # used outside of sums
+        self.inside: set[Name] = set()  # sums that are parts of others
+        self.multiples: dict[Name, Form] = {}  # sums reduced to one term
+        for op, _, operands in self.given.values():
+            for i, x in enumerate(operands):
+                if i not in op.numbers:
+                    x = x.series if isinstance(x, Delayed) else x
+                    self.uses[x] = self.uses.get(x, 0) + 1
+                    if op not in _SUMS:
+                        self.named.add(x)
+
+    def nodes(self) -> list[SeriesNode]:
+        """Rewrite all sums."""
+        sums = [(to, _terms(node)) for to, node in self.given.items() if node[0] in _SUMS]
+        for to, terms in reversed(sums):
+            if to not in self.inside:
+                self.flat(terms)
+        for to, terms in sums:
+            if to not in self.inside:
+                terms = self.taken_out(self.flat(terms))
+                if len(terms) == 1 and to not in self.named:
+                    self.multiples[to] = terms[0]
+                else:
+                    self.expansion.add(terms, to)
+        return self.expansion.wanted(self.results)
+
+    def alone(self, x: Name, *ops: SeriesOp) -> SeriesNode | None:
+        """Return an operation of some kinds whose result is used once."""
+        node = self.given.get(x)
+        return node if node and node[0] in ops and self.uses[x] == 1 else None
+
+    def flat(self, terms: Sequence[Form]) -> list[Form]:
+        """Return terms with nested sums flattened."""
+        found: list[Form] = []
+        waiting = [*reversed(terms)]
+        times = self.expansion.builder.times
+        while waiting:
+            number, x = waiting.pop()
+            node = self.alone(x, *_SUMS)
+            if node:
+                self.inside.add(x)
+                waiting += [(times(number, s), a) for s, a in reversed(_terms(node))]
+            elif x in self.multiples:
+                s, a = self.multiples[x]
+                found.append((times(number, s), a))
+            else:
+                found.append((number, x))
+        return found
+
+    def taken_out(self, terms: list[Form]) -> list[Form]:
+        """Return terms with common factors of products factored out, the most common first."""
+        expansion = self.expansion
+        while True:
+            members: dict[Name, list[int]] = {}
+            for i, (_, x) in enumerate(terms):
+                node = self.alone(x, SeriesOp.MUL)
+                for factor in set(node[2] if node else ()):
+                    members.setdefault(factor, []).append(i)
+            factor, which = max(members.items(), key=lambda x: len(x[1]), default=(0, []))
+            if len(which) < 2:
+                return terms
+            others: list[Form] = []
+            for i in which:
+                number, x = terms[i]
+                a, b = self.given[x][2]
+                others.append((number, b if a == factor else a))
+            others.sort(key=_in_order)  # including those of other sums, in canonical order
+            number, rest = expansion.bracket(others, lambda x: self.taken_out(self.flat(x)))
+            product = number, expansion.multiply(factor, rest)
+            terms = [x for i, x in enumerate(terms) if i not in which[1:]]
+            terms[which[0]] = product
+
+
+def _in_order(term: Form) -> tuple[bool, Name]:
+    """Return the sort key of terms: series with registers come first."""
+    return isinstance(term[1], UnnamedSeries), term[1]
+
+
+def _terms(node: SeriesNode) -> list[Form]:
+    """Return the terms of a sum."""
+    _, _, operands = node
+    return list(zip(operands[::2], operands[1::2], strict=True))

@@ -10,13 +10,16 @@ import numpy as np
 import symengine as se
 
 from lagcli.arrays import Array
-from lagcli.engine.constraints.initial import ConsistentState, NoStart, consistent_state
-from lagcli.engine.constraints.nearest import nearest_position
-from lagcli.engine.constraints.spins import with_given_spins
+from lagcli.engine.constraints.adjustment import nearest_position
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
+    NoStart,
+    consistent_state,
+    with_given_spins,
+)
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.inputs.tables import input_functions
-from lagcli.engine.state import State
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
+from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative

@@ -12,9 +12,8 @@ from symengine import Basic
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import read_column_name, read_dotted_name
-from lagcli.engine.inputs.functions import NO_FUNCTIONS
-from lagcli.engine.inputs.tables import input_functions
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
+from lagcli.engine.tape.inputs import NO_FUNCTIONS
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import Diagnostic, UsageError

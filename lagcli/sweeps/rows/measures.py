@@ -12,8 +12,7 @@ from symengine import Basic
 
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, SAMPLED, SCALARS, column_names, read_dotted_name
-from lagcli.engine.inputs.tables import input_functions
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import (

@@ -101,7 +101,7 @@ def growth(lengths: Sequence[int] = LENGTHS) -> list[Growth]:
     Where one takes longer than the measurement may, it is the last.
     """
     import lagcli
-    from lagcli.engine.lowering import lower
+    from lagcli.engine.lowering.lower import lower
 
     cases = {n: chain(n, 1.0) for n in lengths}
     runs = {}

@@ -17,7 +17,7 @@ from lagcli.engine.contract import (
     Undefined,
     outcome,
 )
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 
 STATE = State(0.25, np.array([1.0]), np.array([2.0]), ())
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 
 from lagcli.engine.layout import (
+    Blocks,
     ConstraintLayout,
     Counts,
     DynamicsLayout,
@@ -14,6 +15,7 @@ from lagcli.engine.layout import (
     RatesLayout,
     SampleLayout,
     UnrolledLayout,
+    inputs_of,
 )
 
 COUNTS = Counts(nq=3, nc=2, nh=1, nm=7, nb=5)
@@ -65,3 +67,18 @@ def test_the_last_part_of_an_unrolled_elimination_is_open() -> None:
 def test_a_system_without_constraints_has_empty_parts() -> None:
     layout = SampleLayout(Counts(nq=1, nc=0))
     assert (layout.multipliers, layout.work, layout.size) == (slice(4, 4), slice(4, 5), 5)
+
+
+BLOCKS = Blocks(Counts(nq=2, nc=1, nh=1, nm=4, nb=2), 2)
+
+
+def test_blocks_follow_each_other() -> None:
+    assert Counts(nq=6, nc=3, nh=3, nm=12, nb=6) == BLOCKS.total
+    assert [BLOCKS.coordinates(k) for k in range(3)] == [slice(0, 2), slice(2, 4), slice(4, 6)]
+    assert BLOCKS.constraints(2) == slice(2, 3)
+
+
+def test_inputs_are_time_coordinates_velocities_and_parameters() -> None:
+    q, v, p = inputs_of(BLOCKS, 2)
+    assert [0, *q, *v, *p] == list(range(1 + 6 + 6 + 2))
+    assert len(q) == len(v) == 6

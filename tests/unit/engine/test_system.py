@@ -1,4 +1,4 @@
-"""Systems: counts of what they hold, inertia by units, and labels of inputs."""
+"""States: what a run begins from."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from pendulum_by_hand import pendulum_system
 
-from lagcli.engine.system import without_numbers
+from lagcli.engine.system import State, without_numbers
+
+
+def test_a_run_begins_without_work_done() -> None:
+    state = State(0.5, np.array([1.0, 2.0]), np.array([3.0, 4.0]), (9.81,))
+    np.testing.assert_array_equal(state.y, [1.0, 2.0, 3.0, 4.0, 0.0])
+    state.y[0] = 7.0
+    assert state.q[0] == 1.0
 
 
 def test_counts_are_those_of_names_and_patterns() -> None:

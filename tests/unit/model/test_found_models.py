@@ -14,7 +14,7 @@ import symengine as se
 from growth import assert_growth
 
 from lagcli.cli.app import run
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS

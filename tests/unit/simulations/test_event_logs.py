@@ -9,7 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.engine.contract import EventEntry, OneSidedLimits, Outcome
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.derived import DerivedColumns

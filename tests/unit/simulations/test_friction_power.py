@@ -8,7 +8,7 @@ import pytest
 import lagcli
 from lagcli.columns import ColumnName
 from lagcli.engine.contract import Block
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.equations.derivation.column_expressions import column_expression
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.simulations.derived import DerivedColumns

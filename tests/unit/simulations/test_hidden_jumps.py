@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import lagcli
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.errors import UsageError
 from lagcli.simulations.hidden_jumps import has_hidden_jumps
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.sensitivity.switched_problem import SwitchedProblem
+from lagcli.engine.sensitivity.switched_run import SwitchedProblem
 from lagcli.errors import ModelError, UsageError
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.sensitivity import Sensitivity

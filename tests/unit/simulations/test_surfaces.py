@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.lowering import lower
-from lagcli.engine.state import State
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.simulations.surfaces import jumping_names
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import NumericalError
 from lagcli.model.loader import load_text

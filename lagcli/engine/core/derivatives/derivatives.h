@@ -19,7 +19,7 @@
 
 #define MOST_CULPRITS 8
 
-/* Why a direction has no derivative from an instant on; engine/sensitivity/losses.py has the sentences. */
+/* Why a direction has no derivative from an instant on; engine/sensitivity/switched_run.py has the sentences. */
 enum lag_reason {
     LAG_NO_REASON,
     LAG_GRAZES,             /* a function only touches zero */

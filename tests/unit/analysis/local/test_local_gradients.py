@@ -19,7 +19,7 @@ from lagcli.analysis.local.gradients import (
     motion_jacobians,
 )
 from lagcli.analysis.local.local_equations import LocalEquations
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.errors import NumericalError, UsageError
 
 MODELS = Path(__file__).parents[4] / "models"

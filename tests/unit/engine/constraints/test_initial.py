@@ -7,12 +7,30 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lowered import lowered
 
 import lagcli
-from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.lowering import lower
+from lagcli.arrays import Array
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
+    Spin,
+    almost_dependent,
+    along,
+    coordinate_reach,
+    dependent_sets,
+    free_directions,
+    next_to_singular,
+    rates_of_spin,
+    spin_derivative,
+    spin_of,
+    with_given_spins,
+)
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import State
 from lagcli.errors import LagcliError, ModelError, NumericalError
 from lagcli.settings.settings import SettingsOverrides, resolve
+from lagcli.simulations import simulation
 from lagcli.simulations.start import find_start
 
 ROD = "rod: x^2 + y^2 = 1"
@@ -195,3 +213,134 @@ def test_coordinate_without_inertia_is_named(T: str, constraint: str, names: str
 def test_coordinate_without_inertia_may_be_held_by_a_constraint() -> None:
     found = start("c: y = x^2", free(x=2, y=3), T="x'^2/2")
     assert found.state.q[1] == pytest.approx(found.state.q[0] ** 2, rel=CLOSE)
+
+
+def product(a: Array, b: Array) -> Array:
+    """Return the product of two quaternions, by scalar and vector parts."""
+    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    return np.concatenate([[a[0] * b[0] - a[1:] @ b[1:]], vector])
+
+
+def test_rates_of_spin_are_quaternion_products() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        (e, de, drates), omega = rng.normal(size=(3, 4)), rng.normal(size=3)
+        rates = product(e, np.concatenate([[0], omega])) / 2
+        assert rates_of_spin(e) @ omega == pytest.approx(rates, abs=1e-14)
+        assert spin_of(e, rates) == pytest.approx(omega, abs=1e-13)
+        drates, h = rng.normal(size=4), 1e-5
+        difference = spin_of(e + h * de, rates + h * drates) - spin_of(
+            e - h * de, rates - h * drates
+        )
+        assert spin_derivative(e, rates, de, drates) == pytest.approx(
+            difference / (2 * h), abs=1e-7 * (1 + np.abs(difference).max() / h)
+        )
+
+
+def test_free_directions_and_given_spins() -> None:
+    one = Spin("e", (1, 2, 3, 4), (False, True, False))
+    q = np.array([5.0, 1, 0, 0, 0])
+    free = free_directions([one], np.array([False] + 4 * [True]), q)
+    expected = np.zeros((5, 3))
+    expected[[0, 2, 4], [0, 1, 2]] = 1, 0.5, 0.5
+    np.testing.assert_array_equal(free, expected)
+    turned = np.array([5.0, 0, 1, 0, 0])
+    v = with_given_spins([one], q, np.array([7.0, 0, 1, 2, 3]), turned)
+    assert v == pytest.approx([7, *(rates_of_spin(turned[1:]) @ np.array([2.0, 4, 6]))])
+    assert one.labels() == ("omega(e).x", "omega(e).y", "omega(e).z")
+
+
+def test_rounding_errors_along_directions_are_zero() -> None:
+    """The row of |e| = 1 would otherwise be one more row of full length."""
+    e = np.array([0.1, 0.2, 0.3, 0.4]) / np.sqrt(0.3)
+    assert not along(2 * e[None], rates_of_spin(e)).any()
+    assert along(np.array([[1.0, 0, 0, 0]]), rates_of_spin(e)) == pytest.approx(-e[None, 1:] / 2)
+
+
+def sets(constraints: str, rank: int) -> list[tuple[list[int], int]]:
+    """Return the sets of linear constraints on four coordinates."""
+    names = "wxyz"
+    initial = ", ".join(f"{n}: {{guess: 1}}, {n}': {{guess: 0}}" for n in names)
+    system, p = lowered(
+        lagcli.load_text(f"""
+coordinates: [w, x, y, z]
+T: (w'^2 + 100*x'^2 + y'^2 + z'^2)/2
+constraints: {constraints}
+initial: {{{initial}}}
+""")
+    )
+    state = State(0.0, np.array([0.5, 1.0, 2.0, 3.0]), np.zeros(4), p)
+    return dependent_sets(system, state, rank, range(len(system.constraints)))
+
+
+def test_constraints_are_grouped_by_what_they_depend_on() -> None:
+    found = sets(
+        "{a: x = 1, b: y = 2, c: 1000*x = 1000, d: w = 0.5, e: y + z = 5, f: z = 3}", rank=4
+    )
+    assert found == [([0, 2], 1), ([1, 4, 5], 1)]  # d stands alone
+
+
+def test_a_set_may_have_more_than_one_too_many() -> None:
+    assert sets("{a: x + y = 3, b: 2*x + 2*y = 6, c: x = 1, d: y = 2}", rank=2) == [
+        ([0, 1, 2, 3], 2)
+    ]
+
+
+def test_independent_constraints_have_none() -> None:
+    assert sets("{a: x = 1, b: x + y = 3}", rank=2) == []
+
+
+#: Constraints that touch at x = 0, where both have the gradient of y.
+TOUCHING = """
+coordinates: [q0, q1, q2]
+parameters: {l: 0.728, reach: 0.9}
+definitions:
+  x: l*(sin(q0) + sin(q1) + sin(q2))
+  y: -l*(cos(q0) + cos(q1) + cos(q2))
+T: (q0'^2 + q1'^2 + q2'^2)/2
+V: 9.81*y
+constraints: {low: y + q0^2*0.3 = -3*l*0.9, circle: x^2 + y^2 = (3*reach*l)^2}
+initial: {q0: {guess: -0.573}, q1: {guess: 0.123}, q2: {guess: -0.415},
+          q0': {guess: -0.559}, q1': {guess: -0.959}, q2': {guess: 0.212}}
+simulation: {t_end: 1.0e-4, samples: 3}
+"""
+
+
+def test_a_start_next_to_a_singular_configuration_is_named() -> None:
+    """Guesses converge slowly to the point where the constraints touch; λ is −5e13 there."""
+    run = lagcli.simulate(lagcli.load_text(TOUCHING), max_steps=5)
+    (warning,) = (x for x in run.warnings if "singular" in x)
+    assert "next to a singular configuration" in warning
+    assert "the constraints `low`, `circle` are dependent" in warning
+    assert np.abs(run.multipliers[0]).max() > 1e6
+
+
+@pytest.mark.parametrize("reach", [0.91, 0.95, 0.99])
+def test_other_starts_are_not_named(reach: float) -> None:
+    found = simulation.prepare(lagcli.load_text(TOUCHING, set={"reach": reach}))
+    assert next_to_singular(found.system, found.start) == []
+    assert lagcli.check(found.model).rank.near_singular == ()
+
+
+def test_the_distance_decides() -> None:
+    """Two rods in line, from x = −1 by y = 0 to x = 1: B falls with the height h of the joint."""
+    text = """
+coordinates: [x, y, u]
+T: (x'^2 + y'^2 + u'^2)/2
+V: 9.81*y
+constraints: {left: (x + 1)^2 + y^2 = 1 + h^2, right: (u - x)^2 + y^2 = 1 + h^2, end: u = 1}
+parameters: {h: 0.1}
+initial: {x: {guess: 0}, y: {guess: h}, u: {guess: 1}, x': {guess: 0}, y': {guess: 0}, u': 0}
+"""
+    for height, names in ((1e-1, ()), (1e-2, ()), (1e-7, ("left", "right", "end"))):
+        found = simulation.prepare(lagcli.load_text(text, set={"h": height}))
+        start = found.start
+        assert almost_dependent(found.system, start.state, start.rank) == names
+    assert almost_dependent(found.system, start.state, 0) == ()
+
+
+def test_the_reach_of_coordinates_is_theirs_or_that_of_the_largest() -> None:
+    text = "coordinates: [x, y]\nT: x'^2/2 + 50*y'^2\nV: 0\ninitial: {x: 4, y: 0, x': 0, y': 0}\n"
+    found = simulation.prepare(lagcli.load_text(text))
+    reach = coordinate_reach(Evaluator(found.system, ()), found.start.state)
+    assert reach == pytest.approx([4, 0.4])

@@ -10,7 +10,7 @@ import pytest
 import lagcli
 from lagcli.engine.constraints.initial import NoConsistentState, consistent_state
 from lagcli.engine.constraints.initial_batch import StartSearch
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.variants import Variants

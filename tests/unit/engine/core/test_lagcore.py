@@ -20,8 +20,7 @@ from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.core.headers import headers
 from lagcli.engine.integrate import run as integrate_run
 from lagcli.engine.program.program import Program
-from lagcli.engine.state import State
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.settings.settings import SettingsOverrides, resolve
 
 ROOT = Path(__file__).parents[4]

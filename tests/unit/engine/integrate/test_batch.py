@@ -21,7 +21,7 @@ from lagcli.engine.integrate import batch
 from lagcli.engine.integrate.batch import SampleTape, prepare_batch, run_batch, suits_batch
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.program.program import assemble
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape

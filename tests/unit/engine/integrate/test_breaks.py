@@ -13,7 +13,7 @@ import lagcli
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.integrate.batch import suits_batch
 from lagcli.engine.integrate.engine import integrate
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.settings.settings import SettingsOverrides, resolve
 
 #: The force |t − 1|: x is a polynomial of degree 3 on either side.

@@ -17,7 +17,7 @@ from scipy.integrate import quad
 import lagcli
 from lagcli.engine.contract import Block, Interrupted, Outcome
 from lagcli.engine.integrate.engine import integrate
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.model.model import Model
 from lagcli.settings.methods import METHOD_NAMES
 from lagcli.settings.settings import SettingsOverrides

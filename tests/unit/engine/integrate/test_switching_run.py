@@ -11,9 +11,9 @@ import pytest
 from integration_requests import changed
 
 import lagcli
-from lagcli.engine.contract import Block, EventEntry, Outcome
-from lagcli.engine.integrate.switching_run import SwitchingIntegration
-from lagcli.engine.switching.switching import RowMode
+from lagcli.engine.contract import Block, EventEntry, Occurrence, Outcome, Stop
+from lagcli.engine.integrate.switching_run import Actions, RecordedInstants, SwitchingIntegration
+from lagcli.engine.switching.switching import EventRule, RowMode
 from lagcli.engine.system import System
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
@@ -390,3 +390,123 @@ def test_a_condition_that_an_action_ends_happens_again() -> None:
     times = [e.time for e in events(found)]
     np.testing.assert_allclose(times, fall * np.arange(1, len(times) + 1), atol=1e-11)
     assert len(times) == int(2 / fall)
+
+
+class NotingCore:
+    """Stands for the core at an instant."""
+
+    def __init__(self, state: list[float], happened: list[int]):
+        self.t, self.state, self._happened = 0.5, np.array(state), happened
+        self.modes = [0]
+        self.active: dict[int, bool] = {}
+        self.motion = np.zeros(3), np.array([1.0]), np.array([0.0])
+        self.p: list[float] = []
+
+    def happened(self) -> list[int]:
+        return self._happened
+
+    def ticked(self) -> list[int]:
+        return []
+
+    def place(self, y: Any) -> None:
+        self.state = np.array(y)
+
+    def no_gap(self, row: int) -> float:
+        return 1e-9
+
+    def activate(self, row: int, active: bool) -> None:
+        self.active[row] = active
+
+    def set_parameters(self, p: list[float]) -> None:
+        self.p = list(p)
+
+
+MODEL = """
+coordinates: [x]
+parameters: {m: 2, k: 3}
+T: m/2*x'^2
+V: k/2*x^2
+constraints:
+  pin: {expr: x = 1, active: false}
+events:
+  kick: {when: x >= 0.2, set: {x': 2*x', k: k + x}, times: 1}
+  fix: {when: x >= 0.9, engage: pin}
+  free: {when: x >= 0.95, release: pin, stop: true}
+initial: {x: 0, x': 1}
+"""
+
+
+def actions(state: list[float], happened: list[int]) -> tuple[Actions, NotingCore]:
+    prepared = simulation.prepare(lagcli.load_text(MODEL))
+    core = NotingCore(state, happened)
+    return Actions(prepared.system, prepared.request, core), core
+
+
+def test_values_are_those_of_before() -> None:
+    doing, core = actions([0.2, 3.0, 0.0], [0])
+    (entry,) = doing.react([])
+    assert core.p == [2, 3.2]
+    # T + V with the new k
+    work = 36 + 3.2 * 0.02 - (9 + 3 * 0.02)
+    np.testing.assert_allclose(core.state, [0.2, 6.0, work])
+    assert (entry.occurrence, entry.which, entry.time) == ("event", 0, 0.5)
+    assert entry.work == pytest.approx(work)
+    assert not doing.react([])  # once is all
+
+
+def test_rows_are_engaged_where_they_are_met() -> None:
+    doing, core = actions([1.0, 0.0, 0.0], [1])
+    assert [e.occurrence for e in doing.react([])] == ["event", "engages"]
+    assert core.active == {0: True}
+    doing, _ = actions([1 + 1e-8, 0.0, 0.0], [1])
+    with pytest.raises(Stop, match="`pin` cannot be engaged"):
+        doing.react([])
+    doing, _ = actions([0.7, 0.0, 0.0], [1])
+    with pytest.raises(Stop, match=r"`pin` cannot be engaged at t = 0\.5 s, phi = -0\.3"):
+        doing.react([])
+
+
+def test_rows_are_released_and_the_run_stops() -> None:
+    doing, core = actions([1.0, 0.0, 0.0], [2])
+    assert [e.occurrence for e in doing.react([])] == ["event", "releases"]
+    assert core.active == {0: False}
+    assert doing.stopped == "`free` stopped the run at t = 0.5 s"
+
+
+LEFT, RIGHT = np.array([1.0, 2.0]), np.array([1.0, 3.0])
+
+
+def entry(what: Occurrence, which: int) -> EventEntry:
+    nothing = np.zeros(1)
+    modes = np.zeros(1, dtype=np.intp)
+    return EventEntry(1.0, what, which, nothing, nothing, nothing, nothing, 0.0, 0.0, 0.0, modes)
+
+
+def test_entries_of_one_instant_have_its_limits() -> None:
+    instants = RecordedInstants([EventRule("all"), EventRule("none", record=())])
+    assert instants.records
+    assert not instants.open
+    instants.begin(LEFT, (1.0,))
+    assert instants.open
+    instants.add(4, [entry("impact", 0), entry("event", 0), entry("event", 1)])
+    instants.add(7, [entry("event", 0)])
+    instants.end(RIGHT, (2.0,))
+    assert not instants.open
+    assert [x.entry for x in instants.limits] == [5, 7]
+    for found in instants.limits:
+        assert found.left is LEFT
+        assert found.right is RIGHT
+        assert (found.left_p, found.right_p) == ((1.0,), (2.0,))
+
+
+def test_an_instant_without_end_has_a_limit_from_the_left_alone() -> None:
+    instants = RecordedInstants([EventRule("all")])
+    instants.begin(LEFT, ())
+    instants.add(0, [entry("event", 0)])
+    instants.end(None, ())
+    assert instants.limits[0].right[0] == 1.0
+    assert np.isnan(instants.limits[0].right[1])
+
+
+def test_events_that_record_nothing() -> None:
+    assert not RecordedInstants([EventRule("none", record=())]).records

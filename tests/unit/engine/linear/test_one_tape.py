@@ -10,12 +10,11 @@ import symengine as se
 import lagcli
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.layout import UnrolledLayout
-from lagcli.engine.linear.blocks import Blocks
+from lagcli.engine.layout import Blocks, UnrolledLayout
 from lagcli.engine.linear.elimination import order_at
 from lagcli.engine.linear.one_tape import in_one_tape, repeated_elimination
-from lagcli.engine.sensitivity.augmented import with_derivatives
-from lagcli.engine.sensitivity.tangent import lower_tangent
+from lagcli.engine.lowering.tangent import lower_tangent
+from lagcli.engine.sensitivity.integration import with_derivatives
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.simulations.simulation import prepare
 

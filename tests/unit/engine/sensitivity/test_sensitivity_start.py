@@ -7,12 +7,12 @@ import pytest
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.lowering.tangent import lower_tangent
 from lagcli.engine.sensitivity.start import (
     ContradictingStart,
     StartDerivatives,
     start_derivatives,
 )
-from lagcli.engine.sensitivity.tangent import lower_tangent
 from lagcli.simulations.directions import Directions
 from lagcli.simulations.simulation import prepare
 

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.engine.contract import Block, IntegrationRequest
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.sensitivity import switched_run
+from lagcli.engine.sensitivity.integration import Derivatives
+from lagcli.engine.sensitivity.start import StartDerivatives
+from lagcli.engine.sensitivity.switched_run import Loss, SwitchedProblem, arranged, why_lost
+from lagcli.engine.switching.splitting import SplitSystem
+from lagcli.engine.system import State
+from lagcli.engine.tape.differentiation import directional
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.settings.settings import SettingsOverrides, resolve
+from tests.support.switching_models import BALL, BLOCK
 
 MODEL = """
 coordinates: [x]
@@ -262,3 +273,88 @@ def test_derivatives_are_zero_where_nothing_depends_on_a_parameter() -> None:
     assert found.events is not None
     assert (found.dq == 0).all()
     assert (found.events.dtime == 0).all()
+
+
+def test_the_parameters_are_the_last_inputs() -> None:
+    system = lower(lagcli.derive(lagcli.load_text(BALL)))
+    tape, state = system.dynamics, 1 + 2 * len(system.coordinates)
+    rng = np.random.default_rng(3)
+    x, p = rng.uniform(1, 2, state), rng.uniform(1, 2, tape.inputs - state)
+    dx, dp = rng.normal(size=len(x)), rng.normal(size=len(p))
+    slopes = ScalarTape(arranged(directional(tape), state))((*x, *dx, *dp, *p))
+    run, h = ScalarTape(tape), 1e-6
+    above, below = (np.array(run((*(x + side * h * dx), *(p + side * h * dp)))) for side in (1, -1))
+    np.testing.assert_allclose(slopes, (above - below) / (2 * h), atol=1e-7)
+
+
+def test_conditions_of_events_without_actions_do_not_decide() -> None:
+    text = BALL.replace("stop: true", "record: x") + "simulation: {t_end: 2}\n"
+    for model, decides in ((BALL, True), (text, False)):
+        split = SplitSystem(lower(lagcli.derive(lagcli.load_text(model))))
+        parameters = np.zeros((1, len(split.system.parameters)))
+        found = switched_run.directional_programs(split, None, parameters)
+        assert found.decides == (decides,)
+
+
+#: Kinds of watched functions: the gap of a contact, the force of a row, a condition.
+GAP, STICK, TIME = 0, 2, 9
+
+
+@pytest.mark.parametrize(
+    ("reason", "culprits", "words"),
+    [
+        (Loss.GRAZES, [(GAP, 0)], "`floor` is only touched, without a rate"),
+        (Loss.SHARES, [(STICK, 1)], "`floor.slip` shares its force with others"),
+        (Loss.COINCIDE, [(GAP, 0), (TIME, 0)], "`floor` and `tick` occur simultaneously"),
+        (Loss.CLOSE_TOGETHER, [(GAP, 0)], "contacts close simultaneously there, `floor` among"),
+        (Loss.RESTS, [(GAP, 0)], "infinitely many impacts of `floor` end there"),
+        (Loss.ONLY_HERE, [(GAP, 0)], "`floor` holds there only for this value"),
+        (Loss.WITHIN_TOLERANCE, [(GAP, 0)], "`floor` holds from there on within a tolerance"),
+        (Loss.UNKNOWN, [], "they have no finite value"),
+    ],
+)
+def test_each_reason_names_its_culprits(
+    reason: Loss, culprits: list[tuple[int, int]], words: str
+) -> None:
+    split = SplitSystem(lower(lagcli.derive(lagcli.load_text(BLOCK))))
+    assert why_lost(split, None, reason, culprits).startswith(words)
+
+
+STOPPING_BALL = """
+coordinates: [y]
+parameters: {g: 10}
+T: y'^2/2
+V: g*y
+constraints: {floor: {expr: y >= 0, restitution: 0.5}}
+initial: {y: 1, y': 0}
+"""
+
+
+def test_one_problem_has_many_runs() -> None:
+    model = lagcli.load_text(STOPPING_BALL)
+    system = lower(lagcli.derive(model))
+    settings = resolve(SettingsOverrides(t_end=0.7, method="Taylor"), model.settings)
+    problem = SwitchedProblem(system, ("g",), np.array([10.0]))
+    blocks: list[tuple[Block, Derivatives]] = []
+    for g in (10.0, 5.0):
+        times = np.array([0.0, 0.2, 0.7])
+        request = IntegrationRequest(
+            State(0.0, np.ones(1), np.zeros(1), (g,)),
+            0,
+            settings,
+            times,
+            0.0,
+        )
+        blocks.clear()
+        nothing = StartDerivatives(np.zeros((1, 1)), np.zeros((1, 1)))
+        run = problem.integrate(request, nothing, np.array([[10.0]]), lambda *x: blocks.append(x))
+        assert run.status == "completed"
+        assert run.methods == ("DOP853",)
+        ((block, found),) = blocks
+        np.testing.assert_allclose(found.q[1], -(0.2**2) / 2, rtol=1e-8)
+        if run.events:
+            fall = (2 / g) ** 0.5
+            assert run.event_changes is not None
+            # with respect to g / 10, over 10
+            np.testing.assert_allclose(run.event_changes[0], -fall / (2 * g), rtol=1e-8)
+        assert len(block.time) == 3

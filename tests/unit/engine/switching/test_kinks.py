@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.lowering import lower
-from lagcli.engine.state import State
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.switching.kinks import (
     FrozenSystem,
     Kink,
@@ -18,7 +17,7 @@ from lagcli.engine.switching.kinks import (
     no_switching,
     side_of,
 )
-from lagcli.engine.system import System
+from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import derive
 

@@ -4,7 +4,7 @@ import numpy as np
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import derive

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import Op

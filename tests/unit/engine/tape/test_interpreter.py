@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import random
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+import symengine as se
+from tape_values import batch, value
 
+from lagcli.engine.lowering.compiler import compile_tape
+from lagcli.engine.tape import interpreter
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.operations import ROUNDING, Op
 from lagcli.engine.tape.tape import Tape
 
 INF, NAN = math.inf, math.nan
@@ -93,4 +98,104 @@ def test_tape_is_data() -> None:
     assert ScalarTape(tape)((3.0, 4.0)) == [20.0, 3.0]
     np.testing.assert_array_equal(
         run_arrays(tape, (np.array([3.0, 1.0]), 4.0), 2), [[20.0, 12.0], [3.0, 1.0]]
+    )
+
+
+X, Y, Z = se.symbols("x y z")
+
+
+@pytest.mark.parametrize("excess", [2.0**-52, 1e-15, 1e-14, 1e-13])
+@pytest.mark.parametrize(
+    ("function", "bound", "sign", "expected"),
+    [
+        (se.acos(X), 1.0, 1, 0.0),
+        (se.acos(X), -1.0, -1, math.pi),
+        (se.asin(X), 1.0, 1, math.pi / 2),
+        (se.asin(X), -1.0, -1, -math.pi / 2),
+        (se.acosh(X), 1.0, -1, 0.0),
+    ],
+)
+def test_rounding_beyond_the_domain_is_the_bound(
+    function: se.Basic, bound: float, sign: int, expected: float, excess: float
+) -> None:
+    at = bound + sign * excess
+    assert value(function, at) == expected
+    assert batch(function, (at, 0.0, 0.0)) == [expected]
+    # a thousand times as far it is not rounding
+    beyond = bound + sign * (1e-10 + excess)
+    assert math.isnan(value(function, beyond))
+    assert np.isnan(batch(function, (beyond, 0.0, 0.0))).all()
+
+
+@pytest.mark.parametrize(
+    "root",
+    [
+        se.sqrt(X**2 - Y**2),
+        (X**2 - Y**2) ** se.Rational(3, 2),
+        (X**2 - Y**2) ** se.Rational(1, 3),
+        se.sqrt((X**2 - Y**2) / (Z + 1)),
+        se.sqrt(3 * (X**2 - Y**2) * (Z + 2)),
+    ],
+)
+def test_roots_of_differences_that_vanish(root: se.Basic) -> None:
+    chosen = random.Random(7)
+    for _ in range(200):
+        size = 10 ** chosen.uniform(-12, 12)
+        x = chosen.uniform(0.5, 1) * size
+        y = x * (1 + chosen.uniform(0, 1e-14))
+        point = (x, y, chosen.uniform(0, 3))
+        assert value(root, *point) == 0.0
+        assert batch(root, point) == [0.0]
+        assert math.isnan(value(root, x, y * (1 + 1e-11), point[2]))
+
+
+def test_the_tolerance_of_a_root_has_the_size_of_its_terms() -> None:
+    assert math.isnan(value(se.sqrt(X - Y), 1.0, 1.0 + 1e-10))
+    assert math.isnan(value(se.sqrt(X - Y), 1e-12, 1.1e-12))
+    assert value(se.sqrt(X - Y), 1e6, 1e6 + 1e-8) == 0.0
+    # without terms, there is nothing to round
+    assert math.isnan(value(se.sqrt(X), -1e-17))
+    assert math.isnan(value(se.sqrt(X * Y), -1e-17, 1.0))
+
+
+@pytest.mark.parametrize(
+    "sum_of_squares",
+    [X**2 + Y**2, (X - Y) ** 2 + (X + Y) ** 2, 1 + X**2, se.Abs(X) + Y**2, se.exp(X) + 1],
+)
+def test_sums_that_cannot_be_negative_cost_nothing(sum_of_squares: se.Basic) -> None:
+    tape = compile_tape([se.sqrt(sum_of_squares)], (X, Y, Z))
+    assert Op.CLIP not in {op for op, *_ in tape.code}
+
+
+def test_derivatives_beyond_the_bound_are_those_at_the_bound() -> None:
+    slope = compile_tape([se.acos(X).diff(X), se.asin(X).diff(X)], (X,))
+    for x in (1.0, 1.0 + 2.0**-52, 1.0 + 1e-14):
+        assert ScalarTape(slope)((x,)) == [-math.inf, math.inf]
+
+
+@pytest.mark.parametrize(
+    ("function", "exact", "low", "high"),
+    [
+        (se.asin, np.arcsin, -1, 1),
+        (se.acos, np.arccos, -1, 1),
+        (se.acosh, np.arccosh, 1, 50),
+    ],
+)
+def test_inside_the_domain_nothing_changes(
+    function: Callable[[se.Basic], se.Basic],
+    exact: Callable[[np.ndarray], np.ndarray],
+    low: float,
+    high: float,
+) -> None:
+    inside = np.concatenate([np.linspace(low, high, 1001), [1 - 1e-16, 1 - 1e-13, 1 + 1e-13]])
+    inside = inside[(inside >= low) & (inside <= high)]
+    inside = inside[inside - low > ROUNDING]
+    values = batch(function(X), *((x, 0.0, 0.0) for x in inside))
+    np.testing.assert_array_equal(values, exact(inside))
+
+
+def test_clipped() -> None:
+    np.testing.assert_array_equal(
+        interpreter.clipped(np.array([-1e-14, -1e-10, 2.0, np.nan]), np.full(4, 1.0)),
+        [0.0, -1e-10, 2.0, np.nan],
     )

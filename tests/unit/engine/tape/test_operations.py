@@ -9,7 +9,7 @@ import pytest
 import symengine as se
 from core_parts import run_tape
 
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ARITY, PLACES, Kind, Op
 from lagcli.engine.tape.tape import Tape

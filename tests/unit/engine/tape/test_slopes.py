@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import exp, isclose
 
-from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.slopes import Slope, SlopeRules
+from lagcli.engine.tape.tape import Arithmetic
 
 
 def test_constants_are_not_multiplied() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from series_values import coefficients
 
-from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor.expansion import NotAnalytic, SeriesExpansion
 from lagcli.engine.taylor.series_nodes import ZERO
 

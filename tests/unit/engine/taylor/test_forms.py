@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor.forms import Form, SeriesForms
 from lagcli.engine.taylor.series_nodes import ZERO, Delayed, SeriesOp
 

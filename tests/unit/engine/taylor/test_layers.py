@@ -14,8 +14,8 @@ from lowered import Lowered, lowered
 from test_series import coefficients
 
 import lagcli
-from lagcli.engine.program import progressions
-from lagcli.engine.program.progressions import pieces
+from lagcli.engine.program import vectorize
+from lagcli.engine.program.vectorize import pieces
 from lagcli.engine.taylor import layers, series
 from lagcli.engine.taylor.series import SeriesProgram
 
@@ -186,7 +186,7 @@ def test_chain(programs: list[SeriesProgram], monkeypatch: pytest.MonkeyPatch) -
         assert (np.abs(phi[1:]) <= 1e-11 * size.max()).all()
 
 
-@pytest.mark.parametrize("longest", [progressions.LONGEST, layers.LONGEST])
+@pytest.mark.parametrize("longest", [vectorize.LONGEST, layers.LONGEST])
 @pytest.mark.parametrize("size", [8, 256, 257, 259, 512, 1000, 1025])
 def test_pieces_are_not_too_short(size: int, longest: int) -> None:
     found = list(pieces(list(range(size)), longest))

@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 import symengine as se
+from kkt_systems import whole
 from lowered import Lowered, lowered
+from pendulum_by_hand import G as GRAVITY
+from pendulum_by_hand import pendulum_system
+from series_values import coefficients as series_coefficients
 
 import lagcli
 from lagcli.engine.contract import IntegrationRequest
+from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.run import Integration
-from lagcli.engine.linear.elimination import order_at
-from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.linear.elimination import order_at, unroll
 from lagcli.engine.program.vectorize import LINE
-from lagcli.engine.state import State
+from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor import series
-from lagcli.engine.taylor.expansion import NotAnalytic
-from lagcli.engine.taylor.series import SeriesProgram, depending_on_time, expand
+from lagcli.engine.taylor.expansion import NotAnalytic, SeriesExpansion
+from lagcli.engine.taylor.series import (
+    LinearSystem,
+    SeriesProgram,
+    depending_on_time,
+    expand,
+    factored,
+)
+from lagcli.engine.taylor.series_nodes import SeriesOp
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.functions import FUNCTIONS
 from lagcli.settings.settings import SettingsOverrides, resolve
@@ -377,3 +392,141 @@ def test_what_is_not_finite_leaves_nothing_behind() -> None:
     assert np.isnan(core.series()).all()
     core.move(START, np.array([0.4, 0.2, 0.0]), 0)
     np.testing.assert_array_equal(core.series(), before)
+
+
+ORDER = 5
+
+
+def solution(case: Lowered, state: np.ndarray) -> np.ndarray:
+    """Return the series of a and λ, (unknowns, orders), for those of t, q and v."""
+    system, p = case
+    nq = system.counts.nq
+    q, v = state[1 : 1 + nq, 0], state[1 + nq :, 0]
+    plan = order_at(system, [Evaluator(system, p).entries(state[0, 0], q, v)])
+    tape = unroll(system, plan)
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.rhs_inputs)
+    outputs = builder.extend(tape)
+    expansion = SeriesExpansion(builder, range(1 + 2 * nq))
+    unknowns = LinearSystem(expansion, system, outputs).solve()
+    inputs = [*state[:, 0], *p]
+    inputs += [0.0] * (tape.inputs - len(inputs))
+    return np.array(series_coefficients(expansion, unknowns, dict(enumerate(state)), inputs))
+
+
+def polynomials(seed: int, nq: int) -> np.ndarray:
+    """Return series of t, q and v: any, they need not be those of a motion."""
+    state = np.random.default_rng(seed).uniform(-0.5, 0.5, (1 + 2 * nq, ORDER + 1))
+    state[0] = 0.0
+    state[0, :2] = 0.3, 1.0
+    return state
+
+
+def test_a_pendulum_by_hand() -> None:
+    state = polynomials(1, 2)
+    state[1:3, 0] = 0.6, -0.8
+
+    def exact(t: mpmath.mpf) -> list[mpmath.mpf]:
+        x, y, u, v = (mpmath.polyval([mpmath.mpf(c) for c in s[::-1]], t) for s in state[1:])
+        multiplier = (2 * GRAVITY * y - 2 * (u**2 + v**2)) / (4 * (x**2 + y**2))
+        return [2 * x * multiplier, 2 * y * multiplier - GRAVITY, multiplier]
+
+    found = solution(Lowered(pendulum_system(), (GRAVITY,)), state)
+    with mpmath.workdps(40):
+        for i, series in enumerate(found):
+            expected = mpmath.taylor(lambda t, i=i: exact(t)[i], 0, ORDER)
+            np.testing.assert_allclose(series, [float(c) for c in expected], rtol=1e-11)
+
+
+VARYING = """
+coordinates: [x, y, phi]
+parameters: {m: 2.0}
+T: m*(x'^2 + y'^2)/2 + phi'^2*(1 + x^2)/2 + x'*sin(phi)*phi'
+V: 9.81*m*y + cos(2*t)*phi
+Q: {x: -x'*y}
+constraints:
+  rod: x^2 + y^2 = (2 + sin(t)/2)^2
+  wheel: x' + cos(phi)*y' = t*phi'
+initial: {x: {guess: 1}, y: {guess: 1}, phi: 0, x': {guess: 0}, y': {guess: 0}, phi': {guess: 0}}
+"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_series_solve_the_equations_beside_the_state(seed: int) -> None:
+    """K(h) x(h) = r(h) but for terms of the next order in h."""
+    case = lowered(lagcli.load_text(VARYING))
+    evaluator = Evaluator(*case)
+    state = polynomials(seed, 3)
+    state[1:3, 0] += 1.5
+    unknowns = solution(case, state)
+    errors = []
+    for h in (0.04, 0.02):
+        powers = h ** np.arange(ORDER + 1)
+        t, *now = state @ powers
+        d = evaluator.dynamics(t, np.array(now[:3]), np.array(now[3:]))
+        x = np.linalg.solve(whole(d.mass_matrix, d.jacobian), np.concatenate([d.forcing, d.rhs]))
+        x[3:] *= -1
+        errors.append(np.abs(unknowns @ powers - x).max() / np.abs(x).max())
+    assert errors[0] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(2 ** (ORDER + 1), rel=0.25)
+
+
+#: Registers: series, and a number.
+F, G, A, B, C, S = range(6)
+
+
+class Sums:
+    """Emits sums of products, in this order."""
+
+    def __init__(self) -> None:
+        self.builder = Arithmetic(6, 1)
+
+    def of(self, *products: tuple[int, ...]) -> int:
+        """Return the register of a sum."""
+        made = []
+        for first, *others in products:
+            made.append(first)
+            for x in others:
+                made[-1] = self.builder.emit(Op.MUL, made[-1], x)
+        total = made[0]
+        for x in made[1:]:
+            total = self.builder.emit(Op.ADD, total, x)
+        return total
+
+    def operations(self, *results: int) -> Counter[SeriesOp]:
+        """Return how many operations of each kind are left."""
+        expansion = SeriesExpansion(self.builder, range(5))
+        expansion.expand(results)
+        return Counter(SeriesOp(op) for op, _, _ in factored(expansion, results))
+
+
+def test_common_factors_are_taken_out() -> None:
+    sums = Sums()
+    found = sums.operations(sums.of((F, A), (S, F, B), (G, C)))
+    assert found == {SeriesOp.SUM: 2, SeriesOp.MUL: 2}
+
+
+def test_the_most_common_factor_is_taken_out_first() -> None:
+    sums = Sums()
+    # f (a + b + c) + g (a + b), not a (f + g) + b (f + g) + f c
+    found = sums.operations(sums.of((F, A), (F, B), (F, C), (G, A), (G, B)))
+    assert found == {SeriesOp.SUM: 4, SeriesOp.MUL: 2}
+
+
+def test_common_factors_are_taken_out_inside_brackets() -> None:
+    sums = Sums()
+    # f (g a) + f (g b) = f (g (a + b))
+    found = sums.operations(sums.of((F, sums.of((G, A))), (F, sums.of((G, B)))))
+    assert (found[SeriesOp.SUM], found[SeriesOp.MUL]) == (1, 2)
+
+
+def test_brackets_are_the_same_in_whatever_order() -> None:
+    sums = Sums()
+    found = sums.operations(sums.of((F, A), (F, B)), sums.of((G, B), (G, A)))
+    assert found == {SeriesOp.SUM: 1, SeriesOp.MUL: 2, SeriesOp.SCALE: 2}
+
+
+def test_products_that_are_used_elsewhere_stay() -> None:
+    sums = Sums()
+    product = sums.of((F, A))
+    found = sums.operations(sums.of((F, A), (F, B)), sums.of((product, C)))
+    assert found == {SeriesOp.SUM: 1, SeriesOp.MUL: 3}

@@ -10,7 +10,7 @@ import pytest
 import symengine as se
 
 import lagcli
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.jacobians import Gradient, differentiate, differentiate_parameters
 from lagcli.equations.derivation.lagrange import Equations

@@ -17,7 +17,7 @@ import symengine as se
 from formula_values import MODELS, model_of
 
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.kinds import projected

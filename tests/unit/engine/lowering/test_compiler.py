@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tape_values import VARIABLES, applied, batch, exactly, value
 
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.constants import cases

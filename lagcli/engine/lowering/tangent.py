@@ -9,9 +9,8 @@ from itertools import chain
 
 import symengine as se
 
-from lagcli.engine.inputs.tables import input_functions
-from lagcli.engine.lowering import magnitude
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
+from lagcli.engine.lowering.lower import magnitude
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.jacobians import (

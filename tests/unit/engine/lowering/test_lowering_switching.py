@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from lagcli.engine.lowering import lower
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.lowering.switching import lower_switching
 from lagcli.engine.switching.switching import SwitchedRow, Switching
-from lagcli.engine.switching.symbolic import lower_switching
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import derive

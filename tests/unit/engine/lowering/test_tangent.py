@@ -6,7 +6,7 @@ import numpy as np
 import symengine as se
 
 import lagcli
-from lagcli.engine.sensitivity.tangent import lower_observed, lower_tangent
+from lagcli.engine.lowering.tangent import lower_observed, lower_tangent
 from lagcli.engine.tape.interpreter import ScalarTape
 
 # G = (−m x'' + 2 λ x, −m g − m y'' + 2 λ y), γ = −2 (x'² + y'²)

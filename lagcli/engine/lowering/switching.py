@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import symengine as se
 from symengine import Basic
 
-from lagcli.engine.inputs.tables import input_functions
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.switching.switching import EventRule, SwitchedRow, Switching
-from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME, Constraint, ModelEvent, multiplier

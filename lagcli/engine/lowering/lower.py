@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import symengine as se
 
-from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
-from lagcli.engine.inputs.tables import input_functions
+from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 
 if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import Equations, Row
@@ -45,7 +44,7 @@ def lower(equations: Equations) -> System:
     positions = [eq.constraints[i].position for i in holonomic]
     switching, conditions = None, None
     if eq.switches:
-        from lagcli.engine.switching.symbolic import lower_switching
+        from lagcli.engine.lowering.switching import lower_switching
 
         switching, conditions = lower_switching(eq)
     return System(

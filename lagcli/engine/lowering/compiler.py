@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import partial, reduce
+from functools import lru_cache, partial, reduce
+from typing import TYPE_CHECKING
 
+import numpy as np
 import symengine as se
 from symengine import Basic
 
-from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
+from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions, interpolated
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Builder, Tape
 from lagcli.model.expression.functions import is_opaque
 from lagcli.model.model import read_input
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
 
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
 
@@ -356,3 +361,30 @@ def _parts(e: Basic) -> Iterable[Basic]:
             return (exponent,)
         return (base,) if _as_products(exponent) else (base, exponent)
     return e.args
+
+
+@lru_cache(maxsize=4)
+def input_functions(model: Model) -> InputFunctions:
+    """Return the known functions of time of a model's inputs.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    InputFunctions
+        In the model's order.
+    """
+    return InputFunctions(
+        tuple(
+            interpolated(
+                name,
+                np.array(x.data.times),
+                np.array(x.data.values),
+                x.interpolation,
+                x.extend,
+            )
+            for name, x in model.inputs.items()
+        )
+    )

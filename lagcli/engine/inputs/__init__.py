@@ -1,1 +1,0 @@
-"""Known functions of time: splines, and their polynomial pieces."""

@@ -1,0 +1,1 @@
+"""Systems from equations: the only part of the engine that knows symbols."""
