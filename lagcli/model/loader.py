@@ -246,20 +246,20 @@ def _model(
         functions,
         input_entries,
     )
-    parameters = read_parameters(draft, parameter_entries, overrides)
+    draft.parameters = read_parameters(draft, parameter_entries, overrides)
     inputs = _read_inputs(draft, input_entries, data)
     coordinates = expand_coordinates(
-        draft, coordinate_entries, any(p.unit for p in parameters.values())
+        draft, coordinate_entries, any(p.unit for p in draft.parameters.values())
     )
     defined = expand_definitions(draft, definition_entries)
     report_overlaps(draft)
     check_functions(draft, functions)
     constrained = declare_constraints(draft, constraint_entries)
-    definitions = read_definitions(draft, defined)
+    draft.definitions = read_definitions(draft, defined)
     kinetic, potential = read_energies(draft)
     dissipation = read_scalar(draft, "D")
     constraints = read_constraints(draft, constraint_entries, constrained)
-    forces = read_forces(draft, definitions, draft.entries("Q") or [])
+    forces = read_forces(draft, draft.entries("Q") or [])
     if potential is not None:
         lagrangian = -potential if kinetic is None else kinetic - potential
         constraints += first_order_constraints(
@@ -267,7 +267,8 @@ def _model(
         )
     smooth = dry_friction(draft, forces, dissipation)
     constraints += smooth.rows
-    closed = read_closed(draft, constraints)
+    draft.constraints = constraints
+    closed = read_closed(draft)
     if inputs:
         from lagcli.model.sections.inputs import InputUses
 
@@ -277,22 +278,21 @@ def _model(
         InputUses(draft, inputs).check(constraints, used)
     positions, velocities, spins = read_initial(draft, initial_overrides)
     outputs, output_units = read_outputs(draft)
-    outputs = smooth.of_forces(outputs)
+    draft.outputs = smooth.of_forces(outputs)
     events: tuple[ModelEvent, ...] = ()
     if draft.get("events") is not None or not all(c.active for c in constraints):
-        from lagcli.model.sections.events import EventNames, read_events
+        from lagcli.model.sections.events import read_events
 
-        known = EventNames(parameters, definitions, constraints, outputs)
-        events = read_events(draft, known)
+        events = read_events(draft)
     settings, settings_need = read_settings(draft)
     view_errors: tuple[Diagnostic, ...] = ()
     if drawn:
-        view = read_view(draft, definitions, constraints)
+        view = read_view(draft)
     else:
         essential, draft.report = draft.report, Diagnostics([])
         view = None
         try:
-            view = read_view(draft, definitions, constraints)
+            view = read_view(draft)
             draft.report.finish()
         except ModelError as error:
             view, view_errors = None, tuple(error.diagnostics)
@@ -301,7 +301,7 @@ def _model(
     if draft.get("fit") is not None:
         from lagcli.model.sections.fit import read_fit
 
-        fit = read_fit(draft, parameters, outputs)
+        fit = read_fit(draft)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     title = draft.text(draft.get("title"), "`title`")
     description = draft.text(draft.get("description"), "`description`")
@@ -315,8 +315,8 @@ def _model(
         text=draft.source.text,
         sha256=hashlib.sha256(draft.source.text.encode()).hexdigest(),
         coordinates=coordinates,
-        parameters=structural(draft, parameters),
-        definitions=definitions,
+        parameters=structural(draft),
+        definitions=draft.definitions,
         kinetic=kinetic,
         potential=potential,
         applied_forces=smooth.forces,
@@ -325,7 +325,7 @@ def _model(
         initial_positions=positions,
         initial_velocities=velocities,
         spins=spins,
-        outputs=outputs,
+        outputs=draft.outputs,
         output_units=output_units,
         settings=settings,
         settings_need=settings_need,

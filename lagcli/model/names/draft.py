@@ -19,7 +19,7 @@ from lagcli.model.expression.tensors import Sized, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import NumberExpr, SumExpr, Tree
 from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, is_unit, to_si
-from lagcli.model.model import NO_INDICES
+from lagcli.model.model import NO_INDICES, Constraint, Definition, Parameter
 from lagcli.model.names.building import ExpressionTemplate, build, name_errors
 from lagcli.model.names.expansion import expand
 from lagcli.model.names.namespace import Allowed, Namespace
@@ -47,6 +47,8 @@ class Draft:
         Keys that the file misspells, whose error has been reported.
     left_out : list of str
         Components of vector constraints that hold for all values of the coordinates.
+    parameters, definitions, constraints, outputs : mappings of str, and tuple of Constraint
+        What has been read without errors, in the order of the model.
     """
 
     source: Source
@@ -56,6 +58,10 @@ class Draft:
     trees: dict[str, Tree] = field(default_factory=dict)
     misspelled_keys: set[str] = field(default_factory=set)
     left_out: list[str] = field(default_factory=list)
+    parameters: MappingOf[str, Parameter] = field(default_factory=dict)
+    definitions: MappingOf[str, Definition] = field(default_factory=dict)
+    constraints: tuple[Constraint, ...] = ()
+    outputs: MappingOf[str, Basic] = field(default_factory=dict)
 
     # entries
 
@@ -73,6 +79,22 @@ class Draft:
             node.location,
             "put quotes around it",
         )
+        return None
+
+    def mapping(self, node: YamlNode, what: str, help_: str) -> Mapping | None:
+        """Return a node that must be a mapping; report any other."""
+        if isinstance(node, Mapping):
+            return node
+        message = f"{what} must be a mapping, not {node.what}"
+        self.report.add("wrong-type", message, node.location, help_)
+        return None
+
+    def flag(self, node: YamlNode, what: str, help_: str) -> bool | None:
+        """Return a truth value, ``true`` or ``false``; report any other node."""
+        if isinstance(node, Scalar) and node.value.strip() in ("true", "false"):
+            return node.value.strip() == "true"
+        message = f"{what} must be true or false, not {node.what}"
+        self.report.add("wrong-type", message, node.location, help_)
         return None
 
     def entries(self, key: str) -> list[Entry] | None:

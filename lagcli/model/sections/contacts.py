@@ -21,7 +21,7 @@ from lagcli.model.names.families import Declaration
 from lagcli.model.names.namespace import Allowed
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
-from lagcli.model.yaml.source import Scalar, SourceLocation, YamlNode
+from lagcli.model.yaml.source import SourceLocation, YamlNode
 
 
 class _Pair(NamedTuple):
@@ -158,15 +158,10 @@ class ContactFields:
         node = self.fields.get("active")
         if node is None:
             return True
-        if isinstance(node, Scalar) and node.value.strip() in ("true", "false"):
-            return node.value.strip() == "true"
-        self.fault(
-            "active",
-            "wrong-type",
-            f"`active` of {self.what} must be true or false, not {node.what}",
-            "write `active: false` for a constraint that an event engages",
-        )
-        return True
+        help_ = "write `active: false` for a constraint that an event engages"
+        stated = self.draft.flag(node, f"`active` of {self.what}", help_)
+        self.good = self.good and stated is not None
+        return stated is not False
 
     # of one member
 

@@ -76,7 +76,6 @@ def read_scalar(draft: Draft, key: str) -> Basic | None:
 
 def read_forces(
     draft: Draft,
-    definitions: Mapping[str, Definition],
     entries: list[Entry],
     block: str = "Q",
 ) -> dict[str, Basic]:
@@ -88,7 +87,7 @@ def read_forces(
     for group in groups:
         if group:
             chosen = [m for m in group if unique[m.name] is m]
-            _read_force(draft, group[0].declaration, chosen, definitions, terms, block)
+            _read_force(draft, group[0].declaration, chosen, terms, block)
     return {name: se.Add(*parts) for name, parts in terms.items()}
 
 
@@ -113,7 +112,6 @@ def _read_force(
     draft: Draft,
     d: Declaration,
     members: list[Member],
-    definitions: Mapping[str, Definition],
     terms: dict[str, list[Basic]],
     block: str,
 ) -> None:
@@ -140,10 +138,12 @@ def _read_force(
                 return
             continue
         sized = formula.value(member.indices)
-        if sized is not None and name in definitions:
+        if sized is not None and name in draft.definitions:
             with draft.report.expression(parsed.node):
                 formula.good = False
-                formula.good = _project(draft, sized.value, definitions[name], d.key, parsed, terms)
+                formula.good = _project(
+                    draft, sized.value, draft.definitions[name], d.key, parsed, terms
+                )
         if not formula.good:
             return
 

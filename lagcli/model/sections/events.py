@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple, get_args
 
 import symengine as se
@@ -18,13 +18,10 @@ from lagcli.model.expression.trees import Comparison, LogicalExpr, Tree
 from lagcli.model.expression.units import read_unit
 from lagcli.model.keys import EVENT, keys_of
 from lagcli.model.model import (
-    Constraint,
     ContactChange,
-    Definition,
     EventAction,
     EventClock,
     ModelEvent,
-    Parameter,
 )
 from lagcli.model.names.draft import Draft, Formula, Indices, Parsed, QuantityValue, read_quantity
 from lagcli.model.names.expansion import expand
@@ -327,28 +324,11 @@ _EXAMPLE = "flat: {when: theta <= 0, stop: true}"
 _CLOCKED = "tick: {every: 10 ms, set: {u: -k*x}}"
 
 
-class EventNames(NamedTuple):
-    """Names for events in addition to those of the draft.
-
-    Parameters
-    ----------
-    parameters : mapping of str to Parameter
-    definitions : mapping of str to Definition
-    constraints : tuple of Constraint
-    outputs : mapping of str to expression
-    """
-
-    parameters: Mapping[str, Parameter]
-    definitions: Mapping[str, Definition]
-    constraints: tuple[Constraint, ...]
-    outputs: Mapping[str, Basic]
-
-
-def read_events(draft: Draft, known: EventNames) -> tuple[ModelEvent, ...]:
+def read_events(draft: Draft) -> tuple[ModelEvent, ...]:
     """Return the valid events; report constraints that no event engages."""
     declared = declarations(draft, draft.entries("events") or [], "event")
     members = by_name(draft, expanded(draft, declared))
-    readers = {id(d): _EventReader(draft, d, known) for d in declared}
+    readers = {id(d): _EventReader(draft, d) for d in declared}
     events = []
     for name, member in members.items():
         event = readers[id(member.declaration)].event(name, member.indices)
@@ -356,7 +336,7 @@ def read_events(draft: Draft, known: EventNames) -> tuple[ModelEvent, ...]:
             events.append(event)
     if all(reader.good for reader in readers.values()):
         _report_changed_clocks(draft, events)
-        _report_never_engaged(draft, known.constraints, events)
+        _report_never_engaged(draft, events)
     return tuple(events)
 
 
@@ -378,11 +358,9 @@ def _report_changed_clocks(draft: Draft, events: list[ModelEvent]) -> None:
                 )
 
 
-def _report_never_engaged(
-    draft: Draft, constraints: tuple[Constraint, ...], events: list[ModelEvent]
-) -> None:
+def _report_never_engaged(draft: Draft, events: list[ModelEvent]) -> None:
     engaged = {name for event in events for name in event.action.engage}
-    for c in constraints:
+    for c in draft.constraints:
         if not c.active and c.name not in engaged and not c.name.endswith(SLIP):
             assert c.location is not None
             draft.report.add(
@@ -397,19 +375,15 @@ def _report_never_engaged(
 class _EventReader:
     """Reads one entry of `events`."""
 
-    def __init__(self, draft: Draft, d: Declaration, known: EventNames):
-        self.draft, self.declaration, self.known = draft, d, known
+    def __init__(self, draft: Draft, d: Declaration):
+        self.draft, self.declaration = draft, d
         self.what = f"event `{d.title}`"
         self.good = False
-        if not isinstance(d.node, MappingNode):
-            draft.report.add(
-                "wrong-type",
-                f"{self.what} must be a mapping, not {d.node.what}",
-                d.node.location,
-                f"say when it happens and what it does, as in `{_EXAMPLE}`",
-            )
+        help_ = f"say when it happens and what it does, as in `{_EXAMPLE}`"
+        node = draft.mapping(d.node, self.what, help_)
+        if node is None:
             return
-        self.fields = draft.fields(d.node, self.what, keys_of(EVENT))
+        self.fields = draft.fields(node, self.what, keys_of(EVENT))
         if not self._occasion(d):
             return
         self.good = True
@@ -466,19 +440,21 @@ class _EventReader:
     def _text(self, field: str) -> str | None:
         return self.draft.text(self.fields.get(field), f"`{field}` of {self.what}")
 
+    def _mapping(self, field: str, help_: str) -> MappingNode | None:
+        node = self.fields.get(field)
+        if node is None:
+            return None
+        entries = self.draft.mapping(node, f"`{field}` of {self.what}", help_)
+        self.good = self.good and entries is not None
+        return entries
+
     def _flag(self, field: str) -> bool:
         node = self.fields.get(field)
         if node is None:
             return False
-        if isinstance(node, Scalar) and node.value.strip() in ("true", "false"):
-            return node.value.strip() == "true"
-        self.fault(
-            node,
-            "wrong-type",
-            f"`{field}` of {self.what} must be true or false, not {node.what}",
-            f"write `{field}: true`",
-        )
-        return False
+        stated = self.draft.flag(node, f"`{field}` of {self.what}", f"write `{field}: true`")
+        self.good = self.good and stated is not None
+        return bool(stated)
 
     def _times(self) -> int | None:
         node = self.fields.get("times")
@@ -523,7 +499,7 @@ class _EventReader:
             name = canonical_name(self.draft, text) or text
             rate = name.removesuffix("'")
             column = f"{rate}_dot" if rate != name else name
-            every = [*names.coordinates, *(f"{q}'" for q in names.coordinates), *self.known.outputs]
+            every = [*names.coordinates, *(f"{q}'" for q in names.coordinates), *self.draft.outputs]
             if name in every or read_column_name(column, *known) is not None:
                 columns.append(column)
             elif not names.incomplete:
@@ -538,18 +514,8 @@ class _EventReader:
 
     def _targets(self) -> Iterator[tuple[str, Formula]]:
         """Yield the targets of assignments, with the formulas of their values."""
-        node = self.fields.get("set")
-        if node is None:
-            return
-        if not isinstance(node, MappingNode):
-            self.fault(
-                node,
-                "wrong-type",
-                f"`set` of {self.what} must be a mapping, not {node.what}",
-                "write what is set and its new value: `set: {x': 0.9*x'}`",
-            )
-            return
-        for text, key, value in node:
+        help_ = "write what is set and its new value: `set: {x': 0.9*x'}`"
+        for text, key, value in self._mapping("set", help_) or ():
             target = self._target(text, key)
             parsed = self.draft.parse(value, f"the value of `{shorten(text)}` in {self.what}")
             if target is None or parsed is None:
@@ -565,7 +531,7 @@ class _EventReader:
         motion = canonical_name(self.draft, text)
         if motion is not None:
             return motion
-        parameter = self.known.parameters.get(text)
+        parameter = self.draft.parameters.get(text)
         if parameter is None:
             if not names.incomplete and text not in names.parameters:
                 every = [*names.coordinates, *(f"{q}'" for q in names.coordinates)]
@@ -600,19 +566,10 @@ class _EventReader:
         return text
 
     def _impulses(self) -> dict[str, Basic]:
-        node = self.fields.get("impulse")
-        if node is None:
-            return {}
-        if not isinstance(node, MappingNode):
-            self.fault(
-                node,
-                "wrong-type",
-                f"`impulse` of {self.what} must be a mapping, not {node.what}",
-                "write it as forces are written under `Q`: `impulse: {x: 0.5}`",
-            )
-            return {}
+        help_ = "write it as forces are written under `Q`: `impulse: {x: 0.5}`"
+        entries = self._mapping("impulse", help_)
         where = f"events.{self.declaration.title}.impulse"
-        return read_forces(self.draft, self.known.definitions, list(node), where)
+        return {} if entries is None else read_forces(self.draft, list(entries), where)
 
     # of one member
 
@@ -679,7 +636,7 @@ class _EventReader:
         """Return the row of a change, and the change; report changes that are impossible for the
         row."""
         row = watched_row(name, change, self.draft.names.constraints)
-        constraint = next((c for c in self.known.constraints if c.name == row), None)
+        constraint = next((c for c in self.draft.constraints if c.name == row), None)
         if constraint is None:
             return None  # the row's own error has been reported
         if change in ("slips", "sticks") and constraint.limit is None:

@@ -10,7 +10,7 @@ from lagcli.columns import SCALARS
 from lagcli.model.expression.dimension import same
 from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
-from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity, Parameter
+from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity, unit_of
 from lagcli.model.names.namespace import Allowed
 from lagcli.model.sections.coordinates import si_unit
@@ -24,27 +24,21 @@ _EXAMPLE = (
 )
 
 
-def read_fit(
-    draft: Draft,
-    parameters: dict[str, Parameter],
-    outputs: dict[str, Basic],
-) -> FitBlock | None:
+def read_fit(draft: Draft) -> FitBlock | None:
     """Return the block; None if there is none, or if it has an error."""
     node = draft.get("fit")
     if node is None:
         return None
-    if not isinstance(node, Mapping):
-        draft.report.add(
-            "wrong-type", f"`fit` must be a mapping, not {node.what}", node.location, _EXAMPLE
-        )
+    block = draft.mapping(node, "`fit`", _EXAMPLE)
+    if block is None:
         return None
-    fields = draft.fields(node, "`fit`", keys_of(FIT))
+    fields = draft.fields(block, "`fit`", keys_of(FIT))
     missing = [name for name in keys_of(FIT) if name not in fields]
     if missing:
         names = " and no ".join(f"`{name}`" for name in missing)
         draft.report.add("missing-value", f"`fit` has no {names}", node.location, _EXAMPLE)
         return None
-    reader = _FitReader(draft, parameters, outputs)
+    reader = _FitReader(draft)
     data = reader.files(fields["data"])
     observed = reader.observed(fields["observe"])
     fitted = reader.fitted(fields["parameters"])
@@ -58,29 +52,18 @@ def read_fit(
 class _FitReader:
     """Reads the parts of the block."""
 
-    def __init__(
-        self,
-        draft: Draft,
-        parameters: dict[str, Parameter],
-        outputs: dict[str, Basic],
-    ):
+    def __init__(self, draft: Draft):
         self.draft = draft
-        self.parameters, self.outputs = parameters, outputs
-
-    def not_a_mapping(self, node: YamlNode, what: str, help_: str) -> None:
-        self.draft.report.add(
-            "wrong-type", f"{what} must be a mapping, not {node.what}", node.location, help_
-        )
 
     # data files
 
     def files(self, node: YamlNode) -> list[DataFile]:
         files = []
         for item in node.items if isinstance(node, Sequence) else [node]:
-            if not isinstance(item, Mapping):
-                self.not_a_mapping(item, "`data`", "write `data: {file: run.csv, time: t}`")
+            entry = self.draft.mapping(item, "`data`", "write `data: {file: run.csv, time: t}`")
+            if entry is None:
                 continue
-            fields = self.draft.fields(item, "`data`", keys_of(MEASURED))
+            fields = self.draft.fields(entry, "`data`", keys_of(MEASURED))
             if "file" not in fields:
                 self.draft.report.add(
                     "missing-value",
@@ -101,10 +84,8 @@ class _FitReader:
         """Return the values of one experiment, in the syntax of ``--set`` and ``--set-initial``."""
         if node is None:
             return {}
-        if not isinstance(node, Mapping):
-            self.not_a_mapping(node, f"`{name}` of `data`", f"write `{name}: {{m: 2 kg}}`")
-            return {}
-        texts = {key: self.draft.text(x, f"`{key}` of `data`") for key, _, x in node}
+        entries = self.draft.mapping(node, f"`{name}` of `data`", f"write `{name}: {{m: 2 kg}}`")
+        texts = {key: self.draft.text(x, f"`{key}` of `data`") for key, _, x in entries or ()}
         return {key: text for key, text in texts.items() if text is not None}
 
     def check_overridden(self, data: list[DataFile], fitted: list[FittedQuantity]) -> None:
@@ -123,11 +104,9 @@ class _FitReader:
     # observed quantities
 
     def observed(self, node: YamlNode) -> list[ObservedQuantity]:
-        if not isinstance(node, Mapping):
-            self.not_a_mapping(node, "`observe`", "write `observe: {phi: {column: enc}}`")
-            return []
+        entries = self.draft.mapping(node, "`observe`", "write `observe: {phi: {column: enc}}`")
         observed = []
-        for name, key, value in node:
+        for name, key, value in entries or ():
             entry = self.observed_one(name, key, value)
             if entry is not None:
                 observed.append(entry)
@@ -167,8 +146,8 @@ class _FitReader:
 
     def expression(self, name: str, key: Scalar, what: str) -> Basic | str | None:
         """Return the observed quantity: an expression, or the name of a column of every run."""
-        if name in self.outputs:
-            return self.outputs[name]
+        if name in self.draft.outputs:
+            return self.draft.outputs[name]
         if name in {quantity.name for quantity in SCALARS}:
             return name
         parsed = self.draft.parse(key, what)
@@ -189,11 +168,9 @@ class _FitReader:
     # quantities to fit
 
     def fitted(self, node: YamlNode) -> list[FittedQuantity]:
-        if not isinstance(node, Mapping):
-            self.not_a_mapping(node, "`parameters`", "write `parameters: {m: {min: 0}}`")
-            return []
+        entries = self.draft.mapping(node, "`parameters`", "write `parameters: {m: {min: 0}}`")
         fitted: dict[str, FittedQuantity] = {}
-        for name, key, value in node:
+        for name, key, value in entries or ():
             entry = self.fitted_one(name, key, value)
             if entry is None:
                 continue
@@ -208,11 +185,14 @@ class _FitReader:
         return list(fitted.values())
 
     def fitted_one(self, name: str, key: Scalar, node: YamlNode) -> FittedQuantity | None:
-        known = name if name in self.parameters else canonical_name(self.draft, name)
+        known = name if name in self.draft.parameters else canonical_name(self.draft, name)
         if known is None:
             names = self.draft.names
             if not names.incomplete:
-                every = [*self.parameters, *(q + x for q in names.coordinates for x in ("", "'"))]
+                every = [
+                    *self.draft.parameters,
+                    *(q + x for q in names.coordinates for x in ("", "'")),
+                ]
                 self.draft.report.add(
                     "unknown-name",
                     f"`fit` names `{shorten(name)}`, which is not a parameter or an initial value",
@@ -224,14 +204,14 @@ class _FitReader:
         what = f"`{shorten(name)}` of `fit`"
         if isinstance(node, Mapping):
             fields = self.draft.fields(node, what, keys_of(FITTED))
-            unit = self.parameters[known].unit if known in self.parameters else None
+            unit = self.draft.parameters[known].unit if known in self.draft.parameters else None
             for bound, value in fields.items():
                 number = self.number(value, f"`{bound}` of {what}")
                 if number is None or not self.has_unit(value, unit, f"`{bound}` of {what}"):
                     return None
                 bounds[bound] = number
         elif not (isinstance(node, Scalar) and node.missing):
-            self.not_a_mapping(node, what, f"write `{name}: {{min: 0, max: 5}}` or `{name}:`")
+            self.draft.mapping(node, what, f"write `{name}: {{min: 0, max: 5}}` or `{name}:`")
             return None
         if bounds["min"] >= bounds["max"]:
             self.draft.report.add(

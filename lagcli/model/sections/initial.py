@@ -21,7 +21,7 @@ from lagcli.model.expression.trees import (
     walk,
 )
 from lagcli.model.keys import INITIAL, keys_of
-from lagcli.model.model import Constraint, InitialValue, Written
+from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.draft import Draft, Formula, Indices, Quantity, QuantityValue, read_quantity
 from lagcli.model.names.expansion import substituted
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
@@ -286,9 +286,9 @@ def _tree(value: InitialValue) -> Tree:
 Reader = InitialReader | VectorReader
 
 
-def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[str]:
+def read_closed(draft: Draft) -> frozenset[str]:
     """Return the contacts that `initial` states to be closed: ``floor: closed``."""
-    signs = {c.name: c.sign for c in constraints}
+    signs = {c.name: c.sign for c in draft.constraints}
     node = draft.get("initial")
     closed = set()
     for name, key, value in node if isinstance(node, MappingNode) else ():

@@ -20,7 +20,6 @@ from lagcli.model.model import EXTENSIONS, INTERPOLATIONS, Constraint, Input, In
 from lagcli.model.names.draft import Draft, read_quantity
 from lagcli.model.names.families import Declaration
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Sequence, YamlNode
 
 _EXAMPLE = "u: {file: road.csv, time: t, column: height}"
@@ -60,17 +59,12 @@ class _InputEntry:
 
     def read(self, known: InputData | None) -> Input | None:
         """Return the input; None if its entry has an error, which is reported."""
-        node = self.declaration.node
         if self.declaration.spans:
             self.error("bad-name", self.key, "is a single name", "write one entry for each input")
             return None
-        if not isinstance(node, MappingNode):
-            self.error(
-                "wrong-type",
-                node,
-                f"must be a mapping, not {node.what}",
-                f"write `{_EXAMPLE}`, or `{self.name}: {{times: [0, 1], values: [0 N, 10 N]}}`",
-            )
+        help_ = f"write `{_EXAMPLE}`, or `{self.name}: {{times: [0, 1], values: [0 N, 10 N]}}`"
+        node = self.draft.mapping(self.declaration.node, self.what, help_)
+        if node is None:
             return None
         before = len(self.draft.report.diagnostics)
         self.fields = self.draft.fields(node, self.what, keys_of(INPUT))

@@ -301,7 +301,7 @@ def names_used(tree: Tree) -> list[str]:
     return names
 
 
-def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
+def structural(draft: Draft) -> dict[str, Parameter]:
     """Return the parameters, marked as structural if the number of members depends on them."""
     marked = {family_of(name) for name in draft.names.structural}
     stack = list(marked)
@@ -312,7 +312,7 @@ def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, P
                 stack.append(name)
     return {
         name: p._replace(structural=True) if family_of(name) in marked else p
-        for name, p in parameters.items()
+        for name, p in draft.parameters.items()
     }
 
 

@@ -21,7 +21,6 @@ from lagcli.model.keys import DISC, VECTOR, VIEW, keys_of
 from lagcli.model.model import (
     Arrow,
     Constraint,
-    Definition,
     Disc,
     Segment,
     View,
@@ -62,19 +61,8 @@ _MEASURED: dict[str, Literal["velocity", "force"]] = {"m/s": "velocity", "N": "f
 _SHORT = r"[^\W\d_](?:\d|_[^\W_]{1,2})?"  # names that are labels: O, P1, x_A
 
 
-def read_view(
-    draft: Draft,
-    definitions: Mapping[str, Definition],
-    constraints: tuple[Constraint, ...],
-) -> View | None:
-    """Return the model's ``view``; None if it has none.
-
-    Parameters
-    ----------
-    draft : Draft
-    definitions, constraints : mapping, tuple
-        Names without errors.
-    """
+def read_view(draft: Draft) -> View | None:
+    """Return the model's ``view``; None if it has none."""
     node = draft.get("view")
     if node is None or (isinstance(node, Scalar) and node.missing):
         return None
@@ -86,19 +74,14 @@ def read_view(
             "begin with its points, as in\nview:\n  points:\n    A: [x_A, y_A]",
         )
         return None
-    return _ViewReader(draft, definitions, constraints).read(node)
+    return _ViewReader(draft).read(node)
 
 
 class _ViewReader:
-    def __init__(
-        self,
-        draft: Draft,
-        definitions: Mapping[str, Definition],
-        constraints: tuple[Constraint, ...],
-    ):
+    def __init__(self, draft: Draft):
         self.draft = draft
-        self.constraints = {c.name: c for c in constraints}
-        self.points = Points(draft, definitions)
+        self.constraints = {c.name: c for c in draft.constraints}
+        self.points = Points(draft)
         self.plain: list[str] = []  # points that are not members of families
         self.fields: dict[str, YamlNode] = {}
 
@@ -386,16 +369,9 @@ class _ViewReader:
         self, d: Declaration, what: str, known: tuple[str, ...]
     ) -> dict[str, YamlNode] | None:
         """Return the fields of an entry."""
-        if isinstance(d.node, MappingNode):
-            return self.draft.fields(d.node, what, known)
         key = "vectors" if "vector" in what.split("`")[0] else "discs"
-        self.draft.report.add(
-            "wrong-type",
-            f"{what} must be a mapping, not {d.node.what}",
-            d.node.location,
-            f"write `{_EXAMPLES[key]}`",
-        )
-        return None
+        node = self.draft.mapping(d.node, what, f"write `{_EXAMPLES[key]}`")
+        return None if node is None else self.draft.fields(node, what, known)
 
     def required(
         self, d: Declaration, what: str, fields: dict[str, YamlNode], names: tuple[str, ...]
@@ -439,11 +415,6 @@ _FOR = r"\s+for\s+"
 class Points:
     """The points of a view, and definitions that can be used as points.
 
-    Parameters
-    ----------
-    draft : Draft
-    definitions : mapping of str to Definition
-
     Attributes
     ----------
     found : dict of str to expressions
@@ -454,8 +425,8 @@ class Points:
         2 or 3; 0 while unknown.
     """
 
-    def __init__(self, draft: Draft, definitions: Mapping[str, Definition]):
-        self.draft, self.definitions = draft, definitions
+    def __init__(self, draft: Draft):
+        self.draft = draft
         self.found: dict[str, tuple[Basic, ...]] = {}
         self.declared: dict[str, None] = {}
         self.dimension = 0
@@ -475,7 +446,7 @@ class Points:
             return text
         if text in self.declared:
             raise Broken
-        definition = self.definitions.get(text)
+        definition = self.draft.definitions.get(text)
         value = definition.value if definition is not None else None
         if isinstance(value, Tensor) and value.is_vector and len(value.entries) == self.dimension:
             self.found[text] = value.entries
