@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 import symengine as se
 
+import lagcli
+from lagcli.errors import ModelError
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name
 from lagcli.model.names.namespace import Namespace
@@ -36,3 +38,26 @@ def test_derivatives_that_there_are_not(text: str, primes: int, message: str) ->
         SCOPE.check(Name(3, 9, text, primes))
     assert message in error.value.message
     assert (error.value.start, error.value.end) == (3, 9)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("simulation", "{t_end: 2*r}", "`t_end` cannot depend on definitions, but uses `r`"),
+        ("simulation", "{t_end: x}", "`t_end` cannot depend on coordinates, but uses `x`"),
+        ("constraints", '{"c[i = 1..r]": x = i}', "may use whole numbers and parameters; `r` is a"),
+    ],
+)
+def test_a_number_depends_on_parameters_alone(key: str, value: str, message: str) -> None:
+    text = "coordinates: [x]\nparameters: {m: 1}\ndefinitions: {r: 2*m}\nT: m*x'^2\n"
+    with pytest.raises(ModelError) as error:
+        lagcli.load_text(f"{text}{key}: {value}\ninitial: {{x: 0, x': 0}}\n")
+    assert [d.message for d in error.value.diagnostics if message in d.message]
+
+
+def test_kinks_of_numbers_leave_the_equations_smooth() -> None:
+    text = (
+        "coordinates: [x]\nparameters: {a: -1, m: abs(a)}\nT: m*x'^2\ninitial: {x: abs(a), x': 0}\n"
+    )
+    assert lagcli.load_text(text).names.smooth
+    assert not lagcli.load_text(text.replace("m*x'^2", "abs(m)*x'^2")).names.smooth
