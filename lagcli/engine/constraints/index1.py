@@ -16,8 +16,6 @@ from lagcli.engine.system import State
 
 #: Relative residual of B a = γ above which redundant constraints contradict each other.
 _CONTRADICTION = 1e-6
-#: Residuals up to this part of a constraint's terms are rounding errors.
-_ROUNDING = 1e-15
 
 
 class Index1:
@@ -35,11 +33,6 @@ class Index1:
         Changes of the coordinates that are considered equal in size; set by the first `measure`.
     lengths : (nc,) array
         Scales of the rows of B times sizes, used to determine its rank.
-    damping : (float, float) or None
-        Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0; for nonholonomic constraints, ψ̇ + α ψ = 0.
-    evaluations : int
-    undefined : State or None
-        The last finite state with accelerations that are not finite.
     """
 
     def __init__(self, evaluator: Evaluator, rank: int):
@@ -47,12 +40,8 @@ class Index1:
         self.evaluator, self.rank = evaluator, rank
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
         self.redundant = rank < self.nc
-        self.holonomic = list(system.holonomic)
         self.sizes = np.ones(self.nq)
         self.lengths = np.zeros(self.nc)
-        self.damping: tuple[float, float] | None = None
-        self.evaluations = 0
-        self.undefined: State | None = None
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q and v."""
@@ -87,14 +76,13 @@ class Index1:
 
     def accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
         """Return a, λ and the power at a state; NaN if they are undefined."""
-        self.evaluations += 1
         d = self.evaluator.dynamics(t, q, v)
         if d.finite:
             try:
-                a, multipliers = self._solve(d, self._right(d, t, q, v))
+                a, multipliers = self._solve(d, d.rhs)
                 if self.evaluator.system.tangent is not None:
                     d = self.evaluator.with_tangent(d, t, q, v, a, multipliers)
-                    a, multipliers = self._solve(d, self._right(d, t, q, v))
+                    a, multipliers = self._solve(d, d.rhs)
             except dense.SingularSystem:
                 pass
             else:
@@ -102,33 +90,13 @@ class Index1:
                 power = float(d.power + multipliers[own] @ (d.jacobian[own] @ v))
                 if math.isfinite(a.sum()) and math.isfinite(power):
                     return a, multipliers, power
-        if np.isfinite(q).all() and np.isfinite(v).all():  # not what follows from it
-            self.undefined = self.evaluator.state(t, q, v)
         return np.full(self.nq, math.nan), np.full(self.nc, math.nan), math.nan
-
-    def _right(self, d: Dynamics, t: float, q: Array, v: Array) -> Array:
-        return d.rhs if self.damping is None else d.rhs - self._stabilization(t, q, v)
 
     def _solve(self, d: Dynamics, rhs: Array) -> tuple[Array, Array]:
         if not self.redundant:
             return dense.solve_regular(d.mass_matrix, d.forcing, d.jacobian, rhs)
         parts = self.decompose(d.jacobian)
         return dense.solve_redundant(d.mass_matrix, d.forcing, rhs, parts)
-
-    def _stabilization(self, t: float, q: Array, v: Array) -> Array:
-        """Return Baumgarte's 2α ψ + β² φ (holonomic) and α ψ (nonholonomic)."""
-        assert self.damping is not None
-        alpha, beta = self.damping
-        c = self.evaluator.constraints(t, q, v)
-        velocity = _beyond_rounding(c.velocity(v), c.velocity_scale)
-        position = _beyond_rounding(c.position, c.position_scale)
-        term = alpha * velocity
-        term[self.holonomic] += alpha * velocity[self.holonomic] + beta**2 * position
-        return term
-
-    def force_terms(self, t: float, q: Array, v: Array) -> Array:
-        """Return forces in addition to f that may vanish later: those of contacts, (nq,)."""
-        return np.zeros(self.nq)
 
     def contradicting(self, t: float, q: Array, v: Array) -> int | None:
         """Return a redundant constraint that contradicts the others at a state on them, or None.
@@ -145,11 +113,3 @@ class Index1:
         allowed = _CONTRADICTION * max(np.abs(scaled).max(), np.abs(a / self.sizes).max())
         worst = int(np.argmax(np.abs(defect)))
         return worst if abs(defect[worst]) > allowed else None
-
-
-def _beyond_rounding(residual: Array, scale: Array) -> Array:
-    """Return the part of residuals that exceeds their rounding errors.
-
-    Stabilization would amplify these: with the short steps of a start from rest, β is large.
-    """
-    return np.asarray(residual - np.clip(residual, -_ROUNDING * scale, _ROUNDING * scale))

@@ -21,9 +21,6 @@ _ITERATIONS = 10
 _RESIDUAL = 2e-15
 #: ... and fails if they remain above this: no consistent state is nearby.
 _NOT_REACHED = 1e-10
-#: Largest change by a projection, relative to the step's tolerances and to the largest size of the
-#: coordinate's kind; errors of a step are smaller.
-_FAR, _FAR_PART, _FAR_ROUNDING = 100.0, 1e-3, 1e-12
 
 
 class Projection:
@@ -135,27 +132,6 @@ class Projection:
             f"the motion cannot be brought back onto the constraints {listed} at t = {t:.9g} s;"
             " try a smaller --rtol or --max-step"
         )
-
-
-def is_far(before: Array, after: Array, allowed: Array, largest: Array, sizes: Array) -> bool:
-    """Return whether a projection moved a coordinate much further than the error of a step.
-
-    Parameters
-    ----------
-    before, after : (nq,) array
-        Coordinates.
-    allowed : (nq,) array
-        The step's tolerances.
-    largest : (nq,) array
-        The largest size of each coordinate's kind so far.
-    sizes : (nq,) array
-        Changes of the coordinates that are considered equal in size: rounding errors are estimated
-        from the largest coordinate, since another kind may have been at rest so far.
-    """
-    moved = np.abs(after - before)
-    rounding = _FAR_ROUNDING * (np.abs(after) / sizes).max() * sizes
-    far = (moved > _FAR * allowed) & (moved > _FAR_PART * largest) & (moved > rounding)
-    return bool(far.any())
 
 
 def jumped(system: System, t: float, before: Array, after: Array) -> Stop:

@@ -16,9 +16,8 @@ Accelerations are computed only at regular states, and only the first guess is e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial.polynomial import polyint, polyval, polyvander
@@ -44,8 +43,6 @@ _DESCENT = 0.02
 _LOOK = 0.04
 #: Number of states on each side used for a passage.
 _NODES = 4
-#: Number of points inside a step at which the rank is monitored.
-_WATCH = (0.25, 0.5, 0.75, 1.0)
 #: Rows below this part of their scale, which is one millionth of their usual length, count as zero.
 _VANISHING = 0.1
 #: Displacement of an initial state, relative to the coordinates' size, to test for a singularity.
@@ -91,7 +88,6 @@ class RankWatch:
     def __init__(self, motion: Index1):
         self.motion, self.rank = motion, motion.rank
         self.names = motion.evaluator.system.constraints
-        self._history: list[tuple[float, float]] = []
         self._nodes: list[_Node] = []
         self._usual = 0.0
 
@@ -109,58 +105,9 @@ class RankWatch:
 
     def restart(self) -> None:
         """Discard the path so far."""
-        self._history.clear()
         self._nodes.clear()
 
     # inside a step
-
-    def stepped_over(
-        self, path: Path, t_old: float, y_old: Array, t: float, y: Array
-    ) -> float | None:
-        """Return the time of a singular configuration inside the last step, or None.
-
-        Parameters
-        ----------
-        path : callable
-            Dense output of the step; it costs evaluations and is used only if a cubic through the
-            step's ends comes near a singular configuration.
-        """
-        if not self.rank:
-            return None
-        from scipy.interpolate import CubicHermiteSpline
-
-        between = CubicHermiteSpline(
-            (t_old, t), np.array([y_old, y]), np.array([self._slope(y_old), self._slope(y)])
-        )
-        history = self._history[-2:] or [(t_old, self.weakest(t_old, y_old))]
-        for part in _WATCH:
-            at = t_old + part * (t - t_old)
-            history.append((at, self.weakest(at, y if part == 1.0 else between(at))))
-        self._history = history
-        for low, high in self._suspects(history):
-            if high > t_old:
-                found = self.singular_time(path, max(low, t_old), high)
-                if found is not None:
-                    return found
-        return None
-
-    def _suspects(self, history: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-        """Yield the intervals in which the weakest value may vanish, in order."""
-        rates = [(s1 - s0) / (t1 - t0) for (t0, s0), (t1, s1) in pairwise(history)]
-        for i, ((t0, s0), (t1, s1)) in enumerate(pairwise(history)):
-            # near the singularity it is proportional to |t − singular|
-            falling = -rates[i - 1] * (t1 - t0) if i else 0.0
-            rising = rates[i + 1] * (t1 - t0) if i + 1 < len(rates) else 0.0
-            if falling > 0.8 * s0 or rising > 0.8 * s1:
-                yield t0, t1
-            elif rates[i] <= 0 < rising and s1 < NEAR * self._usual:
-                yield t0, history[i + 2][0]
-
-    def _slope(self, y: Array) -> Array:
-        """Return y' for the rank of B: v for q, zero for the rest."""
-        slope = np.zeros_like(y)
-        slope[: self.motion.nq] = self.motion.split(y)[1]
-        return slope
 
     def singular_time(self, path: Path, low: float, high: float) -> float | None:
         """Return the time between two times at which a path is singular, or None."""
@@ -296,7 +243,7 @@ class RankWatch:
 
     def _length(self, c: Constraints) -> float:
         """Return the size of the constraints' terms as a change of the coordinates."""
-        lengths = self.motion.lengths[self.motion.holonomic]
+        lengths = self.motion.lengths[list(self.motion.evaluator.system.holonomic)]
         return float((c.position_scale / lengths).max(initial=0.0)) or 1.0
 
     def _dependent(self, t: float, q: Array, v: Array) -> list[str]:

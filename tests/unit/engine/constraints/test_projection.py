@@ -8,7 +8,7 @@ from lowered import lowered
 from pendulum_by_hand import G, pendulum_system
 
 import lagcli
-from lagcli.engine.constraints.projection import Projection, is_far, jumped
+from lagcli.engine.constraints.projection import Projection, jumped
 from lagcli.engine.contract import Stop, Undefined
 from lagcli.engine.evaluator import Evaluator
 
@@ -84,27 +84,6 @@ def test_values_that_are_not_finite_end_it() -> None:
         project(0.5, np.array([-1.0, 0.0]), REST)
     assert caught.value.undefined is not None
     np.testing.assert_array_equal(caught.value.undefined.q, [-1.0, 0.0])
-
-
-@pytest.mark.parametrize(
-    ("moved", "far"),
-    # beyond 100 tolerances of 1e-4, and beyond a thousandth of a size of 20
-    [(0.5, True), (0.015, False), (0.009, False), (0.021, True), (-0.5, True)],
-)
-def test_far_is_beyond_tolerances_and_sizes(moved: float, far: bool) -> None:
-    before = np.array([3.0, 5.0])
-    after = before + np.array([0.0, moved])
-    allowed, largest = np.full(2, 1e-4), np.full(2, 20.0)
-    assert is_far(before, after, allowed, largest, np.ones(2)) is far
-
-
-def test_rounding_errors_beside_a_large_coordinate_are_not_far() -> None:
-    # an angle at rest, whose tolerance and size are still nothing, beside a metre
-    before, none = np.array([1.0, 0.0]), np.zeros(2)
-    allowed, largest, sizes = np.array([1e-10, 1e-24]), np.array([1.0, 0.0]), np.array([1.0, 5.0])
-    assert not is_far(before, before + np.array([0.0, 1e-15]), allowed, largest, sizes)
-    assert is_far(before, before + np.array([0.0, 1e-6]), allowed, largest, sizes)
-    assert not is_far(none, none, allowed, largest, sizes)
 
 
 def test_a_jump_names_the_coordinate() -> None:

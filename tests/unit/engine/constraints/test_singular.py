@@ -59,26 +59,6 @@ def test_the_singular_time_is_found_between_two(watch: RankWatch) -> None:
     assert watch.singular_time(y, 0.0, SINGULAR_TIME - 0.1) is None
 
 
-@pytest.mark.parametrize("part", [0.1, 0.25, 0.5, 0.9])
-def test_a_singular_configuration_inside_a_step_is_seen(watch: RankWatch, part: float) -> None:
-    t_old = SINGULAR_TIME - part * 0.4
-    watch.add(t_old, y(t_old))
-    found = watch.stepped_over(y, t_old, y(t_old), t_old + 0.4, y(t_old + 0.4))
-    assert found == pytest.approx(SINGULAR_TIME, abs=1e-7)
-
-
-def test_steps_beside_it_are_not_suspected(watch: RankWatch) -> None:
-    paths = []
-
-    def path(t: float) -> np.ndarray:
-        paths.append(t)
-        return y(t)
-
-    watch.add(0.0, y(0.0))
-    assert watch.stepped_over(path, 0.0, y(0.0), 0.1, y(0.1)) is None
-    assert paths == []  # the dense output costs evaluations
-
-
 def test_steps_become_short_next_to_it(watch: RankWatch) -> None:
     assert watch.largest_step() == math.inf
     for distance in (0.4, 0.2, 0.06, 0.05):
