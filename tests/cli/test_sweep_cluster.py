@@ -24,7 +24,7 @@ from lagcli.errors import FileError
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import Spec, make_plan
 from lagcli.sweeps.row_results import COMPLETED, FAILED, MissingRows, RowStatus
-from lagcli.sweeps.rows import cluster, dask_dispatch
+from lagcli.sweeps.rows import cluster
 from lagcli.sweeps.rows.cluster import Cluster
 from lagcli.sweeps.rows.rows import run_rows
 from lagcli.sweeps.rows.workers import Chunks
@@ -213,8 +213,7 @@ def test_another_version_is_rejected(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
 ) -> None:
-    for module in (cluster, dask_dispatch):
-        monkeypatch.setattr(module, "__version__", "99.0")
+    monkeypatch.setattr(cluster, "__version__", "99.0")
     command = ("sweep", CRANK, "--vary", "m=1,2", *PEAK, "-o", str(tmp_path / "s.h5"))
     assert run_here([*command, "--scheduler", two_workers.address]) == 2
     said = capsys.readouterr().err
@@ -290,7 +289,7 @@ import os, signal
 from lagcli.sweeps.rows import cluster
 
 # a preload may be run twice
-runner = dask_dispatch._real = getattr(dask_dispatch, "_real", dask_dispatch._runner)
+runner = cluster._real = getattr(cluster, "_real", cluster._runner)
 
 class Deadly:
     def __init__(self, spec):
@@ -301,7 +300,7 @@ class Deadly:
             os.kill(os.getpid(), signal.SIGKILL)
         return runner(self.spec).run(numbers, check_cancelled)
 
-dask_dispatch._runner = Deadly
+cluster._runner = Deadly
 """
 
 
