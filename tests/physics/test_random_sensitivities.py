@@ -79,11 +79,20 @@ def happenings(run: Trajectory) -> tuple[Any, ...]:
     return () if run.events is None else (run.events.kinds, run.events.names)
 
 
+#: Random models, in one of which the differences must not change the number of impacts.
+DRAWS = 3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", KINDS)
 def test_central_differences_of_random_runs(kind: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
+    assert any(_compare_with_differences(kind, rng) for _ in range(DRAWS))
+
+
+def _compare_with_differences(kind: str, rng: np.random.Generator) -> bool:
+    """Compare a random run with differences, unless these change the number of impacts."""
     text, names = KINDS[kind]
     values = {name: float(rng.uniform(*bounds)) for name, bounds in RANGES.items()}
     given = ", ".join(f"{name}: {value!r}" for name, value in values.items())
@@ -101,10 +110,11 @@ def test_central_differences_of_random_runs(kind: str, seed: int) -> None:
                 changed = lagcli.load_text(text, set={name: f"{value + side * step * h!r}"})
                 run = lagcli.simulate(changed, **options)
                 if happenings(run) != happenings(found):
-                    pytest.skip("another number of impacts within the step of the differences")
+                    return False
                 expected = expected + side * weight / h * np.hstack([run.q, run.v])
         own = np.hstack([found.dq[:, :, j], found.dv[:, :, j]])
         if any("infinitely many impacts" in warning for warning in found.warnings):
             own = np.where(np.isnan(own), expected, own)
         scale = max(float(np.abs(expected).max()), 1e-3)
         np.testing.assert_allclose(own, expected, atol=1e-5 * scale, err_msg=name)
+    return True
