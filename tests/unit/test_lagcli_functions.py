@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from fractions import Fraction
 
 import pytest
@@ -63,3 +65,71 @@ def test_derivatives_of_expressions_of_functions() -> None:
     for name in ("abs", "min"):
         value = derivative(apply(name, *(X, Y)[: FUNCTIONS[name].fewest]), X)
         assert value.subs({X: -0.5, Y: 2.0}) == (-1 if name == "abs" else 1)
+
+
+NEW = '''
+import math
+from lagcli import functions as f
+
+record = f.Function(
+    f.DimensionRule.NUMBER,
+    operation=f.Operation(
+        "1.0 / (1.0 + exp(-A))",
+        lambda a: 1.0 / (1.0 + math.exp(-a)),
+        "scipy.special.expit",
+        lambda f, x, y: y * (1 - y),
+        "increasing",
+    ),
+    spelling=f.Spelling(r"\\sigma"),
+)
+f.FUNCTIONS["logistic"] = f.OPERATIONS["LOGISTIC"] = record
+
+import symengine as se
+import lagcli
+from lagcli.engine.core.headers import headers
+from lagcli.errors import LagcliError
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.differentiation import directional
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.render import render
+from lagcli.model.expression.constants import number
+from lagcli.model.expression.functions import apply, derivative
+
+text = """
+coordinates: [x]
+parameters: {m: {value: 1, unit: kg}, k: {value: 2, unit: J}}
+T: m/2*x'^2
+V: k*logistic(3*x)
+initial: {x: 0, x': 0}
+"""
+equations = lagcli.derive(lagcli.load_text(text))
+assert "logistic(3 x)" in render(equations), render(equations)
+assert r"\\sigma" in render(equations, "latex")
+
+x = se.Symbol("x")
+value = apply("logistic", 3 * apply("logistic", x))
+inner = 1 / (1 + math.exp(-0.4))
+outer = 1 / (1 + math.exp(-3 * inner))
+slope = 3 * outer * (1 - outer) * inner * (1 - inner)
+assert abs(number(value.subs({x: 0.4})) - outer) < 1e-15
+assert abs(number(derivative(value, x).subs({x: 0.4})) - slope) < 1e-15
+tape = compile_tape([value, derivative(value, x)], (x,))
+assert max(abs(a - b) for a, b in zip(ScalarTape(tape)([0.4]), (outer, slope))) < 1e-15
+assert abs(ScalarTape(directional(tape))([0.4, 1.0])[0] - slope) < 1e-15
+
+tables = headers()["tables.h"]
+assert "X(OP_LOGISTIC, 2, 1.0 / (1.0 + exp(-A)))" in tables
+assert "increasing, -INFINITY, INFINITY, mul(C, sub(constant(1), C, n), n))" in tables
+try:
+    lagcli.load_text(text.replace("[x]", "{x: {unit: m}}"))
+except LagcliError as error:
+    assert "the argument of `logistic` must be a number or an angle" in str(error), error
+else:
+    raise AssertionError("an argument in metres is accepted")
+'''
+
+
+def test_a_function_is_one_record() -> None:
+    # in a process of its own: operations are numbered when they are imported
+    run = subprocess.run([sys.executable, "-c", NEW], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
