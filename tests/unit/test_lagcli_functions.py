@@ -88,7 +88,7 @@ import symengine as se
 import lagcli
 from lagcli.engine.core.headers import headers
 from lagcli.errors import LagcliError
-from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.render import render
