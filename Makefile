@@ -20,7 +20,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrat
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install core demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
+.PHONY: help install core targets demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -37,6 +37,11 @@ $(BIN)/.installed: pyproject.toml
 
 core: install ## Compile what has changed in the core
 	$(BIN)/python building/core_library.py
+
+targets: install ## Compile the core for WebAssembly and five platforms, by ziglang (100 MB)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  $$(cd building && $(abspath $(BIN))/python -c "import core_library; print(core_library.ZIG)")
+	$(BIN)/python -m pytest -m slow tests/unit/engine/core/test_targets.py
 
 demo: install ## Derive the slider-crank's equations, simulate it, and look at the result
 	@mkdir -p $(DEMO)

@@ -1,4 +1,4 @@
-"""Parts of the core by themselves: core/parts.h."""
+"""Parts of the core by themselves, core/parts.h, and models as data, core/lagmodel.h."""
 
 from __future__ import annotations
 
@@ -14,7 +14,17 @@ from lagcli.arrays import Array
 from lagcli.engine.core.batch import core
 from lagcli.engine.core.contact_problem import ContactProblem
 from lagcli.engine.core.library import KERNEL, LIBRARY, PORTABLE, check
-from lagcli.engine.core.structures import Arguments, Doubles, Integers, Structure, address
+from lagcli.engine.core.structures import (
+    Arguments,
+    Doubles,
+    Integers,
+    Structure,
+    address,
+    lag_elimination,
+    lag_equations,
+    lag_program,
+    lag_settings,
+)
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.program.program import assemble
 from lagcli.engine.tape.tape import Tape
@@ -35,9 +45,22 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_bracketed_root": (c_double, *_ROOT),
     "lag_part_last_digit_root": (c_double, *_ROOT[:4]),
     "lag_part_coefficients": (None, c_void_p, c_void_p),
+    "lag_read_model": (c_int, c_void_p, ctypes.c_int64, c_void_p),
+    "lag_run_model": (c_int, c_void_p, c_void_p, c_void_p),
+    "lag_check_program": (c_int, c_void_p),
 }
 for name, (result, *arguments) in SIGNATURES.items():
     getattr(parts, name).restype, getattr(parts, name).argtypes = result, arguments
+
+
+class lag_model(Structure):
+    _fields_ = (
+        ("equations", lag_equations),
+        ("dynamics", lag_program),
+        ("solution", c_int),
+        ("elimination", lag_elimination),
+        ("settings", lag_settings),
+    )
 
 
 class lag_contacts(Structure):

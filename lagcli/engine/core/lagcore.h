@@ -401,6 +401,15 @@ lag_report lag_report_of(const lag_run *run);
 /* Taylor coefficients of y here, n rows of order + 1. Returns 0, or 1 where there are none. */
 int lag_coefficients(lag_run *run, double *out);
 
+/*
+ * Save a run, to bytes of the given number, and go on from there later: for attempts that may be taken back. Only the
+ * run that was saved can be restored, and only while it has allocated nothing: lag_restore returns 1, and does
+ * nothing, after one of the lag_use_... functions. The block and the log are the caller's.
+ */
+size_t lag_state_size(const lag_run *run);
+void lag_save(const lag_run *run, void *to);
+int lag_restore(lag_run *run, const void *from);
+
 /* The fingerprint of the sources that the library was compiled from, as hexadecimal digits. */
 const char *lag_fingerprint(void);
 

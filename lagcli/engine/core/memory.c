@@ -8,6 +8,7 @@
 /* Header of each allocation. */
 typedef struct chunk {
     struct chunk *next;
+    size_t bytes;                      /* after the header */
 } chunk;
 
 static void *allocate(void *context, size_t bytes)
@@ -39,8 +40,10 @@ void *lag_get(lag_pool *pool, size_t count, size_t size)
         return NULL;
     }
     made->next = pool->last;
+    made->bytes = LINE + bytes;
     pool->last = made;
     char *memory = (char *)(made + 1);
+    memset(memory, 0, LINE); /* what is saved has no bytes without a value */
     memory += (LINE - (uintptr_t)memory % LINE) % LINE;
     memset(memory, 0, bytes);
     return memory;
@@ -78,4 +81,42 @@ void lag_release(lag_pool *pool)
         pool->from.release(pool->from.context, this);
     }
     pool->last = NULL;
+}
+
+size_t lag_saved_size(const lag_pool *pool)
+{
+    size_t bytes = sizeof(size_t);
+    for (const chunk *one = pool->last; one; one = one->next)
+        bytes += sizeof one + one->bytes;
+    return bytes;
+}
+
+char *lag_save_pool(const lag_pool *pool, char *to)
+{
+    size_t chunks = 0;
+    char *count = to;
+    to += sizeof chunks;
+    for (const chunk *one = pool->last; one; one = one->next, ++chunks) {
+        memcpy(to, &one, sizeof one);
+        memcpy(to + sizeof one, one + 1, one->bytes);
+        to += sizeof one + one->bytes;
+    }
+    memcpy(count, &chunks, sizeof chunks);
+    return to;
+}
+
+const char *lag_saved_pool(const lag_pool *pool, const char *from, int restore)
+{
+    size_t chunks;
+    memcpy(&chunks, from, sizeof chunks);
+    from += sizeof chunks;
+    for (chunk *one = pool->last, *next; one; one = next, --chunks) {
+        next = one->next;
+        if (!chunks || memcmp(from, &one, sizeof one) != 0)
+            return NULL;
+        if (restore)
+            memcpy(one + 1, from + sizeof one, one->bytes);
+        from += sizeof one + one->bytes;
+    }
+    return chunks ? NULL : from;
 }

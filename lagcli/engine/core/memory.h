@@ -27,4 +27,10 @@ int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, long count);
 /* Release all; the pool can be used again. */
 void lag_release(lag_pool *pool);
 
+/* The contents of a pool as bytes: their number; write them, and return where they end; return where they end if
+ * they are of a pool with the present allocations, else NULL, and with `restore` put them back. */
+size_t lag_saved_size(const lag_pool *pool);
+char *lag_save_pool(const lag_pool *pool, char *to);
+const char *lag_saved_pool(const lag_pool *pool, const char *from, int restore);
+
 #endif

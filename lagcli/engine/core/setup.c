@@ -147,6 +147,46 @@ void lag_destroy(lag_run *run)
     lag_release(&pool);
 }
 
+/* The pools of a run; their number. */
+static int pools_of(const lag_run *run, const lag_pool *pools[3])
+{
+    pools[0] = &run->dynamics_pool;
+    pools[1] = &run->pool;
+    pools[2] = run->implicit ? &run->implicit->pivots_pool : NULL;
+    return run->implicit ? 3 : 2;
+}
+
+size_t lag_state_size(const lag_run *run)
+{
+    const lag_pool *pools[3];
+    size_t bytes = 0;
+    for (int i = pools_of(run, pools) - 1; i >= 0; --i)
+        bytes += lag_saved_size(pools[i]);
+    return bytes;
+}
+
+void lag_save(const lag_run *run, void *to)
+{
+    const lag_pool *pools[3];
+    char *at = to;
+    for (int i = pools_of(run, pools) - 1; i >= 0; --i)
+        at = lag_save_pool(pools[i], at);
+}
+
+int lag_restore(lag_run *run, const void *from)
+{
+    const lag_pool *pools[3];
+    const int count = pools_of(run, pools);
+    for (int restore = 0; restore < 2; ++restore) {
+        const char *at = from;
+        for (int i = count - 1; at && i >= 0; --i)
+            at = lag_saved_pool(pools[i], at, restore);
+        if (!at)
+            return 1;
+    }
+    return 0;
+}
+
 /* Replace the dynamics, and everything derived from them. */
 static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_solution by)
 {

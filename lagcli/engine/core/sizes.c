@@ -75,17 +75,33 @@ static void count_forces(lag_run *run, double *largest)
     }
 }
 
+/* y' with rounding errors of one side: all operations are rounded down, or up. Where a machine has no rounding modes,
+ * as WebAssembly, each number of the state is instead the next one below, or above. */
+static int derivative_by_side(lag_run *run, int side, double *f)
+{
+    run->system.dynamics.registers[0] = NAN; /* its current values are rounded differently */
+#if defined(FE_DOWNWARD) && defined(FE_UPWARD) && !defined(LAGCLI_NO_ROUNDING_MODES)
+    const int nearest = fegetround();
+    fesetround(side ? FE_UPWARD : FE_DOWNWARD);
+    const int undefined = lag_derivative(run, run->step.t, run->step.y, f);
+    fesetround(nearest);
+    return undefined;
+#else
+    double *y = run->step.y_new;
+    memcpy(y, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int i = 0; i < 2 * run->system.nq; ++i)
+        y[i] = nextafter(y[i], (side != i % 2) ? INFINITY : -INFINITY);
+    return lag_derivative(run, run->step.t, y, f);
+#endif
+}
+
 void lag_sizes_start(lag_run *run)
 {
-    static const int mode[] = {FE_DOWNWARD, FE_UPWARD};
-    const int nq = run->system.nq, nearest = fegetround();
+    const int nq = run->system.nq;
     double *found[] = {run->step.trial, run->step.f_new};
     int undefined = 0;
     for (int side = 0; side < 2; ++side) {
-        run->system.dynamics.registers[0] = NAN; /* its current values are rounded differently */
-        fesetround(mode[side]);
-        undefined |= lag_derivative(run, run->step.t, run->step.y, found[side]);
-        fesetround(nearest);
+        undefined |= derivative_by_side(run, side, found[side]);
     }
     run->system.dynamics.registers[0] = NAN;
     for (int i = 0; i < nq; ++i) {

@@ -55,6 +55,34 @@ def test_a_state_without_values_is_reported_with_its_time() -> None:
     assert np.isnan(core.y_bad[0])
 
 
+def test_a_run_goes_back_to_where_it_was_saved() -> None:
+    core = pendulum().core
+    core.start()
+    core.advance(40)
+    saved, t, state, counts = core.save(), core.t, core.state, core.counts
+    assert core.advance(20) == Status.RUNNING
+    after = core.t, core.state, core.counts
+    core.restore(saved)
+    assert (core.t, core.counts) == (t, counts)
+    np.testing.assert_array_equal(core.state, state)
+    core.advance(20)
+    assert (core.t, core.counts) == (after[0], after[2])
+    np.testing.assert_array_equal(core.state, after[1])
+
+
+def test_a_run_of_other_equations_does_not_go_back() -> None:
+    integration = pendulum()
+    core = integration.core
+    core.start()
+    saved = core.save()
+    core.use_dense(integration.in_use.dynamics)
+    with pytest.raises(ValueError, match="changed otherwise since it was saved"):
+        core.restore(saved)
+    other = pendulum().core
+    with pytest.raises(ValueError, match="changed otherwise"):
+        other.restore(saved + bytes(len(other.save())))
+
+
 def settings_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, Any]]:
     """Return what a run is made from."""
     made: list[Any] = []

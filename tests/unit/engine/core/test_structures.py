@@ -26,7 +26,7 @@ STRUCTURES = [
     and kind.__module__ == module.__name__
     and kind.__name__.startswith("lag_")
 ]
-HEADERS = ("lagcore.h", "lagbatch.h", "parts.h")
+HEADERS = ("lagcore.h", "lagbatch.h", "lagmodel.h", "parts.h")
 #: Functions of the headers, as the binding declares them.
 DECLARED: dict[str, tuple[Any, ...]] = {
     name: (function.restype, *function.argtypes)
@@ -58,7 +58,7 @@ def test_the_layout_of_structures_is_the_compilers(tmp_path: Path) -> None:
             expected += [place.offset, place.size]
             lines += [f"offsetof({name}, {field})", f"sizeof((({name} *)0)->{field})"]
     source, program = tmp_path / "sizes.c", tmp_path / "sizes"
-    includes = "".join(f'#include "{name}"\n' for name in ("lagbatch.h", "parts.h"))
+    includes = "".join(f'#include "{name}"\n' for name in ("lagbatch.h", "lagmodel.h", "parts.h"))
     numbers = ",\n".join(f"    (int){line}" for line in lines)
     source.write_text(
         f"#include <stdio.h>\n{includes}"

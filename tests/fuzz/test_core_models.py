@@ -1,0 +1,58 @@
+"""The core stays within its memory, whatever the model is that it is given."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from core_runs import data_of, pendulum
+
+from lagcli.engine.core.fingerprint import CORE, c_files
+
+COUNT = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))
+MUTANTS = Path(__file__).parents[1] / "unit" / "engine" / "core" / "mutants.c"
+FLAGS = ["-O1", "-g", "-Wno-psabi", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+pytestmark = pytest.mark.fuzz
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program that runs mutants, with the sanitizers of addresses and undefined behaviour."""
+    compiler = shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("neither gcc nor clang, which have sanitizers")
+    folder = tmp_path_factory.mktemp("mutants")
+    objects = [folder / f"{i}.o" for i in range(1 + len(c_files()))]
+
+    def compiled(source: str | Path, made: Path) -> None:
+        command = [compiler, *FLAGS, f"-I{CORE}", "-c", str(source), "-o", str(made)]
+        subprocess.run(command, check=True)
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(compiled, [MUTANTS, *c_files()], objects))
+    made = folder / "mutants"
+    done = subprocess.run(
+        [compiler, *FLAGS, *objects, "-lm", "-o", made], capture_output=True, text=True
+    )
+    if done.returncode and "san" in done.stderr:
+        pytest.skip("the compiler has no sanitizers")
+    assert done.returncode == 0, done.stderr
+    return made
+
+
+@pytest.mark.parametrize("solution", ["densely", "unrolled", "in a loop"])
+def test_damaged_models_end_with_a_status(solution: str, program: Path, tmp_path: Path) -> None:
+    file = tmp_path / "model"
+    file.write_bytes(data_of(pendulum(), solution))
+    done = subprocess.run([program, file, str(COUNT)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    accepted, *rejected = map(int, done.stdout.split())
+    assert accepted + sum(rejected) == COUNT
+    # enough of both, so that the checks and the runs have been tried
+    assert accepted > COUNT / 20
+    assert sum(1 for count in rejected if count) >= 5
