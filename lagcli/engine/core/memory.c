@@ -111,8 +111,11 @@ const char *lag_saved_pool(const lag_pool *pool, const char *from, int restore)
     memcpy(&chunks, from, sizeof chunks);
     from += sizeof chunks;
     for (chunk *one = pool->last, *next; one; one = next, --chunks) {
+        const chunk *saved = NULL;
         next = one->next;
-        if (!chunks || memcmp(from, &one, sizeof one) != 0)
+        if (chunks)
+            memcpy(&saved, from, sizeof saved);
+        if (saved != one)
             return NULL;
         if (restore)
             memcpy(one + 1, from + sizeof one, one->bytes);

@@ -42,6 +42,8 @@ def test_the_core_names_no_other_statuses() -> None:
     for file in folder.glob("*.[ch]"):
         if file.name != "tables.h":
             used |= set(re.findall(r"return (LAG_[A-Z_]+);", file.read_text(encoding="utf-8")))
+    # reasons to reject a model are those of lagmodel.h alone
+    used = {name for name in used if not name.startswith("LAG_MODEL_")}
     known = {f"LAG_{s.name}" for s in Status} | {f"LAG_LANE_{s.name}" for s in LaneStatus}
     assert used
     assert used <= known
