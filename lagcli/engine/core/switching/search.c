@@ -24,6 +24,8 @@
 #define MOST_PARTS 1000000  /* intervals of one function in one step after which its sign cannot be determined */
 #define NARROW 2.3e-16      /* of the time, or of a hundredth of the step: width of an interval that is not halved */
 #define TOUCHES 4.0         /* of the error of a value: a function within that is not negative */
+#define EARLY 0.25          /* of an interval: where a concave function is looked for above zero; after an impact, steps
+                               are twice a flight */
 #define SHARP 60            /* halvings in the location of a minimum */
 
 /* Accuracy of a root before t, in the last step. */
@@ -240,6 +242,9 @@ static double first_enclosed(along_step *f, double from, double to)
                 return root_before(f, open, a);
             if (end < 0 && start > 0)
                 return root_before(f, a, b);
+            const double early = a + EARLY * (b - a);
+            if (end < 0 && sign_at(f, early) > 0) /* it has risen before */
+                return root_before(f, early, b);
             if (end >= 0) {
                 if (end > 0)
                     open = positive_until(f, b);
