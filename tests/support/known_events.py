@@ -20,7 +20,7 @@ import lagcli
 from lagcli.arrays import Array
 from lagcli.trajectory.trajectory import Trajectory
 
-#: Methods of the compiled engine.
+#: The methods of runs.
 METHODS = ("DOP853", "Taylor", "Radau", "Rodas5P")
 #: Seconds after which a run counts as hanging; the longest of these take a few tenths of one.
 PATIENCE = 30.0

@@ -23,9 +23,9 @@ CONTRACTED = "LAGCLI_CONTRACTION" in os.environ
 
 
 def value(expression: se.Basic, *point: float) -> float:
-    """Evaluate by a tape, one state at a time: by Python and by the compiled engine, alike.
+    """Evaluate by a tape, one state at a time: by Python and by the core, alike.
 
-    With contraction they may differ, and the value is that of the compiled engine.
+    With contraction they may differ, and the value is that of the core.
     """
     inputs = (*point, *[0.0] * (3 - len(point)))
     # which inputs stay the same along a run decides the order of the operations

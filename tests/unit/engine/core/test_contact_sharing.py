@@ -74,7 +74,7 @@ def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_random_shares(seed: int) -> None:
-    """Beside SciPy's linear program, and the forces of least norm of the reference engine."""
+    """Beside SciPy's linear program, and the forces of least norm of an independent program."""
     problem, given = random_shares(np.random.default_rng(seed))
     force, slack, tight = share_contacts(problem, [HOLDS] * len(given), given)
     size = np.abs(given).max()

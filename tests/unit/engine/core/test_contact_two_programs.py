@@ -1,4 +1,4 @@
-"""The core's contact problems and impacts beside those of the reference engine: equal motions."""
+"""The core's contact problems and impacts beside those of an independent program: equal motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contacts, friction and events on the compiled engine: against closed forms."""
+"""Contacts, friction and events: against closed forms."""
 
 from __future__ import annotations
 

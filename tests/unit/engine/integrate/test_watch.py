@@ -1,4 +1,4 @@
-"""The compiled engine's watch for singular configurations: what it costs, and that it sees them."""
+"""The core's watch for singular configurations: what it costs, and that it sees them."""
 
 from __future__ import annotations
 
