@@ -13,6 +13,8 @@ WORKERS ?= 2
 PARALLEL := -n $(WORKERS) --dist worksteal
 # mutants, or random models, that each long test of `make fuzz` tries
 FUZZ_COUNT ?= 1000
+# mutants of each area that `make mutants` tries
+MUTANTS ?= 40
 
 #: What runs the core: its own tests and those of integrations.
 CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrate/test_engine.py tests/unit/engine/lowering/test_compiler.py \
@@ -20,7 +22,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrat
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install core targets demo test test-kernels test-fma fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
+.PHONY: help install core targets demo test test-kernels test-fma fuzz mutants lint coverage docs docs-check gallery dist bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -77,6 +79,9 @@ test-fma: install ## Run the core's tests with a core that multiplies and adds i
 
 fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
 	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests/fuzz
+
+mutants: install ## Change the code in random places, and count the changes that tests notice: make mutants MUTANTS=100
+	$(BIN)/python tests/mutation/mutate.py --count $(MUTANTS)
 
 # What an extra of pyproject.toml lists, without building lagcli again
 $(BIN)/.extra-%: $(BIN)/.installed

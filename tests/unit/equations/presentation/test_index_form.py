@@ -26,7 +26,7 @@ from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula
 from lagcli.model.loader import load, load_text
 
-MODELS = Path(__file__).parents[5] / "models"
+MODELS = Path(__file__).parents[4] / "models"
 FORMATS = ("text", "latex", "markdown")
 
 

@@ -1,0 +1,64 @@
+"""The mutants of a file: which places change, and that comments and strings do not."""
+
+from __future__ import annotations
+
+from mutate import AREAS, ROOT, Mutant, code_of, files_of, mutants_of
+
+C = """/* a < b */
+int less(double a, double b)
+{
+    count += 1;
+    return a < b && !isnan(fmin(a, 0.5)) ? 1 : 0; /* 2 */
+}
+"""
+PYTHON = '''def less(a, b):
+    """Return a < b."""
+    return a < b and "a < b" != a  # a < b
+'''
+
+
+def changed(file: str, text: str) -> list[str]:
+    """Return the changed lines of all mutants."""
+    return [m.key(text).partition(" => ")[2] for m in mutants_of(file, text)]
+
+
+def test_comments_and_strings_are_blank() -> None:
+    for file, text in (("x.c", C), ("x.py", PYTHON)):
+        code = code_of(file, text)
+        assert len(code) == len(text)
+        assert code.count("a < b") == 1
+        assert code.count("\n") == text.count("\n")
+
+
+def test_mutants_of_c() -> None:
+    found = changed("x.c", C)
+    rest = "? 1 : 0; /* 2 */"
+    assert f"return a <= b && !isnan(fmin(a, 0.5)) {rest}" in found
+    assert f"return a < b || !isnan(fmin(a, 0.5)) {rest}" in found
+    assert f"return a < b && !isnan(fmax(a, 0.5)) {rest}" in found
+    assert f"return a < b && !isnan(fmin(a, (2.0 * 0.5))) {rest}" in found
+    assert "count -= 1;" in found
+    assert "count += 0;" in found
+    assert ";" in found  # without the statement
+    assert len(found) == len(set(found)) == 9
+
+
+def test_mutants_of_python() -> None:
+    assert changed("x.py", PYTHON) == [
+        'return a <= b and "a < b" != a # a < b',
+        'return a < b or "a < b" != a # a < b',
+        'return a < b and "a < b" == a # a < b',
+    ]
+
+
+def test_a_mutant_is_described_by_its_line() -> None:
+    mutant = Mutant("x.py", PYTHON.index(" < b and"), PYTHON.index(" < b and") + 3, " <= ")
+    assert mutant.described(PYTHON).splitlines()[0] == "--- x.py"
+    assert mutant.applied(PYTHON).count("<=") == 1
+
+
+def test_the_files_of_all_areas_exist() -> None:
+    for area in AREAS.values():
+        files = files_of(area)
+        assert files
+        assert all((ROOT / name).exists() for name in (*files, *area.tests))
