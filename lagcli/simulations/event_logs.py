@@ -161,10 +161,7 @@ def _columns(
 def _named(samples: Samples) -> dict[str, Array]:
     """Return the columns of samples by their names in CSV files."""
     coordinates, constraints, terms = samples.coordinates, samples.constraints, samples.terms
-    pairs = [
-        (constraints[c], coordinates[q])
-        for c, q in zip(terms.constraint, terms.coordinate, strict=True)
-    ]
+    pairs = terms.names(coordinates, constraints)
     found: dict[str, Array] = {}
     for quantity in SAMPLED:
         names = column_names(quantity, coordinates, constraints, pairs, samples.conserved_names)

@@ -192,10 +192,7 @@ class FiniteColumns:
                 quantity,
                 samples.coordinates,
                 samples.constraints,
-                [
-                    (samples.constraints[i], samples.coordinates[j])
-                    for i, j in zip(samples.terms.constraint, samples.terms.coordinate, strict=True)
-                ],
+                samples.terms.names(samples.coordinates, samples.constraints),
                 samples.conserved_names,
             )
             columns = table.reshape(len(samples.time), -1).T

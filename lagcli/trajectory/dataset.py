@@ -24,10 +24,7 @@ def to_dataset(trajectory: Trajectory) -> Any:
             "datasets need xarray, which is not installed: pip install xarray"
         ) from None
     terms = trajectory.terms
-    names = [
-        f"{trajectory.constraints[c]}.{trajectory.coordinates[q]}"
-        for c, q in zip(terms.constraint, terms.coordinate, strict=True)
-    ]
+    names = list(map(".".join, terms.names(trajectory.coordinates, trajectory.constraints)))
     units = trajectory.units
     axes: dict[str, Any] = {
         "time": ("time", trajectory.time, {"units": "s"}),
