@@ -2,10 +2,10 @@
 
     python tests/mutation/mutate.py [AREA ...] [--count N] [--seed S] [--list]
 
-Each mutant is tried in a copy of the checkout: the core is built again if its file is C, and the
-tests of its area run until one fails: the mutant is killed. `explained.txt` lists survivors that do
-not change the behavior, with the reason. The exit status is 1 if less than 90 % of the mutants
-of an area are killed or explained.
+Each mutant is tried in a copy of the checkout: the core is built, which compiles what has changed,
+and the tests of its area run until one fails: the mutant is killed. `explained.txt` lists survivors
+that do not change the behavior, with the reason. The exit status is 1 if less than 90 % of the
+mutants of an area are killed or explained.
 """
 
 from __future__ import annotations
@@ -209,7 +209,10 @@ def explained() -> set[str]:
 
 
 class Copy:
-    """A copy of the checkout in which mutants are tried."""
+    """A copy of the checkout in which mutants are tried.
+
+    The core is built before each run of tests: only what has changed since the last is compiled.
+    """
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -225,7 +228,6 @@ class Copy:
             target.parent.mkdir(parents=True, exist_ok=True)
             if (ROOT / name).is_file():
                 shutil.copy2(ROOT / name, target)
-        self.build()
 
     def build(self) -> bool:
         """Build the core; return whether it compiles."""
@@ -249,15 +251,10 @@ class Copy:
         path = self.folder / mutant.file
         text = path.read_text(encoding="utf-8")
         path.write_text(mutant.applied(text), encoding="utf-8")
-        compiled = mutant.file.endswith(".c")
         try:
-            if compiled and not self.build():
-                return None
-            return not self.passes(tests)
+            return not self.passes(tests) if self.build() else None
         finally:
             path.write_text(text, encoding="utf-8")
-            if compiled:
-                self.build()
 
 
 def files_of(area: Area) -> list[str]:
@@ -279,8 +276,8 @@ def run(name: str, count: int, seed: int) -> bool:
     killed = survived = excused = 0
     with tempfile.TemporaryDirectory() as folder:
         copy = Copy(Path(folder))
-        if not copy.passes(area.tests):
-            print(f"{name}: the tests fail without a mutant")
+        if not (copy.build() and copy.passes(area.tests)):
+            print(f"{name}: the core does not compile, or tests fail, without a mutant")
             return False
         for mutant in order:
             if killed + survived + excused >= count:
