@@ -211,8 +211,6 @@ def build(library: Path, compiler: Compiler | None = None) -> None:
         By default the one of `find_compiler`.
     """
     compiler = compiler or find_compiler()
-    for path in core.CORE.glob("binding.*"):  # of the module that Cython made before
-        path.unlink()
     write_headers()
     options = hashlib.sha256(repr((compiler.compiling, compiler.linking)).encode()).hexdigest()
     folder = ROOT / "build" / "core" / options[:16]
