@@ -48,8 +48,8 @@ def units_along(
     if quantity.along == "term":
         quantity = BY_NAME["constraint_force"]
     names = column_names(quantity, coordinates, constraints, (), conserved)
-    found = [unit_of_column(name, units) for name in names]
-    return [unit if unit is None else unit or "1" for unit in found]
+    column_units = [unit_of_column(name, units) for name in names]
+    return [unit if unit is None else unit or "1" for unit in column_units]
 
 
 #: Text of `units` if the model has none.
@@ -66,8 +66,8 @@ _SEE = {
 
 def shared_unit(names: Sequence[str], units: Mapping[str, str]) -> str:
     """Return the unit of some outputs; all units if they differ."""
-    found = [units.get(name, NOT_STATED) for name in names]
-    return found[0] if len(set(found)) == 1 else ", ".join(found)
+    output_units = [units.get(name, NOT_STATED) for name in names]
+    return output_units[0] if len(set(output_units)) == 1 else ", ".join(output_units)
 
 
 def unit(
@@ -98,9 +98,9 @@ def unit(
         return quantity.unit
     if not quantity.along:  # the largest of residuals in different units
         among = BY_NAME["constraint_force"]
-        found = set(units_along(among, coordinates, constraints, units))
-        return (found.pop() or NOT_STATED) if len(found) == 1 else NOT_STATED
-    found = set(units_along(quantity, coordinates, constraints, units, conserved))
-    if found <= {None}:
+        distinct = set(units_along(among, coordinates, constraints, units))
+        return (distinct.pop() or NOT_STATED) if len(distinct) == 1 else NOT_STATED
+    distinct = set(units_along(quantity, coordinates, constraints, units, conserved))
+    if distinct <= {None}:
         return NOT_STATED
-    return found.pop() or "" if len(found) == 1 else f"see {_SEE[quantity.name]}"
+    return distinct.pop() or "" if len(distinct) == 1 else f"see {_SEE[quantity.name]}"

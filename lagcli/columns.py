@@ -399,8 +399,10 @@ def _readings(text: str) -> Iterator[ColumnName]:
         if not inner or text != before + inner + after:
             continue
         dots = [dot.start() for dot in re.finditer(r"(?<=.)\.(?=.)", inner)]
-        for found in [(inner,)] if len(names) < 2 else [(inner[:i], inner[i + 1 :]) for i in dots]:
-            yield ColumnName(quantity.name, **dict(zip(names, found, strict=True)))
+        for indices in (
+            [(inner,)] if len(names) < 2 else [(inner[:i], inner[i + 1 :]) for i in dots]
+        ):
+            yield ColumnName(quantity.name, **dict(zip(names, indices, strict=True)))
 
 
 def read_column_name(

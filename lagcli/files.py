@@ -44,14 +44,14 @@ def check_regular(path: str) -> int:
     except ValueError as error:  # not a valid file name
         raise FileError(f"cannot read {path!r}: {error}") from None
     try:
-        found = os.fstat(descriptor)
+        status = os.fstat(descriptor)
     finally:
         os.close(descriptor)
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise read_failure(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise FileError(f"cannot read {path}: it is not a regular file; save it to one first")
-    return found.st_size
+    return status.st_size
 
 
 def exists(path: str) -> FileError:

@@ -55,8 +55,8 @@ def published_schema(name: str) -> Mapping[str, Any]:
     """
     for folder in _FOLDERS:
         if (path := folder / f"{name}.json").is_file():
-            found: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            return found
+            schema: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            return schema
     raise KeyError(f"there is no schema of {name}")
 
 
@@ -171,8 +171,8 @@ def _check_equal(
     """Raise an error unless what is at some paths has the same length, or the same keys."""
     first: tuple[str, Any] | None = None
     for path in paths:
-        for at, found in _at(value, path.split("."), place):
-            measured = measure(found)
+        for at, part in _at(value, path.split("."), place):
+            measured = measure(part)
             if first is None:
                 first = at, measured
             elif measured != first[1]:

@@ -40,8 +40,8 @@ class ExpressionLocations:
             Name of the entry, or of a field of it, as in ``floor.slip``. A member of a family
             belongs to the family's entry unless it has its own.
         """
-        found = self._root.entries.get(block)
-        node = found[1] if found else None
+        item = self._root.entries.get(block)
+        node = item[1] if item else None
         if name is not None and isinstance(node, Mapping):
             family = name.partition("[")[0]
             field = _FIELD.fullmatch(name)

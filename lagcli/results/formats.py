@@ -144,9 +144,9 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
             "-: only a single run can be written to standard output; give a file name that ends in"
             f" {SUFFIX_NAMES}"
         )
-    for found in FORMATS:
-        if suffix.lower() in found.suffixes:
-            return found
+    for known in FORMATS:
+        if suffix.lower() in known.suffixes:
+            return known
     names = " or ".join(f"{stem}{f.suffixes[0]} ({f.title})" for f in FORMATS)
     raise UsageError(
         f"{os.fspath(path)}: the suffix {suffix or '(none)'} is not a result format; use {names}"

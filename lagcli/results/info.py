@@ -105,19 +105,19 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "conserved": {
             name: {
                 "formula": formulas.get(name),
-                "first": known(found.first),
-                "drift": known(found.drift),
+                "first": known(extreme.first),
+                "drift": known(extreme.drift),
             }
-            for name, found in extremes.conserved.items()
+            for name, extreme in extremes.conserved.items()
         },
         "multipliers": {
             name: {
-                "min": known(found.low),
-                "time_min": known(found.low_time),
-                "max": known(found.high),
-                "time_max": known(found.high_time),
+                "min": known(extreme.low),
+                "time_min": known(extreme.low_time),
+                "max": known(extreme.high),
+                "time_max": known(extreme.high_time),
             }
-            for name, found in extremes.multipliers.items()
+            for name, extreme in extremes.multipliers.items()
         },
     }
 
@@ -191,8 +191,8 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
         lines += _table(
             ("conserved quantity", "first", "drift"),
             {
-                name: [number(found["first"]), number(found["drift"], 3)]
-                for name, found in info["conserved"].items()
+                name: [number(extreme["first"]), number(extreme["drift"], 3)]
+                for name, extreme in info["conserved"].items()
             },
         )
     if info["constraints"]:
@@ -211,9 +211,9 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
             ("multiplier", "min", "at time", "max", "at time"),
             {
                 _with_unit(name, units.get(str(ColumnName("multipliers", name)))): [
-                    number(found[k]) for k in ("min", "time_min", "max", "time_max")
+                    number(extreme[k]) for k in ("min", "time_min", "max", "time_max")
                 ]
-                for name, found in info["multipliers"].items()
+                for name, extreme in info["multipliers"].items()
             },
         )
     return "\n".join(lines)
@@ -263,12 +263,12 @@ def _size(count: int) -> str:
     return f"{size:.3g} GB"
 
 
-def _freedom(found: Mapping[str, Any]) -> str:
+def _freedom(freedom: Mapping[str, Any]) -> str:
     """Return the sentence on degrees of freedom and redundant constraints."""
-    if not found:
+    if not freedom:
         return ""
-    text = f"{found['degrees_of_freedom']}, rank of B {found['rank']}"
-    for x in found["redundant"]:
+    text = f"{freedom['degrees_of_freedom']}, rank of B {freedom['rank']}"
+    for x in freedom["redundant"]:
         text += f"; {x['surplus']} of {', '.join(x['constraints'])} redundant"
     return text
 
@@ -282,11 +282,11 @@ def table(head: tuple[str, ...], rows: Mapping[str, list[str]], columns: int) ->
         cells = roomy
     left = columns - sum(cells) - 2 * len(cells)
     left = max(len(head[0]), min(left, max(len(line[0]) for line in lines)))
-    found = [""]
+    printed = [""]
     for name, *numbers in lines:
         shown = name if len(name) <= left else name[: left - 1] + "…"
-        found.append(
+        printed.append(
             f"{shown:<{left}}"
             + "".join(f"  {n:>{cell}}" for n, cell in zip(numbers, cells, strict=True))
         )
-    return found
+    return printed

@@ -48,7 +48,7 @@ def wrapped(text: str, width: int, first: str = "", following: str = "") -> list
     first, following : str
         Indentation of the first line, and of the others.
     """
-    found = textwrap.wrap(
+    lines = textwrap.wrap(
         _WITHIN.sub("\u00a0", text),
         width,
         initial_indent=first,
@@ -56,7 +56,7 @@ def wrapped(text: str, width: int, first: str = "", following: str = "") -> list
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return [line.replace("\u00a0", " ") for line in found]
+    return [line.replace("\u00a0", " ") for line in lines]
 
 
 def folded(items: Iterable[tuple[str, str]]) -> list[str]:

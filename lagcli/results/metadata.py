@@ -256,9 +256,9 @@ def model_title(text: str) -> str | None:
 
 
 def _stated(text: str, key: str) -> str | None:
-    found = re.search(rf"^{key}:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
-    if found is None:
+    match = re.search(rf"^{key}:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
+    if match is None:
         return None
-    name = found[1]
+    name = match[1]
     quoted = len(name) >= 2 and name[0] == name[-1] and name[0] in "\"'"
     return name[1:-1] if quoted else name

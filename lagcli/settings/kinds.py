@@ -108,9 +108,9 @@ class RealNumber(Setting[T]):
             yield self.error(f"{what} must be {self.what}, not {value!r}")
         elif not math.isfinite(value):
             yield self.error(f"{what} must be a finite number, not {value}")
-        elif self.check is not None and (found := self.check(value)) is not None:
+        elif self.check is not None and (problem := self.check(value)) is not None:
             shown = value if hasattr(value, "__index__") else f"{value:g}"
-            yield self.error(f"{what} {found[0]}, not {shown}", found[1])
+            yield self.error(f"{what} {problem[0]}, not {shown}", problem[1])
 
 
 class WholeNumber(RealNumber[T]):
@@ -241,8 +241,8 @@ class SettingValues:
 
     def __init_subclass__(cls) -> None:
         classes: Iterable[type] = reversed(cls.__mro__)
-        found = [x for c in classes for x in vars(c).values() if isinstance(x, Setting)]
-        cls.DECLARED = {x.name: x for x in found}
+        declared = [x for c in classes for x in vars(c).values() if isinstance(x, Setting)]
+        cls.DECLARED = {x.name: x for x in declared}
 
     def __init__(self, **values: Any):
         for name, value in values.items():

@@ -266,28 +266,28 @@ class EventLog:
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Return the number of entries by name and kind, in the order of first occurrence."""
-        found: dict[str, dict[str, int]] = {}
+        counts: dict[str, dict[str, int]] = {}
         for (name, kind), count in Counter(zip(self.names, self.kinds, strict=True)).items():
-            found.setdefault(name, {})[kind] = count
-        return found
+            counts.setdefault(name, {})[kind] = count
+        return counts
 
     def rests(self) -> list[Rest]:
         """Return the sequences of impacts that came to rest."""
-        found, impacts = [], Counter[str]()
+        rests, impacts = [], Counter[str]()
         for time, name, kind in zip(self.time.tolist(), self.names, self.kinds, strict=True):
             if kind == "impact":
                 impacts[name] += 1
             elif kind == "rest":
-                found.append(Rest(name, time, impacts.pop(name, 0)))
-        return found
+                rests.append(Rest(name, time, impacts.pop(name, 0)))
+        return rests
 
     def undetermined(self) -> list[Undetermined]:
         """Return the instants at which forces or motions are not unique, or do not exist."""
-        found: dict[tuple[float, str], list[str]] = {}
+        names_at: dict[tuple[float, str], list[str]] = {}
         for time, name, kind in zip(self.time.tolist(), self.names, self.kinds, strict=True):
             if kind in _UNDETERMINED:
-                found.setdefault((time, kind), []).append(name)
-        return [Undetermined(time, kind, tuple(names)) for (time, kind), names in found.items()]
+                names_at.setdefault((time, kind), []).append(name)
+        return [Undetermined(time, kind, tuple(names)) for (time, kind), names in names_at.items()]
 
     def total_impulse(self) -> Array:
         """Return the sum of the impulses of each constraint, (nc,).
@@ -345,19 +345,19 @@ class EventLog:
 
     def _last_records(self) -> dict[str, Any]:
         names = [self.names[entry] for entry in self.records.entry.tolist()]
-        times, found = Counter(names), dict[str, Any]()
+        times, records = Counter(names), dict[str, Any]()
         for name, place in {name: place for place, name in enumerate(names)}.items():
             values = {
                 column: [None if np.isnan(x) else x for x in both]
                 for column, both in self.records.of(place).items()
             }
             last = {"time": float(self.time[self.records.entry[place]]), "values": values}
-            found[name] = {
+            records[name] = {
                 "times": times[name],
                 "columns": len(values),
                 "last": last if len(values) <= _LISTED else None,
             }
-        return found
+        return records
 
     def instants(self, name: str, kind: str) -> Array:
         """Return the times of entries of a name and kind, s."""
@@ -367,43 +367,43 @@ class EventLog:
         return np.asarray(self.time[chosen])
 
 
-def event_sentences(found: Mapping[str, Any]) -> list[str]:
+def event_sentences(log: Mapping[str, Any]) -> list[str]:
     """Return sentences on contacts and events, from `EventLog.to_mapping`.
 
     Counts by constraint and event, notes on sequences of impacts that came to rest, and energies.
     """
-    if not found["entries"]:
+    if not log["entries"]:
         return ["no changes of contacts, no events"]
     counts = (
         f"{name}: " + ", ".join(f"{kind} {count}" for kind, count in kinds.items())
-        for name, kinds in found["counts"].items()
+        for name, kinds in log["counts"].items()
     )
     sentences = ["; ".join(counts)]
-    rests = [f"note: {Rest(**rest)}" for rest in found["rests"]]
+    rests = [f"note: {Rest(**rest)}" for rest in log["rests"]]
     sentences += rests[:_LISTED]
     if len(rests) > _LISTED:
         sentences.append(f"note: contacts came to rest {len(rests) - _LISTED} more times")
-    sentences += _undetermined(found["undetermined"])
-    sentences += _at_end(found["at_end"])
-    few = ((name, of) for name, of in found["recorded"].items() if of["last"] is not None)
+    sentences += _undetermined(log["undetermined"])
+    sentences += _at_end(log["at_end"])
+    few = ((name, of) for name, of in log["recorded"].items() if of["last"] is not None)
     sentences += [_recorded(name, of) for name, of in few]
     energy = [
-        f"{what} {found[name]:.6g} J"
+        f"{what} {log[name]:.6g} J"
         for name, what in (
             ("loss", "impacts dissipated"),
             ("supplied", "moving constraints supplied"),
             ("work", "events did work"),
         )
-        if found[name]
+        if log[name]
     ]
     return sentences + [", ".join(energy)] * bool(energy)
 
 
-def _undetermined(found: Sequence[Mapping[str, Any]]) -> list[str]:
+def _undetermined(instants: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return notes on forces and motions that are not unique, or do not exist, first by kind."""
     sentences = []
-    for kind in dict.fromkeys(each["kind"] for each in found):
-        times = [each for each in found if each["kind"] == kind]
+    for kind in dict.fromkeys(each["kind"] for each in instants):
+        times = [each for each in instants if each["kind"] == kind]
         note = f"note: {Undetermined(**times[0])}"
         more = len(times) - 1
         sentences.append(note + (f"; {more} more time{'s' * (more != 1)}" if more else ""))
@@ -425,8 +425,8 @@ def _at_end(modes: Mapping[str, str]) -> list[str]:
     return ["at the end: " + ", ".join(shown)]
 
 
-def _recorded(name: str, found: Mapping[str, Any]) -> str:
-    times, count, last = found["times"], found["columns"], found["last"]
+def _recorded(name: str, record: Mapping[str, Any]) -> str:
+    times, count, last = record["times"], record["columns"], record["last"]
     if times > 1:
         columns = f"{count} column{'s' * (count != 1)}"
         return f"`{name}` recorded {columns} {times} time{'s' * (times != 1)}"

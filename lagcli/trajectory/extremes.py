@@ -97,15 +97,15 @@ class Extremes:
             self.multipliers.values(), columns["multipliers"].T, strict=True
         ):
             widen(extreme, time, values)
-        for found, values in zip(self.conserved.values(), columns["conserved"].T, strict=True):
-            if math.isnan(found.first):
-                found.first = float(values[0])
-            found.drift = float(np.fmax(found.drift, np.fmax.reduce(np.abs(values - found.first))))
+        for drift, values in zip(self.conserved.values(), columns["conserved"].T, strict=True):
+            if math.isnan(drift.first):
+                drift.first = float(values[0])
+            drift.drift = float(np.fmax(drift.drift, np.fmax.reduce(np.abs(values - drift.first))))
         widen(self._potential, time, columns["energy_potential"])
         for quantity in ERRORS:
             largest = np.fmax.reduce(np.abs(columns[quantity.name]), axis=0)
-            found = np.fmax(getattr(self, quantity.name), largest)
-            setattr(self, quantity.name, found if quantity.along else float(found))
+            so_far = np.fmax(getattr(self, quantity.name), largest)
+            setattr(self, quantity.name, so_far if quantity.along else float(so_far))
         for name in ("energy_kinetic", "energy_total"):
             largest = np.fmax.reduce(np.abs(columns[name]))
             self._energy = float(np.fmax(self._energy, largest))

@@ -84,10 +84,12 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
         return {name: settled(value) for name, value in values.items()}
 
     def finding(f: UnitFinding) -> UnitFinding:
-        found, expected = settled(f.disagreement.found), settled(f.disagreement.expected)
-        assert not isinstance(found, TensorDimension)
+        dimension, expected = settled(f.disagreement.dimension), settled(f.disagreement.expected)
+        assert not isinstance(dimension, TensorDimension)
         assert not isinstance(expected, TensorDimension)
-        return f._replace(disagreement=f.disagreement._replace(found=found, expected=expected))
+        return f._replace(
+            disagreement=f.disagreement._replace(dimension=dimension, expected=expected)
+        )
 
     return ModelUnits(
         stated=True,
@@ -170,9 +172,9 @@ class _Statements:
             elif good is None and isinstance(value, Dimension) and not value.numbers:
                 good = term
         for term, value in bad:
-            for part, found, wanted in _entries(term, value, expected):
-                if not self.known.fits(found, wanted):
-                    wrong = Disagreement("required", part, found, wanted, good, role)
+            for part, dimension, wanted in _entries(term, value, expected):
+                if not self.known.fits(dimension, wanted):
+                    wrong = Disagreement("required", part, dimension, wanted, good, role)
                     self.known.findings.append(UnitFinding(wrong, block, name))
 
     def _terms(self, tree: Tree) -> Iterator[Tree]:

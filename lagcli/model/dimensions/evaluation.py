@@ -59,7 +59,7 @@ class Disagreement(NamedTuple):
         base has a dimension and the exponent varies; ``entries`` of a scalar or matrix product;
         ``required``: the model gives the dimension.
     part : Tree
-    found : Dimension or NUMBER
+    dimension : Dimension or NUMBER
         The dimension of ``part``.
     expected : Dimension or NUMBER
         Dimension of ``other``, or the required one.
@@ -71,7 +71,7 @@ class Disagreement(NamedTuple):
 
     reason: str
     part: Tree
-    found: Scalar
+    dimension: Scalar
     expected: Scalar
     other: Tree | None = None
     role: str = ""
@@ -107,13 +107,13 @@ class DimensionEvaluator:
 
     Attributes
     ----------
-    found : list of Disagreement
+    disagreements : list of Disagreement
         Disagreements; a part in error has the dimension UNKNOWN, so that it is reported once.
     """
 
     def __init__(self, names: Lookup, strict: bool):
         self.names, self.strict = names, strict
-        self.found: list[Disagreement] = []
+        self.disagreements: list[Disagreement] = []
         self.numbers = FreeNumbers()
 
     def value(self, tree: Tree) -> Value:
@@ -147,7 +147,7 @@ class DimensionEvaluator:
             joined = self.join(total, value)
             if joined is None:
                 a, b = differing(total, value)
-                self.found.append(Disagreement(reason, part, b, a, shown))
+                self.disagreements.append(Disagreement(reason, part, b, a, shown))
                 return UNKNOWN
             if isinstance(total, Special) and joined is not total:
                 shown = part
@@ -236,7 +236,7 @@ class DimensionEvaluator:
             joined = self.join(total, value)
             if joined is None:
                 a, b = differing(total, value)
-                self.found.append(Disagreement("sum", tree.term, b, a))
+                self.disagreements.append(Disagreement("sum", tree.term, b, a))
                 return UNKNOWN
             total = joined
         return total
@@ -270,7 +270,7 @@ class DimensionEvaluator:
             term = product(x, y)
             joined = self.join(total, term)
             if joined is None:
-                self.found.append(Disagreement("entries", tree, term, total))
+                self.disagreements.append(Disagreement("entries", tree, term, total))
                 return UNKNOWN
             assert not isinstance(joined, TensorDimension)
             total = joined
@@ -293,7 +293,7 @@ class DimensionEvaluator:
         if self.numbers.agree(base, ONE):
             return ONE
         if isinstance(exponent, Dimension):  # not an index, and without errors
-            self.found.append(Disagreement("exponent", base_tree, base, ONE, exponent_tree))
+            self.disagreements.append(Disagreement("exponent", base_tree, base, ONE, exponent_tree))
         return UNKNOWN
 
     def _call(self, tree: CallExpr) -> Value:
@@ -367,7 +367,7 @@ class DimensionEvaluator:
         value = self.value(tree)
         for x in value.flat if isinstance(value, TensorDimension) else (value,):
             if isinstance(x, Dimension) and not self.numbers.agree(x, ONE):
-                self.found.append(Disagreement("number", tree, x, ONE, role=role))
+                self.disagreements.append(Disagreement("number", tree, x, ONE, role=role))
                 return UNKNOWN
         return value
 

@@ -222,10 +222,10 @@ class NamedDimensions:
         self.numbers.place = EntryPlace(block, name, location)
         self.numbers.member = tuple(indices.items()) if self.varied else ()
         value = self.evaluator.term(tree)
-        if self.evaluator.found:
-            disagreements = self.evaluator.found
+        if self.evaluator.disagreements:
+            disagreements = self.evaluator.disagreements
             self.findings += [UnitFinding(d, block, name, location) for d in disagreements]
-            self.evaluator.found = []
+            self.evaluator.disagreements = []
         return value
 
     def fits(self, value: Value, expected: Value) -> bool:
@@ -364,10 +364,10 @@ class NamedDimensions:
                 known[id(d.tree)] = value
             yield d.name, value
 
-    def _require(self, p: Parameter, found: Dimension, expected: Dimension) -> None:
+    def _require(self, p: Parameter, dimension: Dimension, expected: Dimension) -> None:
         assert p.written is not None
         role = f"the unit of `{p.name}`"
-        wrong = Disagreement("required", p.written.tree, found, expected, role=role)
+        wrong = Disagreement("required", p.written.tree, dimension, expected, role=role)
         self.findings.append(UnitFinding(wrong, "parameters", p.name, p.location))
 
 

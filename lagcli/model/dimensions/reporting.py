@@ -127,7 +127,7 @@ class _Message:
     def diagnostic(self, suspects: list[Suspect], severity: str) -> Diagnostic:
         d = self.finding.disagreement
         if d.reason in _REASONS and d.other is not None and d.other.start < d.part.start:
-            d = d._replace(part=d.other, found=d.expected, expected=d.found, other=d.part)
+            d = d._replace(part=d.other, dimension=d.expected, expected=d.dimension, other=d.part)
         where = self.location(d.part)
         notes: list[tuple[str, SourceLocation | None]] = []
         if d.other is not None:
@@ -149,22 +149,24 @@ class _Message:
         part = self.quoted(d.part)
         if d.reason in _REASONS and d.other is not None:
             other = self.quoted(d.other)
-            return f"{part}, {_in(d.found)}, and {other}, {_in(d.expected)}, {_REASONS[d.reason]}"
+            return (
+                f"{part}, {_in(d.dimension)}, and {other}, {_in(d.expected)}, {_REASONS[d.reason]}"
+            )
         if d.reason in _REASONS:
-            both = f"some are {_in(d.expected)}, some {_in(d.found)}"
+            both = f"some are {_in(d.expected)}, some {_in(d.dimension)}"
             return f"the terms of {part} cannot be added: {both}"
         if d.reason == "number":
-            return f"{d.role} must be a number or an angle, but {part} is {_in(d.found)}"
+            return f"{d.role} must be a number or an angle, but {part} is {_in(d.dimension)}"
         if d.reason == "exponent":
-            return f"{part} is {_in(d.found)}, and its exponent must be a constant number"
+            return f"{part} is {_in(d.dimension)}, and its exponent must be a constant number"
         if d.reason == "entries":
-            both = f"some are {_in(d.expected)}, some {_in(d.found)}"
+            both = f"some are {_in(d.expected)}, some {_in(d.dimension)}"
             return f"the products that {part} adds differ: {both}"
         if d.reason == "scaled":
-            return f"{part} is {_in(d.found)} already, and is given another unit"
+            return f"{part} is {_in(d.dimension)} already, and is given another unit"
         if self.whole(d):
-            return f"{d.role} must be {self.required(d)}, not {_in(d.found)}"
-        return f"{d.role} must be {self.required(d)}, but {part} is {_in(d.found)}"
+            return f"{d.role} must be {self.required(d)}, not {_in(d.dimension)}"
+        return f"{d.role} must be {self.required(d)}, but {part} is {_in(d.dimension)}"
 
     def required(self, d: Disagreement) -> str:
         block = self.finding.block
@@ -172,9 +174,9 @@ class _Message:
         return what.get(block, "") + _in(d.expected)
 
     def help(self, d: Disagreement) -> str:
-        if NUMBER in (d.found, d.expected):
-            number = d.part if d.found is NUMBER else d.other
-            known = d.expected if d.found is NUMBER else d.found
+        if NUMBER in (d.dimension, d.expected):
+            number = d.part if d.dimension is NUMBER else d.other
+            known = d.expected if d.dimension is NUMBER else d.dimension
             shown = self.places.text(self.node, number) if number is not None else None
             unit = unit_of(known) if isinstance(known, Dimension) else "m"
             return (
@@ -187,9 +189,9 @@ class _Message:
             return "divide the base by a quantity with the same unit"
         if d.reason == "scaled":
             return "parameters in expressions are in SI: remove the unit, or write that of SI"
-        if not (isinstance(d.found, Dimension) and isinstance(d.expected, Dimension)):
+        if not (isinstance(d.dimension, Dimension) and isinstance(d.expected, Dimension)):
             return "check the units under `parameters` and `coordinates`"
-        ratio = product(d.expected, d.found, -1)
+        ratio = product(d.expected, d.dimension, -1)
         assert isinstance(ratio, Dimension)
         if d.reason in _REASONS:
             return f"they differ by a factor in {unit_of(ratio)}"
@@ -267,9 +269,9 @@ def _factors(tree: Tree) -> Iterator[NumberExpr]:
 def _suspects(model: Model, units: ModelUnits) -> Iterator[Suspect]:
     """Yield the names for which another unit would remove all disagreements."""
     first = units.findings[0].disagreement
-    if not (isinstance(first.found, Dimension) and isinstance(first.expected, Dimension)):
+    if not (isinstance(first.dimension, Dimension) and isinstance(first.expected, Dimension)):
         return
-    ratio = product(first.expected, first.found, -1)
+    ratio = product(first.expected, first.dimension, -1)
     stated: dict[str, tuple[str, SourceLocation | None]] = {}
     for p in model.parameters.values():
         if p.unit:

@@ -154,7 +154,7 @@ class VectorReader:
         self.location = declaration.node.location
         value, self.fixed = unwrapped(draft, declaration.node, self.what)
         self.cells: dict[str, InitialReader] = {}
-        self.found: dict[str, Values] = {}
+        self.rates_by_name: dict[str, Values] = {}
         if isinstance(value, Sequence):
             self.listed(value)
         elif value is not None:
@@ -207,7 +207,7 @@ class VectorReader:
             return {}
         return {p: ComponentExpr(tree.start, tree.end, tree, p) for p in self.parts}
 
-    def wrong_shape(self, node: YamlNode, found: str) -> None:
+    def wrong_shape(self, node: YamlNode, given: str) -> None:
         """Report a value that is not a vector or rotation of the right size."""
         if self.turning:
             wanted = "the angular velocity in the frame of the body, a vector of 3"
@@ -218,7 +218,7 @@ class VectorReader:
         else:
             wanted = f"a vector of {len(self.parts)}"
             help_ = f"write `{self.declaration.title}: [0, 0, 0]`"
-        message = f"{self.what} must be {wanted}, not {found}"
+        message = f"{self.what} must be {wanted}, not {given}"
         self.draft.report.add("shape", message, node.location, help_)
 
     @property
@@ -231,9 +231,9 @@ class VectorReader:
         """Evaluate one component, ``r.x``, ``e.0`` or ``e.0'``."""
         base, _, part = canonical.rstrip("'").rpartition(".")
         if self.turning:
-            rates = self.found.get(base)
+            rates = self.rates_by_name.get(base)
             if rates is None:
-                rates = self.found[base] = self.rates(base, indices, values)
+                rates = self.rates_by_name[base] = self.rates(base, indices, values)
             if canonical in rates:
                 values[canonical] = rates[canonical]
         elif part in self.cells:

@@ -65,7 +65,7 @@ def read_parameters(
     reader.evaluate()
     draft.names.parameters = {name: partial(se.Symbol, name) for name in names}
     draft.names.needs = reader.needs()
-    return {name: reader.found[name] for name in names if name in reader.found}
+    return {name: reader.parameters[name] for name in names if name in reader.parameters}
 
 
 def _plain(name: str) -> str:
@@ -79,7 +79,7 @@ class _ParameterReader:
         self.draft = draft
         self.overrides = {_plain(name): value for name, value in overrides.items()}
         self.jobs: dict[str, _Job] = {}
-        self.found: dict[str, Parameter] = {}
+        self.parameters: dict[str, Parameter] = {}
         self.values: dict[int, QuantityValue] = {}
         self.broken: set[str] = set()
         self.expanded = False
@@ -233,8 +233,8 @@ class _ParameterReader:
 
     def value(self, name: str) -> Basic:
         """Return the value of a parameter, if it has been evaluated."""
-        if name in self.found:
-            return constant(self.found[name].value)
+        if name in self.parameters:
+            return constant(self.parameters[name].value)
         if name in self.draft.names.broken or family_of(name) in self.draft.names.broken:
             raise Broken
         raise Unbuilt(name)
@@ -242,13 +242,13 @@ class _ParameterReader:
     def build(self, name: str) -> None:
         """Evaluate one parameter."""
         job = self.jobs.get(name)
-        if job is None or name in self.found or family_of(name) in self.draft.names.broken:
+        if job is None or name in self.parameters or family_of(name) in self.draft.names.broken:
             return
         parameter = self.evaluated(name, job)
         if parameter is None:
             self.draft.names.broken.add(family_of(name))
         else:
-            self.found[name] = parameter
+            self.parameters[name] = parameter
 
     def evaluated(self, name: str, job: _Job) -> Parameter | None:
         quantity, d = job.quantity, job.member.declaration

@@ -106,7 +106,7 @@ class _ViewReader:
         labels, vectors = self.labels(), tuple(self.vectors())
         points = self.points
         return View(
-            points.dimension, points.found, tuple(shapes), discs, grounds, trails, labels, vectors
+            points.dimension, points.places, tuple(shapes), discs, grounds, trails, labels, vectors
         )
 
     def entries(self, key: str, what: str) -> list[Declaration]:
@@ -144,7 +144,7 @@ class _ViewReader:
                 place = self.tuple_of(formula, member.indices, (2, 3))
                 if place is None:
                     break
-                self.points.found[member.name] = place
+                self.points.places[member.name] = place
                 self.points.dimension = self.points.dimension or len(place)
 
     def tuple_of(
@@ -215,7 +215,7 @@ class _ViewReader:
         node = self.fields.get("labels")
         if node is None:
             short = [name for name in self.plain if re.fullmatch(_SHORT, name)]
-            return dict.fromkeys(name for name in short if name in self.points.found)
+            return dict.fromkeys(name for name in short if name in self.points.places)
         if isinstance(node, Sequence):
             return dict.fromkeys(self.marked("labels"))
         labels: dict[str, str | None] = {}
@@ -235,7 +235,7 @@ class _ViewReader:
                         d.key.location,
                         "use the same ranges",
                     )
-                labels.update({name: text for name in members if name in self.points.found})
+                labels.update({name: text for name in members if name in self.points.places})
         return labels
 
     # discs
@@ -324,7 +324,7 @@ class _ViewReader:
         moving = each(self.draft, path, d, self.points.at)
         standing = each(self.draft, place, d, self.points.at)
         for (points, name, _), (at, _, _) in zip(moving, standing, strict=False):
-            rates = tuple(map(self.draft.names.derivative, self.points.found[points[0]]))
+            rates = tuple(map(self.draft.names.derivative, self.points.places[points[0]]))
             yield Arrow(name, "velocity", at, rates, unit=unit)
 
     def free_vector(
@@ -358,7 +358,7 @@ class _ViewReader:
             if not constraints:
                 break
             if not all(
-                check_force(draft, c, at, self.points.found, path.node) for c in constraints
+                check_force(draft, c, at, self.points.places, path.node) for c in constraints
             ):
                 break
             yield Arrow(name, "force", at, (), constraint, unit, parts)
@@ -417,7 +417,7 @@ class Points:
 
     Attributes
     ----------
-    found : dict of str to expressions
+    places : dict of str to expressions
         The points that have a value; a definition is added when it is first used.
     declared : dict with str keys
         Names of all points, including those with errors, in the order of the file.
@@ -427,7 +427,7 @@ class Points:
 
     def __init__(self, draft: Draft):
         self.draft = draft
-        self.found: dict[str, tuple[Basic, ...]] = {}
+        self.places: dict[str, tuple[Basic, ...]] = {}
         self.declared: dict[str, None] = {}
         self.dimension = 0
 
@@ -442,14 +442,14 @@ class Points:
             The declaration of the point has an error.
         """
         text = member_name(tree, scope)
-        if text in self.found:
+        if text in self.places:
             return text
         if text in self.declared:
             raise Broken
         definition = self.draft.definitions.get(text)
         value = definition.value if definition is not None else None
         if isinstance(value, Tensor) and value.is_vector and len(value.entries) == self.dimension:
-            self.found[text] = value.entries
+            self.places[text] = value.entries
             return text
         names = self.draft.names
         if names.incomplete or text in names.broken or text in names.suspects:

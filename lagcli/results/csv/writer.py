@@ -52,16 +52,16 @@ def titles(
         In the order of the file: field of `Trajectory` → names of its columns, with the last axis
         varying fastest.
     """
-    found = {
+    columns = {
         quantity.name: list(
             map(str, column_names(quantity, coordinates, constraints, terms, conserved))
         )
         for quantity in SAMPLED
     }
-    found["outputs"] = list(outputs)
+    columns["outputs"] = list(outputs)
     for quantity in DERIVATIVES if parameters else ():
-        found[quantity.name] = derivative_names(quantity, coordinates, constraints, parameters)
-    return found
+        columns[quantity.name] = derivative_names(quantity, coordinates, constraints, parameters)
+    return columns
 
 
 class CsvWriter(FileWriter):

@@ -39,13 +39,13 @@ def read_inputs(root: h5py.Group) -> dict[str, InputTable]:
     """
     if _GROUP not in root:
         return {}
-    groups, found = group(root, _GROUP), {}
+    groups, tables = group(root, _GROUP), {}
     for name in groups:
         place = group(groups, name)
         times, values = (
             np.asarray(numbers(place, part)[()], dtype=np.float64) for part in ("time", "value")
         )
         texts = {x: text_attribute(place, x) or "" for x in ("unit", "file", "sha256")}
-        found[name] = InputTable(times, values, **texts)
-        found[name].check(name)
-    return found
+        tables[name] = InputTable(times, values, **texts)
+        tables[name].check(name)
+    return tables

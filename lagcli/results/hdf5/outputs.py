@@ -46,16 +46,16 @@ def output_families(names: Iterable[str]) -> list[OutputFamily]:
     """
     names = list(names)
     taken = set(names)
-    found: list[OutputFamily] = []
+    families: list[OutputFamily] = []
     for base, those in groupby(names, _base):
         members = tuple(those)
         axis = member_axis(base)
         if members == (base,) or not taken.isdisjoint((base, axis)):
-            found += [OutputFamily(name, (name,)) for name in members]
+            families += [OutputFamily(name, (name,)) for name in members]
         else:
-            found.append(OutputFamily(base, members, axis))
+            families.append(OutputFamily(base, members, axis))
             taken |= {base, axis}
-    return found
+    return families
 
 
 def member_axis(family: str) -> str:
@@ -130,14 +130,14 @@ class OutputDatasets:
     def all(self, count: int) -> dict[str, Array]:
         """Return all outputs, by name; raise ValueError unless each has the expected number of
         samples."""
-        found: dict[str, Array] = {}
+        outputs: dict[str, Array] = {}
         for family in self.families:
             values = np.asarray(self._group[family.dataset][()], dtype=np.float64)
             if len(values) != count:
                 raise ValueError(f"outputs/{family.dataset} has {len(values)} samples, not {count}")
             together = np.ascontiguousarray(values.T) if family.axis else values[None]
-            found |= dict(zip(family.members, together, strict=True))
-        return found
+            outputs |= dict(zip(family.members, together, strict=True))
+        return outputs
 
     def _place(self, name: str) -> tuple[str, int | None]:
         if name not in self._places:

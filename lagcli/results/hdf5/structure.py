@@ -31,10 +31,10 @@ def group(parent: h5py.Group, name: str) -> h5py.Group:
     ValueError
         It is missing, external, or not a group.
     """
-    found = _own(parent, name)
-    if not isinstance(found, h5py.Group):
+    member = _own(parent, name)
+    if not isinstance(member, h5py.Group):
         raise ValueError(f"{name} is not a group")
-    return found
+    return member
 
 
 def numbers(parent: h5py.Group, name: str, kind: str = "<f8") -> h5py.Dataset:
@@ -103,7 +103,7 @@ def read_arrays(
     ValueError
         As `numbers`; also if the shape of a dataset does not match its axes.
     """
-    found = {}
+    arrays = {}
     for name, axes in layout.items():
         dataset = numbers(parent, name)
         shape = dataset.shape
@@ -114,8 +114,8 @@ def read_arrays(
         if shape != expected:
             where = f"{parent.name}/{name}".lstrip("/")
             raise ValueError(f"{where} has shape {shape}, not {expected} ({', '.join(axes)})")
-        found[name] = np.asarray(dataset[()], dtype=np.float64)
-    return found
+        arrays[name] = np.asarray(dataset[()], dtype=np.float64)
+    return arrays
 
 
 def texts(parent: h5py.Group, name: str) -> h5py.Dataset:
@@ -183,13 +183,13 @@ def stored_within(dataset: h5py.Dataset, name: str) -> None:
 
 
 def _dataset(parent: h5py.Group, name: str) -> h5py.Dataset:
-    found = _own(parent, name)
-    if not isinstance(found, h5py.Dataset):
+    member = _own(parent, name)
+    if not isinstance(member, h5py.Dataset):
         raise ValueError(f"{name} is not a dataset")
-    if found.shape is None:
+    if member.shape is None:
         raise ValueError(f"{name} is empty")
-    stored_within(found, name)
-    return found
+    stored_within(member, name)
+    return member
 
 
 def _own(parent: h5py.Group, name: str) -> Any:
