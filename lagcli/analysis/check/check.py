@@ -104,9 +104,9 @@ def check(model: Model) -> Check:
         rank = check_rank(system, there, freedom, states)
         singular = rank.special or bool(rank.near_singular)
         scales = None if singular else time_scales(system, there)
-    found = conserved_quantities(equations)
-    conserved = found._replace(
-        quantities=tuple(generalized(equations, q) for q in found.quantities)
+    analysis = conserved_quantities(equations)
+    conserved = analysis._replace(
+        quantities=tuple(generalized(equations, q) for q in analysis.quantities)
     )
     return Check(
         equations=equations,

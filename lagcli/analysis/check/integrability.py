@@ -68,7 +68,7 @@ def check_integrability(
     dict of str to VelocityConstraint
         By name, for the constraints that are given in velocities and linear in them.
     """
-    found: dict[str, VelocityConstraint] = {}
+    results: dict[str, VelocityConstraint] = {}
     for c in equations.constraints:
         if c.constraint.kind != "nonholonomic":
             continue
@@ -76,8 +76,8 @@ def check_integrability(
         integral = first_integral(c, equations) if alone else None
         value = None if integral is None else _value(integral.expression, equations, start)
         kind: Integrability = "not tested" if alone is None else "alone" if alone else "no"
-        found[c.constraint.name] = VelocityConstraint(kind, integral, value)
-    left = [name for name, x in found.items() if x.integrable != "alone"]
+        results[c.constraint.name] = VelocityConstraint(kind, integral, value)
+    left = [name for name, x in results.items() if x.integrable != "alone"]
     linear = all(c.constraint.kind != "nonlinear" for c in equations.constraints)
     if (
         left
@@ -85,8 +85,8 @@ def check_integrability(
         and len(equations.constraints) > 1
         and _together(equations, [start, *states])
     ):
-        found |= {name: VelocityConstraint("together") for name in left}
-    return found
+        results |= {name: VelocityConstraint("together") for name in left}
+    return results
 
 
 def _value(expression: Basic, equations: Equations, start: ConsistentState) -> float:

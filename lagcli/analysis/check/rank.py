@@ -134,7 +134,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     if not system.constraints or len(free) > MOST_COORDINATES:
         return []
     size = coordinate_reach(Evaluator(system, state.p), state)
-    found: list[ConsistentState] = []
+    states: list[ConsistentState] = []
     for _ in range(2 * _STATES):
         tangents = _tangents(system, state)
         if not tangents.shape[1]:
@@ -144,14 +144,14 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
         v = state.v + random.normal(size=len(free)) * np.maximum(np.abs(state.v), size)
         try:
             guess = State(state.t, state.q + step, v, state.p)
-            found.append(consistent_state(system, guess, free, free))
+            states.append(consistent_state(system, guess, free, free))
         except (NoStart, np.linalg.LinAlgError):
             state = start.state
             continue
-        state = found[-1].state
-        if len(found) == _STATES:
+        state = states[-1].state
+        if len(states) == _STATES:
             break
-    return found
+    return states
 
 
 def _tangents(system: System, state: State) -> Array:
@@ -206,5 +206,5 @@ def _reduced(rows: Array) -> Array:
 
 
 def _simple(value: float) -> float:
-    found = float(Fraction(value).limit_denominator(_LARGEST_DENOMINATOR))
-    return found if abs(found - value) < 1e-9 else value
+    nearest = float(Fraction(value).limit_denominator(_LARGEST_DENOMINATOR))
+    return nearest if abs(nearest - value) < 1e-9 else value

@@ -114,17 +114,17 @@ def _linearized(system: System, state: State, rank: int) -> Array:
     entries = iter(ScalarTape(tapes.tape)(inputs))
 
     def matrix(pattern: Pattern, rows: int) -> Array:
-        found = np.zeros((rows, nq))
+        values = np.zeros((rows, nq))
         for place in pattern:
-            found[place] = next(entries)
-        return found
+            values[place] = next(entries)
+        return values
 
     force = [matrix(x, nq) for x in (tapes.force_position, tapes.force_velocity)]
     rhs = [matrix(x, nc) for x in (tapes.rhs_position, tapes.rhs_velocity)]
-    found = np.zeros((2 * nq, 2 * nq))
-    found[:nq, nq:] = np.eye(nq)
+    linearization = np.zeros((2 * nq, 2 * nq))
+    linearization[:nq, nq:] = np.eye(nq)
     for block in range(2):
         for j in range(nq):
             change, _ = solve(force[block][:, j], rhs[block][:, j])
-            found[nq:, block * nq + j] = change
-    return found
+            linearization[nq:, block * nq + j] = change
+    return linearization

@@ -282,27 +282,27 @@ def _beside(
     if run.samples is None or reference.samples is None or not len(run.samples.time):
         return run
     count = min(len(run.samples.time), len(reference.samples.time))
-    exact, found = reference.samples, run.samples
+    exact, samples = reference.samples, run.samples
     energy = max(np.abs(exact.energy_kinetic).max(), np.abs(exact.energy_total).max())
     units = simulation.model.units
     kinds = [units.of(name) for name in simulation.system.coordinates]
     rows = [units.of_multiplier(name) for name in simulation.system.constraints]
     return replace(
         run,
-        energy=float(np.abs(found.energy_balance).max() / (energy or 1.0)),
-        difference_q=_difference(found.q[:count], exact.q[:count], kinds),
-        difference_lambda=_difference(found.multipliers[:count], exact.multipliers[:count], rows)
+        energy=float(np.abs(samples.energy_balance).max() / (energy or 1.0)),
+        difference_q=_difference(samples.q[:count], exact.q[:count], kinds),
+        difference_lambda=_difference(samples.multipliers[:count], exact.multipliers[:count], rows)
         if unique
         else float("nan"),
     )
 
 
-def _difference(found: Array, exact: Array, kinds: Sequence[object]) -> float:
+def _difference(values: Array, exact: Array, kinds: Sequence[object]) -> float:
     worst = 0.0
     for kind in dict.fromkeys(kinds):
         same = [i for i, x in enumerate(kinds) if x == kind]
         size = np.abs(exact[:, same]).max(initial=0.0)
-        off = np.abs(found[:, same] - exact[:, same]).max(initial=0.0)
+        off = np.abs(values[:, same] - exact[:, same]).max(initial=0.0)
         if off:
             worst = max(worst, float(off / size) if size else float("inf"))
     return worst

@@ -278,12 +278,12 @@ def sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Resul
 
 def _models_section(content: Mapping[str, Any], units: Mapping[str, str]) -> ResultSection:
     parts = ("coordinates", ""), ("multipliers", "lambda."), ("outputs", "")
-    found = [(prefix + x["name"], x) for part, prefix in parts for x in content[part]]
-    rows = [x for _, x in found]
+    quantities = [(prefix + x["name"], x) for part, prefix in parts for x in content[part]]
+    rows = [x for _, x in quantities]
     columns = (
-        ResultColumn("Quantity", [ModelName(name) for name, _ in found]),
+        ResultColumn("Quantity", [ModelName(name) for name, _ in quantities]),
         ResultColumn("Largest difference", [x["difference"] for x in rows], digits=3),
-        ResultColumn("Unit", [unit_of(name, units) for name, _ in found]),
+        ResultColumn("Unit", [unit_of(name, units) for name, _ in quantities]),
         ResultColumn("At time", [x["time"] for x in rows], "s"),
         ResultColumn(
             "Relative", [x["difference"] / x["size"] if x["size"] else "" for x in rows], digits=2

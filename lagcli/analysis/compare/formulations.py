@@ -339,9 +339,9 @@ def integrate(
     """
     run = _SampledRun(formulation, request)
     with np.errstate(all="ignore"):
-        found = outcome(run.integrate)
-    found.steps, found.evaluations = run.steps, run.evaluations
-    return Block.of_rows(np.array(run.rows).reshape(-1, layout.size), layout), found
+        ended = outcome(run.integrate)
+    ended.steps, ended.evaluations = run.steps, run.evaluations
+    return Block.of_rows(np.array(run.rows).reshape(-1, layout.size), layout), ended
 
 
 class _SampledRun:

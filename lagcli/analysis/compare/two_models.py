@@ -197,14 +197,14 @@ def _explained(
         left = max(left, float(np.abs(rows.T @ factors[k] - slopes[k]).max()))
     if left > _EQUAL * float(np.abs(slopes).max()):
         return {}
-    found = {}
+    deviations = {}
     for x in differing:
         i = one.model.constraint_names.index(x.name)
         change = runs[1].multipliers[:count, i] - runs[0].multipliers[:count, i]
         deviation = float(np.abs(change + factors[:, i]).max())
         if deviation <= _EQUAL * max(x.size, x.difference):
-            found[x.name] = deviation
-    return found
+            deviations[x.name] = deviation
+    return deviations
 
 
 def _slopes(

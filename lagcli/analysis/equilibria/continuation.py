@@ -34,9 +34,9 @@ class ModelParameter:
 
         self.name, self.local = name, local
         self.path = ParameterPath(local.model, name)
-        found = differentiate_parameters(local.equations, self.path.followers)
-        groups = (found.force, found.rhs, found.position, found.velocity)
-        count = len(found.parameters)
+        derivatives = differentiate_parameters(local.equations, self.path.followers)
+        groups = (derivatives.force, derivatives.rhs, derivatives.position, derivatives.velocity)
+        count = len(derivatives.parameters)
         self._gradients = [Gradients(local.equations, rows, count) for rows in groups]
         self._of_conditions: dict[str, Gradients] = {}
 
@@ -66,8 +66,8 @@ class ModelParameter:
             measured = condition.measured
             expression = se.Integer(0) if measured is None else measured.expression
             symbols = [se.Symbol(name) for name in self.path.followers]
-            found = Gradients.of(self.local.equations, [expression], symbols)
-            self._of_conditions[condition.text] = found
+            gradients = Gradients.of(self.local.equations, [expression], symbols)
+            self._of_conditions[condition.text] = gradients
         return self._of_conditions[condition.text]
 
 
@@ -134,13 +134,13 @@ class Place(NamedTuple):
     Parameters
     ----------
     z : (n,) array
-    found : Residual
+    residual : Residual
     matrix : (m, n) array
         The scaled ∂R/∂z.
     """
 
     z: Array
-    found: Residual
+    residual: Residual
     matrix: Array
 
 
@@ -208,12 +208,12 @@ class ExtendedProblem:
 
     def place(self, z: Array) -> Place | None:
         """Return the matrix and residual at z; None where they are undefined."""
-        problem, found = self.residual(z)
-        if not np.isfinite(found.value).all():
+        problem, residual = self.residual(z)
+        if not np.isfinite(residual.value).all():
             return None
-        slope = self.parameter.slope(problem, found, self.value(z))
-        matrix = np.column_stack([problem.jacobian(found), slope])
-        return Place(z, found, matrix * np.outer(self.rows, self.columns))
+        slope = self.parameter.slope(problem, residual, self.value(z))
+        matrix = np.column_stack([problem.jacobian(residual), slope])
+        return Place(z, residual, matrix * np.outer(self.rows, self.columns))
 
     def correct(self, z: Array, tangent: Array, rank: int) -> tuple[Place, int] | None:
         """Return the root in the plane through z normal to a tangent, and the number of Newton
@@ -231,10 +231,10 @@ class ExtendedProblem:
             place = self.place(z)
             if place is None:
                 return None
-            if place.found.relative <= _REACHED and abs(tangent @ z - target) <= 1e-12:
+            if place.residual.relative <= _REACHED and abs(tangent @ z - target) <= 1e-12:
                 return place, iteration
             system = np.vstack([place.matrix, tangent])
-            right = np.concatenate([self.rows * place.found.value, [tangent @ z - target]])
+            right = np.concatenate([self.rows * place.residual.value, [tangent @ z - target]])
             step = _solved(system, right, rank + 1)
             if not np.isfinite(step).all() or np.abs(step).max() > 1.0:
                 return None
@@ -242,7 +242,7 @@ class ExtendedProblem:
             if np.abs(step).max() < 1e-14 * max(1.0, np.abs(z).max()):
                 break
         place = self.place(z)
-        if place is None or not place.found.relative <= ACCEPTED:
+        if place is None or not place.residual.relative <= ACCEPTED:
             return None
         return place, _ITERATIONS
 
@@ -383,16 +383,16 @@ class Tracer:
 
     def stability(self, point: Traced) -> Stability:
         """Return the stability of a point."""
-        local, found = self.problem.local, point.place.found
-        operating = self.problem.base.operating_point(found, "the equilibrium")
+        local, residual = self.problem.local, point.place.residual
+        operating = self.problem.base.operating_point(residual, "the equilibrium")
         if (
             operating.frame is None
-            and np.any(found.point.v)
-            and not local.is_steady(found.point, operating.tangent)
+            and np.any(residual.point.v)
+            and not local.is_steady(residual.point, operating.tangent)
         ):
             # a vehicle that turns: x' is held, but other velocities are constant
-            constant = local.constant_velocities(found.point)
-            operating = replace(operating, tangent=local.tangent(found.point, constant))
+            constant = local.constant_velocities(residual.point)
+            operating = replace(operating, tangent=local.tangent(residual.point, constant))
         # along a line of equilibria its tangent is neutral, too
         dimension = self.neutral + int(vertical(point))
         return stability_of(local, operating, dimension)
@@ -444,14 +444,14 @@ class Tracer:
         local = self.problem.local
 
         def margins(x: Traced) -> Array:
-            return local.margins(x.place.found.point)
+            return local.margins(x.place.residual.point)
 
         if not (margins(after) < -ZERO).any():
             return None
-        _, found = self._bisected(before, length, lambda x: bool((margins(x) < 0.0).any()))
-        row = int(np.argmin(margins(after) / np.maximum(margins(found) - margins(after), ZERO)))
+        _, last = self._bisected(before, length, lambda x: bool((margins(x) < 0.0).any()))
+        row = int(np.argmin(margins(after) / np.maximum(margins(last) - margins(after), ZERO)))
         kind, name = local.contact_end(row)
-        return LocatedPoint(kind, found, name)
+        return LocatedPoint(kind, last, name)
 
     def _step(self, point: Traced, length: float) -> tuple[Traced, float, int] | None:
         while length >= _SHORTEST:
@@ -469,24 +469,24 @@ class Tracer:
 
     def _at_limit(self, before: Traced, length: float) -> tuple[Traced, float]:
         """Return the point at which the parameter reaches its limit."""
-        inside, found = self._bisected(before, length, self._leaves)
-        return found, inside
+        inside, last = self._bisected(before, length, self._leaves)
+        return last, inside
 
     def _bisected(
         self, before: Traced, length: float, changed: Callable[[Traced], bool]
     ) -> tuple[float, Traced]:
         """Return the position of a change by bisection, and the point there."""
-        low, high, found = 0.0, length, before
+        low, high, last = 0.0, length, before
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
             if middle in (low, high):
                 break
             moved = self.advanced(before, middle)
             if moved is not None and not changed(moved[0]):
-                low, found = middle, moved[0]
+                low, last = middle, moved[0]
             else:
                 high = middle
-        return low, found
+        return low, last
 
     # special points
 
@@ -494,14 +494,14 @@ class Tracer:
         self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
     ) -> Iterator[LocatedPoint]:
         """Yield the special points between two points, located, in their order."""
-        found = sorted(
+        located = sorted(
             self._special(before, stable, after, following, length),
             key=lambda x: float(before.tangent @ x.point.place.z),
         )
         verdict = stable.verdict
-        for number, special in enumerate(found):
-            if number + 1 < len(found):
-                middle = self._between(before, special, found[number + 1])
+        for number, special in enumerate(located):
+            if number + 1 < len(located):
+                middle = self._between(before, special, located[number + 1])
                 reached = verdict if middle is None else self.stability(middle).verdict
             else:
                 reached = following.verdict
@@ -518,15 +518,15 @@ class Tracer:
         self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
     ) -> list[LocatedPoint]:
         """Return the special points between two points, located."""
-        found: list[LocatedPoint] = []
+        located: list[LocatedPoint] = []
         level = vertical(before) and vertical(after)
         if not level and before.tangent[-1] * after.tangent[-1] < 0:
             sign = np.sign(before.tangent[-1])
             turned = self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)
-            found.append(LocatedPoint("fold", turned[1]))
+            located.append(LocatedPoint("fold", turned[1]))
         crossing = self._determinant(before)
         if not level and crossing(after) < 0:
-            found.append(LocatedPoint("branch point", self._root(before, length, crossing)))
+            located.append(LocatedPoint("branch point", self._root(before, length, crossing)))
         was, now = _growing(stable), _growing(following)
         # where real eigenvalues coincide, an oscillation begins that grew before
         if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
@@ -535,13 +535,13 @@ class Tracer:
                     before, length, lambda x: (_growing(self.stability(x)) > 0) != (was > 0)
                 )
                 refined = self._refined(before, changed, 1 if now > 0 else -1, length)
-                found.append(LocatedPoint("flutter", refined))
+                located.append(LocatedPoint("flutter", refined))
             else:
                 point = self._root(before, length, lambda x: _growth(self.stability(x)))
-                found.append(LocatedPoint("Hopf point", point))
+                located.append(LocatedPoint("Hopf point", point))
         if stable.verdict != following.verdict:
-            found += self._verdict_changes(before, stable, following, length, found)
-        return found
+            located += self._verdict_changes(before, stable, following, length, located)
+        return located
 
     def _verdict_changes(
         self,

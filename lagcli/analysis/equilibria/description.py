@@ -76,14 +76,14 @@ def _by_name(names: Sequence[str], values: np.ndarray) -> dict[str, float]:
 
 def format_equilibria(content: Mapping[str, Any]) -> str:
     """Return the text that ``lagcli equilibrium`` prints."""
-    found, starts = content["equilibria"], content["starts"]
+    equilibria, starts = content["equilibria"], content["starts"]
     steady = bool(content["steady"])
     one, many = ("steady motion", "steady motions") if steady else ("equilibrium", "equilibria")
-    count = f"{len(found)} {one if len(found) == 1 else many}"
+    count = f"{len(equilibria)} {one if len(equilibria) == 1 else many}"
     where = f" found from {starts} starts; there may be more" if starts > 1 else ""
     held = held_text(content["steady"])
     lines = [f"{content['model']}: {count}{f' with {held}' if held else ''}{where}"]
-    for number, x in enumerate(found, 1):
+    for number, x in enumerate(equilibria, 1):
         lines.append(f"{number:>3}  {_verdict(x)}, V = {x['potential'] + 0.0:.6g} J")
         if x["speeds"]:
             speeds = without_rounding(x["speeds"])
@@ -217,10 +217,10 @@ def diagram_arrays(diagram: BifurcationDiagram) -> dict[str, Array]:
     branches = diagram.branches
     number = np.concatenate([np.full(len(b.parameter), i) for i, b in enumerate(branches)])
     names = ("parameter", "q", "v", "multipliers", "stable", "growth")
-    found = {"branch": number.astype(float)}
+    arrays = {"branch": number.astype(float)}
     for name in names:
-        found[name] = np.concatenate([np.asarray(getattr(b, name), float) for b in branches])
-    return found
+        arrays[name] = np.concatenate([np.asarray(getattr(b, name), float) for b in branches])
+    return arrays
 
 
 def format_diagram(content: Mapping[str, Any]) -> str:
@@ -305,10 +305,10 @@ def equilibria_sections(
     content: Mapping[str, Any], units: Mapping[str, str]
 ) -> list[ResultSection]:
     """Return the section of equilibria; ``units`` by coordinate, and of λ by column."""
-    found = content["equilibria"]
-    if not found:
+    equilibria = content["equilibria"]
+    if not equilibria:
         return [ResultSection("equilibria", "Equilibria", [Remark("None were found.")])]
-    shown = found[:_EQUILIBRIA]
+    shown = equilibria[:_EQUILIBRIA]
     rows = [
         StateQuantity("Stability", UnitText(), [x["stability"] for x in shown]),
         *state_quantities(shown, units),
@@ -325,8 +325,8 @@ def equilibria_sections(
         ),
     ]
     starts = content["starts"]
-    caption = Phrase(f"{len(found)} from {starts} starts" if starts > 1 else "Found")
-    blocks: list[SectionBlock] = [ResultTable(caption, columns), *more(len(found), len(shown))]
+    caption = Phrase(f"{len(equilibria)} from {starts} starts" if starts > 1 else "Found")
+    blocks: list[SectionBlock] = [ResultTable(caption, columns), *more(len(equilibria), len(shown))]
     return [ResultSection("equilibria", "Equilibria", blocks)]
 
 

@@ -220,17 +220,17 @@ def follow_equilibria(
     else:
         variable = ConditionValue(local, parameter, base.place_of(parameter))
     problem, p = variable.problem(base, start)
-    root = problem.solve(local.start.state.q, p) if given is None else given.found
+    root = problem.solve(local.start.state.q, p) if given is None else given.residual
     if root is None:
         raise none_found(local, problem, local.start.state.q)
     problem.check_held(root)
     extended = ExtendedProblem(base, variable, abs(end - start), root, start)
     first = extended.scaled(root, start)
     tracer = Tracer.at(extended, (start, end), first)
-    found = _Diagram(extended)
-    found.trace(_Entry(tracer, tracer.start(first, float(np.sign(end - start)))), None)
+    diagram = _Diagram(extended)
+    diagram.trace(_Entry(tracer, tracer.start(first, float(np.sign(end - start)))), None)
     if branches:
-        found.trace_others()
+        diagram.trace_others()
     return BifurcationDiagram(
         model.name,
         names,
@@ -238,8 +238,8 @@ def follow_equilibria(
         variable.name,
         (start, end),
         {name: x for name, x in terms.named.items() if name != variable.name},
-        tuple(found.branches),
-        tuple(found.special),
+        tuple(diagram.branches),
+        tuple(diagram.special),
         local.contacts(root.point),
     )
 
@@ -284,8 +284,8 @@ class _Diagram:
         points: list[tuple[Traced, Stability]] = []
         for traced, stability, special in entry.tracer.follow(entry.point):
             points.append((traced, stability))
-            for found in special:
-                self._add(found, number, entry.tracer)
+            for located in special:
+                self._add(located, number, entry.tracer)
         self.branches.append(self._branch(points, origin))
 
     def _add(self, special: LocatedPoint, number: int, tracer: Tracer) -> None:
@@ -294,7 +294,7 @@ class _Diagram:
             if any(np.abs(z - other).max() < _SAME for other in self.seen):
                 return
             self.seen.append(z)
-        point, frequency, crossing = special.point.place.found.point, None, None
+        point, frequency, crossing = special.point.place.residual.point, None, None
         if special.kind == "branch point":
             entered = [self._entered(tracer, special.point, sign) for sign in (1.0, -1.0)]
             self.crossings.append((number, [x for x in entered if x is not None]))
@@ -361,7 +361,7 @@ class _Diagram:
         return None
 
     def _branch(self, points: list[tuple[Traced, Stability]], origin: int | None) -> Branch:
-        at = [traced.place.found.point for traced, _ in points]
+        at = [traced.place.residual.point for traced, _ in points]
         clean = [self._clean(traced) for traced, _ in points]
         growth = [s.eigenvalues.real.max(initial=-np.inf) for _, s in points]
         return Branch(

@@ -160,15 +160,15 @@ def equilibrium(
         states = search_in_all_modes(SwitchedModel(model), terms.held, starts)
     else:
         states = search_steady_states(terms.problem(LocalEquations(model)), starts)
-    found = sorted(map(described, states), key=_order)
+    equilibria = sorted(map(described, states), key=_order)
     return Equilibria(
         model.name,
         model.coordinate_names,
         model.constraint_names,
         terms.named,
         starts if all else 1,
-        tuple(found),
-        ignored_velocities(model, found[0].operating_point.point),
+        tuple(equilibria),
+        ignored_velocities(model, equilibria[0].operating_point.point),
     )
 
 

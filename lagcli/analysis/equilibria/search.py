@@ -75,7 +75,7 @@ def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyStat
         visited += 1
     if not known:
         raise none_found(local, problem, q)
-    return [found.state for found in known]
+    return [root.state for root in known]
 
 
 def _try(problem: SteadyProblem, q: Array, known: list[_Known], relaxed: bool) -> None:
@@ -98,18 +98,18 @@ def _beside(problem: SteadyProblem, state: SteadyState) -> list[Array]:
     Roots lie close together beside singularities, such as Lagrange's points beside a small mass,
     where few points of a sequence fall.
     """
-    matrix, nq = problem.jacobian(state.found), problem.nq
-    rows, columns = problem.scales(state.found, matrix)
+    matrix, nq = problem.jacobian(state.residual), problem.nq
+    rows, columns = problem.scales(state.residual, matrix)
     _, values, vt = np.linalg.svd(matrix * np.outer(rows, columns))
     least = np.argsort(np.concatenate([values, np.zeros(len(vt) - len(values))]), kind="stable")
     q = state.operating_point.point.q
-    found = []
+    guesses = []
     for row in least:
         along = columns[:nq] * vt[row, :nq]
         reach = np.abs(along / problem.local.lengths).max()
         if reach > _SAME:  # not a change of multipliers alone
-            found += [q + x / reach * along for d in _DISTANCES for x in (d, -d)]
-    return found[: 2 * len(_DISTANCES) * _DIRECTIONS]
+            guesses += [q + x / reach * along for d in _DISTANCES for x in (d, -d)]
+    return guesses[: 2 * len(_DISTANCES) * _DIRECTIONS]
 
 
 def _points(problem: SteadyProblem, count: int) -> Array:
@@ -144,9 +144,9 @@ def _keep(problem: SteadyProblem, root: Residual, known: list[_Known]) -> None:
         return
     folded = fold(state, problem.local.angles)
     moved = np.abs(state.neutral).max(axis=1, initial=0.0) / problem.local.lengths
-    found = _Known(folded, moved <= _SAME * moved.max(initial=0.0))
-    if not any(_alike(problem, found, other) for other in known):
-        known.append(found)
+    candidate = _Known(folded, moved <= _SAME * moved.max(initial=0.0))
+    if not any(_alike(problem, candidate, other) for other in known):
+        known.append(candidate)
 
 
 def fold(state: SteadyState, angles: Flags) -> SteadyState:
@@ -174,9 +174,9 @@ def _alike(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
 
 def _difference(problem: SteadyProblem, q: Array, other: Array) -> Array:
     """Return q − other, with angles reduced to (−π, π]."""
-    found = q - other
-    turns = np.where(problem.local.angles, np.round(found / (2 * np.pi)), 0.0)
-    return np.asarray(found - 2 * np.pi * turns)
+    difference = q - other
+    turns = np.where(problem.local.angles, np.round(difference / (2 * np.pi)), 0.0)
+    return np.asarray(difference - 2 * np.pi * turns)
 
 
 def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual | None:
@@ -244,7 +244,7 @@ def search_in_all_modes(
     active = ActiveSet(switched, held)
     start = active.start
     waiting = [active.sliding(start, modes) for modes in _closed_sets(switched)]
-    seen, found = set[Modes](), list[SteadyState]()
+    seen, roots = set[Modes](), list[SteadyState]()
     for modes in waiting:  # it grows
         if modes in seen:
             continue
@@ -255,23 +255,23 @@ def search_in_all_modes(
         except (NumericalError, NoStart):
             continue
         for state in states:
-            root = distributed(local, SteadyProblem(local, held), state.found)
-            if root is not state.found:
+            root = distributed(local, SteadyProblem(local, held), state.residual)
+            if root is not state.residual:
                 state = fold(completed(SteadyProblem(local, held), root), local.angles)
             point = state.operating_point.point
             changes = active.contradictions(local, point)
             if not changes:
-                _add(state, found)
+                _add(state, roots)
             for k, mode in changes:
                 if mode.at_limit:
                     waiting.append(active.changed(modes, ModeChange(k, mode, point.q)))
-    if not found:
+    if not roots:
         what = "steady motion" if held else "equilibrium"
         raise NumericalError(
             f"no {what} of {switched.model.name} was found in {len(seen)} modes of its contacts;"
             " give initial values nearer to one (--set-initial), or more starts (--starts)"
         )
-    return found
+    return roots
 
 
 def _closed_sets(switched: SwitchedModel) -> Iterator[Modes]:
@@ -293,13 +293,13 @@ def _closed_sets(switched: SwitchedModel) -> Iterator[Modes]:
             yield switched.with_friction(tuple(modes))
 
 
-def _add(state: SteadyState, found: list[SteadyState]) -> None:
+def _add(state: SteadyState, known: list[SteadyState]) -> None:
     """Add a state, unless another mode has it too: where a contact touches without a force."""
     local, q = state.local, state.operating_point.point.q
     assert isinstance(local, ModeEquations)
-    for other in found:
+    for other in known:
         far = q - other.operating_point.point.q
         turns = np.where(local.angles, np.round(far / (2 * np.pi)), 0.0)
         if (np.abs(far - 2 * np.pi * turns) <= _SAME * local.lengths).all():
             return
-    found.append(state)
+    known.append(state)

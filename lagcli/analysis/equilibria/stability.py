@@ -101,8 +101,8 @@ def stability_of(
             opposite = np.abs(values + values[k]) <= _NEUTRAL * np.abs(values[k])
             values[opposite] = values[k] = 0.0
     rounding = _GROWING * largest
-    found = Stability("undecided", values, stiffness, rounding)
-    return found._replace(verdict=_verdict(found, states, (_SLOW * rate) ** 2, dimension))
+    stability = Stability("undecided", values, stiffness, rounding)
+    return stability._replace(verdict=_verdict(stability, states, (_SLOW * rate) ** 2, dimension))
 
 
 def _rate(local: LocalEquations, operating_point: OperatingPoint) -> float:

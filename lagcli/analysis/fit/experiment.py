@@ -85,8 +85,8 @@ def read_measured(
 
 
 def _measured(table: CsvTable, time: str, observed: Sequence[ObservedQuantity]) -> Measured:
-    found = [table.column(time, None), *(table.column(x.column, x.unit) for x in observed)]
-    columns = [number for number, _, _ in found]
+    converted = [table.column(time, None), *(table.column(x.column, x.unit) for x in observed)]
+    columns = [number for number, _, _ in converted]
     rows: list[list[float]] = []
     before = -math.inf
     for line, fields in table.rows():
@@ -102,7 +102,7 @@ def _measured(table: CsvTable, time: str, observed: Sequence[ObservedQuantity]) 
             )
         before = row[0]
         rows.append(row)
-    factors = np.array([float(factor) for _, factor, _ in found])
+    factors = np.array([float(factor) for _, factor, _ in converted])
     values = np.array(rows).reshape(-1, len(columns)) * factors
     if not np.isfinite(values[:, 1:]).any():
         raise FileError(f"{table.path} contains no measured values below its header")
@@ -196,10 +196,10 @@ class Experiment:
         model, slopes = self.simulate(values)
         residuals = (model - self.data.values) / self.sigmas
         jacobian = slopes / self.sigmas[:, None]
-        found = Evaluation(residuals[self.measured], jacobian[self.measured])
-        if not (np.isfinite(found.residuals).all() and np.isfinite(found.jacobian).all()):
+        evaluation = Evaluation(residuals[self.measured], jacobian[self.measured])
+        if not (np.isfinite(evaluation.residuals).all() and np.isfinite(evaluation.jacobian).all()):
             raise FailedRun("an observed quantity has no finite value, or no derivative")
-        return found
+        return evaluation
 
     def simulate(self, values: Sequence[float]) -> tuple[Array, Array]:
         """Return the observed quantities (n, m) at the data, and derivatives (n, m, k).
@@ -267,8 +267,8 @@ class Experiment:
         with np.errstate(all="ignore"):
             values = run_arrays(self.values, [*motion, *p], n)
             slopes = run_arrays(self.slopes, [*motion, *changes, *p], n)
-        found = slopes.reshape(len(scales), -1, n).T / scales
-        return values.T, found
+        derivatives = slopes.reshape(len(scales), -1, n).T / scales
+        return values.T, derivatives
 
 
 def experiments_of(
@@ -281,7 +281,7 @@ def experiments_of(
     from lagcli.engine.lowering.lower import lower
     from lagcli.equations.derivation.lagrange import derive
 
-    found: list[Experiment] = []
+    experiments: list[Experiment] = []
     derived: list[tuple[Equations, System]] = []
     for model, chosen, measured in zip(models, settings, data, strict=True):
         assert model.fit is not None
@@ -291,8 +291,10 @@ def experiments_of(
             alike = equations, lower(equations)
             derived.append(alike)
         equations, system = replace(alike[0], model=model), alike[1]
-        found.append(Experiment(equations, system, chosen, model.fit.observed, names, measured))
-    return found
+        experiments.append(
+            Experiment(equations, system, chosen, model.fit.observed, names, measured)
+        )
+    return experiments
 
 
 def _refuse_changed(model: Model, expressions: Sequence[se.Basic]) -> None:
@@ -322,11 +324,11 @@ def _expressions(equations: Equations, observed: Sequence[ObservedQuantity]) -> 
         else x.expression
         for x in observed
     }
-    found = with_forces(equations.model, equations.constraints, expressions)
+    completed = with_forces(equations.model, equations.constraints, expressions)
     known = {*equations.q, *equations.v, *equations.a, *equations.multipliers, se.Symbol("t")}
     known |= {se.Symbol(name) for name in equations.model.parameters}
     for x in observed:
-        if not found[x.name].free_symbols <= known:
+        if not completed[x.name].free_symbols <= known:
             raise UsageError(
                 Diagnostic(
                     "not-supported",
@@ -335,7 +337,7 @@ def _expressions(equations: Equations, observed: Sequence[ObservedQuantity]) -> 
                     "observe coordinates, velocities, multipliers or outputs",
                 )
             )
-    return list(found.values())
+    return list(completed.values())
 
 
 def sigma_estimated(data: Sequence[Measured]) -> bool:

@@ -180,12 +180,12 @@ def _check_names(
 
 def _read_data(folder: h5py.Group, lengths: Mapping[str, int]) -> FittedData:
     """Return an experiment of an open file."""
-    found = read_arrays(folder, _DATA, {"observed": lengths["observed"]})
-    check_times(found["time"])
-    if (found["sigmas"] < 0).any():
+    arrays = read_arrays(folder, _DATA, {"observed": lengths["observed"]})
+    check_times(arrays["time"])
+    if (arrays["sigmas"] < 0).any():
         raise ValueError(f"{folder.name}/sigmas has negative values")
     path = text_attribute(folder, "path") or ""
-    return FittedData(path, *(found[name] for name in ("time", "measured", "model", "sigmas")))
+    return FittedData(path, *(arrays[name] for name in ("time", "measured", "model", "sigmas")))
 
 
 def check_written(path: str, force: bool) -> None:

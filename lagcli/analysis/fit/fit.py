@@ -18,7 +18,7 @@ from lagcli.analysis.fit.experiment import (
     sigma_estimated,
 )
 from lagcli.analysis.fit.result import FitResult, FittedData
-from lagcli.analysis.fit.search import Found, Problem
+from lagcli.analysis.fit.search import Problem, SearchResult
 from lagcli.analysis.fit.uncertainty import profile_interval, quantile, uncertainty
 from lagcli.arrays import Array
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
@@ -95,13 +95,13 @@ def fit(
     with one_thread():
         problem, estimated = prepared(model, settings)
         first = np.array(problem.experiments[0].directions.values)
-        found = []
+        results = []
         for start in problem.starts(first, starts):
-            found.append(problem.search(start))
+            results.append(problem.search(start))
             if progress is not None:
-                progress(len(found), starts)
-        best = _best(found, problem)
-        return _result(model, block, problem, best, found, estimated, ci, level, began)
+                progress(len(results), starts)
+        best = _best(results, problem)
+        return _result(model, block, problem, best, results, estimated, ci, level, began)
 
 
 def _block(model: Model) -> FitBlock:
@@ -179,8 +179,8 @@ def _limit_steps(problem: Problem, values: Array) -> None:
         experiment.settings = experiment.settings.replace(max_steps=most)
 
 
-def _best(found: list[Found], problem: Problem) -> Found:
-    ended = [x for x in found if x.evaluation is not None]
+def _best(results: list[SearchResult], problem: Problem) -> SearchResult:
+    ended = [x for x in results if x.evaluation is not None]
     if not ended:
         reasons = "; ".join(f"{reason} ({n} runs)" for reason, n in problem.failures.most_common(3))
         raise NumericalError(
@@ -194,8 +194,8 @@ def _result(
     model: Model,
     block: FitBlock,
     problem: Problem,
-    best: Found,
-    found: list[Found],
+    best: SearchResult,
+    results: list[SearchResult],
     estimated: bool,
     ci: Literal["wald", "profile"],
     level: float,
@@ -249,9 +249,9 @@ def _result(
         combinations=sure.combinations,
         converged=best.converged,
         message=best.message,
-        starts=np.array([x.start for x in found]),
-        ends=np.array([x.values for x in found]),
-        costs=np.array([2 * x.cost for x in found]),
+        starts=np.array([x.start for x in results]),
+        ends=np.array([x.values for x in results]),
+        costs=np.array([2 * x.cost for x in results]),
         runs=problem.runs,
         failures=dict(problem.failures),
         observed=tuple(x.name for x in block.observed),
@@ -273,7 +273,7 @@ def _active(values: Array, problem: Problem) -> tuple[str, ...]:
     )
 
 
-def _at_bounds(best: Found, active: tuple[str, ...], problem: Problem) -> Found:
+def _at_bounds(best: SearchResult, active: tuple[str, ...], problem: Problem) -> SearchResult:
     """Return a result with the values that lie on a bound equal to it, if the model runs there.
 
     The search approaches a bound without reaching it.
@@ -299,10 +299,10 @@ def _fitted(experiment: Experiment, values: Array, sigma: float) -> FittedData:
 def _units(model: Model, block: FitBlock) -> dict[str, str]:
     """Return the known units, in SI."""
     coordinates = {c.name: si_notation(c.unit) for c in model.coordinates if c.unit}
-    found = {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
-    found |= coordinates
-    found |= {f"{q}'": f"{unit}/s" for q, unit in coordinates.items()}
-    found |= {name: si_notation(unit) for name, unit in model.output_units.items()}
-    found |= {x.name: si_notation(x.unit) for x in block.observed if x.unit}
+    units = {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
+    units |= coordinates
+    units |= {f"{q}'": f"{unit}/s" for q, unit in coordinates.items()}
+    units |= {name: si_notation(unit) for name, unit in model.output_units.items()}
+    units |= {x.name: si_notation(x.unit) for x in block.observed if x.unit}
     wanted = {*(x.name for x in block.fitted), *(x.name for x in block.observed)}
-    return {name: unit for name, unit in found.items() if name in wanted}
+    return {name: unit for name, unit in units.items() if name in wanted}

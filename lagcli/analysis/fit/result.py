@@ -161,23 +161,25 @@ class FitResult:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to distrust the values, one sentence each."""
-        found = [f"the data do not identify {x.text}" for x in self.combinations]
-        found += [
+        warnings = [f"the data do not identify {x.text}" for x in self.combinations]
+        warnings += [
             f"{name} lies on its bound `{bound}` {value:.6g}; its error is not known"
             for name, bound, value in zip(self.names, self.active, self.values, strict=True)
             if bound
         ]
         for name, value, error in zip(self.names, self.values, self.standard_errors, strict=True):
             if np.isfinite(error) and error > abs(value) > 0:
-                found.append(f"{name} is hardly identified: its standard error exceeds its value")
+                warnings.append(
+                    f"{name} is hardly identified: its standard error exceeds its value"
+                )
         if self.probability < 1e-3:
-            found.append(
+            warnings.append(
                 f"the model does not fit: chi-square {self.chi_square:.4g} for {self.freedom}"
                 " degrees of freedom; the model is wrong, or sigma too small"
             )
         if not self.converged:
-            found.append(f"the search did not converge: {self.message}")
-        return tuple(found)
+            warnings.append(f"the search did not converge: {self.message}")
+        return tuple(warnings)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON values, without the data."""
@@ -383,13 +385,13 @@ def _remark(result: FitResult, i: int) -> str:
 
 def _strong(result: FitResult) -> list[str]:
     """Return the strongest correlations."""
-    found = []
+    correlations = []
     for i, a in enumerate(result.names):
         for j in range(i):
             r = float(result.correlation[i, j])
             if abs(r) >= _STRONG:
-                found.append((abs(r), f"{result.names[j]}, {a} {r:+.3f}"))
-    return [text for _, text in sorted(found, reverse=True)[:_LISTED]]
+                correlations.append((abs(r), f"{result.names[j]}, {a} {r:+.3f}"))
+    return [text for _, text in sorted(correlations, reverse=True)[:_LISTED]]
 
 
 def _note(result: FitResult, i: int) -> str:

@@ -32,7 +32,7 @@ _MOST_RUNS = 300
 _FACTOR = 3.0
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     """The end point of a search.
 
     Parameters
@@ -111,7 +111,7 @@ class Problem:
             np.concatenate([x.jacobian for x in parts]),
         )
 
-    def search(self, start: Array, free: Flags | None = None) -> Found:
+    def search(self, start: Array, free: Flags | None = None) -> SearchResult:
         """Minimize the sum of squares.
 
         Parameters
@@ -128,10 +128,12 @@ class Problem:
         first = self.evaluate(start)
         if first is None:
             reason = next(reversed(self.failures), "")
-            return Found(start, start, np.nan, None, False, f"the first run failed: {reason}")
+            return SearchResult(
+                start, start, np.nan, None, False, f"the first run failed: {reason}"
+            )
         if not free.any():
             cost = 0.5 * float(first.residuals @ first.residuals)
-            return Found(start, start, cost, first, True, "")
+            return SearchResult(start, start, cost, first, True, "")
         scales = self.scales[free]
 
         def at(x: Array) -> Array:
@@ -140,15 +142,15 @@ class Problem:
             return values
 
         def residuals(x: Array) -> Array:
-            found = self.evaluate(at(x))
-            return np.full(self.count, np.nan) if found is None else found.residuals
+            evaluation = self.evaluate(at(x))
+            return np.full(self.count, np.nan) if evaluation is None else evaluation.residuals
 
         def jacobian(x: Array) -> Array:
-            found = self.evaluate(at(x))
-            assert found is not None  # requested only at accepted points
-            return found.jacobian[:, free] * scales
+            evaluation = self.evaluate(at(x))
+            assert evaluation is not None  # requested only at accepted points
+            return evaluation.jacobian[:, free] * scales
 
-        found = least_squares(
+        solution = least_squares(
             residuals,
             start[free] / scales,
             jacobian,
@@ -159,10 +161,10 @@ class Problem:
             gtol=_TOLERANCE,
             max_nfev=_MOST_RUNS,
         )
-        values = at(found.x)
-        message = "" if found.status > 0 else f"no convergence within {_MOST_RUNS} runs"
-        return Found(
-            start, values, float(found.cost), self.evaluate(values), found.status > 0, message
+        values = at(solution.x)
+        message = "" if solution.status > 0 else f"no convergence within {_MOST_RUNS} runs"
+        return SearchResult(
+            start, values, float(solution.cost), self.evaluate(values), solution.status > 0, message
         )
 
     def starts(self, first: Array, count: int) -> Array:

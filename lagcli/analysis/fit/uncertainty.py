@@ -132,14 +132,14 @@ def uncertainty(
         sigma = math.sqrt(square / freedom) if freedom > 0 else math.nan
     kept = right[:, ~vanishing] / singular[~vanishing]
     root = sigma * (size / weight)[:, None] * kept
-    found = root @ root.T
+    block = root @ root.T
     involved = (np.abs(directions) > _NAMED * np.abs(directions).max(axis=0, initial=1e-300)).any(
         axis=1
     )
-    found[involved] = np.nan
-    found[:, involved] = np.nan
+    block[involved] = np.nan
+    block[:, involved] = np.nan
     covariance = np.full((len(values), len(values)), np.nan)
-    covariance[np.ix_(places, places)] = found
+    covariance[np.ix_(places, places)] = block
     return Uncertainty(covariance, combinations, sigma, freedom)
 
 
@@ -213,21 +213,21 @@ def _profile_end(problem: Problem, values: Array, place: int, error: float, rise
     def excess(value: float) -> float:
         start = warm.copy()
         start[place] = value
-        found = problem.search(start, free)
-        if found.evaluation is None:
+        minimum = problem.search(start, free)
+        if minimum.evaluation is None:
             return math.nan
-        warm[:] = found.values
-        return 2 * found.cost - least - rise
+        warm[:] = minimum.values
+        return 2 * minimum.cost - least - rise
 
     inner, outer = float(values[place]), float(values[place])
     for step in range(_STEPS):
         outer = values[place] + error * _FIRST * _GROWTH**step
         limited = (outer - bound) * np.sign(error) >= 0
         outer = float(bound) if limited else float(outer)
-        found = excess(outer)
-        if math.isnan(found):
+        at_end = excess(outer)
+        if math.isnan(at_end):
             return math.nan
-        if found > 0:
+        if at_end > 0:
             return float(brentq(excess, inner, outer, xtol=_END * abs(error)))
         if limited:
             return outer

@@ -312,10 +312,10 @@ def _shape(components: Mapping[str, Sequence[float]]) -> str:
     """Return the largest components of a shape, in the order of the model."""
     values = {name: complex(*x) for name, x in components.items()}
     largest = max(map(abs, values.values()), default=0.0)
-    found = [n for n, z in values.items() if abs(z) > 1e-6 * largest]
-    kept = set(sorted(found, key=lambda n: -abs(values[n]))[:_SHOWN])
-    texts = [f"{name} {_component(values[name])}" for name in found if name in kept]
-    more = len(found) - len(texts)
+    moving = [n for n, z in values.items() if abs(z) > 1e-6 * largest]
+    kept = set(sorted(moving, key=lambda n: -abs(values[n]))[:_SHOWN])
+    texts = [f"{name} {_component(values[name])}" for name in moving if name in kept]
+    more = len(moving) - len(texts)
     return ", ".join([*texts, *([f"and {more} more"] if more else [])]) or "none"
 
 

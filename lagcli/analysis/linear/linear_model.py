@@ -73,18 +73,18 @@ class Inputs:
 
     def slopes(self, point: Point) -> Array:
         """Return the derivatives of these parameters with respect to the inputs, (n, inputs)."""
-        found = np.zeros((len(self.parameters), len(self.names)))
+        slopes = np.zeros((len(self.parameters), len(self.names)))
         for number, path in self._paths:
             places = [self.parameters.index(n) for n in path.followers]
-            found[places, number] = path.slopes(point.p[self._all.index(path.name)])
-        return found
+            slopes[places, number] = path.slopes(point.p[self._all.index(path.name)])
+        return slopes
 
     def at(self, point: Point) -> Array:
         """Return ∂G/∂u, (nq, inputs)."""
-        found = self._forcing.at(point) @ self.slopes(point)
+        matrix = self._forcing.at(point) @ self.slopes(point)
         for row, column in self.forces:
-            found[row, column] = 1.0
-        return found
+            matrix[row, column] = 1.0
+        return matrix
 
 
 def _check_parameter(eq: Equations, name: str, follower: str) -> None:
@@ -137,8 +137,8 @@ class Outputs:
 
     def at(self, point: Point) -> tuple[Array, ...]:
         """Return ∂y/∂q, ∂y/∂v, ∂y/∂a, ∂y/∂λ and ∂y/∂u."""
-        found = [gradient.at(point) for gradient in self._gradients]
-        return *found[:4], found[4] @ self._inputs.slopes(point)
+        gradients = [gradient.at(point) for gradient in self._gradients]
+        return *gradients[:4], gradients[4] @ self._inputs.slopes(point)
 
 
 def _expression(eq: Equations, name: str) -> Basic:
@@ -297,10 +297,12 @@ def linearize(
     """
     if form not in FORMS:
         raise UsageError(f"--form {form!r} is not a form; the forms are {', '.join(FORMS)}")
-    local, found = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
+    local, operating_point = find_operating_point(
+        model, at=at, equilibrium=equilibrium, steady=steady
+    )
     signals = Inputs(local, inputs)
     measured = Outputs(local, outputs, signals)
-    return linear_model(local, found, signals, measured, form)
+    return linear_model(local, operating_point, signals, measured, form)
 
 
 def linear_model(

@@ -77,10 +77,14 @@ def mode_motion(
     ModelError, NumericalError
         As `lagcli.modes`.
     """
-    local, found = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
-    modes = modes_about(local, found).modes
+    local, operating_point = find_operating_point(
+        model, at=at, equilibrium=equilibrium, steady=steady
+    )
+    modes = modes_about(local, operating_point).modes
     _check_number(number, [(mode.eigenvalue, mode.kind) for mode in modes], model.name)
-    return _motion(local, found.point, modes[number - 1], number, found.name, amplitude)
+    return _motion(
+        local, operating_point.point, modes[number - 1], number, operating_point.name, amplitude
+    )
 
 
 def stored_mode_motion(
@@ -132,11 +136,11 @@ def stored_mode_motion(
 
 
 def _check_names(
-    path: str | os.PathLike[str], part: str, found: Iterable[str], names: Sequence[str]
+    path: str | os.PathLike[str], part: str, stored: Iterable[str], names: Sequence[str]
 ) -> None:
     """Raise FileError unless a part of the operating point has the names of the model."""
-    if set(found) != set(names):
-        what = f"content.operating_point.{part} has {', '.join(found) or 'no names'}"
+    if set(stored) != set(names):
+        what = f"content.operating_point.{part} has {', '.join(stored) or 'no names'}"
         raise damage(
             os.fspath(path), ValueError(f"{what}, and the model {', '.join(names) or 'none'}")
         )

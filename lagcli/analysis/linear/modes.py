@@ -133,8 +133,8 @@ def modes(
     ----------
     .. [1] L. Meirovitch, "Principles and Techniques of Vibrations", 1997, ch. 4.
     """
-    found = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
-    return modes_about(found.local, found.operating_point)
+    located = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
+    return modes_about(located.local, located.operating_point)
 
 
 def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> ModalAnalysis:
@@ -145,8 +145,8 @@ def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> Modal
     weights = np.sqrt(local.system.inertia(np.abs(np.diag(mass))))
     values, vectors, undamped = eigenpairs(local, linear)
     order = sorted(range(len(values)), key=lambda i: _order(complex(values[i])))
-    found = tuple(_mode(linear, complex(values[i]), vectors[:, i], weights) for i in order)
-    return ModalAnalysis(linear, found, undamped)
+    shapes = tuple(_mode(linear, complex(values[i]), vectors[:, i], weights) for i in order)
+    return ModalAnalysis(linear, shapes, undamped)
 
 
 def _order(s: complex) -> tuple[float, float]:
@@ -345,7 +345,7 @@ def _kind(s: complex) -> Kind:
 
 def _product(matrix: Array, state: ComplexArray) -> ComplexArray:
     """Return a shape without components that are rounding errors relative to their terms."""
-    found = matrix @ state
+    product = matrix @ state
     least = _ROUNDING * (np.abs(matrix) @ np.abs(state)).max(initial=0.0)
-    real, imaginary = (np.where(np.abs(x) > least, x, 0.0) for x in (found.real, found.imag))
+    real, imaginary = (np.where(np.abs(x) > least, x, 0.0) for x in (product.real, product.imag))
     return np.asarray(real + 1j * imaginary)

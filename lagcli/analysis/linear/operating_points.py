@@ -52,18 +52,18 @@ def find_operating_point(
         )
     if equilibrium or steady:
         nearest = nearest_steady_state(model, steady or {})
-        found = Located(nearest.local, nearest.operating_point)
+        located = Located(nearest.local, nearest.operating_point)
     elif model.switches:
-        found = _in_run(SwitchedModel(model), at)
+        located = _in_run(SwitchedModel(model), at)
     else:
         local = LocalEquations(model)
         state, rank = local.start.state, local.start.rank
         if at is not None:
             state, rank = _run_to(local, at)
-        found = _located(local, state, rank, at)
-    point = found.operating_point
+        located = _located(local, state, rank, at)
+    point = located.operating_point
     check_determinate(model, point.contacts, f"linear model about {point.name}")
-    return found
+    return located
 
 
 def equations_of(
@@ -181,17 +181,17 @@ def mode_in_run(model: Model, at: float | None) -> tuple[State, Indices]:
 
 def _first(run: Outcome, start: State) -> State:
     """Return the state after what happens at the start."""
-    found = start
+    state = start
     for entry in run.events:
         if entry.time <= start.t:
-            found = found._replace(q=entry.q, v=entry.after)
-    return found
+            state = state._replace(q=entry.q, v=entry.after)
+    return state
 
 
 def _modes(run: Outcome, at: float) -> Indices:
     """Return the modes after what happens at a time."""
-    found = np.array(run.modes, dtype=int)
+    modes = np.array(run.modes, dtype=int)
     for entry in run.events:
         if entry.time <= at:
-            found = entry.modes
-    return found
+            modes = entry.modes
+    return modes

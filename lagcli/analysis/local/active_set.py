@@ -77,10 +77,10 @@ class ActiveSet:
         start = self.start if p is None else self.start._replace(p=p)
         changes: list[tuple[str, Acting]] = []
         for relaxed in (False, True):
-            found = self._search(start, relaxed)
-            if isinstance(found, SteadyState):
-                return found
-            changes = found
+            result = self._search(start, relaxed)
+            if isinstance(result, SteadyState):
+                return result
+            changes = result
         raise self._cycle(changes)
 
     def _search(self, start: State, relaxed: bool) -> SteadyState | list[tuple[str, Acting]]:
@@ -134,14 +134,14 @@ class ActiveSet:
 
     def changed(self, modes: Modes, change: ModeChange) -> Modes:
         """Return the modes with one row changed, and with the friction of it."""
-        found = list(modes)
-        found[change.row] = change.mode
+        changed = list(modes)
+        changed[change.row] = change.mode
         row = self.switched.rows[change.row]
         if row.sign and change.mode == Acting.HOLDS:
             for k, other in enumerate(self.switched.rows):
                 if other.normal == row.row and other.active:
-                    found[k] = Acting.HOLDS
-        return self.switched.with_friction(tuple(found))
+                    changed[k] = Acting.HOLDS
+        return self.switched.with_friction(tuple(changed))
 
     def sliding(self, state: State, modes: Modes) -> Modes:
         """Return the modes in which rows that slide at the velocities of steady motion do so."""
@@ -158,11 +158,11 @@ class ActiveSet:
             point = problem.residual(local.start.state.q, np.zeros(_count(local)), local.p).point
         except NoStart:
             return modes
-        values, found = local.values(point), list(modes)
+        values, sliding = local.values(point), list(modes)
         for k in limited:
             if abs(values.rate[k]) > ZERO * values.rate_scale[k]:
-                found[k] = Acting.FORWARD if values.rate[k] > 0 else Acting.BACKWARD
-        return tuple(found)
+                sliding[k] = Acting.FORWARD if values.rate[k] > 0 else Acting.BACKWARD
+        return tuple(sliding)
 
     # what contradicts a mode
 
@@ -180,8 +180,8 @@ class ActiveSet:
         closing = self.closing(local, q, point)
         if closing is not None:
             return closing
-        found = self.contradictions(local, point)
-        return ModeChange(*found[0], point.q) if found else None
+        contradictions = self.contradictions(local, point)
+        return ModeChange(*contradictions[0], point.q) if contradictions else None
 
     def contradictions(self, local: ModeEquations, point: Point) -> list[tuple[int, Acting]]:
         """Return the rows whose modes contradict a candidate, and the modes they should have.
@@ -225,7 +225,7 @@ class ActiveSet:
         return sorted(pulls, key=lambda k: float(sizes[k]))
 
     def _beyond(self, local: ModeEquations, values: RowValues) -> list[tuple[int, Acting]]:
-        found = []
+        rows = []
         for k, mode in enumerate(local.modes):
             if self.switched.rows[k].limit is None or mode == Acting.OPEN:
                 continue
@@ -235,12 +235,12 @@ class ActiveSet:
                 excess = abs(values.multiplier[k]) - values.static[k]
                 if excess > ZERO * values.multiplier_scale[k]:
                     upper = values.multiplier[k] > 0
-                    found.append((k, Acting.AT_UPPER if upper else Acting.AT_LOWER))
+                    rows.append((k, Acting.AT_UPPER if upper else Acting.AT_LOWER))
             elif not mode.at_limit and rests:
-                found.append((k, Acting.HOLDS))
+                rows.append((k, Acting.HOLDS))
             elif not rests and (rate > 0) != (mode in (Acting.FORWARD, Acting.AT_LOWER)):
-                found.append((k, Acting.FORWARD if rate > 0 else Acting.BACKWARD))
-        return found
+                rows.append((k, Acting.FORWARD if rate > 0 else Acting.BACKWARD))
+        return rows
 
     # messages
 
@@ -303,10 +303,10 @@ def distributed(local: ModeEquations, problem: SteadyProblem, root: Residual) ->
                 bounds.append(-float(values.static[k] + side * values.multiplier[k]))
     if not rows or max(bounds) <= 0.0:
         return root
-    found = least_norm_within(root.point.multipliers, free, np.array(rows), np.array(bounds))
-    if found is None:
+    multipliers = least_norm_within(root.point.multipliers, free, np.array(rows), np.array(bounds))
+    if multipliers is None:
         return root
-    return problem.residual(root.point.q, found, root.point.p, root.independent)
+    return problem.residual(root.point.q, multipliers, root.point.p, root.independent)
 
 
 def _count(local: LocalEquations) -> int:

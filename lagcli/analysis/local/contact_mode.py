@@ -199,19 +199,19 @@ class ModeEquations(LocalEquations):
 
     def margins(self, point: Point) -> Array:
         """Return by how much each row is within its mode, of its scale, (ns,)."""
-        values, found = self.values(point), np.full(len(self.modes), np.inf)
+        values, margins = self.values(point), np.full(len(self.modes), np.inf)
         for k, (row, mode) in enumerate(zip(self.switched.rows, self.modes, strict=True)):
             if row.sign and mode == Acting.HOLDS:
-                found[k] = values.multiplier[k] / values.multiplier_scale[k]
+                margins[k] = values.multiplier[k] / values.multiplier_scale[k]
             elif row.sign and row.active:
-                found[k] = values.gap[k] / values.gap_scale[k]
+                margins[k] = values.gap[k] / values.gap_scale[k]
             elif row.limit is not None and mode == Acting.HOLDS:
                 slack = values.static[k] - abs(values.multiplier[k])
-                found[k] = slack / values.multiplier_scale[k]
+                margins[k] = slack / values.multiplier_scale[k]
             elif mode in (Acting.FORWARD, Acting.BACKWARD):
                 rate = values.rate[k] if mode == Acting.FORWARD else -values.rate[k]
-                found[k] = rate / (values.rate_scale[k] or 1.0)
-        return found
+                margins[k] = rate / (values.rate_scale[k] or 1.0)
+        return margins
 
     def contact_end(self, row: int) -> tuple[ContactEnd, str]:
         """Return what happens to a row that leaves its mode, and its name."""
@@ -232,13 +232,13 @@ class ModeEquations(LocalEquations):
     def contacts(self, point: Point) -> tuple[ContactStatus, ...]:
         """Return the state of each switched row at a point."""
         values = self.values(point)
-        found = []
+        contacts = []
         for k, (row, name, mode) in enumerate(
             zip(self.switched.rows, self.switched.names, self.modes, strict=True)
         ):
             gap = float(values.gap[k]) if row.sign else None
             limit = float(values.static[k]) if row.limit is not None else None
-            found.append(
+            contacts.append(
                 ContactStatus(
                     name,
                     _state(row, mode, k, values),
@@ -247,7 +247,7 @@ class ModeEquations(LocalEquations):
                     limit,
                 )
             )
-        return tuple(found)
+        return tuple(contacts)
 
     @cached_property
     def _tape(self) -> ScalarTape:
@@ -255,8 +255,8 @@ class ModeEquations(LocalEquations):
         eq, switched = self.equations, self.switched
         limits = {c.name: c.limit for c in switched.model.constraints}
         expressions = [multiplier(name) for name in limits]
-        found = (limits[name] for name in switched.names)
-        expressions += [se.Integer(0) if x is None else x.static for x in found]
+        row_limits = (limits[name] for name in switched.names)
+        expressions += [se.Integer(0) if x is None else x.static for x in row_limits]
         return ScalarTape(point_tape(eq, [self.express(x) for x in expressions]))
 
 

@@ -149,7 +149,7 @@ class MotionJacobianTape:
         """Return the Jacobians at a point."""
         numbers = self._run(point.inputs())
         tapes, nq, nc = self.tapes, self.nq, self.nc
-        found: list[Array] = []
+        matrices: list[Array] = []
         start = 0
         for rows, pattern in (
             (nq, tapes.force_position),
@@ -157,11 +157,11 @@ class MotionJacobianTape:
             (nc, tapes.rhs_position),
             (nc, tapes.rhs_velocity),
         ):
-            found.append(_filled((rows, nq), pattern, numbers[start : start + len(pattern)]))
+            matrices.append(_filled((rows, nq), pattern, numbers[start : start + len(pattern)]))
             start += len(pattern)
         start += len(tapes.power_position) + len(tapes.power_velocity)
         times = np.array(numbers[start:])
-        by_q, by_v, rates_by_q, rates_by_v = found
+        by_q, by_v, rates_by_q, rates_by_v = matrices
         return MotionJacobians(by_q, by_v, rates_by_q, rates_by_v, times[:nq], times[nq : nq + nc])
 
 
@@ -191,8 +191,8 @@ class ForwardJacobians:
         nq, inputs = self.nq, point.inputs()
         directions = np.eye(1 + 2 * nq)  # of t, q and v; the other inputs are fixed
         slopes: list[Array | float] = [*directions, *[0.0] * (len(inputs) - len(directions))]
-        found = run_arrays(self._tape, [*inputs, *slopes], len(directions))
-        force, rhs = found[:nq], found[nq:]
+        derivatives = run_arrays(self._tape, [*inputs, *slopes], len(directions))
+        force, rhs = derivatives[:nq], derivatives[nq:]
         by_q, by_v = slice(1, 1 + nq), slice(1 + nq, None)
         return MotionJacobians(
             force[:, by_q], force[:, by_v], rhs[:, by_q], rhs[:, by_v], force[:, 0], rhs[:, 0]
@@ -261,20 +261,20 @@ class ParameterPath:
                 " model depend on it"
             )
         symbol = se.Symbol(name)
-        found = dependent_values(model, [name])
+        dependent = dependent_values(model, [name])
         self.name = name
-        self.followers = tuple(n for n in model.parameters if n in found)
-        values = [found[n] for n in self.followers]
+        self.followers = tuple(n for n in model.parameters if n in dependent)
+        values = [dependent[n] for n in self.followers]
         self._places = [list(model.parameters).index(n) for n in self.followers]
         slopes = [derivative(value, symbol) for value in values]
         self._tape = ScalarTape(compile_tape([*values, *slopes], [symbol]))
 
     def values(self, p: tuple[float, ...], value: float) -> tuple[float, ...]:
         """Return p with another value of the parameter and the parameters that depend on it."""
-        found = list(p)
+        values = list(p)
         for place, x in zip(self._places, self._tape([value]), strict=False):
-            found[place] = x
-        return tuple(found)
+            values[place] = x
+        return tuple(values)
 
     def slopes(self, value: float) -> Array:
         """Return the derivatives of the followers with respect to the parameter, (followers,)."""

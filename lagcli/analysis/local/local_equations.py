@@ -130,9 +130,9 @@ class LocalEquations(DerivedModel):
         """
         q, zero = self.start.state.q, np.zeros(len(self.equations.q))
         multipliers = np.zeros(len(self.equations.constraints))
-        found = self.jacobian_tape.at(Point(self.t, q, zero, zero, multipliers, self.p))
+        jacobians = self.jacobian_tape.at(Point(self.t, q, zero, zero, multipliers, self.p))
         forcing = self.evaluator(self.p).dynamics(self.t, q, zero).forcing
-        forces = np.abs(forcing) + np.abs(found.force_position) @ self.lengths
+        forces = np.abs(forcing) + np.abs(jacobians.force_position) @ self.lengths
         return np.asarray(LEAST_PART * np.where(np.isfinite(forces), forces, 0.0))
 
     @cached_property
@@ -157,11 +157,11 @@ class LocalEquations(DerivedModel):
 
     def dynamics(self, point: Point) -> Dynamics:
         """Return M, f, B and γ, with the forces that depend on multipliers in f."""
-        found = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
+        dynamics = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
         if self.reactive is None:
-            return found
-        forcing = found.forcing + self.reactive.forces(point)
-        return found._replace(forcing=forcing, finite=bool(np.isfinite(forcing).all()))
+            return dynamics
+        forcing = dynamics.forcing + self.reactive.forces(point)
+        return dynamics._replace(forcing=forcing, finite=bool(np.isfinite(forcing).all()))
 
     def reactions(self, point: Point, jacobian: Array) -> Array:
         """Return the derivatives of the forces with respect to λ, (nq, nc): Bᵀ without friction."""
@@ -171,13 +171,13 @@ class LocalEquations(DerivedModel):
 
     def jacobians(self, point: Point) -> MotionJacobians:
         """Return the Jacobians of the equations of motion; raises NumericalError if not finite."""
-        found = self.jacobian_tape.at(point)
-        if not all(np.isfinite(x).all() for x in found):
+        jacobians = self.jacobian_tape.at(point)
+        if not all(np.isfinite(x).all() for x in jacobians):
             raise NumericalError(
                 f"the derivatives of the equations of {self.model.name} have no finite value at"
                 " this point: an expression is not smooth there; choose another point"
             )
-        return found
+        return jacobians
 
     def velocity_gradient(self, point: Point) -> Array:
         """Return ∂ψ/∂q, (nc, nq)."""
@@ -215,14 +215,14 @@ class LocalEquations(DerivedModel):
         if self.reactive is not None:
             coupled = d.jacobian, self.reactions(point, d.jacobian)
         try:
-            found = Response(mass, tangent, coupled)
-            found(np.zeros((len(mass), 1)), np.zeros((len(point.multipliers), 1)))
+            response = Response(mass, tangent, coupled)
+            response(np.zeros((len(mass), 1)), np.zeros((len(point.multipliers), 1)))
         except SingularSystem:
             raise NumericalError(
                 f"the accelerations of {self.model.name} are not determined at this point: a"
                 " motion that the constraints allow has no inertia"
             ) from None
-        return found
+        return response
 
     def moving(self, state: State, rank: int) -> Point:
         """Return the point of a state, including accelerations and multipliers.
@@ -240,8 +240,8 @@ class LocalEquations(DerivedModel):
                 f"the accelerations of {self.model.name} are undefined at t = {state.t:.6g} s;"
                 " choose another state"
             )
-        found = Point(state.t, state.q, state.v, a, multipliers, state.p)
-        return found if self.reactive is None else self._balanced(found)
+        point = Point(state.t, state.q, state.v, a, multipliers, state.p)
+        return point if self.reactive is None else self._balanced(point)
 
     def _balanced(self, point: Point) -> Point:
         """Return the point with the a and λ that the forces that depend on λ give, by Newton."""
@@ -367,12 +367,12 @@ def angles(equations: Equations, evaluator: Evaluator, t: float, q: Array) -> Fl
     """
     nq = len(q)
     random = np.random.default_rng(1)
-    found = np.ones(nq, dtype=bool)
+    periodic = np.ones(nq, dtype=bool)
     for _ in range(_PROBES):
         near = q + 0.3 * random.standard_normal(nq) * np.maximum(1e-3, np.abs(q))
         v = random.standard_normal(nq)
         before = _numbers(evaluator, t, near, v)
-        for j in np.flatnonzero(found):
+        for j in np.flatnonzero(periodic):
             turned = near.copy()
             turned[j] += _TURN
             after = _numbers(evaluator, t, turned, v)
@@ -380,8 +380,8 @@ def angles(equations: Equations, evaluator: Evaluator, t: float, q: Array) -> Fl
             size = np.abs(before[known]).max(initial=0.0) + np.abs(after[known]).max(initial=0.0)
             change = np.abs(after[known] - before[known]).max(initial=0.0)
             matters = known.any() and enters(equations, int(j))
-            found[j] = bool(matters and change <= _SAME * size)
-    return found
+            periodic[j] = bool(matters and change <= _SAME * size)
+    return periodic
 
 
 def _numbers(evaluator: Evaluator, t: float, q: Array, v: Array) -> Array:
@@ -422,7 +422,7 @@ def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags, turning: 
     rows = c.jacobian[list(evaluator.system.holonomic)] * sizes
     if not largest and len(rows):
         largest = float((c.position_scale / dense.row_scale(rows)).max())
-    found = (largest or 1.0) * sizes
-    found[periodic] = 1.0
-    found[turning] = np.maximum(found[turning], 1.0)
-    return np.asarray(found)
+    scales = (largest or 1.0) * sizes
+    scales[periodic] = 1.0
+    scales[turning] = np.maximum(scales[turning], 1.0)
+    return np.asarray(scales)

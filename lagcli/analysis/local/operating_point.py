@@ -185,8 +185,8 @@ class Response:
         if rank < nq + d.rank:
             raise dense.SingularSystem
         right = np.vstack([sizes[:, None] * forces, rates / scale[:, None]])
-        found = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank, None])
-        return sizes[:, None] * found[:nq], found[nq:] / scale[:, None]
+        solution = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank, None])
+        return sizes[:, None] * solution[:nq], solution[nq:] / scale[:, None]
 
 
 @dataclass(frozen=True, eq=False)

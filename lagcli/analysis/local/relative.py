@@ -97,19 +97,19 @@ class RelativeProblem(SteadyProblem):
         speeds, *_ = np.linalg.lstsq(self._columns(start.q), start.v, rcond=_DEPENDENT)
         zero = np.zeros(len(self.local.system.constraints))
         for kick in (0.0, self.local.rate):
-            found: Array = np.asarray(speeds if np.any(speeds) else speeds + kick, float)
+            result: Array = np.asarray(speeds if np.any(speeds) else speeds + kick, float)
             rows, off = [], []
             for condition in self.conditions:
-                point = self.local.start_point(q, fields @ found, zero, p)
-                _, by_v, by_s = condition.slopes(point, found)
+                point = self.local.start_point(q, fields @ result, zero, p)
+                _, by_v, by_s = condition.slopes(point, result)
                 rows.append(by_v @ fields + by_s)
-                off.append(condition.residual(point, found, self.local)[0])
+                off.append(condition.residual(point, result, self.local)[0])
             if rows:
                 step, *_ = np.linalg.lstsq(np.array(rows), np.array(off), rcond=_DEPENDENT)
-                found = np.asarray(found - step, float)
-            if np.any(found):
-                return np.asarray(found)
-        return np.asarray(found)
+                result = np.asarray(result - step, float)
+            if np.any(result):
+                return np.asarray(result)
+        return np.asarray(result)
 
     def _columns(self, q: Array) -> Array:
         return np.array([field.at(q) for field in self.fields]).reshape(-1, self.nq).T
@@ -133,10 +133,10 @@ class RelativeProblem(SteadyProblem):
 
     def frame(self, speeds: Array) -> Array:
         """Return Σ s A, (nq, nq)."""
-        found = np.zeros((self.nq, self.nq))
+        frame = np.zeros((self.nq, self.nq))
         for s, field in zip(speeds, self.fields, strict=True):
-            found += s * field.matrix
-        return found
+            frame += s * field.matrix
+        return frame
 
     def _velocity(
         self, q: Array, speeds: Array, drift: Array, free: IndependentVelocities

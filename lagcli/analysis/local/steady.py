@@ -218,11 +218,11 @@ class SteadyProblem:
 
     def with_target(self, number: int, value: float) -> SteadyProblem:
         """Return the problem with another value of a condition."""
-        found = copy(self)
+        problem = copy(self)
         conditions = list(self.conditions)
         conditions[number] = conditions[number]._replace(target=value)
-        found.conditions = tuple(conditions)
-        return found
+        problem.conditions = tuple(conditions)
+        return problem
 
     @property
     def is_along_symmetries(self) -> bool:
@@ -609,7 +609,7 @@ class SteadyState(NamedTuple):
     local : LocalEquations
         The equations of which it is a root.
     operating_point : OperatingPoint
-    found : Residual
+    residual : Residual
     neutral : (nq, dimension) array
         Changes of q that lead to other roots: the tangent space of a set of equilibria.
     speeds : mapping of str to float
@@ -618,7 +618,7 @@ class SteadyState(NamedTuple):
 
     local: LocalEquations
     operating_point: OperatingPoint
-    found: Residual
+    residual: Residual
     neutral: Array
     speeds: Mapping[str, float] = MappingProxyType({})
 
@@ -666,11 +666,11 @@ def completed(problem: SteadyProblem, residual: Residual) -> SteadyState:
 
 def ignored_velocities(model: Model, point: Point) -> dict[str, float]:
     """Return initial velocities that the file gives and that a motion does not have."""
-    found = dict(zip(model.coordinate_names, point.v.tolist(), strict=True))
+    velocities = dict(zip(model.coordinate_names, point.v.tolist(), strict=True))
     return {
         f"{name}'": given.value
         for name, given in model.initial_velocities.items()
-        if given.value and abs(given.value - found[name]) > _DIFFERENT * abs(given.value)
+        if given.value and abs(given.value - velocities[name]) > _DIFFERENT * abs(given.value)
     }
 
 

@@ -162,15 +162,15 @@ class SteadyTerms:
         return RelativeProblem(local, fields, conditions, every)
 
     @cached_property
-    def _found(self) -> dict[int, list[ConservedQuantity]]:
+    def _momenta(self) -> dict[int, list[ConservedQuantity]]:
         return {}
 
     def _quantities(self, local: LocalEquations) -> list[ConservedQuantity]:
         key = id(local)
-        if key not in self._found:
-            found = conserved_quantities(local.equations).quantities
-            self._found[key] = [x for x in found if x.kind == "momentum"]
-        return self._found[key]
+        if key not in self._momenta:
+            conserved = conserved_quantities(local.equations).quantities
+            self._momenta[key] = [x for x in conserved if x.kind == "momentum"]
+        return self._momenta[key]
 
     def _place(self, every: Sequence[SymmetryField], text: str) -> int:
         match = _RATE.fullmatch(text)
@@ -261,15 +261,15 @@ def _is_name(text: str) -> bool:
 def _probes(local: LocalEquations) -> list[Array]:
     """Return random positions on the constraints."""
     random, q = np.random.default_rng(1), local.start.state.q
-    free, found = np.zeros(len(q), bool), []
+    free, probes = np.zeros(len(q), bool), []
     for _ in range(_PROBES):
         guess = q + 0.7 * local.lengths * random.standard_normal(len(q))
         given = local.evaluator(local.p).state(local.t, guess, np.zeros(len(q)))
         try:
-            found.append(consistent_state(local.system, given, free, free).state.q)
+            probes.append(consistent_state(local.system, given, free, free).state.q)
         except NoStart:
             continue
-    return found or [q]
+    return probes or [q]
 
 
 def nearest_steady_state(model: Model, steady: Given) -> SteadyState:
@@ -305,10 +305,10 @@ def _solved(problem: SteadyProblem) -> SteadyState:
     """Return the solution from the start."""
     local = problem.local
     q = local.start.state.q
-    found = problem.solve(q, local.p)
-    if found is None:
+    root = problem.solve(q, local.p)
+    if root is None:
         raise none_found(local, problem, q)
-    return completed(problem, found)
+    return completed(problem, root)
 
 
 def check_switching(model: Model, terms: SteadyTerms) -> None:

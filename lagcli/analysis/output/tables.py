@@ -171,10 +171,10 @@ def names_of(names: Sequence[str]) -> list[tuple[str, None]]:
 
 def unit_of(name: str, units: Mapping[str, str], rate: bool = False) -> UnitText:
     """Return the unit of a quantity, or of its rate; empty if it is not known."""
-    found = units.get(name, "")
-    if not rate or not found:
-        return UnitText(found)
-    return UnitText("1/s" if found == "1" else f"{found}/s")
+    unit = units.get(name, "")
+    if not rate or not unit:
+        return UnitText(unit)
+    return UnitText("1/s" if unit == "1" else f"{unit}/s")
 
 
 class StateQuantity(NamedTuple):
@@ -198,16 +198,16 @@ def state_quantities(
         By coordinate, and of λ by column.
     """
     first = states[0]
-    found = [
+    quantities = [
         StateQuantity(ModelName(q), unit_of(q, units), [x["q"][q] for x in states])
         for q in first["q"]
     ]
-    found += [
+    quantities += [
         StateQuantity(ModelName(f"{q}'"), unit_of(q, units, rate=True), [x["v"][q] for x in states])
         for q in first["v"]
         if any(x["v"][q] for x in states)
     ]
-    found += [
+    quantities += [
         StateQuantity(
             ModelName(f"lambda.{c}"),
             unit_of(f"lambda.{c}", units),
@@ -215,8 +215,8 @@ def state_quantities(
         )
         for c in dict.fromkeys(c for x in states for c in x["multipliers"])
     ]
-    found += [
+    quantities += [
         StateQuantity(ModelName(c["name"]), UnitText(), [x["contacts"][k]["state"] for x in states])
         for k, c in enumerate(first.get("contacts", ()))
     ]
-    return found
+    return quantities
