@@ -73,7 +73,7 @@ def load_steady(
         for text in held
         if is_velocity(loaded.coordinate_names, text)
     }
-    found: dict[str, float | None] = {
+    target_values: dict[str, float | None] = {
         text: given_value(loaded, "--steady", text, value)
         for text, value in held.items()
         if text not in names
@@ -86,7 +86,7 @@ def load_steady(
         initial = {**given, **velocities}
         again = load_text(loaded.text, loaded.path, parameters, initial, loaded.data)
     values = {f"{name}'": again.initial_velocities[name].value for name in names.values()}
-    return again, {**values, **found, **dict.fromkeys(unknown)}
+    return again, {**values, **target_values, **dict.fromkeys(unknown)}
 
 
 def print_analysis(

@@ -68,7 +68,7 @@ def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
     UsageError
         An item has no ``=``, no name or no value, or a name occurs twice.
     """
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for item in items or ():
         name, equals, value = item.partition("=")
         name, value = name.strip(), value.strip()
@@ -77,12 +77,12 @@ def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
             raise UsageError(
                 f"{option} {item!r} is not of the form NAME=VALUE, as in {option} {example}"
             )
-        if name in found:
+        if name in values:
             raise UsageError(
-                f"{option} gives `{name}` twice: {found[name]} and {value}; keep one of them"
+                f"{option} gives `{name}` twice: {values[name]} and {value}; keep one of them"
             )
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def refuse_same_file(model: str, output: str | None) -> None:

@@ -38,12 +38,12 @@ _ENTRY = r"  \S{11} (?=\S)"  # a label of the full width in a summary
 
 def visible(text: str) -> str:
     r"""Return a text with invisible characters written as escapes such as ``\x1b``."""
-    return re.sub(_UNSEEN, lambda found: found[0].encode("unicode_escape").decode(), text)
+    return re.sub(_UNSEEN, lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def visible_json(text: str) -> str:
     """Return JSON in which invisible characters are escaped in JSON's syntax."""
-    return re.sub(_UNSEEN, lambda found: f"\\u{ord(found[0]):04x}", text)
+    return re.sub(_UNSEEN, lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 class _Text(io.TextIOWrapper):
@@ -154,19 +154,19 @@ def fitted(text: str, width: int) -> str:
         return text
     from lagcli.results.listing import wrapped
 
-    found: list[str] = []
+    lines: list[str] = []
     for line in text.split("\n"):
         if len(line) <= width:
-            found.append(line)
+            lines.append(line)
             continue
         margin = len(line) - len(line.lstrip())
         label = re.match(_LABEL, line) or re.match(_ENTRY, line)
         below = label.end() if label else margin + 4 * (margin < 8)
         if label is None or below > width // 2:
-            found += wrapped(line.strip(), width, " " * margin, " " * min(below, width // 3))
+            lines += wrapped(line.strip(), width, " " * margin, " " * min(below, width // 3))
         else:
-            found += wrapped(line[below:], width, label[0], " " * below)
-    return "\n".join(found)
+            lines += wrapped(line[below:], width, label[0], " " * below)
+    return "\n".join(lines)
 
 
 def print_text(text: str) -> None:
@@ -179,10 +179,10 @@ def print_coloured(text: str, word: str, colour: Colour, stream: TextIO) -> None
 
     Escape sequences in the text itself are shown, not interpreted.
     """
-    before, found, after = text.partition(word)
+    before, coloured, after = text.partition(word)
     print(before, end="", file=stream)
     _command(stream, colour)
-    print(found, end="", file=stream)
+    print(coloured, end="", file=stream)
     _command(stream, Colour.DEFAULT)
     print(after, file=stream)
 
@@ -244,8 +244,8 @@ def replacement(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     text = error.object
-    found = (_ascii(text, i) for i in range(error.start, error.end))
-    return "".join(found).encode(error.encoding, "replace").decode(error.encoding), error.end
+    characters = (_ascii(text, i) for i in range(error.start, error.end))
+    return "".join(characters).encode(error.encoding, "replace").decode(error.encoding), error.end
 
 
 def _ascii(text: str, at: int) -> str:

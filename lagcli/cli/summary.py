@@ -57,21 +57,21 @@ def summarize(
         "conserved": {
             name: {
                 "formula": record.conserved_formulas.get(name),
-                "first": found.first,
-                "drift": found.drift,
+                "first": extreme.first,
+                "drift": extreme.drift,
             }
-            for name, found in extremes.conserved.items()
+            for name, extreme in extremes.conserved.items()
         },
         "multipliers": {
             name: {
-                "min": found.low,
-                "t_min": found.low_time,
-                "max": found.high,
-                "t_max": found.high_time,
+                "min": extreme.low,
+                "t_min": extreme.low_time,
+                "max": extreme.high,
+                "t_max": extreme.high_time,
                 "unit": unit_of_column(ColumnName("multipliers", name), record.units),
             }
-            for name, found in extremes.multipliers.items()
-            if known(found.low) is not None
+            for name, extreme in extremes.multipliers.items()
+            if known(extreme.low) is not None
         },
         "events": None if record.events is None else record.events.to_mapping(),
         "parameters": record.parameters,
@@ -111,12 +111,12 @@ def to_json(value: Mapping[str, Any]) -> str:
 
 def error_object(error: LagcliError) -> dict[str, Any]:
     """Return the JSON object of an error."""
-    found: dict[str, Any] = {
+    mapping: dict[str, Any] = {
         "status": "failed" if error.exit_status == 3 else "error",
         "message": str(error),
     }
     if error.diagnostics:
-        found["diagnostics"] = [
+        mapping["diagnostics"] = [
             {
                 "kind": d.kind,
                 "message": d.message,
@@ -127,7 +127,7 @@ def error_object(error: LagcliError) -> dict[str, Any]:
             }
             for d in error.diagnostics
         ]
-    return found
+    return mapping
 
 
 def _absolute(summary: Mapping[str, Any]) -> str:
@@ -218,26 +218,26 @@ def format_summary(summary: Mapping[str, Any], model: Model) -> str:
     return "\n".join(lines)
 
 
-def _events(found: Mapping[str, Any]) -> list[str]:
+def _events(log: Mapping[str, Any]) -> list[str]:
     """Return the lines on contacts and events."""
     from lagcli.trajectory.event_log import event_sentences
 
     lines = [
         line
-        for sentence in event_sentences(found)
+        for sentence in event_sentences(log)
         for line in textwrap.wrap(sentence, 86, break_on_hyphens=False)
     ]
     return [f"  {'events' if not i else '':<12}{line}" for i, line in enumerate(lines)]
 
 
-def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _conserved(drifts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return the drift of the monitored conserved quantities."""
     shown = [
         f"{name} = {x['first']:.6g} within {x['drift']:.1e}"
-        for name, x in islice(found.items(), _LISTED)
+        for name, x in islice(drifts.items(), _LISTED)
     ]
-    if len(found) > _LISTED:
-        shown.append(f"and {len(found) - _LISTED} more (--json lists all)")
+    if len(drifts) > _LISTED:
+        shown.append(f"and {len(drifts) - _LISTED} more (--json lists all)")
     first, *rest = textwrap.wrap("; ".join(shown), 86, break_on_hyphens=False)
     return [f"  {'conserved':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]
 
@@ -253,14 +253,14 @@ def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
         f" {freedom} degree{'s' * (freedom != 1)} of freedom): "
     )
     sets = []
-    for found in summary["redundant"]:
-        names = ", ".join(found["constraints"][:_LISTED])
-        more = len(found["constraints"]) - _LISTED
+    for redundant in summary["redundant"]:
+        names = ", ".join(redundant["constraints"][:_LISTED])
+        more = len(redundant["constraints"]) - _LISTED
         names += f" and {more} more" if more > 0 else ""
-        follow = "follows" if found["surplus"] == 1 else "follow"
-        where = lines_of(model, found["constraints"])
+        follow = "follows" if redundant["surplus"] == 1 else "follow"
+        where = lines_of(model, redundant["constraints"])
         sets.append(
-            f"{found['surplus']} of {names}{f' ({where})' if where else ''} {follow} from the"
+            f"{redundant['surplus']} of {names}{f' ({where})' if where else ''} {follow} from the"
             " others"
         )
     text += "; ".join(sets) + (

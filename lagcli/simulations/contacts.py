@@ -48,7 +48,7 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
         return
     evaluator = Evaluator(system, state.p)
     constraints = evaluator.constraints(state.t, state.q, state.v)
-    found = []
+    errors = []
     for row in system.switching.rows:
         if not row.sign or not row.active:
             continue
@@ -58,11 +58,11 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
             model, evaluator, state, row.row
         ):
             slopes = row.sign * constraints.jacobian[row.row]
-            found.append(_violated(model, row, gap, slopes))
-    found += _bad_coefficients(model, system.switching, state)
-    if found:
-        found.sort(key=lambda d: (d.location.line, d.location.column) if d.location else (0, 0))
-        raise ModelError(found)
+            errors.append(_violated(model, row, gap, slopes))
+    errors += _bad_coefficients(model, system.switching, state)
+    if errors:
+        errors.sort(key=lambda d: (d.location.line, d.location.column) if d.location else (0, 0))
+        raise ModelError(errors)
 
 
 def _scale(model: Model, evaluator: Evaluator, state: State, row: int) -> float:
@@ -239,12 +239,12 @@ def _bad_coefficients(model: Model, switching: Switching, state: State) -> list[
         ("limit", limited[k % len(limited)], x, np.inf)
         for k, x in enumerate(limits[: 2 * len(limited)])
     ]
-    found = []
+    errors = []
     for field, i, x, most in checked:
         if not 0 <= x <= most:
             constraint = model.constraints[i]
             bounds = "not be negative" if most == np.inf else f"lie between 0 and {most:g}"
-            found.append(
+            errors.append(
                 Diagnostic(
                     "bad-value",
                     f"`{field}` of constraint `{constraint.name}` is {x:.6g} at the start, and must"
@@ -253,7 +253,7 @@ def _bad_coefficients(model: Model, switching: Switching, state: State) -> list[
                     "change the expression, or the parameters that it depends on",
                 )
             )
-    return found
+    return errors
 
 
 def check_clocks(model: Model, system: System, settings: Settings) -> None:

@@ -264,11 +264,11 @@ def held_rows(system: System, p: tuple[float, ...], block: Block) -> Flags:
 
 def reactive_forces(system: System, p: tuple[float, ...], block: Block) -> Array:
     """Return the generalized forces that depend on λ, (nq, nt)."""
-    found = np.zeros((len(system.coordinates), len(block.time)))
+    forces = np.zeros((len(system.coordinates), len(block.time)))
     if system.switching is not None and system.switching.forces is not None:
         tape, places = system.switching.forces, system.switching.force_coordinates
-        found[list(places)] = run_arrays(tape, _inputs(block, p), len(block.time))[: len(places)]
-    return found
+        forces[list(places)] = run_arrays(tape, _inputs(block, p), len(block.time))[: len(places)]
+    return forces
 
 
 def _inputs(block: Block, p: tuple[float, ...]) -> list[Array | float]:

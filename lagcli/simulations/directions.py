@@ -40,13 +40,13 @@ def direction_names(model: Model, given: Iterable[str], where: str) -> tuple[str
     UsageError
         There is no such parameter or initial value, it is structural, or it is given twice.
     """
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for text in given:
         name = _known(model, "".join(text.split()), where)
-        if name in found:
+        if name in texts:
             raise UsageError(f"{where} names `{name}` twice; keep one of them")
-        found[name] = text
-    return tuple(found)
+        texts[name] = text
+    return tuple(texts)
 
 
 def _known(model: Model, name: str, where: str) -> str:
@@ -132,8 +132,8 @@ class Directions:
         """
         n, nq = len(self.names), len(self.model.coordinates)
         flat = np.array(self._initial(tuple(map(float, values))))
-        found = flat.reshape(n, 2 * nq) * self.scales[:, None]
-        return StartDerivatives(found[:, :nq], found[:, nq:])
+        derivatives = flat.reshape(n, 2 * nq) * self.scales[:, None]
+        return StartDerivatives(derivatives[:, :nq], derivatives[:, nq:])
 
     def parameters(self, values: Sequence[float]) -> Array:
         """Return the derivatives of the parameters with respect to θ / scale, (n, np).
@@ -157,10 +157,10 @@ class Directions:
         values : sequence of n float
             Values of θ.
         """
-        found = self._given(tuple(map(float, values)))
+        completed = self._given(tuple(map(float, values)))
         first, nq = len(self.model.parameters), len(self.model.coordinates)
-        q, v = np.array(found[first : first + nq]), np.array(found[first + nq :])
-        return State(t, q, v, tuple(found[:first]))
+        q, v = np.array(completed[first : first + nq]), np.array(completed[first + nq :])
+        return State(t, q, v, tuple(completed[:first]))
 
     @cached_property
     def _given(self) -> ScalarTape:
@@ -175,8 +175,8 @@ class Directions:
 
     def _slopes(self, direction: str) -> dict[str, se.Basic]:
         symbol = se.Symbol(direction)
-        found = {name: derivative(x, symbol) for name, x in self._dependent.items()}
-        return {name: slope for name, slope in found.items() if slope != 0}
+        slopes = {name: derivative(x, symbol) for name, x in self._dependent.items()}
+        return {name: slope for name, slope in slopes.items() if slope != 0}
 
     @cached_property
     def _initial(self) -> ScalarTape:
@@ -190,5 +190,5 @@ class Directions:
     def _tape(self, entries: Sequence[str]) -> ScalarTape:
         """Return the tape of the derivatives of parameters or initial values, by direction."""
         slopes = [self._slopes(direction) for direction in self.names]
-        values = [found.get(entry, se.Integer(0)) for found in slopes for entry in entries]
+        values = [slope.get(entry, se.Integer(0)) for slope in slopes for entry in entries]
         return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))

@@ -40,9 +40,9 @@ def event_log(
     if switching is None:
         return None
     # a sequence of impacts ends slightly after the instant at which its limit is known
-    found = _ended_by_what_follows(outcome.events)
-    order = sorted(range(len(found)), key=lambda i: found[i].time)
-    entries, count = [found[i] for i in order], len(order)
+    unordered = _ended_by_what_follows(outcome.events)
+    order = sorted(range(len(unordered)), key=lambda i: unordered[i].time)
+    entries, count = [unordered[i] for i in order], len(order)
     latest = itertools.accumulate(order, max)
     records = NOTHING_RECORDED
     if derived is not None and outcome.limits:
@@ -69,7 +69,7 @@ def event_log(
         loss=np.array([e.loss for e in entries], dtype=float),
         supplied=np.array([e.supplied for e in entries], dtype=float),
         work=np.array([e.work for e in entries], dtype=float),
-        modes=np.array([found[i].modes for i in latest], dtype=np.intp).reshape(count, ns),
+        modes=np.array([unordered[i].modes for i in latest], dtype=np.intp).reshape(count, ns),
         records=records,
         parameters=names,
         dtime=_dtime(outcome, order) if names else np.empty((0, 0)),
@@ -78,15 +78,15 @@ def event_log(
 
 def _ended_by_what_follows(entries: Sequence[EventEntry]) -> list[EventEntry]:
     """Return the entries, with no contact at rest later than at its next change."""
-    found, following = list(entries), dict[int, float]()
-    for i in reversed(range(len(found))):
-        entry = found[i]
+    ended, following = list(entries), dict[int, float]()
+    for i in reversed(range(len(ended))):
+        entry = ended[i]
         if entry.occurrence == "rest":
             time = min(entry.time, following.get(entry.which, entry.time))
-            found[i] = entry._replace(time=time)
+            ended[i] = entry._replace(time=time)
         if entry.occurrence != "event":
-            following[entry.which] = found[i].time
-    return found
+            following[entry.which] = ended[i].time
+    return ended
 
 
 def _dtime(outcome: Outcome, order: Sequence[int]) -> Array:
@@ -126,10 +126,10 @@ def event_records(
     before, after = (
         np.where(
             recorded,
-            np.column_stack([found.get(name, nothing) for name in columns]),
+            np.column_stack([values.get(name, nothing) for name in columns]),
             np.nan,
         )
-        for found in (left, right)
+        for values in (left, right)
     )
     return EventRecords(
         columns=columns,
@@ -154,17 +154,17 @@ def _columns(
         with np.errstate(all="ignore"):  # NaN if a and lambda are unknown
             samples = own(Block.of_rows(np.array([x for x, _ in group]), system.sample_layout))
         parts.append(_named(samples))
-    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return found | {"time": found["t"]}
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return columns | {"time": columns["t"]}
 
 
 def _named(samples: Samples) -> dict[str, Array]:
     """Return the columns of samples by their names in CSV files."""
     coordinates, constraints, terms = samples.coordinates, samples.constraints, samples.terms
     pairs = terms.names(coordinates, constraints)
-    found: dict[str, Array] = {}
+    named: dict[str, Array] = {}
     for quantity in SAMPLED:
         names = column_names(quantity, coordinates, constraints, pairs, samples.conserved_names)
         values = getattr(samples, quantity.name).reshape(len(samples.time), len(names))
-        found |= zip(map(str, names), values.T, strict=True)
-    return found | dict(samples.outputs)
+        named |= zip(map(str, names), values.T, strict=True)
+    return named | dict(samples.outputs)

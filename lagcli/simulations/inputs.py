@@ -40,7 +40,7 @@ _ROUNDING = 1e-12
 
 def check_input_range(model: Model, start: float, end: float) -> None:
     """Raise ModelError unless all inputs are defined from one time to another, s."""
-    found = []
+    errors = []
     for x in model.inputs.values():
         first, last = x.data.times[0], x.data.times[-1]
         slack = _ROUNDING * max(abs(first), abs(last))
@@ -53,7 +53,7 @@ def check_input_range(model: Model, start: float, end: float) -> None:
         else:
             fault = f"ends at t = {last:.9g} s, before the end of the run, t = {end:.9g} s"
             remedy = f"end the run earlier: --t-end {last:.9g}"
-        found.append(
+        errors.append(
             Diagnostic(
                 "outside-table",
                 f"the table of `{x.name}` {fault}",
@@ -61,5 +61,5 @@ def check_input_range(model: Model, start: float, end: float) -> None:
                 f"give {where} more rows, write `extend: hold` or `extend: periodic`, or {remedy}",
             )
         )
-    if found:
-        raise ModelError(found)
+    if errors:
+        raise ModelError(errors)

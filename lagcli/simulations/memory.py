@@ -108,10 +108,10 @@ def _address_space() -> int | None:
 
 def _entry(path: Path, name: str) -> int:
     """Return an entry of a file in /proc, bytes."""
-    found = re.search(rf"^{name}:\s+(\d+) kB$", path.read_text(), re.MULTILINE)
-    if found is None:
+    match = re.search(rf"^{name}:\s+(\d+) kB$", path.read_text(), re.MULTILINE)
+    if match is None:
         raise ValueError(name)
-    return int(found[1]) * 1024
+    return int(match[1]) * 1024
 
 
 def _size(count: int) -> str:

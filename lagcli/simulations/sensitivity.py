@@ -99,9 +99,9 @@ def sensitivity_run(simulation: Simulation, names: tuple[str, ...]) -> Sensitivi
     UsageError, ModelError
         See `Sensitivity` and `Sensitivity.start`.
     """
-    found = Sensitivity(simulation.equations, simulation.system, simulation.settings, names)
-    start = found.start(simulation.start, found.directions.values.tolist())
-    return SensitivityRun(found, start)
+    sensitivity = Sensitivity(simulation.equations, simulation.system, simulation.settings, names)
+    start = sensitivity.start(simulation.start, sensitivity.directions.values.tolist())
+    return SensitivityRun(sensitivity, start)
 
 
 def _refuse_clocks(model: Model, directions: Directions) -> None:
@@ -217,7 +217,7 @@ class Sensitivity:
         given = self.directions.given(values)
         fixed_q, fixed_v = self.directions.fixed
         try:
-            found = start_derivatives(
+            derivatives = start_derivatives(
                 self._evaluator.with_parameters(start.state.p),
                 self.tangent,
                 start.state,
@@ -231,7 +231,7 @@ class Sensitivity:
             raise self._contradiction(error) from None
         if start.moved and not self.determined(start):
             return self._differences(start, values)
-        return found
+        return derivatives
 
     def integrate(
         self,
@@ -310,7 +310,7 @@ class Sensitivity:
         """Return the derivatives of the computed initial state, by differences of sixth order."""
         directions, n = self.directions, len(values)
         nq = len(self.system.coordinates)
-        found = StartDerivatives(np.zeros((n, nq)), np.zeros((n, nq)))
+        derivatives = StartDerivatives(np.zeros((n, nq)), np.zeros((n, nq)))
         for i in range(n):
             for step in (1, -1, 2, -2, 3, -3):
                 beside = np.array(values, dtype=float)
@@ -318,9 +318,9 @@ class Sensitivity:
                 given = directions.state(start.state.t, beside.tolist())
                 near = self.consistent(given).state
                 weight = _WEIGHTS[abs(step) - 1] * math.copysign(1.0, step) / _STEP
-                found.q[i] += weight * near.q
-                found.v[i] += weight * near.v
-        return found
+                derivatives.q[i] += weight * near.q
+                derivatives.v[i] += weight * near.v
+        return derivatives
 
     def _contradiction(self, error: ContradictingStart) -> ModelError:
         model, names = self.equations.model, self.directions.names

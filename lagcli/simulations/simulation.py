@@ -213,11 +213,11 @@ class Simulation:
         from lagcli.simulations.sensitivity import sensitivity_run
 
         began = time.perf_counter()
-        found = sensitivity_run(self, direction_names(self.model, names, "sensitivity"))
+        sensitivity = sensitivity_run(self, direction_names(self.model, names, "sensitivity"))
         spent = self.seconds.get("compile", 0.0) + time.perf_counter() - began
         seconds = {**self.seconds, "compile": spent}
-        settings = self.settings.replace(sensitivity=found.names)
-        return replace(self, settings=settings, sensitivity=found, seconds=seconds)
+        settings = self.settings.replace(sensitivity=sensitivity.names)
+        return replace(self, settings=settings, sensitivity=sensitivity, seconds=seconds)
 
     @property
     def request(self) -> IntegrationRequest:
@@ -389,14 +389,14 @@ class Simulation:
             inputs=tables,
         )
 
-    def _with(self, samples: Samples, found: Derivatives) -> Samples:
+    def _with(self, samples: Samples, derivatives: Derivatives) -> Samples:
         assert self.sensitivity is not None
         return replace(
             samples,
             sensitivity=self.sensitivity.names,
-            dq=found.q,
-            dv=found.v,
-            dmultipliers=found.multipliers,
+            dq=derivatives.q,
+            dv=derivatives.v,
+            dmultipliers=derivatives.multipliers,
         )
 
 
@@ -432,9 +432,9 @@ def warnings_of(
         columns.p = trust.p = values
         for start in range(part.start, part.stop, held):
             rows = samples[start : min(start + held, part.stop)]
-            found = columns(Block.of_rows(rows, layout))
-            trust.add(found)
-            finite.add(found)
+            block = columns(Block.of_rows(rows, layout))
+            trust.add(block)
+            finite.add(block)
     first = Block.of_rows(samples[:1], layout)
     return (
         *negative_inertia(system, State(float(first.time[0]), first.q[0], first.v[0], p), rank),

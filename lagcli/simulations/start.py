@@ -109,7 +109,7 @@ def freedom_at(
         rows, rank = held_at(system, start, _closed(equations.model, closed))
         held = tuple(names[i] for i in rows)
     sets = dependent_sets(system, start.state, rank, rows)
-    redundant = (RedundantSet(tuple(names[i] for i in found), surplus) for found, surplus in sets)
+    redundant = (RedundantSet(tuple(names[i] for i in of), surplus) for of, surplus in sets)
     return DegreesOfFreedom(len(equations.q), len(rows), rank, tuple(redundant), held)
 
 
@@ -177,13 +177,13 @@ def spins_of(model: Model, named: Sequence[str] = ()) -> tuple[Spin, ...]:
         Initial values that count as fixed: a quaternion with rates among them is left out.
     """
     place = {name: i for i, name in enumerate(model.coordinate_names)}
-    found = []
+    spins = []
     for name, fixed in model.spins.items():
         parts = [f"{name}.{k}" for k in range(4)]
         if not any(f"{part}'" in named for part in parts):
             a, b, c, d = (place[part] for part in parts)
-            found.append(Spin(name, (a, b, c, d), fixed))
-    return tuple(found)
+            spins.append(Spin(name, (a, b, c, d), fixed))
+    return tuple(spins)
 
 
 def undefined_at(equations: Equations, state: State) -> UndefinedExpression:
@@ -206,12 +206,12 @@ def message_of(equations: Equations, run: Outcome) -> str:
 
 
 def _undefined_start(equations: Equations, state: State) -> NumericalError:
-    found = undefined_at(equations, state)
+    undefined = undefined_at(equations, state)
     return NumericalError(
         Diagnostic(
             "undefined-start",
-            f"no initial state: {found.clause}",
-            found.location,
+            f"no initial state: {undefined.clause}",
+            undefined.location,
             "change the initial values, or write an expression that is smooth there",
         )
     )
@@ -394,10 +394,10 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
 def _vanishing_in(model: Model, coordinates: list[str]) -> list[str]:
     """Return the parameters that are zero and are factors of velocities in T."""
     kinetic = -model.potential if model.kinetic is None else model.kinetic
-    found: dict[str, None] = {}
+    vanishing: dict[str, None] = {}
     for name in coordinates:
         for symbol in kinetic.diff(velocity(name)).free_symbols:
             p = model.parameters.get(symbol.name)
             if p is not None and p.value == 0:
-                found[p.name] = None
-    return sorted(found)
+                vanishing[p.name] = None
+    return sorted(vanishing)

@@ -128,15 +128,15 @@ def jumping_names(system: System, start: State) -> tuple[str, ...]:
             if kink.timed:
                 continue
             at = frozen.frozen(start._replace(q=y[:nq], v=y[nq:]))
-            found = _on_surface(functions, k, at, y)
-            if found is None:
+            point = _on_surface(functions, k, at, y)
+            if point is None:
                 continue
             sides = []
             for upper in (True, False):
                 p = list(at.p)
-                whole = np.round(functions((at.t, *found, *p))[k])
+                whole = np.round(functions((at.t, *point, *p))[k])
                 p[len(start.p) + k] = float(_beside(kink, np.array([whole]), upper)[0])
-                sides.append(np.array(dynamics((at.t, *found, *p))))
+                sides.append(np.array(dynamics((at.t, *point, *p))))
             if (np.abs(sides[0] - sides[1]) > _JUMP * (1 + np.abs(sides[0]))).any():
                 return kink.names
     return ()
@@ -144,18 +144,18 @@ def jumping_names(system: System, start: State) -> tuple[str, ...]:
 
 def _on_surface(functions: ScalarTape, k: int, at: State, y: Array) -> list[float] | None:
     """Return a state near another at which the function of a kink vanishes, or is an integer."""
-    found = y.copy()
+    point = y.copy()
 
     def value(x: Array) -> float:
         return functions((at.t, *x.tolist(), *at.p))[k]
 
     for _ in range(_NEWTON):
-        g = value(found)
+        g = value(point)
         slopes = np.array(
-            [(value(found + d) - value(found - d)) / 2e-6 for d in 1e-6 * np.eye(len(y))]
+            [(value(point + d) - value(point - d)) / 2e-6 for d in 1e-6 * np.eye(len(y))]
         )
         square = float(slopes @ slopes)
         if not np.isfinite(g) or not square > 0:
             return None
-        found = found - g / square * slopes
-    return found.tolist() if abs(value(found)) < _SOLVED * (1 + np.abs(found).max()) else None
+        point = point - g / square * slopes
+    return point.tolist() if abs(value(point)) < _SOLVED * (1 + np.abs(point).max()) else None

@@ -72,10 +72,10 @@ class Trust:
         self.flow += float(np.nansum(np.diff(time) * (power[1:] + power[:-1])) / 2)
         self._last = float(time[-1]), float(power[-1])
         self._span += float(time[-1] - time[0])
-        for level, found in self._residuals.items():
+        for level, largest_before in self._residuals.items():
             by_row = np.ascontiguousarray(getattr(samples, f"residual_{level}").T)
             largest = np.fmax.reduce(np.abs(by_row), axis=1)
-            self._residuals[level] = np.fmax(found, largest)
+            self._residuals[level] = np.fmax(largest_before, largest)
 
     def _parts(self, samples: Samples) -> Array:
         """Return the sizes of the terms of T and V, which may cancel, at the first and the last
@@ -85,7 +85,7 @@ class Trust:
         """
         some = [0, -1]
         t, q, v, a = (getattr(samples, x)[some] for x in ("time", "q", "v", "a"))
-        found = np.zeros(2)
+        parts = np.zeros(2)
         for sign in (-1, 1):
             # all entries differ, so that their changes cannot cancel
             change = 1 + sign * _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
@@ -98,8 +98,8 @@ class Trust:
                     (kinetic, samples.energy_kinetic[some]),
                     (potential, samples.energy_potential[some]),
                 ):
-                    found = np.fmax(found, np.abs(energy - before) / _CHANGE)
-        return np.where(np.isfinite(found), found, 0.0)
+                    parts = np.fmax(parts, np.abs(energy - before) / _CHANGE)
+        return np.where(np.isfinite(parts), parts, 0.0)
 
     def _remedy(self) -> str:
         """Return the remedy for a large error of the energy balance."""
@@ -122,7 +122,7 @@ class Trust:
         columns : DerivedColumns
             Samples, with the constraints' scales.
         """
-        found, rtol = [], settings.rtol
+        warnings, rtol = [], settings.rtol
         scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
         explained = max(_PER_STEP * rtol * steps, _ROUNDING)
         allowed = min(_LARGEST, explained)
@@ -133,7 +133,7 @@ class Trust:
             allowed = min(_LARGEST, explained * self.parts / scale)
         if not self.balance <= allowed * scale:
             share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
-            found.append(
+            warnings.append(
                 f"the energy balance has an error of {self.balance:.2g} J{share}, more than"
                 f" the tolerance explains ({allowed:.1g}): {self._remedy()}"
             )
@@ -147,11 +147,11 @@ class Trust:
             limit = _RESIDUAL if settings.formulation == "projection" else allowed
             if len(relative) and relative[worst] > limit:
                 what = "violated" if level == "position" else "violated in the velocities"
-                found.append(
+                warnings.append(
                     f"the constraint `{self.constraints[worst]}` is {what} by {relative[worst]:.2g}"
                     " of its terms"
                 )
-        return tuple(found)
+        return tuple(warnings)
 
 
 def _largest(values: Array, before: float) -> float:
@@ -165,7 +165,7 @@ _CHECKED = tuple(x for x in SAMPLED if x.name not in _EXCEPT)
 _LISTED = 5  # largest number of columns with a warning each
 
 
-class _Found:
+class _BadColumn:
     """The samples at which a column is not finite."""
 
     def __init__(self, first: float):
@@ -177,7 +177,7 @@ class FiniteColumns:
 
     def __init__(self) -> None:
         self.samples = 0
-        self._found: dict[str, _Found] = {}
+        self._bad: dict[str, _BadColumn] = {}
 
     def add(self, samples: Samples) -> None:
         """Take the next samples."""
@@ -203,20 +203,20 @@ class FiniteColumns:
         bad = ~np.isfinite(values)
         if not bad.any():
             return
-        found = self._found.setdefault(name, _Found(float(time[np.argmax(bad)])))
-        found.count += int(bad.sum())
-        found.infinite = found.infinite and not np.isnan(values).any()
+        column = self._bad.setdefault(name, _BadColumn(float(time[np.argmax(bad)])))
+        column.count += int(bad.sum())
+        column.infinite = column.infinite and not np.isnan(values).any()
 
     def warnings(self) -> tuple[str, ...]:
         """Return a sentence for each of the first columns, and one for the rest."""
-        found = [
+        sentences = [
             undefined_at(name, x.infinite, x.count, self.samples, x.first)
-            for name, x in self._found.items()
+            for name, x in self._bad.items()
         ]
-        rest = len(found) - _LISTED
+        rest = len(sentences) - _LISTED
         if rest > 1:
-            found[_LISTED:] = [f"{rest} more columns are not finite at some samples"]
-        return tuple(found)
+            sentences[_LISTED:] = [f"{rest} more columns are not finite at some samples"]
+        return tuple(sentences)
 
 
 def undefined_at(name: str, infinite: bool, count: int, samples: int, first: float) -> str:
@@ -252,10 +252,10 @@ def undefined_rows(names: Sequence[str], time: Array, signals: Array) -> dict[in
         Warning of its first such signal, by the index of a run.
     """
     bad = ~np.isfinite(signals)
-    found = {}
+    undefined = {}
     for i in np.flatnonzero(bad.any(axis=(1, 2))).tolist():
         k = int(np.argmax(bad[i].any(axis=1)))
         infinite = not np.isnan(signals[i, k]).any()
         at = float(time[np.argmax(bad[i, k])])
-        found[i] = undefined_at(names[k], infinite, int(bad[i, k].sum()), len(time), at)
-    return found
+        undefined[i] = undefined_at(names[k], infinite, int(bad[i, k].sum()), len(time), at)
+    return undefined

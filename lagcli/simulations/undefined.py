@@ -64,7 +64,7 @@ def undefined_expression(equations: Equations, state: State) -> UndefinedExpress
         A clause such as "`log(x)` in `V` has no finite value at x = -0.2", and its location. If all
         expressions are finite, it names the smallest one whose first or second derivatives are not.
     """
-    return _ExpressionSearch(equations, state).found()
+    return _ExpressionSearch(equations, state).first()
 
 
 class _ExpressionSearch:
@@ -81,7 +81,7 @@ class _ExpressionSearch:
     def places(self) -> ExpressionLocations:
         return ExpressionLocations(self.model)
 
-    def found(self) -> UndefinedExpression:
+    def first(self) -> UndefinedExpression:
         statements = list(self.statements())
         for bad, what in ((self.unbounded, ""), (self.steep, "the derivative of ")):
             for part in statements:

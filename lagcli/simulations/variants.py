@@ -183,12 +183,12 @@ class Variants:
         """
         model, following, n = self.model, self._following(names), len(table)
         results = run_arrays(following.tape, np.ascontiguousarray(table.T), n)
-        found = dict(zip(following.names, results, strict=True))
+        by_name = dict(zip(following.names, results, strict=True))
 
         def columns(values: Mapping[str, float]) -> Array:
             columns = np.empty((n, len(values)))
             for i, (name, value) in enumerate(values.items()):
-                columns[:, i] = found.get(name, value)
+                columns[:, i] = by_name.get(name, value)
             return columns
 
         positions, velocities = model.initial_positions, model.initial_velocities

@@ -63,7 +63,7 @@ class Column(NamedTuple):
 
 def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
     """Return the columns of the varied quantities."""
-    found = []
+    columns = []
     for name in names:
         dataset = name.removesuffix("'") + ("_dot" if name.endswith("'") else "")
         if dataset in RESERVED:
@@ -72,19 +72,19 @@ def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
             said = model.parameters[name].description or f"parameter {name}"
         else:
             said = f"initial value of {name}"
-        found.append(Column(name, dataset, _unit_of_name(model, name), said))
-    return found
+        columns.append(Column(name, dataset, _unit_of_name(model, name), said))
+    return columns
 
 
 def measure_columns(model: Model, measures: tuple[tuple[str, str], ...]) -> list[Column]:
     """Return the columns of measures."""
-    found = []
+    columns = []
     for name, text in measures:
         plain, of_log = event_measures(model, text)
         units = {x: _unit_of_log(model, asked) for x, asked in of_log.items()}
         unit = _unit(model, expand(parse(plain), model.names), units)
-        found.append(Column(name, name, unit, text))
-    return found
+        columns.append(Column(name, name, unit, text))
+    return columns
 
 
 def named_measure(text: str) -> tuple[str, str]:

@@ -116,8 +116,8 @@ class RowStatus:
 
     def _counted(self, causes: NDArray[np.int16]) -> dict[str, int]:
         counts = np.bincount(causes, minlength=len(self._causes))
-        found = {text: int(counts[i]) for text, i in self._causes.items() if i and counts[i]}
-        return dict(sorted(found.items(), key=lambda x: -x[1]))
+        counted = {text: int(counts[i]) for text, i in self._causes.items() if i and counts[i]}
+        return dict(sorted(counted.items(), key=lambda x: -x[1]))
 
     def statuses(self) -> dict[str, int]:
         """Return the numbers of rows by status."""
@@ -140,18 +140,18 @@ class MissingRows:
 
     def take(self, count: int) -> Numbers:
         """Return the next rows, up to a number; none at the end."""
-        found: list[Numbers] = []
+        blocks: list[Numbers] = []
         size = 0
         while size < count and self._next < len(self._wanted):
             block = np.flatnonzero(self._wanted[self._next : self._next + 65536])[: count - size]
             if len(block):
                 block = block + self._next
-                found.append(block)
+                blocks.append(block)
                 size += len(block)
             full = size >= count
             self._next = int(block[-1]) + 1 if full else self._next + 65536
         self.left -= size
-        return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+        return np.concatenate(blocks) if blocks else np.empty(0, dtype=np.int64)
 
 
 def runs_of(numbers: Numbers) -> Iterator[tuple[slice, slice]]:

@@ -166,11 +166,11 @@ def sweep(
         text, name, set or {}, set_initial or {}, settings, request, path, data
     )
     with opened(prepared, path, resume, retry_failed, force) as state:
-        found = _Sweep(prepared, state, path, began)
+        runs = _Sweep(prepared, state, path, began)
         if state.journal is None:
-            return found.summary("completed", path, 0)
+            return runs.summary("completed", path, 0)
         jobs = jobs or _processors()
-        return found.run(
+        return runs.run(
             state.journal,
             jobs,
             progress or (lambda done, rows: None),

@@ -38,7 +38,7 @@ _Text = Callable[[Basic], str]
 
 
 def to_mapping(checked: Check) -> dict[str, Any]:
-    """Return what a check found, as ``lagcli check --json`` prints it.
+    """Return the result of a check, as ``lagcli check --json`` prints it.
 
     Formulas are text of the model grammar.
     """
@@ -165,7 +165,7 @@ def page(checked: Check, width: int = 80) -> str:
 
     Parameters
     ----------
-    found : Check
+    checked : Check
     width : int
         Columns, at least 40.
 

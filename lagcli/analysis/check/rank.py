@@ -96,7 +96,7 @@ def check_rank(
     states : sequence of ConsistentState
         Other states, from `random_states`.
     """
-    ranks = tuple(found.rank for found in states)
+    ranks = tuple(state.rank for state in states)
     names = system.constraints
     near: tuple[str, ...] = ()
     if len(start.state.q) <= MOST_COORDINATES:
@@ -106,7 +106,7 @@ def check_rank(
     null = _null_space(system, start)
     loose = np.abs(null).max(axis=1) > _COUNTS
     unique = tuple(n for n, x in zip(names, loose, strict=True) if not x)
-    sets = [[names.index(n) for n in found.constraints] for found in freedom.redundant]
+    sets = [[names.index(n) for n in x.constraints] for x in freedom.redundant]
     return RankCheck(
         freedom,
         ranks,

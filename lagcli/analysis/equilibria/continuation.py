@@ -581,7 +581,7 @@ class Tracer:
         """
         near = float(before.tangent @ (point.place.z - before.place.z))
         moved = [self.advanced(before, near + side * k * _BESIDE * length) for k in (1, 2, 3, 4)]
-        points = [found[0] for found in moved if found is not None]
+        points = [point for point, _ in filter(None, moved)]
         if len(points) < 4:
             return point
         stability = [self.stability(x) for x in points]
@@ -634,7 +634,7 @@ class Tracer:
 
         near = brentq(value, 0.0, length, xtol=_BESIDE * length)
         beside = [self.advanced(before, near + k * _BESIDE * length) for k in (-3, -1, 1, 3)]
-        points = [found[0] for found in beside if found is not None]
+        points = [point for point, _ in filter(None, beside)]
         if len(points) < 2:  # no step converges near it
             sign = np.sign(function(before))
             return self._bisected(before, length, lambda x: sign * function(x) < 0)[1]

@@ -1,4 +1,4 @@
-"""What an analysis found as sections of tables, from which text, pages and notebooks are made."""
+"""The result of an analysis as sections of tables, for text, pages and notebooks."""
 
 from __future__ import annotations
 

@@ -38,14 +38,14 @@ def check(
         set=assignments("--set", set),
         set_initial=assignments("--set-initial", set_initial),
     )
-    found = check_model(loaded)
+    result = check_model(loaded)
     if json:
         from lagcli.analysis.check.description import to_mapping
         from lagcli.cli.summary import to_json
 
-        print(to_json(to_mapping(found)))
+        print(to_json(to_mapping(result)))
         return
     from lagcli.analysis.check.description import page
     from lagcli.cli.streams import text_width
 
-    sys.stdout.write(page(found, width or min(80, text_width())))
+    sys.stdout.write(page(result, width or min(80, text_width())))

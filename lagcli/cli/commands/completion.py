@@ -41,8 +41,8 @@ def candidates(words: Sequence[str]) -> list[Candidate]:
     *before, word = words
     if not before:
         commands = program().commands
-        found = [Candidate(name, _first_line(commands[name].help)) for name in COMMANDS]
-        return [c for c in found if c.word.startswith(word)]
+        known = [Candidate(name, _first_line(commands[name].help)) for name in COMMANDS]
+        return [c for c in known if c.word.startswith(word)]
     if before[0] not in COMMANDS:
         return []
     command = program(before[:1])

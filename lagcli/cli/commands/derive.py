@@ -151,8 +151,8 @@ def derive(
 
 def _without_partition(error: LagcliError) -> str:
     """Print why a derivation has no independent coordinates."""
-    found = error.diagnostics[0].message if error.diagnostics else str(error)
-    return f"note: independent coordinates and the second kind are omitted: {found}"
+    reason = error.diagnostics[0].message if error.diagnostics else str(error)
+    return f"note: independent coordinates and the second kind are omitted: {reason}"
 
 
 def _kinds(text: str) -> list[str]:

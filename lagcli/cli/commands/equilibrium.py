@@ -86,10 +86,10 @@ def equilibrium(
         text = format_equilibria(content)
     else:
         loaded, name, start, end = load_along(loaded, along)
-        found = follow_equilibria(loaded, name, start, end, steady=held, branches=branches)
-        content, arrays = describe_diagram(found), diagram_arrays(found)
+        diagram = follow_equilibria(loaded, name, start, end, steady=held, branches=branches)
+        content, arrays = describe_diagram(diagram), diagram_arrays(diagram)
         text = format_diagram(content)
-        if not branches and any(x.kind == "branch point" for x in found.special):
+        if not branches and any(x.kind == "branch point" for x in diagram.special):
             text += "\n  note: other branches cross at branch points; --branches follows them"
     if output is not None:
         write_content(content, arrays, loaded, output, force)

@@ -42,12 +42,12 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
         if is_sweep(file):
             from lagcli.sweeps.file.description import describe_sweep, format_sweep
 
-            found = describe_sweep(file)
-            return found, format_sweep(found, text_width())
+            content = describe_sweep(file)
+            return content, format_sweep(content, text_width())
     from lagcli.results.info import describe, format_info
 
-    found = describe(file)
-    return found, format_info(found, text_width())
+    content = describe(file)
+    return content, format_info(content, text_width())
 
 
 def _analysis(file: str) -> tuple[dict[str, Any], str]:

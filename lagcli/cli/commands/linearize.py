@@ -73,7 +73,7 @@ def linearize(
 
     check_target(model, file, LINEAR_SUFFIXES, force)
     loaded, held = load_steady(model, set, set_initial, steady)
-    found = linear_model(
+    linear = linear_model(
         loaded,
         at=at,
         equilibrium=equilibrium,
@@ -83,6 +83,6 @@ def linearize(
         outputs=output or (),
     )
     if file is not None:
-        write_linear(found, loaded, file, force)
-    content = describe_linear(found)
+        write_linear(linear, loaded, file, force)
+    content = describe_linear(linear)
     print_analysis(content, format_linear(content), file, json, quiet)

@@ -27,17 +27,17 @@ def models(
     if name is not None:
         print(shipped_model(name).read_text(encoding="utf-8"), end="")
         return
-    found = {key: load(path) for key, path in shipped_models().items()}
+    loaded = {key: load(path) for key, path in shipped_models().items()}
     if json:
         listed = [
             {"name": key, "description": model.description, "path": model.path}
-            for key, model in found.items()
+            for key, model in loaded.items()
         ]
         print(visible_json(json_module.dumps({"command": "models", "models": listed})))
         return
-    indent = " " * (max(map(len, found), default=0) + 2)
+    indent = " " * (max(map(len, loaded), default=0) + 2)
     width = text_width() if sys.stdout.isatty() else 80
-    for key, model in found.items():
+    for key, model in loaded.items():
         whole = (model.description or "").replace(" = ", "\u00a0=\u00a0")  # no break around it
         lines = textwrap.wrap(whole, max(width - len(indent), 24))
         print(f"{key:<{len(indent)}}" + f"\n{indent}".join(lines).replace("\u00a0", " "))

@@ -50,8 +50,8 @@ def modes(
 
     check_target(model, output, MODES_SUFFIXES, force)
     loaded, held = load_steady(model, set, set_initial, steady)
-    found = find_modes(loaded, at=at, equilibrium=equilibrium, steady=held)
+    analysis = find_modes(loaded, at=at, equilibrium=equilibrium, steady=held)
     if output is not None:
-        write_modes(found, loaded, output, force)
-    content = describe_modes(found)
+        write_modes(analysis, loaded, output, force)
+    content = describe_modes(analysis)
     print_analysis(content, format_modes(content), output, json, quiet)

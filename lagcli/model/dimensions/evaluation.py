@@ -488,7 +488,7 @@ class FreeNumbers:
         self.place = EntryPlace("")
         self.member: tuple[object, ...] = ()
         self._keys: dict[tuple[object, ...], int] = {}
-        self._found: list[tuple[Tree, EntryPlace]] = []
+        self._trees: list[tuple[Tree, EntryPlace]] = []
         self._solved: dict[int, Dimension] = {}
 
     def unknown(self, tree: Tree) -> Dimension:
@@ -496,8 +496,8 @@ class FreeNumbers:
         key = (id(tree), *self.member)
         number = self._keys.get(key)
         if number is None:
-            number = self._keys[key] = len(self._found)
-            self._found.append((tree, self.place))  # keeps the tree, whose id is the key
+            number = self._keys[key] = len(self._trees)
+            self._trees.append((tree, self.place))  # keeps the tree, whose id is the key
         return Dimension(numbers=((number, 1),))
 
     def resolved(self, value: Dimension) -> Dimension:
@@ -533,7 +533,7 @@ class FreeNumbers:
 
     def taken(self) -> Iterator[FreeNumber]:
         """Yield the numbers that have taken a unit."""
-        for number, (tree, place) in enumerate(self._found):
+        for number, (tree, place) in enumerate(self._trees):
             dimension = self._settled(Dimension(numbers=((number, 1),)))
             if isinstance(dimension, Dimension) and not same(dimension, ONE):
                 yield FreeNumber(tree, place, dimension)

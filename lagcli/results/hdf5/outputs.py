@@ -91,7 +91,7 @@ class OutputDatasets:
 
     def __init__(self, root: h5py.Group, lead: int):
         self._group, self._lead = group(root, "outputs"), lead
-        self.families = list(self._found())
+        self.families = list(self._read_families())
         self.names = tuple(name for family in self.families for name in family.members)
         self._places: dict[str, tuple[str, int | None]] = {}
         for family in self.families:
@@ -100,7 +100,7 @@ class OutputDatasets:
         if len(self._places) != len(self.names):
             raise ValueError("outputs have two of one name")
 
-    def _found(self) -> Iterator[OutputFamily]:
+    def _read_families(self) -> Iterator[OutputFamily]:
         names = set(self._group)
         for name in self._group:
             if is_texts(self._group, name):

@@ -166,9 +166,9 @@ class Journal:
                 f"{self.path} was written by another version of lagcli; finish the sweep with that"
                 " version, or give --force to start again"
             )
-        found = self._record(Mark(len(_MAGIC), 0)) if magic == _MAGIC else None
-        if found is not None:
-            self._end, record = found
+        first = self._record(Mark(len(_MAGIC), 0)) if magic == _MAGIC else None
+        if first is not None:
+            self._end, record = first
             with suppress(ValueError):
                 header = json.loads(record)
                 if isinstance(header, dict) and isinstance(header.get("sweep"), dict):
@@ -199,12 +199,12 @@ class Journal:
             Those of the sweep; a record with other sizes counts as damaged.
         """
         self._end = self._start
-        while (found := self._record(self._end)) is not None:
+        while (entry := self._record(self._end)) is not None:
             try:
-                results = decode(found[1], rows, measures)
+                results = decode(entry[1], rows, measures)
             except ValueError:
                 break
-            self._end = found[0]
+            self._end = entry[0]
             yield results
         self.damage = self._size() - self._end.place
         if self.damage:
@@ -223,13 +223,13 @@ class Journal:
         """
         mark = self._start
         while mark.place < self._end.place:
-            found = self._record(mark)
-            if found is None:
+            entry = self._record(mark)
+            if entry is None:
                 raise FileError(
                     f"cannot read {self.path}: it was damaged while the sweep ran; the same"
                     " command with --resume runs the rows again that are lost"
                 )
-            mark, record = found
+            mark, record = entry
             yield decode(record, rows, measures)
 
     def _record(self, before: Mark) -> tuple[Mark, bytes] | None:
@@ -347,11 +347,11 @@ def decode(record: bytes, rows: int, measures: int) -> Results:
 
     def array(kind: str, *shape: int) -> Any:
         nonlocal place
-        found = np.frombuffer(record, kind, int(np.prod(shape)), place).reshape(shape)
-        place += found.nbytes
-        return found
+        numbers = np.frombuffer(record, kind, int(np.prod(shape)), place).reshape(shape)
+        place += numbers.nbytes
+        return numbers
 
-    found = Results(
+    results = Results(
         array("<i8", n),
         array("<i1", n),
         messages,
@@ -361,8 +361,8 @@ def decode(record: bytes, rows: int, measures: int) -> Results:
     )
     if place != len(record) or n > rows:
         raise ValueError("the record's sizes do not fit")
-    if not ((found.numbers >= 0) & (found.numbers < rows)).all():
+    if not ((results.numbers >= 0) & (results.numbers < rows)).all():
         raise ValueError("the record holds rows that the sweep does not have")
-    if not ((found.status >= 0) & (found.status < MISSING)).all():
+    if not ((results.status >= 0) & (results.status < MISSING)).all():
         raise ValueError("the record holds an unknown status")
-    return found
+    return results

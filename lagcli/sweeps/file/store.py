@@ -91,8 +91,8 @@ def write_sweep(
         writer.row_columns(prepared.measures)
         if prepared.spec.keep == "trajectories":
             writer.kept_columns(prepared.model, prepared.times)
-        for found in results:
-            writer.enter(found)
+        for chunk in results:
+            writer.enter(chunk)
             sink.check()
         writer.varied(prepared)
         writer.describe_message()
@@ -308,9 +308,9 @@ class SweepFile:
             self._check_length(dataset, self._outputs.shape(name))
             return self._outputs.read(name, rows)
         kind = "i1" if dataset == "status" else "<i8" if dataset in COUNTS else "<f8"
-        found = numbers(self.root, dataset, kind)
-        self._check_length(dataset, found.shape)
-        values = found[rows]
+        stored = numbers(self.root, dataset, kind)
+        self._check_length(dataset, stored.shape)
+        values = stored[rows]
         if dataset in self._varied and not np.isfinite(values).all():
             raise ValueError(f"{dataset} has varied values that are not finite")
         return values

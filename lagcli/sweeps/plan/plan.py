@@ -138,14 +138,14 @@ def make_plan(
         raise UsageError(
             f"--sample {sample} has nothing to draw from: give a range, as in --vary m=1..2"
         )
-    found: list[Factor] = []
+    factors: list[Factor] = []
     for x in read:
         if not isinstance(x, Drawn):
-            found.append(x)
+            factors.append(x)
         elif x is drawn[0]:
             assert sample is not None
-            found.append(_sample(sample, seed, drawn))
-    plan = Plan(tuple(found), zipped, tuple(t.strip() for t in vary))
+            factors.append(_sample(sample, seed, drawn))
+    plan = Plan(tuple(factors), zipped, tuple(t.strip() for t in vary))
     _check(plan, taken or {})
     return plan
 

@@ -195,15 +195,15 @@ class _VaryReader:
     def pieces(self, span: tuple[int, int], mark: str) -> list[tuple[int, int]]:
         """Return the spans between separators outside of parentheses."""
         text, (start, end) = self.option.text, span
-        found, depth, at = [], 0, start
+        pieces, depth, at = [], 0, start
         while at < end:
             depth += (text[at] == "(") - (text[at] == ")")
             if depth == 0 and text.startswith(mark, at) and at + len(mark) <= end:
-                found.append((start, at))
+                pieces.append((start, at))
                 start = at = at + len(mark)
             else:
                 at += 1
-        return [*found, (start, end)]
+        return [*pieces, (start, end)]
 
     def number(self, span: tuple[int, int]) -> Value:
         """Return a number, or the value of an expression of numbers."""
@@ -315,9 +315,9 @@ def varied_name(model: Model, name: str) -> str:
     if plain in model.parameters or plain in model.initial_positions:
         return plain
     base, bracket, index = plain.partition("_dot[")
-    for found in (plain.removesuffix("'"), plain.removesuffix("_dot"), f"{base}[{index}"):
-        if found != plain and found in model.initial_velocities and (bracket or "[" not in index):
-            return f"{found}'"
+    for rate in (plain.removesuffix("'"), plain.removesuffix("_dot"), f"{base}[{index}"):
+        if rate != plain and rate in model.initial_velocities and (bracket or "[" not in index):
+            return f"{rate}'"
     known = [*model.parameters, *model.initial_positions]
     known += [f"{q}'" for q in model.initial_velocities]
     help_ = did_you_mean(nearest(plain, known)) or "it has " + ", ".join(known[:30])

@@ -123,7 +123,7 @@ class Cluster:
             flight.expect(future, numbers)
             return
         try:
-            found = future.result(timeout=PATIENCE)
+            answer = future.result(timeout=PATIENCE)
         except KilledWorker as error:
             deaths = error.allowed_failures + 1
             if flight.alone:
@@ -139,12 +139,12 @@ class Cluster:
             self._check_versions(self._client.nthreads())  # a bug, or another version?
             raise
         else:
-            if found.version != __version__:
-                raise _other_version(found.worker, found.version)
-            if found.results is None:
-                raise RuntimeError(f"on the worker {found.worker}:\n{found.bug}")
-            flight.chunks.took(len(numbers), found.seconds)
-            yield found.results
+            if answer.version != __version__:
+                raise _other_version(answer.worker, answer.version)
+            if answer.results is None:
+                raise RuntimeError(f"on the worker {answer.worker}:\n{answer.bug}")
+            flight.chunks.took(len(numbers), answer.seconds)
+            yield answer.results
 
     def _look(self) -> None:
         """Report workers that have left."""
@@ -163,10 +163,10 @@ class Cluster:
 
     def _check_versions(self, workers: Iterable[str]) -> None:
         # a function of the standard library: a worker may not even have lagcli
-        found = self._client.run(
+        versions = self._client.run(
             pydoc.locate, "lagcli.__version__", workers=list(workers), on_error="return"
         )
-        for worker, version in found.items():
+        for worker, version in versions.items():
             if version != __version__ and not isinstance(version, OSError):
                 raise _other_version(worker, version)
 
@@ -182,9 +182,9 @@ class Cluster:
 
 def _local_workers(address: str) -> int | None:
     """Return N of ``local:N``, or None for the address of a scheduler."""
-    found = re.fullmatch(r"local:(\d{1,4})", address)
-    if found and int(found[1]):
-        return int(found[1])
+    match = re.fullmatch(r"local:(\d{1,4})", address)
+    if match and int(match[1]):
+        return int(match[1])
     if not re.fullmatch(r"[a-z]+://[^/]+:\d+", address):
         raise UsageError(
             f"--scheduler {address!r} is not an address; give that of a Dask scheduler,"
@@ -233,7 +233,7 @@ def _check_scheduler(address: str) -> None:
     try:
         # in a separate thread: the caller's may have a running loop, as in a notebook
         with ThreadPoolExecutor(1) as thread:
-            found = thread.submit(
+            role = thread.submit(
                 lambda: asyncio.run(asyncio.wait_for(identity(), PATIENCE))
             ).result()
     except (OSError, TimeoutError):
@@ -241,9 +241,9 @@ def _check_scheduler(address: str) -> None:
             f"no scheduler answers at {address} within {PATIENCE:g} s; start one with"
             " `dask scheduler`, or check host and port"
         ) from None
-    if found != "Scheduler":
+    if role != "Scheduler":
         raise FileError(
-            f"{address} is the address of a Dask {found.lower()}; give that of the scheduler"
+            f"{address} is the address of a Dask {role.lower()}; give that of the scheduler"
         )
 
 
@@ -252,9 +252,9 @@ _QUIET = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 
 
 def _other_version(worker: str, version: object) -> UsageError:
-    found = f"lagcli {version}" if isinstance(version, str) else "no lagcli that can be imported"
+    other = f"lagcli {version}" if isinstance(version, str) else "no lagcli that can be imported"
     return UsageError(
-        f"the worker {worker} has {found}, and this is lagcli {__version__}; install the"
+        f"the worker {worker} has {other}, and this is lagcli {__version__}; install the"
         " same version there, and restart the worker"
     )
 
@@ -340,11 +340,11 @@ class Flight:
         """
         if self.repeated:
             return self.repeated.popleft()
-        found = self.chunks.next()
-        if not len(found) and self.suspects and not self.under_way:
+        numbers = self.chunks.next()
+        if not len(numbers) and self.suspects and not self.under_way:
             self.alone = True
             return self.suspects.popleft()
-        return found
+        return numbers
 
     def wait(self, seconds: float) -> tuple[Future[Any], Numbers] | None:
         """Wait for a chunk and return it."""

@@ -98,9 +98,9 @@ class RowGroup:
     ):
         self.variants, self.columns = variants, tuple(columns)
         model = variants.model
-        found = read_measures(model, measures)
-        self._measures = found
-        self.measuring = Measuring(found, list(model.parameters))
+        plan = read_measures(model, measures)
+        self._measures = plan
+        self.measuring = Measuring(plan, list(model.parameters))
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
         self._request: IntegrationRequest | Literal[False] | None = None  # not prepared yet
@@ -182,12 +182,12 @@ class RowGroup:
         from lagcli.simulations.event_logs import event_log
 
         system = self.variants.system
-        found = np.full((len(ended.runs), len(asked)), np.nan)
+        counts = np.full((len(ended.runs), len(asked)), np.nan)
         for i, run in enumerate(ended.runs):
             log = event_log(system, run) if isinstance(run, Outcome) else None
             if log is not None:
-                found[i] = [of_log(log, x, system.constraints) for x in asked]
-        return found
+                counts[i] = [of_log(log, x, system.constraints) for x in asked]
+        return counts
 
     def warnings(self, ended: FinishedRuns, i: int) -> tuple[str, ...]:
         """Return the warnings of the i-th run, which is completed."""

@@ -111,8 +111,8 @@ class Measuring:
                     self.names.append(measure.name)
                 places[reduced(i)] = se.Symbol(f"#all{self.reductions.index(reduction)}")
             values.append(measure.value.xreplace(places))
-        found = [se.Symbol(f"#all{i}") for i in range(len(self.reductions))]
-        self._tape = compile_tape(values, found, [se.Symbol(name) for name in parameters])
+        symbols = [se.Symbol(f"#all{i}") for i in range(len(self.reductions))]
+        self._tape = compile_tape(values, symbols, [se.Symbol(name) for name in parameters])
 
     @property
     def times(self) -> list[float]:
@@ -138,11 +138,11 @@ class Measuring:
             Values from event logs, if any are requested.
         """
         logged = iter(() if happened is None else happened.T)
-        found = [
+        reductions = [
             next(logged) if reduction.event else _number(reduction, signals[:, i], grid)
             for i, reduction in enumerate(self.reductions)
         ]
-        return run_arrays(self._tape, [*found, *parameters.T], len(signals)).T
+        return run_arrays(self._tape, [*reductions, *parameters.T], len(signals)).T
 
 
 def of_log(log: EventLog, asked: EventMeasure, constraints: Sequence[str]) -> float:
@@ -220,18 +220,18 @@ class Signals:
         numbered = {str(i): x for i, x in enumerate(expressions)}
         written = with_forces(eq.model, eq.constraints, numbered)
         columns = _ColumnSymbols(eq)
-        found = [x.xreplace(columns.in_expression(x)) for x in written.values()]
+        outputs = [x.xreplace(columns.in_expression(x)) for x in written.values()]
         parameters = [se.Symbol(name) for name in eq.model.parameters]
         lambdas = [multiplier(c.constraint.name) for c in eq.constraints]
         state = [TIME, *eq.q, *eq.v, *eq.a, *lambdas, WORK]
         functions = input_functions(eq.model)
-        tape = compile_tape(found, state, [*parameters, ENERGY_BEFORE], functions)
+        tape = compile_tape(outputs, state, [*parameters, ENERGY_BEFORE], functions)
         self._evaluate: Callable[[Array, Array], Array] = partial(_run_blocks, tape)
         if not functions.functions:
             from lagcli.engine.integrate.batch import SampleTape
 
             self._evaluate = SampleTape(tape)
-        self._balance = any(ENERGY_BEFORE in x.free_symbols for x in found)
+        self._balance = any(ENERGY_BEFORE in x.free_symbols for x in outputs)
         self._energy = compile_tape([eq.energy - WORK], state, parameters, functions)
 
     def __call__(self, samples: Array, parameters: Array, changes: ParameterChanges = ()) -> Array:
@@ -254,15 +254,15 @@ class Signals:
         if changes:
             own = tuple(parameters[0].tolist())
             parts = parts_of_constant_parameters(count, own, changes)
-            found = [self._evaluate(samples[:, k], np.array([[*p, before[0]]])) for k, p in parts]
-            return np.concatenate(found, axis=2)
+            blocks = [self._evaluate(samples[:, k], np.array([[*p, before[0]]])) for k, p in parts]
+            return np.concatenate(blocks, axis=2)
         return self._evaluate(samples, np.column_stack([parameters, before]))
 
 
 def _run_blocks(tape: Tape, samples: Array, constants: Array) -> Array:
     """Run a tape over samples, as `lagcli.engine.integrate.batch.SampleTape` does."""
     runs, count = samples.shape[:2]
-    found = np.empty((runs, len(tape.outputs), count))
+    values = np.empty((runs, len(tape.outputs), count))
     step = max(1, _TOGETHER // max(1, count))
     for start in range(0, runs, step):
         part = slice(start, start + step)
@@ -270,8 +270,8 @@ def _run_blocks(tape: Tape, samples: Array, constants: Array) -> Array:
         inputs = np.ascontiguousarray(mine.reshape(-1, mine.shape[2]).T)
         steady = np.repeat(constants[part], count, axis=0).T
         out = run_arrays(tape, [*inputs, *steady], len(mine) * count)
-        found[part] = out.reshape(-1, len(mine), count).swapaxes(0, 1)
-    return found
+        values[part] = out.reshape(-1, len(mine), count).swapaxes(0, 1)
+    return values
 
 
 class _ColumnSymbols:
@@ -285,8 +285,8 @@ class _ColumnSymbols:
         """Return the expressions of the columns that an expression names, by symbol."""
         parameters = self.equations.model.parameters
         names = (s for s in expression.free_symbols if s.name not in parameters)
-        found = {s: self._column(s.name) for s in names}
-        return {symbol: column for symbol, column in found.items() if column is not None}
+        columns = {s: self._column(s.name) for s in names}
+        return {symbol: column for symbol, column in columns.items() if column is not None}
 
     def _column(self, name: str) -> Basic | None:
         """Return the expression of a column; None for any other symbol."""

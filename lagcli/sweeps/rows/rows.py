@@ -81,19 +81,19 @@ class Runner:
         LagcliError
             The values are invalid for the model, or a measure is.
         """
-        found = self._groups.get(values)
-        if found is None:
+        group = self._groups.get(values)
+        if group is None:
             try:
-                found = self._derive(values)
+                group = self._derive(values)
             except LagcliError as error:
-                found = error
-            self._groups[values] = found
+                group = error
+            self._groups[values] = group
             if len(self._groups) > _MOST_GROUPS:
                 self._groups.popitem(last=False)
         self._groups.move_to_end(values)
-        if isinstance(found, LagcliError):
-            raise found
-        return found
+        if isinstance(group, LagcliError):
+            raise group
+        return group
 
     def base(self) -> RowGroup:
         """Return the group of the model's own values, to validate the sweep.
@@ -122,23 +122,23 @@ class Runner:
     def run(self, numbers: Numbers, check_cancelled: Callable[[], None]) -> Results:
         """Run rows; see `run_rows`."""
         table = self.spec.plan.rows(numbers)
-        found = _Collected(numbers, len(self.spec.measures), self.spec.strict)
+        collected = _Collected(numbers, len(self.spec.measures), self.spec.strict)
         different, which = np.unique(table[:, self.structural], axis=0, return_inverse=True)
         for i, values in enumerate(different):
             places = np.flatnonzero(which.reshape(-1) == i)
             try:
                 group = self.group(tuple(values.tolist()))
             except LagcliError as error:
-                found.refuse(places, error)
+                collected.refuse(places, error)
                 continue
-            found.expect(group)
+            collected.expect(group)
             with one_thread():
                 group.run(
                     table[places][:, self.numeric],
-                    partial(found.enter, group, places),
+                    partial(collected.enter, group, places),
                     check_cancelled,
                 )
-        return found.results()
+        return collected.results()
 
 
 class _Collected:
@@ -209,9 +209,9 @@ _runners: OrderedDict[str, Runner] = OrderedDict()
 
 def _runner(spec: Spec) -> Runner:
     """Return a cached runner of a sweep in this process."""
-    found = _runners.get(spec.sha256)
-    if found is None:
-        found = _runners[spec.sha256] = Runner(spec)
+    runner = _runners.get(spec.sha256)
+    if runner is None:
+        runner = _runners[spec.sha256] = Runner(spec)
         if len(_runners) > _MOST_SPECS:
             _runners.popitem(last=False)
-    return found
+    return runner
