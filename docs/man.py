@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from lagcli.cli.app import COMMANDS, program
+from lagcli.cli.app import COMMANDS, EPILOG, PROGRAM, command
+from lagcli.cli.help import described, usage_words
+from lagcli.cli.parameters import Command
 
 PAGE = Path(__file__).with_name("lagcli.1")
 
@@ -26,31 +26,27 @@ No colours on the terminal.
 
 def manual() -> str:
     """Return the manual page in the macros of man(7)."""
-    app = program()
-    context = app.make_context("lagcli", ["derive", "-"], resilient_parsing=True)
     lines = ['.TH LAGCLI 1 "" "lagcli" "User Commands"', ".SH NAME"]
-    lines += [f"lagcli \\- {_text(_sentence(app.help))}", ".SH SYNOPSIS"]
+    lines += [f"lagcli \\- {_text(_sentence(PROGRAM.help))}", ".SH SYNOPSIS"]
     lines += [".B lagcli", "COMMAND [OPTIONS] [ARGUMENTS]", ".SH COMMANDS"]
     for name in COMMANDS:
-        lines += _command(name, app.commands[name], context)
-    lines += [".SH EXIT STATUS", *_statuses(app.epilog)]
+        lines += _command(command(name))
+    lines += [".SH EXIT STATUS", *_statuses(EPILOG)]
     return "\n".join(lines) + "\n" + _END
 
 
-def _command(name: str, command: Any, context: Any) -> Iterator[str]:
-    own = command.make_context(name, [], parent=context, resilient_parsing=True)
-    usage = " ".join(piece.strip("{}") for piece in command.collect_usage_pieces(own))
-    yield f".SS lagcli {_text(name)} {_text(usage)}"
-    for number, paragraph in enumerate(inspect.cleandoc(command.help).split("\n\n")):
+def _command(entry: Command) -> Iterator[str]:
+    usage = " ".join(word.strip("{}") for word in usage_words(entry))
+    yield f".SS {_text(entry.name)} {_text(usage)}"
+    for number, paragraph in enumerate(entry.help.split("\n\n")):
         if number:
             yield ".PP"
         yield _text(" ".join(paragraph.split()))
-    for parameter in command.params:
-        found = parameter.get_help_record(own)
-        if found is not None:
-            yield ".TP"
-            yield f".B {_text(found[0])}"
-            yield _text(" ".join(found[1].split()))
+    for parameter in entry.parameters:
+        name, text = described(parameter)
+        yield ".TP"
+        yield f".B {_text(name)}"
+        yield _text(" ".join(text.split()))
 
 
 def _statuses(epilog: str) -> Iterator[str]:

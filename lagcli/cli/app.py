@@ -1,20 +1,18 @@
 """The program `lagcli`: commands, exit statuses, and error handling."""
 
 import atexit
-import functools
 import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from lagcli.cli import streams
-from lagcli.cli.options import BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS
+from lagcli.cli.options import BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS, USAGE_STATUS
+from lagcli.cli.parameters import HELP, Command, CommandParameter, parameters_of
+from lagcli.cli.parsing import CommandLineError, split, values
 from lagcli.errors import LagcliError
 from lagcli.simulations.memory import check_address_space
 from lagcli.simulations.threads import limit_process
@@ -26,71 +24,26 @@ _NAMES = [f[:-3].replace("_", "-") for f in _FILES if f.endswith(".py") and f[0]
 #: The commands, in the order of the help; each is the function with the name of its module.
 COMMANDS = (*_FIRST, *(name for name in _NAMES if name not in _FIRST))
 
-
-class _Interrupted(Exception):
-    """Ctrl-C without a run whose samples are kept."""
-
-
-def program(arguments: Sequence[str] = ()) -> Any:
-    """Return the program for these arguments: with only the requested command, or with all.
-
-    Building the options of a command takes milliseconds, so if a command is named, only this one is
-    built.
-    """
-    app = typer.Typer(
-        name="lagcli",
-        help="Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
-        epilog="Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the integration"
-        " failed (the partial result is kept); 4 input/output error; 130 interrupted.",
-        no_args_is_help=True,
-        add_completion=False,
-        # plain help: the same on every terminal, without importing a formatter
-        rich_markup_mode=None,
-        pretty_exceptions_enable=False,
-        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-    )
-    app.callback()(_program)
-    for name in [a for a in arguments[:1] if a in COMMANDS] or COMMANDS:
-        module = name.replace("-", "_")
-        app.command(name)(_command(getattr(import_module(f"lagcli.cli.commands.{module}"), module)))
-    return typer.main.get_command(app)
+_VERSION = CommandParameter("version", ("--version",), "Print the version and exit.")
+#: The program itself.
+PROGRAM = Command(
+    "lagcli",
+    "Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
+    (_VERSION,),
+)
+EPILOG = (
+    "Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the integration"
+    " failed (the partial result is kept); 4 input/output error; 130 interrupted."
+)
 
 
-def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Propagate interrupts through Typer, and print errors as JSON with ``--json``."""
-
-    @functools.wraps(function)
-    def command(*arguments: Any, **options: Any) -> int | None:
-        check_address_space()
-        try:
-            return function(*arguments, **options)
-        except LagcliError as error:
-            if options.get("json"):
-                from lagcli.cli.summary import error_object, to_json
-
-                streams.tell(to_json(error_object(error)))
-            raise
-        except KeyboardInterrupt:
-            raise _Interrupted from None
-
-    return command
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"lagcli {__version__}")
-        raise typer.Exit
-
-
-def _program(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
-        ),
-    ] = False,
-) -> None:
-    pass
+def command(name: str) -> Command:
+    """Return one of the commands; its module is imported."""
+    module = name.replace("-", "_")
+    function = getattr(import_module(f"lagcli.cli.commands.{module}"), module)
+    parameters = getattr(function, "parameters", None) or parameters_of(function)
+    lines = (line.strip() for line in function.__doc__.splitlines())
+    return Command(f"lagcli {name}", "\n".join(lines).strip(), parameters, function)
 
 
 def main() -> None:
@@ -123,13 +76,14 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit status."""
     try:
-        result = program(arguments).main(arguments, prog_name="lagcli", standalone_mode=False)
+        status = _dispatched(arguments)
         sys.stdout.flush()
     except LagcliError as error:
         _flush()
         _say(_rendered(error))
         return error.exit_status
-    except (_Interrupted, KeyboardInterrupt):
+    except KeyboardInterrupt:
+        _flush()
         _say("interrupted")
         return INTERRUPTED_STATUS
     except MemoryError:
@@ -139,8 +93,72 @@ def run(arguments: list[str]) -> int:
         )
         return FAILED_STATUS
     except Exception as error:
-        return _other(error)
-    return result if isinstance(result, int) else 0
+        return _bug(error)
+    return status
+
+
+def _dispatched(arguments: list[str]) -> int:
+    """Call the command of a command line, or print what the program's own options ask for."""
+    if not arguments:
+        _say(_help())
+        return USAGE_STATUS
+    found = PROGRAM
+    try:
+        given, rest = split(arguments, (_VERSION, HELP), mixed=False)
+        match next(iter(given), None):
+            case "version":
+                print(f"lagcli {__version__}")
+                return 0
+            case "help":
+                print(_help())
+                return 0
+        if not rest:
+            raise CommandLineError("Missing command.")
+        name, *words = rest
+        if name not in COMMANDS:
+            raise _no_such_command(name)
+        found = command(name)
+        given, others = split(words, (*found.parameters, HELP))
+        if HELP.name in given:
+            from lagcli.cli.help import page
+
+            print(page(found))
+            return 0
+        options = values(given, others, found.parameters)
+    except CommandLineError as error:
+        from lagcli.cli.help import misuse
+
+        _say(misuse(found, str(error)))
+        return USAGE_STATUS
+    return _called(found, options)
+
+
+def _called(found: Command, options: dict[str, Any]) -> int:
+    """Call a command, and print errors as JSON with ``--json``."""
+    assert found.function is not None
+    check_address_space()
+    try:
+        return found.function(**options) or 0
+    except LagcliError as error:
+        if options.get("json"):
+            from lagcli.cli.summary import error_object, to_json
+
+            streams.tell(to_json(error_object(error)))
+        raise
+
+
+def _help() -> str:
+    """Return the help of the program."""
+    from lagcli.cli.help import page
+
+    return page(PROGRAM, [command(name) for name in COMMANDS], EPILOG)
+
+
+def _no_such_command(name: str) -> CommandLineError:
+    from difflib import get_close_matches
+
+    near = ", ".join(map(repr, get_close_matches(name, COMMANDS)))
+    return CommandLineError(f"No such command {name!r}." + f" Did you mean {near}?" * bool(near))
 
 
 def _flush() -> None:
@@ -151,17 +169,9 @@ def _flush() -> None:
         streams.discard()
 
 
-def _other(error: Exception) -> int:
-    """Report a usage error of the command line itself, or a bug."""
+def _bug(error: Exception) -> int:
+    """Report a bug."""
     _flush()
-    if hasattr(error, "show") and hasattr(error, "exit_code"):
-        error.show()
-        return int(error.exit_code)
-    if type(error).__name__ == "Abort":
-        _say("interrupted")
-        return INTERRUPTED_STATUS
-    if type(error).__name__ == "Exit":
-        return int(getattr(error, "exit_code", 0))
     import platform
     import traceback
 

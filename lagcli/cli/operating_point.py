@@ -6,9 +6,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from lagcli.cli.options import assignments, refuse_same_file
+from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_text, tell
 from lagcli.errors import UsageError
 
@@ -16,14 +15,14 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 At = Annotated[
-    float | None, typer.Option("--at", metavar="T", help="At the state of a run at this time, s.")
+    float | None, Option("--at", metavar="T", help="At the state of a run at this time, s.")
 ]
 Equilibrium = Annotated[
-    bool, typer.Option("--equilibrium", help="At the equilibrium near the initial values.")
+    bool, Option("--equilibrium", help="At the equilibrium near the initial values.")
 ]
 Steady = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--steady",
         metavar="NAME=VALUE",
         help='At the steady motion with this velocity, e.g. "phi\'=10", rate of a symmetry or'

@@ -1,32 +1,29 @@
 """Arguments and options that several commands share, and the options for settings."""
 
 import functools
-import inspect
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import typer
-
+from lagcli.cli.parameters import Argument, CommandParameter, Option, parameters_of
 from lagcli.errors import UsageError
-from lagcli.model.names.members import split_names
 from lagcli.results.formats import SUFFIX_NAMES
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
 #: Exit statuses that do not belong to an exception.
-BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 3, 130
+BUG_STATUS, USAGE_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 2, 3, 130
 
 ModelPath = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="MODEL",
         help="Model file (YAML), name of a shipped model, or - for standard input.",
     ),
 ]
 SetParameter = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--set",
         metavar="NAME=VALUE",
         help="Set a parameter, e.g. m=2 or 'l=30 cm'. Repeatable.",
@@ -34,27 +31,27 @@ SetParameter = Annotated[
 ]
 SetInitial = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--set-initial",
         metavar="NAME=VALUE",
         help="Set and fix an initial value, e.g. phi=0.3 or phi_dot=2; 'phi={guess: 0.3}' frees it."
         " Repeatable.",
     ),
 ]
-ResultFile = Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")]
+ResultFile = Annotated[str, Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")]
 ViewModel = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--model",
         metavar="MODEL",
         help="Model file whose view is used, instead of the text in the result.",
     ),
 ]
-Output = Annotated[str | None, typer.Option("--output", "-o", metavar="FILE", help="Output file.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only results and errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
-NoColor = Annotated[bool, typer.Option("--no-color", help="Disable colours (as NO_COLOR does).")]
+Output = Annotated[str | None, Option("--output", "-o", metavar="FILE", help="Output file.")]
+Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print only results and errors.")]
+Json = Annotated[bool, Option("--json", help="Print one JSON object on standard output.")]
+NoColor = Annotated[bool, Option("--no-color", help="Disable colours (as NO_COLOR does).")]
 
 
 _EXAMPLES = {"--set-initial": "phi=0.3", "--steady": '"phi\'=10"'}
@@ -112,7 +109,7 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
         Names of settings to omit.
     """
     declared = SettingsOverrides.DECLARED
-    options = [_option(declared[name]) for name in names or declared if name not in without]
+    options = tuple(_option(declared[name]) for name in names or declared if name not in without)
 
     def decorate(function: Command) -> Command:
         @functools.wraps(function)
@@ -120,38 +117,31 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
             given = {option.name: arguments.pop(option.name) for option in options}
             return function(settings=_overrides(given), **arguments)
 
-        parameters: list[inspect.Parameter] = []
-        for parameter in inspect.signature(function).parameters.values():
-            own = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-            parameters.extend(options if parameter.name == "settings" else [own])
-        # Typer reads `inspect.signature` and the annotations
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        command.__annotations__ = {p.name: p.annotation for p in parameters}
+        command.parameters = parameters_of(function, settings=options)  # type: ignore[attr-defined]
         return command
 
     return decorate
 
 
-def _option(setting: Setting[Any]) -> inspect.Parameter:
-    """Return the parameter from which Typer makes the option."""
+def _option(setting: Setting[Any]) -> CommandParameter:
+    """Return the option of a setting."""
     stated = f" [default: {setting.stated}]" if setting.stated else ""
-    flag = "--" + setting.name.replace("_", "-")
-    option = typer.Option(flag, help=setting.help + stated, metavar=setting.metavar)
     type_: Any = float
     match setting:
         case Flag():
             type_ = bool
         case WholeNumber():
             type_ = int
-        case Times() | Names():
+        case Times() | Names() | Choice():
             type_ = str
-        case Choice():
-            type_ = Literal[setting.choices]
-    return inspect.Parameter(
+    return CommandParameter(
         setting.name,
-        inspect.Parameter.KEYWORD_ONLY,
+        ("--" + setting.name.replace("_", "-"),),
+        setting.help + stated,
+        setting.metavar,
+        type_,
+        setting.choices,
         default=False if type_ is bool else None,
-        annotation=Annotated[type_ if type_ is bool else type_ | None, option],
     )
 
 
@@ -168,6 +158,8 @@ def _overrides(given: dict[str, Any]) -> SettingsOverrides:
         if value is not None and isinstance(setting, Times):
             given[name] = _numbers(name, value)
         elif value is not None and isinstance(setting, Names):
+            from lagcli.model.names.members import split_names
+
             given[name] = split_names(value)
         elif value is False:
             given[name] = None  # a flag that is not given does not override the model file

@@ -65,7 +65,8 @@ MAX_BYTES = 10_000_000
 MAX_WORDS = 1_000_000
 
 _WORD = re.compile(r"[\w.]+|[^\w\s]")
-_NOT_TEXT = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+#: What YAML excludes, listed: the complement of what it allows takes ten times as long to compile.
+_NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 _IS_IT = "is it a model file at all?"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 

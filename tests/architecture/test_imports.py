@@ -10,7 +10,6 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -34,26 +33,26 @@ ROOMS = {
 
 #: Packages that a package must not import, not even inside a function.
 FOREIGN = {
-    "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "files": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "functions": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "column_units": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
-    "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
-    "engine": {"yaml", "sympy", "h5py", "typer", "rich", "os", "pathlib", "io"},
-    "trajectory": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
-    "simulations": {"yaml", "sympy", "h5py", "typer", "rich", "scipy"},
-    "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
-    "sweeps": {"yaml", "sympy", "typer", "rich"},
-    "analysis": {"yaml", "typer", "rich", "matplotlib"},
-    "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich"},
-    "play": {"yaml", "sympy", "h5py", "typer", "rich", "scipy", "symengine"},
+    "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "files": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "functions": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "column_units": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "model": {"numpy", "scipy", "sympy", "h5py", "rich"},
+    "equations": {"numpy", "scipy", "h5py", "yaml", "rich"},
+    "engine": {"yaml", "sympy", "h5py", "rich", "os", "pathlib", "io"},
+    "trajectory": {"scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "simulations": {"yaml", "sympy", "h5py", "rich", "scipy"},
+    "results": {"scipy", "symengine", "sympy", "yaml"},
+    "sweeps": {"yaml", "sympy", "rich"},
+    "analysis": {"yaml", "rich", "matplotlib"},
+    "pictures": {"yaml", "sympy", "scipy", "h5py", "rich"},
+    "play": {"yaml", "sympy", "h5py", "rich", "scipy", "symengine"},
 }
 
 #: What finds the core's library and its sources: of the engine, only this knows of files.
@@ -64,10 +63,8 @@ SYMBOLIC = {
     f"lagcli.engine.lowering.{name}" for name in ("compiler", "lower", "switching", "tangent")
 }
 
-#: What `lagcli simulate` may import from outside the standard library: what it uses, and what
-#: Typer brings along.
-OF_TYPER = {"typer", "click", "annotated_doc", "shellingham"}
-OF_SIMULATE = {"numpy", "symengine", "yaml"} | OF_TYPER
+#: What `lagcli simulate` may import from outside the standard library.
+OF_SIMULATE = {"numpy", "symengine", "yaml"}
 
 #: What a plain run has no use for: what only errors, inputs, contacts or vectors need.
 NOT_OF_PLAIN_RUNS = {
@@ -373,11 +370,6 @@ def test_dependencies_are_declared() -> None:
 
 # start-up
 
-as_declared = pytest.mark.skipif(
-    tuple(map(int, version("typer").split(".")[:2])) >= (0, 29),
-    reason="this Typer, which imports pydantic, is newer than pyproject.toml allows",
-)
-
 
 def imported(*arguments: str, status: int = 0) -> set[str]:
     """Return the top-level packages that a Python process imports."""
@@ -407,14 +399,12 @@ def loaded(*arguments: str, status: int = 0) -> set[str]:
     return names - surroundings() - {"lagcli"}
 
 
-@as_declared
 def test_help_imports_nothing_but_the_command_line() -> None:
     words = [["--help"], *([name, "--help"] for name in COMMANDS)]
     code = f"from lagcli.cli.app import run\nassert not any(map(run, {words}))"
-    assert imported("-c", code) - surroundings() - {"lagcli"} <= OF_TYPER
+    assert imported("-c", code) - surroundings() == {"lagcli"}
 
 
-@as_declared
 @pytest.mark.parametrize(("suffix", "format_"), [(".csv", set()), (".h5", {"h5py"})])
 def test_simulate_imports_what_it_uses(tmp_path: Path, suffix: str, format_: set[str]) -> None:
     model = ROOT / "models" / "slider_crank.yaml"
@@ -443,14 +433,12 @@ def test_plain_runs_start_with_little(tmp_path: Path) -> None:
     assert len(classes) <= MOST_DATA_CLASSES, classes
 
 
-@as_declared
 def test_reports_need_no_extra(tmp_path: Path) -> None:
     run, page = str(tmp_path / "run.h5"), str(tmp_path / "report.html")
     loaded("simulate", str(ROOT / "models" / "slider_crank.yaml"), "--t-end", "0.1", "-o", run)
     assert loaded("report", run, "-o", page) <= OF_SIMULATE | {"h5py"}
 
 
-@as_declared
 def test_plots_of_runs_do_not_read_the_model(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="lagcli[pictures] is not installed")
     run, plot = str(tmp_path / "run.h5"), str(tmp_path / "plot.svg")
@@ -458,7 +446,6 @@ def test_plots_of_runs_do_not_read_the_model(tmp_path: Path) -> None:
     assert not loaded("plot", run, "-o", plot) & {"symengine", "sympy", "yaml", "scipy"}
 
 
-@as_declared
 def test_errors_of_a_model_are_reported_without_more(tmp_path: Path) -> None:
     model = tmp_path / "wrong.yaml"
     model.write_text("coordinates: [x]\nT: x'^2/2 + y\nV: 0\ninitial: {x: 0, x': 1}\n")

@@ -19,7 +19,7 @@ from statistics import median
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "models" / "slider_crank.yaml"
-IMPORTS = (sys.executable, "-c", "import numpy, h5py, typer, yaml, symengine")
+IMPORTS = (sys.executable, "-c", "import numpy, h5py, yaml, symengine")
 LIMIT = 1.6
 
 

@@ -13,7 +13,8 @@ import pytest
 from shipped import PATHS, every_model
 
 import lagcli
-from lagcli.cli.app import COMMANDS, program, run
+from lagcli.cli import app
+from lagcli.cli.app import COMMANDS, run
 
 ROOT = Path(__file__).parents[2]
 MODELS = sorted((ROOT / "models").rglob("*.yaml"))
@@ -73,9 +74,7 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
 
 
 WITH_JSON = [
-    name
-    for name in COMMANDS
-    if any("--json" in x.opts for x in program([name]).commands[name].params)
+    name for name in COMMANDS if any("--json" in x.flags for x in app.command(name).parameters)
 ]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.cli.app import COMMANDS, program
+from lagcli.cli import app
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
 
@@ -78,11 +78,11 @@ def test_readme_names_the_two_commands_and_they_are_targets():
     assert "make test" in (ROOT / ".ci" / "run").read_text()
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", app.COMMANDS)
 def test_every_option_is_documented(command):
     page = (ROOT / "docs" / "command-line.md").read_text()
-    options = program().commands[command].params
-    names = [n for p in options for n in p.opts if n.startswith("--")]
+    options = app.command(command).parameters
+    names = [n for p in options for n in p.flags if n.startswith("--")]
     assert f"## lagcli {command}" in page
     assert not [n for n in names if n != "--help" and f"`{n}" not in page]
 

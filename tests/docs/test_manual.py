@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.cli.app import COMMANDS, program
+from lagcli.cli.app import COMMANDS, command
 
 PAGE = Path(__file__).parents[2] / "docs" / "lagcli.1"
 
@@ -18,10 +18,9 @@ def test_every_command_and_option_is_listed():
         section.split(" ", 1) for section in re.split(r"^\.SS lagcli ", text, flags=re.M)[1:]
     )
     assert list(sections) == list(COMMANDS)
-    commands = program().commands
     for name in COMMANDS:
         listed = re.findall(r"^\.B .*?(--[\w-]+)", sections[name], flags=re.M)
-        options = [p.opts for p in commands[name].params if hasattr(p, "is_flag")]
+        options = [p.flags for p in command(name).parameters if p.flags]
         expected = [next(n for n in names if n.startswith("--")) for names in options]
         assert listed == expected, f"{name}: run python docs/man.py"
 

@@ -4,10 +4,9 @@ import re
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
 from lagcli.cli.options import Force, NoColor, Quiet, SetInitial, SetParameter, ViewModel
+from lagcli.cli.parameters import Argument, Option
 from lagcli.cli.streams import print_notes, tell
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
@@ -20,14 +19,14 @@ if TYPE_CHECKING:
 def animate(
     file: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="FILE",
             help=f"Result file, {SUFFIX_NAMES}; with --mode, a model file or a file of modes, .h5.",
         ),
     ],
     output: Annotated[
         str,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -36,42 +35,40 @@ def animate(
     ],
     model: ViewModel = None,
     start: Annotated[
-        float | None, typer.Option("--from", help="Start time of the animated part, s.")
+        float | None, Option("--from", help="Start time of the animated part, s.")
     ] = None,
-    end: Annotated[
-        float | None, typer.Option("--to", help="End time of the animated part, s.")
-    ] = None,
+    end: Annotated[float | None, Option("--to", help="End time of the animated part, s.")] = None,
     speed: Annotated[
         float | None,
-        typer.Option(
+        Option(
             help="Simulated seconds per second. [default: 1, real time; slower for motions"
             " under a second, faster for those over a minute]"
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(help="Duration of the animation, s, instead of --speed.")
+        float | None, Option(help="Duration of the animation, s, instead of --speed.")
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="Frames per second of a video. [default: 25 for GIF, 50 for MP4]"),
+        Option(help="Frames per second of a video. [default: 25 for GIF, 50 for MP4]"),
     ] = None,
     size: Annotated[
         str | None,
-        typer.Option(metavar="WxH", help="Size of a video in pixels. [default: 640x480]"),
+        Option(metavar="WxH", help="Size of a video in pixels. [default: 640x480]"),
     ] = None,
     no_forces: Annotated[
         bool,
-        typer.Option("--no-forces", help="Hide force arrows; a page can show them again."),
+        Option("--no-forces", help="Hide force arrows; a page can show them again."),
     ] = False,
     mode: Annotated[
         int | None,
-        typer.Option(
+        Option(
             "--mode", metavar="N", help="Animate mode N of a model, as lagcli modes numbers it."
         ),
     ] = None,
     amplitude: Annotated[
         float | None,
-        typer.Option(
+        Option(
             help="With --mode: amplitude of the coordinate whose shape is 1. [default: visible]"
         ),
     ] = None,

@@ -3,9 +3,8 @@
 import sys
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.options import Json, ModelPath, SetInitial, SetParameter, assignments
+from lagcli.cli.parameters import Option
 
 
 def check(
@@ -14,10 +13,10 @@ def check(
     set_initial: SetInitial = None,
     width: Annotated[
         int | None,
-        typer.Option(
+        Option(
             "--width",
-            min=40,
-            max=1000,
+            least=40,
+            most=1000,
             help="Columns of text. [default: 80, or those of a narrower terminal]",
         ),
     ] = None,

@@ -2,8 +2,6 @@
 
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.operating_point import check_target, print_analysis
 from lagcli.cli.options import (
     Force,
@@ -16,6 +14,7 @@ from lagcli.cli.options import (
     refuse_same_file,
     with_settings,
 )
+from lagcli.cli.parameters import Argument, Option
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
@@ -24,11 +23,11 @@ from lagcli.settings.settings import SettingsOverrides
 def compare(
     model: ModelPath,
     other: Annotated[
-        str | None, typer.Argument(help="Another model of the same system.", metavar="[OTHER]")
+        str | None, Argument(help="Another model of the same system.", metavar="[OTHER]")
     ] = None,
     formulation: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--formulation",
             metavar="NAME,…",
             help="projection, baumgarte, index1, ggl, maggi, second. Repeatable.",
@@ -36,15 +35,15 @@ def compare(
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option("--method", metavar="NAME,…", help="Integration methods. Repeatable."),
+        Option("--method", metavar="NAME,…", help="Integration methods. Repeatable."),
     ] = None,
     rtol: Annotated[
         list[str] | None,
-        typer.Option("--rtol", metavar="R,…", help="Relative tolerances. Repeatable."),
+        Option("--rtol", metavar="R,…", help="Relative tolerances. Repeatable."),
     ] = None,
     output: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",

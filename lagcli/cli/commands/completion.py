@@ -4,11 +4,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-import typer
-
-from lagcli.model.reading import find_model, shipped_models
+from lagcli.cli.parameters import Argument, CommandParameter
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIXES
 
 Names = Callable[["CommandWords"], Iterable[str]]
@@ -36,23 +34,23 @@ def candidates(words: Sequence[str]) -> list[Candidate]:
     words : sequence of str
         At least one; the last may be empty.
     """
-    from lagcli.cli.app import COMMANDS, program
+    from lagcli.cli.app import COMMANDS, command
 
     *before, word = words
     if not before:
-        commands = program().commands
-        known = [Candidate(name, _first_line(commands[name].help)) for name in COMMANDS]
+        known = [Candidate(name, command(name).summary) for name in COMMANDS]
         return [c for c in known if c.word.startswith(word)]
     if before[0] not in COMMANDS:
         return []
-    command = program(before[:1])
-    command = getattr(command, "commands", {}).get(before[0], command)
-    return [c for c in _of_command(command, before[1:], word) if c.word.startswith(word)]
+    parameters = command(before[0]).parameters
+    return [c for c in _of_command(parameters, before[1:], word) if c.word.startswith(word)]
 
 
-def _of_command(command: Any, before: Sequence[str], word: str) -> Iterator[Candidate]:
+def _of_command(
+    parameters: Sequence[CommandParameter], before: Sequence[str], word: str
+) -> Iterator[Candidate]:
     """Yield candidates for a word of a command."""
-    options = {name: p for p in command.params for name in (*p.opts, *p.secondary_opts)}
+    options = {flag: p for p in parameters for flag in p.flags}
     arguments: list[str] = []
     pending = None  # the option whose value comes next
     for earlier in before:
@@ -60,36 +58,31 @@ def _of_command(command: Any, before: Sequence[str], word: str) -> Iterator[Cand
             pending = None
         elif earlier.startswith("-") and earlier != "-":
             option = options.get(earlier)
-            pending = option if option is not None and not option.is_flag else None
+            pending = option if option is not None and not option.is_switch else None
         else:
             arguments.append(earlier)
     line = CommandWords(arguments, word)
     if pending is not None:
         yield from _values(pending, line)
     elif word.startswith("-"):
-        for name, option in options.items():
-            if name.startswith("--") and hasattr(option, "is_flag"):
-                yield Candidate(name, _first_line(option.help))
+        for flag, option in options.items():
+            if flag.startswith("--"):
+                yield Candidate(flag, option.help)
     else:
-        positional = [p for p in command.params if not hasattr(p, "is_flag")]
+        positional = [p for p in parameters if not p.flags]
         if positional:
             yield from _values(positional[min(len(arguments), len(positional) - 1)], line)
 
 
-def _values(parameter: Any, line: CommandWords) -> Iterator[Candidate]:
+def _values(parameter: CommandParameter, line: CommandWords) -> Iterator[Candidate]:
     """Yield the values that a parameter of a command can have."""
-    choices = getattr(parameter.type, "choices", None)
-    if choices is not None:
-        yield from (Candidate(getattr(c, "value", c)) for c in choices)
+    if parameter.choices:
+        yield from map(Candidate, parameter.choices)
         return
-    for key in (*parameter.opts, parameter.metavar):
+    for key in (*parameter.flags, parameter.metavar):
         if key in _NAMES:
             yield from map(Candidate, _NAMES[key](line))
             return
-
-
-def _first_line(text: str | None) -> str:
-    return (text or "").strip().partition("\n")[0]
 
 
 # files
@@ -114,6 +107,12 @@ def _files(line: CommandWords, suffixes: tuple[str, ...]) -> Iterator[str]:
 
 def _models(line: CommandWords) -> Iterator[str]:
     yield from _files(line, MODEL_SUFFIXES)
+    yield from _shipped(line)
+
+
+def _shipped(line: CommandWords) -> Iterator[str]:
+    from lagcli.model.reading import shipped_models
+
     yield from shipped_models()
 
 
@@ -127,7 +126,7 @@ def _results(line: CommandWords) -> Iterator[str]:
 def _keys(line: CommandWords, *keys: str) -> Iterator[str]:
     """Yield the names that the line's model declares under keys; none if it cannot be read."""
     from lagcli.errors import LagcliError
-    from lagcli.model.reading import read_text
+    from lagcli.model.reading import find_model, read_text
     from lagcli.model.yaml.composing import compose
     from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source
 
@@ -169,12 +168,12 @@ def _assigned(name: str) -> str:
 
 
 #: Values of an option or an argument, by its name or its metavar.
-_NAMES: dict[str, Names] = {
+_NAMES: dict[str | None, Names] = {
     "--set": _parameters,
     "--set-initial": _initial_values,
     "--vary": _varied,
-    "--from": lambda line: shipped_models(),
-    "NAME": lambda line: shipped_models(),
+    "--from": _shipped,
+    "NAME": _shipped,
     "MODEL": _models,
     "FILE": _results,
     "FILE… [NAME…]": _results,
@@ -192,10 +191,10 @@ class Shell(StrEnum):
 
 
 def completion(
-    shell: Annotated[Shell, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
+    shell: Annotated[Shell, Argument(metavar="SHELL", help="bash, zsh or fish.")],
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[WORDS]", help="Complete the last of these words instead."),
+        Argument(metavar="[WORDS]", help="Complete the last of these words instead."),
     ] = None,
 ) -> None:
     """Print the completion script of a shell.

@@ -4,8 +4,6 @@ import sys
 from enum import StrEnum
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.options import (
     Force,
     ModelPath,
@@ -15,9 +13,9 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
+from lagcli.cli.parameters import Option
 from lagcli.cli.streams import text_width, visible_json
 from lagcli.errors import LagcliError, UsageError
-from lagcli.model.names.members import split_names
 
 
 class Format(StrEnum):
@@ -31,13 +29,13 @@ class Format(StrEnum):
 
 def derive(
     model: ModelPath,
-    format: Annotated[Format, typer.Option("--format", "-f", help="Output format.")] = Format.text,
+    format: Annotated[Format, Option("--format", "-f", help="Output format.")] = Format.text,
     steps: Annotated[
-        bool, typer.Option("--steps", help="Show the derivation step by step, as in the textbook.")
+        bool, Option("--steps", help="Show the derivation step by step, as in the textbook.")
     ] = False,
     kind: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--kind",
             metavar="KINDS",
             help="first: with multipliers; second: in independent coordinates; maggi: projected on"
@@ -47,7 +45,7 @@ def derive(
     ] = None,
     independent: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--independent",
             metavar="NAMES",
             help="Independent coordinates, separated by commas, for the kinds second and maggi."
@@ -56,34 +54,34 @@ def derive(
     ] = None,
     solve: Annotated[
         bool,
-        typer.Option("--solve", help="Solve for λ and q'' in closed form, where that is short."),
+        Option("--solve", help="Solve for λ and q'' in closed form, where that is short."),
     ] = False,
     numeric: Annotated[
-        bool, typer.Option("--numeric", help="Insert the values of the parameters.")
+        bool, Option("--numeric", help="Insert the values of the parameters.")
     ] = False,
     fragment: Annotated[
         bool,
-        typer.Option("--fragment", help="LaTeX without preamble, for inclusion in a document."),
+        Option("--fragment", help="LaTeX without preamble, for inclusion in a document."),
     ] = False,
     full: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--full", help="Write everything out; large models give thousands of lines, in minutes."
         ),
     ] = False,
     width: Annotated[
         int | None,
-        typer.Option(
+        Option(
             "--width",
-            min=40,
-            max=1000,
+            least=40,
+            most=1000,
             help="Columns of text. [default: the terminal's, 60 to 120]",
         ),
     ] = None,
     set: SetParameter = None,
     output: Output = None,
     force: Force = False,
-    json: Annotated[bool, typer.Option("--json", help="The same as --format json.")] = False,
+    json: Annotated[bool, Option("--json", help="The same as --format json.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Derive Lagrange's equations and print them.
@@ -168,4 +166,8 @@ def _kinds(text: str) -> list[str]:
 
 def _names(text: str | None) -> list[str] | None:
     """Return the names of an option."""
-    return None if text is None else [x for x in split_names(text) if x]
+    if text is None:
+        return None
+    from lagcli.model.names.members import split_names
+
+    return [x for x in split_names(text) if x]

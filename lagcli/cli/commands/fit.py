@@ -3,8 +3,6 @@
 import sys
 from typing import Annotated, Literal
 
-import typer
-
 from lagcli.cli.options import (
     Force,
     Json,
@@ -16,6 +14,7 @@ from lagcli.cli.options import (
     refuse_same_file,
     with_settings,
 )
+from lagcli.cli.parameters import Option
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
@@ -27,21 +26,19 @@ def fit(
     model: ModelPath,
     output: Annotated[
         str | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Fit file, .h5 (HDF5)."),
+        Option("--output", "-o", metavar="FILE", help="Fit file, .h5 (HDF5)."),
     ] = None,
     starts: Annotated[
-        int, typer.Option(help="Number of searches; all but the first begin between the bounds.")
+        int, Option(help="Number of searches; all but the first begin between the bounds.")
     ] = 1,
     ci: Annotated[
         Literal["wald", "profile"],
-        typer.Option(
-            help="Confidence intervals: from standard errors, or from profiles of chi-square."
-        ),
+        Option(help="Confidence intervals: from standard errors, or from profiles of chi-square."),
     ] = "wald",
-    level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
+    level: Annotated[float, Option(help="Confidence level of the intervals.")] = 0.95,
     write: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Write the model with the values found, .yaml."),
+        Option(metavar="FILE", help="Write the model with the values found, .yaml."),
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,

@@ -2,16 +2,15 @@
 
 from typing import Annotated, Any
 
-import typer
-
 from lagcli.cli.options import Json
+from lagcli.cli.parameters import Argument
 from lagcli.results.formats import SUFFIX_NAMES
 
 
 def info(
     file: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, sweep file, or .h5 of an analysis."
         ),
     ],

@@ -2,8 +2,6 @@
 
 from typing import Annotated, Literal
 
-import typer
-
 from lagcli.cli.operating_point import (
     At,
     Equilibrium,
@@ -13,6 +11,7 @@ from lagcli.cli.operating_point import (
     print_analysis,
 )
 from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
+from lagcli.cli.parameters import Option
 
 
 def linearize(
@@ -22,7 +21,7 @@ def linearize(
     steady: Steady = None,
     form: Annotated[
         Literal["reduced", "descriptor"],
-        typer.Option(
+        Option(
             "--form",
             help="reduced: independent coordinates and velocities; descriptor: all coordinates,"
             " velocities and multipliers, with the constraints as equations.",
@@ -30,7 +29,7 @@ def linearize(
     ] = "reduced",
     input: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--input",
             metavar="NAME",
             help="An input: a parameter of the forces or of V, or Q.phi, a force on a coordinate."
@@ -39,7 +38,7 @@ def linearize(
     ] = None,
     output: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--output",
             metavar="NAME",
             help="An output: a column of results or output of the model, e.g. phi, phi_dot,"
@@ -48,7 +47,7 @@ def linearize(
     ] = None,
     file: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--file", "-o", metavar="FILE", help="Output file: .json, .npz, .mat (MATLAB) or .h5."
         ),
     ] = None,

@@ -1,18 +1,15 @@
 """`lagcli models`: the models that are installed with lagcli."""
 
-import json as json_module
 import sys
-import textwrap
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.options import Json
+from lagcli.cli.parameters import Argument
 
 
 def models(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Print the file of this model.")
+        str | None, Argument(metavar="NAME", help="Print the file of this model.")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -20,6 +17,9 @@ def models(
 
     Their names can be used wherever a model file can: `lagcli derive slider_crank`.
     """
+    import json as json_module
+    import textwrap
+
     from lagcli.cli.streams import text_width, visible_json
     from lagcli.model.loader import load
     from lagcli.model.reading import shipped_model, shipped_models

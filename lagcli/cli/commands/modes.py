@@ -2,8 +2,6 @@
 
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.operating_point import (
     At,
     Equilibrium,
@@ -13,6 +11,7 @@ from lagcli.cli.operating_point import (
     print_analysis,
 )
 from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
+from lagcli.cli.parameters import Option
 
 
 def modes(
@@ -22,7 +21,7 @@ def modes(
     steady: Steady = None,
     output: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",

@@ -5,22 +5,19 @@ import re
 import sys
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.options import Force, Quiet
+from lagcli.cli.parameters import Argument, Option
 
 
 def new(
-    file: Annotated[str, typer.Argument(metavar="FILE.yaml", help="Model file to write.")],
+    file: Annotated[str, Argument(metavar="FILE.yaml", help="Model file to write.")],
     source: Annotated[
         str | None,
-        typer.Option(
-            "--from", metavar="NAME", help="Copy a shipped model (`lagcli models` lists them)."
-        ),
+        Option("--from", metavar="NAME", help="Copy a shipped model (`lagcli models` lists them)."),
     ] = None,
     coordinates: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="Coordinates of the model, e.g. x,y. [default: x,y]"),
+        Option(metavar="NAMES", help="Coordinates of the model, e.g. x,y. [default: x,y]"),
     ] = None,
     force: Force = False,
     quiet: Quiet = False,

@@ -5,8 +5,6 @@ import sys
 import threading
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.options import (
     ModelPath,
     Quiet,
@@ -15,6 +13,7 @@ from lagcli.cli.options import (
     assignments,
     with_settings,
 )
+from lagcli.cli.parameters import Option
 from lagcli.settings.settings import SettingsOverrides
 
 
@@ -23,10 +22,10 @@ def play(
     model: ModelPath,
     port: Annotated[
         int | None,
-        typer.Option(min=0, max=65535, help="Port of 127.0.0.1. [default: a free one]"),
+        Option(least=0, most=65535, help="Port of 127.0.0.1. [default: a free one]"),
     ] = None,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
+        bool, Option("--no-browser", help="Print the address without opening a browser.")
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,

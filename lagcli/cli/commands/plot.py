@@ -2,9 +2,8 @@
 
 from typing import Annotated, Any
 
-import typer
-
 from lagcli.cli.options import Force
+from lagcli.cli.parameters import Argument, Option
 from lagcli.cli.streams import print_notes
 from lagcli.errors import UsageError
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIX_NAMES, SUFFIXES
@@ -13,7 +12,7 @@ from lagcli.results.formats import MODEL_SUFFIXES, SUFFIX_NAMES, SUFFIXES
 def plot(
     arguments: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="FILE… [NAME…]",
             help=f"Result files ({SUFFIX_NAMES}), and the quantities to plot: phi, phi_dot,"
             " lambda.guide, Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b plots b over a; a,b"
@@ -22,25 +21,23 @@ def plot(
     ],
     output: Annotated[
         str,
-        typer.Option("--output", "-o", metavar="FILE", help="Figure to write: .png, .svg or .pdf."),
+        Option("--output", "-o", metavar="FILE", help="Figure to write: .png, .svg or .pdf."),
     ],
-    title: Annotated[
-        str | None, typer.Option(help="Title, instead of the model's; '' for none.")
-    ] = None,
+    title: Annotated[str | None, Option(help="Title, instead of the model's; '' for none.")] = None,
     size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="Width and height in inches, such as 7x4.")
+        str | None, Option(metavar="WxH", help="Width and height in inches, such as 7x4.")
     ] = None,
-    dpi: Annotated[float, typer.Option(help="Resolution of a .png in dots per inch.")] = 150,
+    dpi: Annotated[float, Option(help="Resolution of a .png in dots per inch.")] = 150,
     model: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="MODEL",
             help="Model file, instead of the model stored in the result; CSV stores none.",
         ),
     ] = None,
     band: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME=SPREAD",
             help="Draw the uncertainty bands that follow from the spread of a parameter, l=0.01 or"
             " l=5%; needs a run simulated with --sensitivity. Repeatable.",

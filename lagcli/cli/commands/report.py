@@ -2,22 +2,19 @@
 
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.options import Force, Quiet, ResultFile, ViewModel
+from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, tell
 
 
 def report(
     file: ResultFile,
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="FILE", help="Page to write, .html.")
-    ],
-    title: Annotated[str | None, typer.Option(help="Title, instead of the model's name.")] = None,
+    output: Annotated[str, Option("--output", "-o", metavar="FILE", help="Page to write, .html.")],
+    title: Annotated[str | None, Option(help="Title, instead of the model's name.")] = None,
     model: ViewModel = None,
     modes: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="ABOUT",
             help="Of a run: add the modes of its model about its start, the equilibrium next to it,"
             " or its state at a time: --modes start, equilibrium or 1.5.",

@@ -6,8 +6,6 @@ import time
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.options import (
     FAILED_STATUS,
     INTERRUPTED_STATUS,
@@ -22,6 +20,7 @@ from lagcli.cli.options import (
     refuse_same_file,
     with_settings,
 )
+from lagcli.cli.parameters import Option
 from lagcli.cli.streams import (
     Colour,
     fitted,
@@ -43,7 +42,7 @@ def simulate(
     model: ModelPath,
     output: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -57,10 +56,10 @@ def simulate(
     settings: SettingsOverrides,
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="Exit with status 3 if the summary has warnings."),
+        Option("--strict", help="Exit with status 3 if the summary has warnings."),
     ] = False,
     meta: Annotated[
-        bool, typer.Option("--meta", help="Write the provenance of a CSV file to FILE.json.")
+        bool, Option("--meta", help="Write the provenance of a CSV file to FILE.json.")
     ] = False,
     force: Force = False,
     quiet: Quiet = False,

@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from enum import StrEnum
 from typing import Annotated, Any
 
-import typer
-
 from lagcli.cli.options import (
     FAILED_STATUS,
     INTERRUPTED_STATUS,
@@ -22,6 +20,7 @@ from lagcli.cli.options import (
     refuse_same_file,
     with_settings,
 )
+from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, tell, visible
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
@@ -41,7 +40,7 @@ def sweep(
     model: ModelPath,
     output: Annotated[
         str,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -50,7 +49,7 @@ def sweep(
     ],
     vary: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME=VALUES",
             help="A quantity to vary and its values: m=1:2:0.1, l=0.2,0.3,"
             " 'phi=linspace(0, pi, 9)', logspace(first, last, count), @file.csv; with --sample, a"
@@ -60,7 +59,7 @@ def sweep(
     ] = None,
     measure: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME=EXPR",
             help="A number computed from each run: max, min, mean, rms, final, argmax, argmin of an"
             " expression, at(expression, time), time_of(condition), and arithmetic of these, e.g."
@@ -69,31 +68,31 @@ def sweep(
     ] = None,
     keep: Annotated[
         Keep | None,
-        typer.Option(
+        Option(
             help="Store only the measures, or all samples too. [default: measures if any is given"
             " or the samples take more than 1 GB, else trajectories]"
         ),
     ] = None,
     sample: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="KIND:N", help="Sample N points from the ranges: sobol:N, lhs:N or random:N."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
+    seed: Annotated[int, Option(help="Seed of --sample.")] = 0,
     zip_: Annotated[
         bool,
-        typer.Option("--zip", help="Vary all quantities together instead of all combinations."),
+        Option("--zip", help="Vary all quantities together instead of all combinations."),
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            "--jobs", "-j", min=1, help="Number of processes. [default: the number of processors]"
+        Option(
+            "--jobs", "-j", least=1, help="Number of processes. [default: the number of processors]"
         ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="ADDRESS",
             help="Run the rows on the workers of a Dask scheduler, tcp://HOST:PORT, or local:N for"
             " N workers on this machine; needs lagcli[cluster].",
@@ -101,14 +100,14 @@ def sweep(
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Continue an interrupted sweep: run the missing rows."),
+        Option("--resume", help="Continue an interrupted sweep: run the missing rows."),
     ] = False,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="With --resume, repeat failed rows too.")
+        bool, Option("--retry-failed", help="With --resume, repeat failed rows too.")
     ] = False,
     strict: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--strict",
             help="Count a row as failed if `lagcli simulate` would warn: its energy balance or"
             " residuals exceed what the tolerance explains, its inertia is negative, or values"

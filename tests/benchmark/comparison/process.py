@@ -13,7 +13,7 @@ from pathlib import Path
 
 from comparison.cases import MODELS
 
-IMPORTS = "import numpy, h5py, typer, yaml, symengine"
+IMPORTS = "import numpy, h5py, yaml, symengine"
 
 
 @dataclass(frozen=True)
