@@ -182,7 +182,8 @@ def _compiled(compiler: Compiler, source: str, folder: Path, extra: list[str]) -
 
     def state() -> str:
         """Return a digest of the options and of the files that the object depends on."""
-        digest = hashlib.sha256(repr(extra).encode())
+        # an object that was copied with its folder depends on the files of another checkout
+        digest = hashlib.sha256(repr((source, extra)).encode())
         paths = re.sub(r"\\\n", " ", included.read_text("utf-8")).partition(": ")[2]
         for path in shlex.split(paths):
             digest.update(Path(path).read_bytes() + b"\0")
