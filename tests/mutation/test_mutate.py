@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mutate import AREAS, ROOT, Mutant, code_of, files_of, mutants_of
+from mutate import AREAS, EXPLAINED, ROOT, Mutant, code_of, explained, files_of, mutants_of
 
 C = """/* a < b */
 int less(double a, double b)
@@ -62,3 +62,16 @@ def test_the_files_of_all_areas_exist() -> None:
         files = files_of(area)
         assert files
         assert all((ROOT / name).exists() for name in (*files, *area.tests))
+
+
+def test_what_is_explained_is_a_mutant_and_has_a_reason() -> None:
+    texts = {f: (ROOT / f).read_text("utf-8") for area in AREAS.values() for f in files_of(area)}
+    keys = {mutant.key(text) for file, text in texts.items() for mutant in mutants_of(file, text)}
+    assert explained() <= keys
+    groups = EXPLAINED.read_text("utf-8").strip().split("\n\n")[1:]
+    assert groups
+    for group in groups:
+        lines = group.splitlines()
+        first = next(k for k, line in enumerate(lines) if line.startswith("    "))
+        assert first > 0
+        assert all(line.startswith("    ") for line in lines[first:])

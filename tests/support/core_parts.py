@@ -44,6 +44,14 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_impact": (c_int, c_void_p, c_int, c_void_p, c_void_p),
     "lag_part_bracketed_root": (c_double, *_ROOT),
     "lag_part_last_digit_root": (c_double, *_ROOT[:4]),
+    "lag_part_node": (c_double, c_int),
+    "lag_part_bernstein_matrix": (None, c_void_p),
+    "lag_part_resolved": (c_int, c_void_p),
+    "lag_part_first_change": (c_int, c_void_p, c_double, c_void_p, c_void_p),
+    "lag_part_estimate_root": (c_double, c_void_p, c_double, c_double),
+    "lag_part_watch": (c_int, c_void_p, c_double, *[c_void_p] * 3),
+    "lag_part_steps_over": (c_int, c_void_p, c_double, c_void_p, c_void_p),
+    "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
     "lag_part_coefficients": (None, c_void_p, c_void_p),
     "lag_read_model": (c_int, c_void_p, ctypes.c_int64, c_void_p),
     "lag_run_model": (c_int, c_void_p, c_void_p, c_void_p),
@@ -344,3 +352,38 @@ def bracketed_root(function: Function, low: float, high: float, exact: float) ->
 def last_digit_root(function: Function, low: float, high: float) -> float:
     """Return the first number at which a function is not positive."""
     return _root(parts.lag_part_last_digit_root, function, low, high)
+
+
+#: Nodes of an interval at which watched functions are evaluated: core/switching/switching.h.
+NODES = 9
+
+
+def nodes() -> Array:
+    """Return the nodes of an interval from 0 to 1."""
+    return np.array([parts.lag_part_node(k) for k in range(NODES)])
+
+
+def bernstein_matrix() -> Array:
+    """Return the matrix that converts values at nodes to Bernstein coefficients."""
+    matrix = np.empty((NODES, NODES))
+    parts.lag_part_bernstein_matrix(address(matrix))
+    return matrix
+
+
+def resolved(values: ArrayLike) -> bool:
+    """Return whether values at the nodes determine a function."""
+    given = Arguments()
+    return bool(parts.lag_part_resolved(given.doubles(values)))
+
+
+def first_change(bernstein: ArrayLike, start: float = 0.0) -> tuple[float, float] | None:
+    """Return where a polynomial becomes negative first beyond a place: a bracket, or None."""
+    given, low, high = Arguments(), c_double(), c_double()
+    found = parts.lag_part_first_change(given.doubles(bernstein), start, byref(low), byref(high))
+    return (low.value, high.value) if found else None
+
+
+def estimated_root(bernstein: ArrayLike, low: float, high: float) -> float:
+    """Return the root of a polynomial in a bracket."""
+    root: float = parts.lag_part_estimate_root(Arguments().doubles(bernstein), low, high)
+    return root

@@ -5,8 +5,11 @@
 #include "linear/ldl.h"
 #include "methods/radau5_tableau.h"
 #include "methods/rodas5p_tableau.h"
+#include "motion.h"
+#include "switching/crossing.h"
 #include "tape/interval.h"
 #include "tape/vectors.h"
+#include "watch.h"
 
 void lag_part_run(int kernel, const int32_t *stream, double *registers)
 {
@@ -61,6 +64,62 @@ double lag_part_bracketed_root(lag_scalar_function f, void *context, double low,
 double lag_part_last_digit_root(lag_scalar_function f, void *context, double low, double high)
 {
     return lag_last_digit_root(f, context, low, high);
+}
+
+double lag_part_node(int k)
+{
+    return lag_node(k);
+}
+
+void lag_part_bernstein_matrix(double *matrix)
+{
+    lag_bernstein_matrix(matrix);
+}
+
+int lag_part_resolved(const double *values)
+{
+    return lag_resolved(values);
+}
+
+int lag_part_first_change(const double *bernstein, double from, double *low, double *high)
+{
+    return lag_first_change(bernstein, from, low, high);
+}
+
+double lag_part_estimate_root(const double *bernstein, double low, double high)
+{
+    return lag_estimate_root(bernstein, low, high);
+}
+
+int lag_part_watch(lag_run *run, double t, const double *y, double *part, double *pivot)
+{
+    if (lag_derivative(run, t, y, run->step.f_new))
+        return 1;
+    lag_watch_stage(run);
+    *part = run->watch.cancellation.last;
+    *pivot = lag_least_pivot(run, t, y);
+    return 0;
+}
+
+int lag_part_steps_over(lag_run *run, double h, const double *before, const double *after)
+{
+    const size_t size = (size_t)lag_size(&run->system) * sizeof(double);
+    memcpy(run->step.y_old, before, size);
+    memcpy(run->step.y_new, after, size);
+    run->step.t_old = run->step.t;
+    run->step.t += run->step.h_old = h;
+    run->watch.cancellation.least = 0.0;
+    return lag_stepped_over(run);
+}
+
+int lag_part_approaches(lag_run *run, double t, const double *y)
+{
+    lag_watch_step(run);
+    if (lag_stage(run, t, y, run->step.f))
+        return 0;
+    run->step.t = t;
+    memcpy(run->step.y, y, (size_t)lag_size(&run->system) * sizeof(double));
+    return lag_approaches(run);
 }
 
 void lag_part_coefficients(lag_rodas5p_coefficients *rodas5p, lag_radau5_coefficients *radau5)

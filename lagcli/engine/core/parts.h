@@ -34,6 +34,20 @@ double lag_part_bracketed_root(lag_scalar_function f, void *context, double low,
                                double exact);
 double lag_part_last_digit_root(lag_scalar_function f, void *context, double low, double high);
 
+/* Polynomials through values at nodes: see switching/crossing.h. */
+double lag_part_node(int k);
+void lag_part_bernstein_matrix(double *matrix);
+int lag_part_resolved(const double *values);
+int lag_part_first_change(const double *bernstein, double from, double *low, double *high);
+double lag_part_estimate_root(const double *bernstein, double low, double high);
+
+/* The watch of a run, see watch.c: at a state, the part that is left of the factors where least of it is, and the least
+ * pivot; whether a step that begins and ends at states passes a small minimum; whether a step to a state approaches
+ * a singular configuration. */
+int lag_part_watch(lag_run *run, double t, const double *y, double *part, double *pivot);
+int lag_part_steps_over(lag_run *run, double h, const double *before, const double *after);
+int lag_part_approaches(lag_run *run, double t, const double *y);
+
 /* The coefficients of methods/rodas5p_tableau.h and methods/radau5_tableau.h. */
 typedef struct {
     double gamma, c[8], d[8], a[8][7], C[8][7], h[3][8];

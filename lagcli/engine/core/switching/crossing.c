@@ -91,14 +91,17 @@ static void halve(const double *b, double *left, double *right)
 static int search(const double *b, double begin, double end, double from, double *low, double *high)
 {
     double left[NODES], right[NODES];
-    if (end <= from || changes(b) == 0)
+    const int count = changes(b);
+    if (end <= from || count == 0)
         return 0;
     if (b[0] < 0.0) { /* it is negative from a rounding error before this part on */
         *low = begin;
         *high = begin + 0.5 * fmin(end - begin, NARROW);
-        return *high > from;
-    }
-    if ((changes(b) == 1 && begin >= from) || end - begin < NARROW) {
+        if (*high > from)
+            return 1;
+        if (count <= 2 || end - begin < NARROW) /* it has been: now it may become positive, but not negative again */
+            return 0;
+    } else if ((count == 1 && begin >= from) || end - begin < NARROW) {
         *low = fmax(begin, from);
         *high = end;
         return 1;

@@ -6,9 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sympy import Matrix, Rational
 
 import lagcli
+from lagcli.analysis.check import rank
 from lagcli.analysis.check.description import page
+from lagcli.engine.constraints.initial import coordinate_reach
+from lagcli.engine.evaluator import Evaluator
+from lagcli.simulations.simulation import prepare
 
 MODELS = Path(__file__).parents[4] / "models"
 
@@ -34,9 +39,11 @@ def test_the_parallelogram_has_one_degree_of_freedom() -> None:
     assert len(found.rank.combinations) == 3
 
 
-def test_combinations_are_the_same_for_every_choice_of_the_multipliers() -> None:
+@pytest.mark.parametrize("unit", ["1", "1e8"])
+def test_combinations_are_the_same_for_every_choice_of_the_multipliers(unit: str) -> None:
     """Multipliers of a run are those of least norm; others differ by the null space of B^T."""
-    found = lagcli.check(lagcli.load_text(HELD))
+    text = HELD.replace("one: x", f"one: {unit}*x").replace("4*x", f"4*{unit}*x")
+    found = lagcli.check(lagcli.load_text(text))
     assert found.rank.unique == ("other",)
     assert found.rank.not_unique == ("one", "two")
     (combination,) = found.rank.combinations
@@ -154,3 +161,61 @@ def test_multipliers_of_independent_constraints_are_unique(name: str) -> None:
     assert found.rank.not_unique == ()
     assert set(found.rank.random_ranks) == {len(found.equations.constraints)}
     assert len(found.rank.random_ranks) == 20
+
+
+def test_the_reduced_form_is_that_of_exact_arithmetic() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(60):
+        exact = Matrix(3, 5, rng.integers(-3, 4, 15).tolist())
+        if rng.random() < 0.5:
+            exact[2, :] = exact[0, :] - 2 * exact[1, :]
+        # beginning with another basis of the same rows
+        mixed = rng.normal(size=(3, 3)) @ np.array(exact, dtype=float)
+        found = rank._reduced(mixed)
+        expected = np.array(exact.rref()[0], dtype=float)
+        np.testing.assert_allclose(found, expected, atol=1e-8)
+        if abs(np.linalg.det(mixed[:, :3])) > 1e-2:
+            assert found.tolist() == expected.tolist()  # simple fractions are exact
+    assert rank._reduced(np.zeros((0, 4))).shape == (0, 4)
+
+
+def test_only_fractions_with_small_denominators_are_rounded_to() -> None:
+    for x in (Rational(1, 997), Rational(-355, 113), Rational(0), Rational(7)):
+        assert rank._simple(float(x) + 9e-10) == float(x)
+        assert rank._simple(float(x) + 1.1e-9) == float(x) + 1.1e-9
+    for value in (2**0.5, 1 / 1501 + 1e-12, np.pi / 1e4):
+        assert rank._simple(value) == value
+
+
+SKATE = """
+coordinates: [x, y, phi]
+T: x'^2/2 + y'^2/2 + phi'^2/2
+constraints: {blade: x'*sin(phi) = y'*cos(phi)}
+initial: {x: 20, y: 3, phi: 0.4, x': 2, y': {guess: 1}, phi': 0.3}
+"""
+
+
+def test_random_states_are_steps_of_limited_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each at most half of the coordinates' reach from the last one, in all directions."""
+    simulation = prepare(lagcli.load_text(SKATE))
+    system, start = simulation.system, simulation.start
+    states = rank.random_states(system, start)
+    assert len(states) == 20
+    reach = coordinate_reach(Evaluator(system, start.state.p), start.state)
+    path = np.array([start.state.q, *[s.state.q for s in states]])
+    lengths = np.abs(np.diff(path, axis=0) / reach).max(axis=1)
+    # 20 numbers that are uniform between 0 and a half
+    assert 0.4 < lengths.max() <= 0.5 + 1e-12
+    assert lengths.min() < 0.1
+    assert 0.15 < lengths.mean() < 0.35
+    for found in states:
+        phi, v = found.state.q[2], found.state.v
+        assert v[0] * np.sin(phi) == pytest.approx(v[1] * np.cos(phi))
+    # velocities too: normally distributed steps of their own size, or of the reach
+    speeds = np.array([0.3, *[found.state.v[2] for found in states]])
+    steps = np.diff(speeds) / np.maximum(np.abs(speeds[:-1]), reach[2])
+    assert 0.5 < np.std(steps) < 1.6
+    monkeypatch.setattr(rank, "MOST_COORDINATES", 3)
+    assert len(rank.random_states(system, start)) == 20
+    monkeypatch.setattr(rank, "MOST_COORDINATES", 2)
+    assert rank.random_states(system, start) == []

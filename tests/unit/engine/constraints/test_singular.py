@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import lagcli
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.projection import Projection
-from lagcli.engine.constraints.singular import Crossing, RankWatch
+from lagcli.engine.constraints.singular import Crossing, RankWatch, _distance
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Evaluator
 
@@ -57,6 +57,9 @@ def test_the_singular_time_is_found_between_two(watch: RankWatch) -> None:
     found = watch.singular_time(y, SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2)
     assert found == pytest.approx(SINGULAR_TIME, abs=1e-7)
     assert watch.singular_time(y, 0.0, SINGULAR_TIME - 0.1) is None
+    # in microseconds
+    found = watch.singular_time(lambda t: y(1e6 * t), 1e-7, 1e-6)
+    assert found == pytest.approx(1e-6 * SINGULAR_TIME, rel=1e-7)
 
 
 def test_steps_become_short_next_to_it(watch: RankWatch) -> None:
@@ -71,6 +74,61 @@ def test_steps_become_short_next_to_it(watch: RankWatch) -> None:
     assert 0 < watch.largest_step() < 0.05
     watch.restart()
     assert watch.largest_step() == math.inf
+
+
+def test_what_is_near_and_how_long_steps_are_is_relative_to_the_largest_value() -> None:
+    """A row of a tenth of its largest length: all values are a tenth of those above."""
+    found = motion()
+    found.lengths *= 10.0
+    watch = RankWatch(found)
+    distances = (0.6, 0.25, 0.2, 0.1, 0.08)
+    times = [SINGULAR_TIME - d for d in distances]
+    weakest = [math.sin(SPEED * d) / math.cos(START) / 10 for d in distances]
+    usual = weakest[0]
+    for k, t in enumerate(times):
+        watch.add(t, y(t))
+        assert watch.near(t, y(t)) == (weakest[k] < 0.2 * usual)
+        if k < 3:
+            assert watch.largest_step() == math.inf
+            continue
+        # the last four states are kept
+        rate = (weakest[k - 1] - weakest[k]) / (times[k] - times[k - 1])
+        assert weakest[k] < 0.25 * usual
+        expected = 0.02 * usual / rate if weakest[k] < 0.2 * usual else math.inf
+        assert watch.largest_step() == pytest.approx(expected, rel=1e-9)
+        assert watch.ahead() is None  # not below 0.04
+    # away from it, no step is limited
+    watch.add(times[3], y(times[3]))
+    assert watch.largest_step() == math.inf
+
+
+@pytest.mark.parametrize(("e", "named"), [(0.08, "abc"), (0.065, "ac"), (-0.08, "abc")])
+def test_constraints_with_a_small_part_in_the_dependency_are_not_named(
+    e: float, named: str
+) -> None:
+    """Below a twentieth: the combination is (1, e, -1)/√(2 + e²), but for the row's length."""
+    system, p = lowered(
+        lagcli.load_text(f"""
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+constraints: {{a: x = 0, b: y = 0, c: x + {e}*y + z^2 = 0}}
+initial: {{x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}}
+""")
+    )
+    found = Index1(Evaluator(system, p), 3)
+    found.measure(0.0, np.zeros(3), np.zeros(3))
+    message = str(RankWatch(found).stop(0.0, np.zeros(3), np.zeros(3)))
+    assert [name for name in "abc" if f"`{name}`" in message] == list(named)
+
+
+def test_the_distance_of_states() -> None:
+    """Of q or v, the larger; relative to the size of the other state, each by its kind."""
+    q, v, sizes = np.array([1.0, -20.0]), np.array([3.0, 0.0]), np.array([1.0, 10.0])
+    change = np.array([0.01, 0.3])
+    assert _distance((q + change, v), (q, v), sizes) == pytest.approx(0.03 / 2)
+    assert _distance((q, v - change), (q, v), sizes) == pytest.approx(0.03 / 3)
+    assert _distance((q + change, v - change), (q, v), sizes) == pytest.approx(0.03 / 2)
+    assert _distance((q, change), (q, np.zeros(2)), sizes) == pytest.approx(0.03)
 
 
 def test_what_the_path_leads_to_is_found_before(watch: RankWatch) -> None:
@@ -176,6 +234,17 @@ def test_the_motion_continues_as_one_pendulum() -> None:
         np.testing.assert_allclose([*q, *v, work], crank_state(t), rtol=0, atol=1e-9)
         np.testing.assert_allclose(a, -G * math.cos(EXACT(t)[0]), rtol=0, atol=1e-6)
         np.testing.assert_allclose(multipliers, [G], rtol=1e-6)
+
+
+@pytest.mark.parametrize("last", [0.004, 1e-6, 1e-8])
+def test_a_step_may_end_next_to_the_configuration(last: float) -> None:
+    """The work so far goes on, as no power is supplied."""
+    found = crank_motion()
+    times = SINGULAR - np.array([0.012, 0.008, 0.006, last])
+    before = [(t, np.append(crank_state(t)[:4], 2.5)) for t in times]
+    crossing = Crossing(found, Projection(found.evaluator, 1), before, SINGULAR, guess)
+    np.testing.assert_allclose(crossing.state[:4], crank_state(SINGULAR + last)[:4], atol=1e-8)
+    assert crossing.state[4] == pytest.approx(2.5, rel=1e-12)
 
 
 def test_where_states_beyond_do_not_settle_there_is_no_continuation() -> None:

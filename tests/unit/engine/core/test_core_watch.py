@@ -1,0 +1,297 @@
+"""What the core's watch measures at a state: how near B is to losing rank."""
+
+from __future__ import annotations
+
+import re
+from ctypes import byref, c_double
+from functools import cache
+
+import numpy as np
+import pytest
+from core_parts import parts
+from core_runs import Recorded
+from known_events import METHODS
+from scipy.linalg import qr
+
+import lagcli
+from lagcli.arrays import Array
+from lagcli.engine.core.structures import Arguments
+from lagcli.engine.integrate.prepared import prepare
+from lagcli.engine.linear.elimination import Elimination
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.simulation import Simulation
+from lagcli.simulations.simulation import prepare as prepare_run
+
+SOLUTIONS = ("unrolled", "in a loop", "densely")
+#: Particles whose rows of B are too many to orthogonalize them.
+MANY = 22
+
+#: Two rows of unit length with the angle w between them; the second can become short with s.
+TWO_ROWS = """
+coordinates: [x, y, w, s]
+T: (x'^2 + y'^2 + w'^2 + s'^2)/2
+constraints:
+  one: x = 0
+  two: s*(x*cos(w) + y*sin(w)) = 0
+initial: {x: 0, y: 0, w: 1, s: 1, x': 0, y': 0, w': 1, s': 0}
+"""
+
+#: Particles on rods, heavy and light in turn; pivots of light ones are of order two.
+CHAIN = """
+parameters: {{N: {count}}}
+coordinates: [x[1..N], y[1..N], u]
+T: sum((1.01 + cos(pi*i))*(x[i]'^2 + y[i]'^2), i = 1..N)/2 + u'^2/200
+V: sum(y[i], i = 1..N) + u
+constraints:
+  first: x[1]^2 + y[1]^2 = 1
+  rod[i = 2..N]: (x[i] - x[i-1])^2 + (y[i] - y[i-1])^2 = 1
+  bar: u = x[N]*y[1]
+initial:
+  x[i = 1..N]: i*0.8
+  y[i = 1..N]: {{guess: -i*0.6}}
+  u: {{guess: 0}}
+  x[1..N]': 0
+  y[1..N]': {{guess: 0}}
+  u': {{guess: 0}}
+"""
+
+
+@cache
+def prepared(text: str, sensitivity: tuple[str, ...]) -> Simulation:
+    settings = SettingsOverrides(t_end=1.0, method="DOP853", sensitivity=sensitivity or None)
+    return prepare_run(lagcli.load_text(text), settings)
+
+
+class Watched(Recorded):
+    """An integration that has started, at (0, q, v), and solves for a and λ in one way."""
+
+    def __init__(self, text: str, solution: str, sensitivity: tuple[str, ...] = ()):
+        simulation = prepared(text, sensitivity)
+        super().__init__(simulation.system, simulation.request, lambda block: None, None)
+        self.plan = self.in_use.elimination
+        if solution != "unrolled":
+            dynamics = prepare(self.system, None, None).dynamics
+            if solution == "densely":
+                self.core.use_dense(dynamics)
+            else:
+                assert self.plan is not None
+                self.core.use_elimination(dynamics, self.plan, False)
+        else:
+            assert self.in_use.unrolled
+        self.core.start()
+
+    def measured(self, q: Array, v: Array) -> tuple[float, float]:
+        """Return the least part that is left of the factors, and the least pivot."""
+        part, pivot = c_double(), c_double()
+        y = Arguments().doubles([*q, *v, 0.0])
+        assert not parts.lag_part_watch(self.core._run, 0.0, y, byref(part), byref(pivot))
+        return part.value, pivot.value
+
+    def steps_over(self, before: Array, after: Array, h: float) -> bool:
+        """Return whether a step between states (q, v, W) passes a small minimum."""
+        given = Arguments()
+        ends = given.doubles(before), given.doubles(after)
+        return bool(parts.lag_part_steps_over(self.core._run, h, *ends))
+
+    def approaches(self, q: Array) -> bool:
+        """Return whether a step to a state at rest approaches a singular configuration."""
+        y = Arguments().doubles([*q, *np.zeros(len(q) + 1)])
+        return bool(parts.lag_part_approaches(self.core._run, 0.0, y))
+
+    def matrices(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return M and B."""
+        found = self.evaluator.dynamics(0.0, q, v)
+        return found.mass_matrix, found.jacobian
+
+
+def least_part(mass: Array, jacobian: Array, plan: Elimination) -> float:
+    """Return the least part that a pivot keeps of the terms that it is the sum of, scaled."""
+    nq, nc = mass.shape[0], jacobian.shape[0]
+    whole = np.block([[mass, jacobian.T], [jacobian, np.zeros((nc, nc))]])
+    a = whole[np.ix_(plan.order, plan.order)]
+    taken, least, k = np.zeros(nq + nc), np.inf, 0
+    while k < nq + nc:
+        size = 2 if plan.paired[k] else 1
+        block, below = a[k : k + size, k : k + size], a[k + size :, k : k + size]
+        multipliers = np.linalg.solve(block, below.T).T
+        if size == 1:
+            pivot = abs(block[0, 0])
+            part = 2 * pivot / (pivot + taken[k])
+        else:
+            product = abs(block[0, 0] * block[1, 1])
+            part = abs(np.linalg.det(block)) / (product + block[0, 1] ** 2)
+        least = min(least, part)
+        terms = multipliers[:, :, None] * block * multipliers[:, None, :]
+        taken[k + size :] += np.abs(terms).sum(axis=(1, 2))
+        a[k + size :, k + size :] -= multipliers @ below.T
+        k += size
+    return float(np.sqrt(least))
+
+
+@pytest.mark.parametrize("solution", SOLUTIONS[:2])
+@pytest.mark.parametrize("w", [1.0, 1.5, 0.3, -0.01, 3.14])
+def test_the_part_of_two_rows_is_the_sine_of_their_angle(w: float, solution: str) -> None:
+    watched = Watched(TWO_ROWS, solution)
+    part, pivot = watched.measured(np.array([0, 0, w, 1.0]), np.zeros(4))
+    # pivots are the square: of rounding 1e-16
+    assert part == pytest.approx(abs(np.sin(w)), rel=1e-15 / np.sin(w) ** 2)
+    assert pivot == pytest.approx(abs(np.sin(w)), rel=1e-13)
+
+
+@pytest.mark.parametrize("solution", SOLUTIONS[:2])
+@pytest.mark.parametrize("s", [0.5, -0.1, 1e-3])
+def test_a_row_that_becomes_short_counts_by_its_length(s: float, solution: str) -> None:
+    watched = Watched(TWO_ROWS, solution)
+    part, pivot = watched.measured(np.array([0, 0, np.pi / 2, s]), np.zeros(4))
+    assert part == pytest.approx(abs(s), rel=1e-12)
+    assert pivot == pytest.approx(abs(s), rel=1e-12)
+
+
+def test_of_few_rows_the_dense_factors_tell_nothing() -> None:
+    part, pivot = Watched(TWO_ROWS, "densely").measured(np.array([0, 0, 0.3, 1]), np.zeros(4))
+    assert part == 0.0  # every step is examined
+    assert pivot == pytest.approx(np.sin(0.3), rel=1e-13)
+
+
+@pytest.mark.parametrize("solution", SOLUTIONS[:2])
+@pytest.mark.parametrize("count", [3, 8])
+def test_parts_of_factors(count: int, solution: str) -> None:
+    """Beside a dense elimination in the same order."""
+    watched = Watched(CHAIN.format(count=count), solution)
+    assert watched.plan is not None
+    assert any(watched.plan.paired)
+    rng = np.random.default_rng(count)
+    state = watched.request.state
+    lengths = np.linalg.norm(watched.matrices(state.q, state.v)[1], axis=1)
+    by_factors = 0
+    for _ in range(40):
+        q = state.q + rng.normal(scale=0.4, size=len(state.q))
+        mass, jacobian = watched.matrices(q, state.v)
+        factors = least_part(mass, jacobian, watched.plan)
+        shortest = (np.linalg.norm(jacobian, axis=1) / lengths).min()
+        part, _ = watched.measured(q, state.v)
+        assert part == pytest.approx(min(1.0, factors, shortest), rel=1e-6)
+        by_factors += factors < min(1.0, shortest)
+    assert 5 < by_factors < 35
+
+
+@pytest.mark.parametrize("count", [3, MANY])
+def test_of_redundant_rows_the_least_pivot_is_that_of_their_rank(count: int) -> None:
+    """Beside a QR decomposition with pivoting; factors of the bordered matrix tell nothing."""
+    text = CHAIN.format(count=count).replace("  bar:", "  again: 3*u = 3*x[N]*y[1]\n  bar:")
+    watched = Watched(text, "densely")
+    state = watched.request.state
+    assert watched.request.rank == count + 1
+    q = state.q + np.random.default_rng(3).normal(scale=0.3, size=len(state.q))
+    sized = watched.matrices(q, state.v)[1] * watched.evaluator.sizes(0.0, state.q, state.v)
+    expected = qr((sized / watched.core.lengths[:, None]).T, mode="r", pivoting=True)[0]
+    part, pivot = watched.measured(q, state.v)
+    assert part == 0.0
+    assert pivot == pytest.approx(abs(expected[count, count]), rel=1e-9)
+
+
+def test_derivatives_do_not_change_the_least_pivot() -> None:
+    text = CHAIN.format(count=3).replace("N: 3}", "N: 3, k: 1}").replace("+ u\n", "+ k*u\n")
+    plain, watched = Watched(text, "unrolled"), Watched(text, "unrolled", ("k",))
+    state = plain.request.state
+    q = state.q + np.random.default_rng(3).normal(scale=0.3, size=len(state.q))
+    twice = np.append(q, 0 * q), np.append(state.v, 0 * state.v)
+    assert watched.measured(*twice)[1] == pytest.approx(plain.measured(q, state.v)[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("solution", SOLUTIONS[1:])
+def test_the_least_singular_value_of_many_rows(solution: str) -> None:
+    """By inverse iteration, from above: exact next to a singular configuration."""
+    watched = Watched(CHAIN.format(count=MANY), solution)
+    state, n = watched.request.state, MANY
+    rng = np.random.default_rng(2)
+    for near, short in [(1.0, 1), (1e-1, 0), (1e-2, 1), (1e-2, 0), (1e-3, 0), (1e-3, 1)]:
+        q = state.q + rng.normal(scale=0.1, size=len(state.q))
+        # the last rod, or the first, becomes short, and so its row
+        if short:
+            q[[n - 1, 2 * n - 1]] = q[[n - 2, 2 * n - 2]] + near * rng.normal(size=2)
+        else:
+            q[[0, n]] = near * rng.normal(size=2)
+        mass, jacobian = watched.matrices(q, state.v)
+        rows = jacobian / watched.core.lengths[:, None]
+        least = np.sqrt(np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))[0])
+        part, pivot = watched.measured(q, state.v)
+        assert least * (1 - 1e-9) <= pivot <= least * (1.2 if near > 0.05 else 1.02)
+        if solution == "densely":
+            sized = jacobian * watched.evaluator.sizes(0.0, state.q, state.v)
+            shortest = (np.linalg.norm(sized, axis=1) / watched.core.lengths).min()
+            assert 0 < part <= shortest * (1 + 1e-12)
+            assert part == pytest.approx(shortest) or near > 0.05
+
+
+def angle(w: float, rate: float) -> Array:
+    """Return the state (q, v, W) of the two rows."""
+    return np.array([0, 0, w, 1, 0, 0, rate, 0, 0])
+
+
+def test_a_minimum_within_a_step_is_found_wherever_it_is() -> None:
+    """The angle moves from one side of zero to the other, at the ends and inside."""
+    watched = Watched(TWO_ROWS, "unrolled")
+    watched.measured(np.array([0, 0, np.pi / 2, 1]), np.zeros(4))
+    for h in (0.01, 1.0, 30.0):
+        for place in np.linspace(0.002, 0.998, 40):
+            a, b = 1.2 * place, -1.2 * (1 - place)
+            assert watched.steps_over(angle(a, -1.2 / h), angle(b, -1.2 / h), h)
+            # the sine of an angle that has its minimum beyond an end
+            past = angle(a + 0.2, 1.2 / h), angle(a + 1.4, 1.2 / h)
+            assert not watched.steps_over(*past, h)
+
+
+@pytest.mark.parametrize("h", [0.01, 1.0, 30.0])
+def test_a_small_minimum_counts_below_a_twentieth_of_the_largest(h: float) -> None:
+    """A parabola through its least angle at some place of the step."""
+    watched = Watched(TWO_ROWS, "unrolled")
+    assert not watched.approaches(np.array([0, 0, 1.0, 1]))  # the largest value: of the start
+    largest = np.sin(1.0)
+    for place in np.linspace(0.05, 0.95, 19):
+        for least, expected in ((0.0495, True), (0.0505, False)):
+            w = np.arcsin(least * largest)
+            ends = [angle(w + (x - place) ** 2, 2 * (x - place) / h) for x in (0.0, 1.0)]
+            assert watched.steps_over(*ends, h) == expected
+
+
+@pytest.mark.parametrize("solution", SOLUTIONS[:2])
+def test_what_approaches_is_near_and_nearer_than_before(solution: str) -> None:
+    """Near: below 0.3 of the largest sine, which is 0.252 here."""
+    watched = Watched(TWO_ROWS, solution)
+    steps = [
+        (1.0, False), (0.26, False), (0.25, True), (0.2, True), (0.19, True), (0.195, False),
+        (0.19, True), (-0.1, True), (-0.2, False), (0.5, False), (0.2, True), (1.0, False),
+        (np.pi / 2, False), (0.256, False), (0.25, True), (0.249, True), (0.2495, False),
+    ]  # fmt: skip
+    found = [watched.approaches(np.array([0, 0, w, 1])) for w, _ in steps]
+    assert found == [expected for _, expected in steps]
+
+
+@pytest.mark.parametrize("explicit", [False, True])
+@pytest.mark.parametrize("method", METHODS)
+def test_no_step_passes_a_singular_configuration_unseen(method: str, explicit: bool) -> None:
+    """The angle grows evenly through π, at any place of a step that may be long: with the
+    coordinate, or with t."""
+    rng = np.random.default_rng(METHODS.index(method))
+    for _ in range(4):
+        start, largest = float(rng.uniform(0.3, 2.8)), float(rng.uniform(0.05, 3.0))
+        text = TWO_ROWS.replace("w: 1,", f"w: {start!r},")
+        if explicit:
+            text = text.replace("(w)", "(w + t)").replace("w': 1,", "w': 0,")
+        model = lagcli.load_text(text)
+        found = lagcli.simulate(model, t_end=4.0, samples=2, method=method, max_step=largest)
+        assert found.status == "failed", (start, largest)
+        match = re.search(r"singular configuration at t = (\S+) s", found.message)
+        assert match is not None, found.message
+        assert float(match[1]) == pytest.approx(np.pi - start, abs=1e-6)
+
+
+def test_long_steps_of_a_method_with_few_stages_are_examined() -> None:
+    """Radau's three stages may all lie far from the configuration, but not all equally far."""
+    rng = np.random.default_rng(6)
+    for _ in range(10):
+        start, largest = float(rng.uniform(0.2, 1.3)), float(rng.uniform(1.5, 2.5))
+        model = lagcli.load_text(TWO_ROWS.replace("w: 1,", f"w: {start!r},"))
+        found = lagcli.simulate(model, t_end=4.0, samples=2, method="Radau", max_step=largest)
+        assert "singular configuration" in found.message, (start, largest)
