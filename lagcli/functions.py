@@ -2,7 +2,7 @@
 
 Everything about a function follows from its record: the grammar, dimensional analysis, symbolic
 derivatives, operations of tapes in Python and C, power series, interval enclosures and the names in
-each output. Functions of vectors are in `lagcli.model.expression.calls`.
+each output. Functions of vectors are in `lagcli.model.names.building`.
 
 The core is built with this module, so it imports only the standard library, and names functions of
 SymEngine, NumPy and SciPy by text.

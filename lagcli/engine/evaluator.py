@@ -206,8 +206,8 @@ class Evaluator:
         if some := self._holonomic:
             rows, terms = c.jacobian[some], c.position_scale
             reach = np.full(len(some), largest(q, sizes))
-            found = row_lengths(rows, sizes, terms, reach)
-            for k in np.flatnonzero(found > lengths_of_rows(rows, sizes)):
+            lengths = row_lengths(rows, sizes, terms, reach)
+            for k in np.flatnonzero(lengths > lengths_of_rows(rows, sizes)):
                 reach[k] = self.reach(t, q, v, some[k], terms[k], sizes, reach[k])
             length[some] = row_lengths(rows, sizes, terms, reach)
         return length

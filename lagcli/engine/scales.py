@@ -73,12 +73,12 @@ def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
         length = np.sqrt((entries * entries) @ (sizes * sizes))
         rows = length > 0.0
         part = (entries[rows] / length[rows, None]).max(axis=0, initial=0.0)
-        found = ~known & (part > 0.0)
-        if not found.any():  # coordinates coupled only to each other
+        newly = ~known & (part > 0.0)
+        if not newly.any():  # coordinates coupled only to each other
             part = entries.max(axis=0, initial=0.0)
-            found = ~known
-        sizes[found] = 1.0 / np.where(part[found] > 0.0, part[found], 1.0)
-        known |= found
+            newly = ~known
+        sizes[newly] = 1.0 / np.where(part[newly] > 0.0, part[newly], 1.0)
+        known |= newly
     return sizes
 
 

@@ -26,7 +26,7 @@ _NO_SPEED = 1e-11
 #: Multiple of a gap that counts as none, below which a closed contact stays closed.
 _TOUCHES = 10
 
-_Found = TypeVar("_Found")
+_Adjusted = TypeVar("_Adjusted")
 
 
 class ClosedContact(NamedTuple):
@@ -179,11 +179,11 @@ def adjusted_positions(
     def solve(rows: Sequence[int]) -> Array:
         return ConsistentSearch(evaluator, t, fixed, nothing, rows).positions(q.copy(), v)
 
-    def violated(found: Array) -> list[int]:
-        phi = evaluator.constraints(t, found, v).position
+    def violated(positions: Array) -> list[int]:
+        phi = evaluator.constraints(t, positions, v).position
         return [k for k, x in contacts.items() if x.sign * phi[place[k]] < -_TOUCHES * x.no_gap]
 
-    return _with_contacts(held, solve, violated, lambda found: [])
+    return _with_contacts(held, solve, violated, lambda adjusted: [])
 
 
 def adjusted_velocities(
@@ -222,42 +222,42 @@ def adjusted_velocities(
     touching = [k for k, x in contacts.items() if abs(c.position[place[k]]) <= _TOUCHES * x.no_gap]
 
     def solve(rows: Sequence[int]) -> Adjustment:
-        found = ConsistentSearch(evaluator, t, nothing, fixed, rows).velocities(q, v)
-        return Adjustment(q, found, impulse_of(evaluator, t, q, found, found - v, rows, ~fixed))
+        after = ConsistentSearch(evaluator, t, nothing, fixed, rows).velocities(q, v)
+        return Adjustment(q, after, impulse_of(evaluator, t, q, after, after - v, rows, ~fixed))
 
-    def violated(found: Adjustment) -> list[int]:
-        now = evaluator.constraints(t, q, found.v)
-        psi, scale = now.velocity(found.v), now.velocity_scale
+    def violated(candidate: Adjustment) -> list[int]:
+        now = evaluator.constraints(t, q, candidate.v)
+        psi, scale = now.velocity(candidate.v), now.velocity_scale
         return [k for k in touching if contacts[k].sign * psi[k] < -_NO_SPEED * scale[k]]
 
-    def pulled(found: Adjustment) -> list[int]:
-        return [k for k in touching if contacts[k].sign * found.impulse[k] < 0]
+    def pulled(candidate: Adjustment) -> list[int]:
+        return [k for k in touching if contacts[k].sign * candidate.impulse[k] < 0]
 
     return _with_contacts(held, solve, violated, pulled)
 
 
 def _with_contacts(
     held: Sequence[int],
-    solve: Callable[[Sequence[int]], _Found],
-    violated: Callable[[_Found], list[int]],
-    pulled: Callable[[_Found], list[int]],
-) -> _Found:
+    solve: Callable[[Sequence[int]], _Adjusted],
+    violated: Callable[[_Adjusted], list[int]],
+    pulled: Callable[[_Adjusted], list[int]],
+) -> _Adjusted:
     """Return a solution whose contacts are satisfied, if there is one, else without contacts."""
     rows, without = list(held), None
     tried = set[tuple[int, ...]]()
     while tuple(sorted(rows)) not in tried:
         tried.add(tuple(sorted(rows)))
         try:
-            found = solve(rows)
+            candidate = solve(rows)
         except NoConsistentState:
             if without is None:
                 raise
             break
-        without = found if without is None else without
-        added = [k for k in violated(found) if k not in rows]
-        left = pulled(found)
+        without = candidate if without is None else without
+        added = [k for k in violated(candidate) if k not in rows]
+        left = pulled(candidate)
         if not added and not left:
-            return found
+            return candidate
         rows = [k for k in rows if k not in left] + added
     assert without is not None
     return without
@@ -305,11 +305,11 @@ def impulse_of(
     jacobian = evaluator.constraints(t, q, v).jacobian[some][:, free]
     sizes = evaluator.sizes(t, q, v)[free]
     parts = dense.decompose(jacobian, sizes=sizes)
-    found = parts.multipliers(momentum[free])
+    impulses = parts.multipliers(momentum[free])
     if parts.dependent.shape[1]:
         loose, _ = np.linalg.qr(parts.dependent / parts.scale[:, None])
-        found = found - loose @ (loose.T @ found)
-    impulse[some] = found
+        impulses = impulses - loose @ (loose.T @ impulses)
+    impulse[some] = impulses
     return impulse
 
 
@@ -379,13 +379,13 @@ def nearest_position(
         if not change > _SMALL * length:
             break
         trial = search.projected(q + step * min(1.0, LONGEST * length / change))
-        found = None if trial is None else deviation(trial)
-        if found is None or not np.linalg.norm(found[0]) < np.linalg.norm(rest):
+        tried = None if trial is None else deviation(trial)
+        if tried is None or not np.linalg.norm(tried[0]) < np.linalg.norm(rest):
             damping *= 8
             continue
         assert trial is not None
-        gain = np.linalg.norm(rest) - np.linalg.norm(found[0])
-        q, (rest, slopes), damping = trial, found, max(damping / 8, _DAMPING)
+        gain = np.linalg.norm(rest) - np.linalg.norm(tried[0])
+        q, (rest, slopes), damping = trial, tried, max(damping / 8, _DAMPING)
         if gain <= _SMALL * length:
             break
     return q
@@ -414,17 +414,17 @@ class _Search:
     def projected(self, q: Array) -> Array | None:
         """Return a position on the constraints near another; None if there is none."""
         while True:
-            found = self.corrected(q)
-            if found is None:
+            corrected = self.corrected(q)
+            if corrected is None:
                 return None
-            phi, scale, _ = self.constraints(found)
+            phi, scale, _ = self.constraints(corrected)
             violated = [
                 k
                 for k, sign in self.signs.items()
                 if k not in self.places and sign * phi[k] < -ACCEPTED * scale[k]
             ]
             if not violated:
-                return found
+                return corrected
             self.places += violated
 
     def corrected(self, q: Array) -> Array | None:

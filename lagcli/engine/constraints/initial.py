@@ -218,14 +218,14 @@ class ConsistentSearch:
     ) -> dict[str, tuple[float, float]]:
         """Return the adjusted values by name, as in `ConsistentState`."""
         names = self.system.coordinates
-        found = dict[str, tuple[float, float]]()
+        moved = dict[str, tuple[float, float]]()
         for name, x, y in zip(names, q.tolist(), new_q.tolist(), strict=True):
             if x != y:
-                found[name] = x, y
+                moved[name] = x, y
         turning = {place for spin in self.spins for place in spin.places}
         for i, (x, y) in enumerate(zip(v.tolist(), new_v.tolist(), strict=True)):
             if x != y and i not in turning:
-                found[f"{names[i]}'"] = x, y
+                moved[f"{names[i]}'"] = x, y
         for spin in self.spins:
             places = list(spin.places)
             if not q[places].any():
@@ -234,8 +234,8 @@ class ConsistentSearch:
             rounding = _ROUNDING * np.abs([before, after]).max()
             for label, x, y in zip(spin.labels(), before.tolist(), after.tolist(), strict=True):
                 if abs(x - y) > rounding:
-                    found[label] = x, y
-        return found
+                    moved[label] = x, y
+        return moved
 
     def elimination(self, q: Array, v: Array) -> Elimination | None:
         """Return a sparse elimination that proves a large system to be regular, or None.
@@ -246,10 +246,10 @@ class ConsistentSearch:
         if len(system.coordinates) + len(self.held) < _LARGE:
             return None
         try:
-            found = order_at(system, [self.evaluator.entries(self.t, q, v)], self.held)
+            elimination = order_at(system, [self.evaluator.entries(self.t, q, v)], self.held)
         except NoElimination:
             return None
-        return found if found.smallest > REGULAR else None
+        return elimination if elimination.smallest > REGULAR else None
 
     # positions
 
@@ -273,12 +273,12 @@ class ConsistentSearch:
         for aside in (0.0, *_ASIDE):
             # at a singular guess (a rod of length 0) the constraints give no direction; a
             # displacement shows whether they do nearby
-            found = self.descend(self.aside(q, v, aside) if aside else q, v)
-            phi, scale, _ = self.residual(found, v)
+            solution = self.descend(self.aside(q, v, aside) if aside else q, v)
+            phi, scale, _ = self.residual(solution, v)
             if np.abs(phi / scale).max() <= ACCEPTED:
-                return found
+                return solution
             if aside == 0.0:
-                first = found
+                first = solution
         phi, scale, jacobian = self.residual(first, v)
         sizes = self.evaluator.sizes(self.t, first, v)
         raise self.failure("position", first, phi, scale, jacobian, sizes)
@@ -382,13 +382,13 @@ class ConsistentSearch:
         """Return v on ψ = 0; may raise `NoConsistentState`."""
         if not self.held:
             return v
-        found, residual, scale, jacobian = self.least_velocities(q, v.copy())
-        if self.hardly(q, v, found):
-            found, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
+        solution, residual, scale, jacobian = self.least_velocities(q, v.copy())
+        if self.hardly(q, v, solution):
+            solution, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
         if np.abs(residual / scale).max() > ACCEPTED:
             sizes = self.evaluator.sizes(self.t, q, v)
             raise self.failure("velocity", q, residual, scale, jacobian, sizes)
-        return found
+        return solution
 
     def least_velocities(
         self, q: Array, v: Array, hardly: float | None = None
@@ -425,7 +425,7 @@ class ConsistentSearch:
             v += free @ dense.least_change(part, psi, weight, rank, lengths, own)
         return v, psi, scale, jacobian
 
-    def hardly(self, q: Array, given: Array, found: Array) -> bool:
+    def hardly(self, q: Array, given: Array, solution: Array) -> bool:
         """Return whether free velocities are large only because they hardly occur in a constraint.
 
         In x² + y² = l² at x = l, where y = 0 is known to 1e-8, another x' than 0 would need
@@ -437,7 +437,7 @@ class ConsistentSearch:
         sizes = self.evaluator.sizes(self.t, q, given)
         lengths = usable(lengths_of_rows(c.jacobian[self.held], sizes))
         before = max(largest(given, sizes), np.abs(c.drift[self.held] / lengths).max())
-        return largest(found, sizes) > before / _HARDLY
+        return largest(solution, sizes) > before / _HARDLY
 
     def failure(
         self, level: Level, q: Array, residual: Array, scale: Array, jacobian: Array, sizes: Array
@@ -472,12 +472,12 @@ class ConsistentSearch:
         turning = [list(spin.places) for spin in self.spins]
         plain = self.fixed_v & touched
         plain[[i for places in turning for i in places]] = False
-        found = [f"{names[i]}'" for i in np.flatnonzero(plain)]
+        stuck = [f"{names[i]}'" for i in np.flatnonzero(plain)]
         for spin, places in zip(self.spins, turning, strict=True):
             turns = (along(jacobian[:, places], rates_of_spin(q[places])) != 0.0).any(axis=0)
             labels = zip(spin.labels(), spin.fixed, turns.tolist(), strict=True)
-            found += [label for label, is_fixed, is_touched in labels if is_fixed and is_touched]
-        return found
+            stuck += [label for label, is_fixed, is_touched in labels if is_fixed and is_touched]
+        return stuck
 
 
 _NOTHING = 1e-14  # of the terms of a product
@@ -560,9 +560,9 @@ def along(jacobian: Array, free: Array) -> Array:
 
     All ω are tangent to |e| = 1, whose row must vanish.
     """
-    found = jacobian @ free
-    found[np.abs(found) <= _NOTHING * (np.abs(jacobian) @ np.abs(free))] = 0.0
-    return np.asarray(found)
+    product = jacobian @ free
+    product[np.abs(product) <= _NOTHING * (np.abs(jacobian) @ np.abs(free))] = 0.0
+    return np.asarray(product)
 
 
 #: Entries of the projection onto the dependencies above this count: vanishing ones are about 1e-8,
@@ -601,8 +601,8 @@ def dependent_sets(
     c = evaluator.constraints(t, q, v)
     sizes = evaluator.sizes(t, q, v)
     lengths = evaluator.row_lengths(t, q, v, c, sizes)[held]
-    found = dense.decompose(c.jacobian[held], rank, scale=lengths, sizes=sizes).dependent
-    projection = found @ found.T
+    dependent = dense.decompose(c.jacobian[held], rank, scale=lengths, sizes=sizes).dependent
+    projection = dependent @ dependent.T
     joined = np.abs(projection) > _TAKES_PART
     left = {int(i) for i in np.flatnonzero(np.diag(joined))}
     sets = []

@@ -115,9 +115,9 @@ class _StartSearch:
     def __call__(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array, Flags]:
         """Return q, v and which rows were found."""
         with np.errstate(all="ignore"):
-            q, found = self.positions(parameters, q, v)
+            q, converged = self.positions(parameters, q, v)
             v, met = self.velocities(parameters, q, v)
-            return q, v, found & met & self.regular(parameters, q, v)
+            return q, v, converged & met & self.regular(parameters, q, v)
 
     # values
 

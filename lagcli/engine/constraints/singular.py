@@ -113,13 +113,13 @@ class RankWatch:
         """Return the time between two times at which a path is singular, or None."""
         from scipy.optimize import minimize_scalar
 
-        found = minimize_scalar(
+        least = minimize_scalar(
             lambda t: self.weakest(t, path(t)),
             bounds=(low, high),
             method="bounded",
             options={"xatol": 1e-12 * max(abs(high), high - low)},
         )
-        return float(found.x) if found.fun < SINGULAR else None
+        return float(least.x) if least.fun < SINGULAR else None
 
     # ahead of the last step
 
@@ -166,12 +166,12 @@ class RankWatch:
             return q, v
 
         now = self._nodes[-1]
-        found = self.singular_time(
+        time = self.singular_time(
             lambda t: np.concatenate(path(t)), now.t, now.t + 3 * now.weakest / rate
         )
-        if found is None:
+        if time is None:
             return None
-        return Ahead(found, tuple((node.t, node.y) for node in self._nodes), path)
+        return Ahead(time, tuple((node.t, node.y) for node in self._nodes), path)
 
     # messages of stopped runs
 

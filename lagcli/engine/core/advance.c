@@ -23,7 +23,7 @@
 #define SHORTER 0.3         /* of a step that passed a singular configuration */
 #define SOUND 1e-4          /* largest residual of an elimination that refinement can correct */
 #define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
-#define CALM 20             /* consecutive accurate steps after which solutions are no longer refined */
+#define ACCURATE_STEPS 20   /* consecutive accurate steps after which solutions are no longer refined */
 #define CONTRADICTION 5e-7  /* of the terms of B a = gamma: residual that is examined more closely */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
@@ -160,17 +160,18 @@ static int may_refine(const lag_run *run)
 }
 
 /* Whether y' is accurate enough after a step. If plain solutions of the linear system are not, but refined
- * ones are, y' uses these until plain ones have been accurate for CALM steps. After a rejected step, whose
- * cause may be the error of a solution, this error must also be below the tolerances. */
+ * ones are, y' uses these until plain ones have been accurate for ACCURATE_STEPS steps. After a rejected step,
+ * whose cause may be the error of a solution, this error must also be below the tolerances. */
 static int accurate(lag_run *run)
 {
     const double allowed = lag_allowed_inaccuracy(run), *y = run->step.y_new;
-    const double found = run->solver.inaccuracy = lag_inaccuracy(run, run->step.t, y, 0);
+    const double inaccuracy = run->solver.inaccuracy = lag_inaccuracy(run, run->step.t, y, 0);
     const int refining = run->solver.refining, rejected = run->step.rejected > run->solver.rejected;
     run->solver.rejected = run->step.rejected;
-    if (found <= allowed
-        && (found <= EXACT || !(refining || (rejected && may_refine(run))) || found <= tolerated_inaccuracy(run))) {
-        if (refining && ++run->solver.accurate_steps == CALM)
+    if (inaccuracy <= allowed
+        && (inaccuracy <= EXACT || !(refining || (rejected && may_refine(run)))
+            || inaccuracy <= tolerated_inaccuracy(run))) {
+        if (refining && ++run->solver.accurate_steps == ACCURATE_STEPS)
             run->solver.refining = 0;
         return 1;
     }

@@ -29,10 +29,10 @@ def library_in(folder: Path) -> Path:
 
 def c_files(suffix: str | tuple[str, ...] = ".c") -> list[str]:
     """Return the paths of the core's files with a suffix, in order."""
-    found = []
+    paths = []
     for folder, _, names in os.walk(CORE):
-        found += [os.path.join(folder, name) for name in names if name.endswith(suffix)]
-    return sorted(found)
+        paths += [os.path.join(folder, name) for name in names if name.endswith(suffix)]
+    return sorted(paths)
 
 
 def _tables() -> list[str]:
@@ -80,8 +80,8 @@ def record(paths: Iterable[str]) -> str:
     """
     lines = []
     for path in paths:
-        found = os.stat(f"{CORE}/{path}")
-        lines.append(f"{path} {found.st_size} {found.st_mtime_ns}")
+        status = os.stat(f"{CORE}/{path}")
+        lines.append(f"{path} {status.st_size} {status.st_mtime_ns}")
     return "\n".join(lines)
 
 

@@ -215,10 +215,11 @@ typedef struct {
     const int *mode, *active;          /* rows */
     const double *gap, *speed, *force; /* rows: phi, psi, z, each by the row's sign */
     double gained;                     /* energy gained by the last impact, if rejected ... */
-    int rubbed, alike;                 /* ... whether it had friction, and equal coefficients of restitution */
+    int with_friction;                 /* ... whether it had friction */
+    int equal_restitution;             /* ... whether all its coefficients of restitution are equal */
     const int *takes_part;             /* rows: participating in the last impact */
     double margin;                     /* uniqueness of the forces while something slips: 0 if it jams */
-    int found;                         /* result of the last contact problem: core/contact/contact.h */
+    int motions;                       /* result of the last contact problem: core/contact/contact.h */
     int begun;                         /* whether the initial modes are known ... */
     const int *first_mode;             /* ... these modes */
     const double *before;              /* n: the state at the beginning of the instant ... */

@@ -13,7 +13,7 @@
 /*
  * A constraint's scale is the largest sum of the magnitudes of its terms so far. These may vanish all
  * along a motion. Where Newton steps do not reach RESIDUAL, the scale is therefore raised to the least
- * that B, q and M give it: engine/constraints/scales.py has the formula and the reason.
+ * that B, q and M give it: engine/scales.py has the formula and the reason.
  */
 
 /* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */

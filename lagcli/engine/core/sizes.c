@@ -98,14 +98,14 @@ static int derivative_by_side(lag_run *run, int side, double *f)
 void lag_sizes_start(lag_run *run)
 {
     const int nq = run->system.nq;
-    double *found[] = {run->step.trial, run->step.f_new};
+    double *rates[] = {run->step.trial, run->step.f_new};
     int undefined = 0;
     for (int side = 0; side < 2; ++side) {
-        undefined |= derivative_by_side(run, side, found[side]);
+        undefined |= derivative_by_side(run, side, rates[side]);
     }
     run->system.dynamics.registers[0] = NAN;
     for (int i = 0; i < nq; ++i) {
-        const double noise = undefined ? 0.0 : fabs(found[1][nq + i] - found[0][nq + i]);
+        const double noise = undefined ? 0.0 : fabs(rates[1][nq + i] - rates[0][nq + i]);
         const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
         run->tolerances.acceleration_terms[i] = fmax(run->tolerances.acceleration_terms[i], a);
     }

@@ -252,14 +252,14 @@ double lag_solve_tangent(lag_run *run, double *x)
     const lag_tape *d = &s->dynamics, *w = &s->tangent;
     const lag_vector_kernel *vectors = s->vectors;
     const int nq = s->nq / s->blocks, nc = s->nc / s->blocks;
-    const int32_t *found = d->outputs + first_other(run);
+    const int32_t *outputs = d->outputs + first_other(run);
     double sum = 0.0;
     for (int k = 1; k < s->blocks; ++k) {
         const int32_t *right = w->outputs + (k - 1) * (nq + nc);
         vectors->pick(nq + nc, w->registers, right, d->registers + run->solver.other_right);
         lag_tape_run(d, d->deferred[1]);
-        sum += vectors->pick(nq, d->registers, found, x + k * nq);
-        sum += vectors->pick(nc, d->registers, found + nq, x + s->nq + k * nc);
+        sum += vectors->pick(nq, d->registers, outputs, x + k * nq);
+        sum += vectors->pick(nc, d->registers, outputs + nq, x + s->nq + k * nc);
     }
     return sum;
 }

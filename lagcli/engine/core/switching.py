@@ -77,10 +77,10 @@ class lag_instant_report(Structure):
         *each(Integers, "mode active"),
         *each(Doubles, "gap speed force"),
         ("gained", c_double),
-        *each(c_int, "rubbed alike"),
+        *each(c_int, "with_friction equal_restitution"),
         ("takes_part", Integers),
         ("margin", c_double),
-        *each(c_int, "found begun"),
+        *each(c_int, "motions begun"),
         ("first_mode", Integers),
         *each(Doubles, "before a multipliers"),
         *each(c_int64, "crossed slid"),
@@ -319,7 +319,7 @@ class SwitchingIntegrator(Integrator):
     def gain(self) -> tuple[float, bool, bool]:
         """Energy that the last impact would gain, J; whether it had friction; one restitution."""
         report = self._instant
-        return report.gained, bool(report.rubbed), bool(report.alike)
+        return report.gained, bool(report.with_friction), bool(report.equal_restitution)
 
     @property
     def margin(self) -> float:
@@ -361,7 +361,7 @@ class SwitchingIntegrator(Integrator):
             ContactSolution(
                 copied(r.force[k], n), copied(r.motion[k], n), np.array(listed(r.mode[k], n))
             )
-            for k in range(self._instant.found)
+            for k in range(self._instant.motions)
         ]
         return listed(r.row, n), problem, motions
 

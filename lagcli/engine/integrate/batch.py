@@ -200,8 +200,8 @@ class _BatchRuns:
 
     def left(self) -> list[int]:
         """Return the runs that have left the lanes."""
-        found: list[int] = np.flatnonzero(self.core.status == LaneStatus.LEFT).tolist()
-        return found
+        runs: list[int] = np.flatnonzero(self.core.status == LaneStatus.LEFT).tolist()
+        return runs
 
 
 def _of_row(

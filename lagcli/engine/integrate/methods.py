@@ -61,8 +61,8 @@ class Methods:
         The steps that each method has taken.
     changes : list of (float, str)
         Time of the switch to an implicit method, s, and the method; failed trials are omitted.
-    rejected : str
-        Message why a method other than the requested one runs.
+    refused : str
+        Why a method other than the requested one runs.
     """
 
     def __init__(self, core: Any, system: System, request: IntegrationRequest, no_series: str = ""):

@@ -140,11 +140,13 @@ def _tangent(system: System) -> Program:
     assert system.tangent is not None
     motion, families = system.motion, system.families
     first = len(families) - system.held
-    found = [without_numbers(name) + "''" for name in (*motion.coordinates, *motion.constraints)]
+    accelerations = [
+        without_numbers(name) + "''" for name in (*motion.coordinates, *motion.constraints)
+    ]
     members = len(motion.coordinates) / max(1, len(set(map(without_numbers, motion.coordinates))))
     return assemble(
         system.tangent.tape,
-        [*families[:first], *found, *families[first:]],
+        [*families[:first], *accelerations, *families[first:]],
         _LONG_OF_MEMBERS if members >= _MEMBERS else LONG,
     )
 
@@ -159,8 +161,8 @@ def explicit_time(system: System) -> Program | None:
     if system.switching is not None:
         s = system.switching
         tapes += [x for x in (s.limits, s.forces, s.force_conditions) if x is not None]
-    found = explicit_functions(tapes, 2 * len(system.coordinates))
-    return None if found is None else assemble(found)
+    functions = explicit_functions(tapes, 2 * len(system.coordinates))
+    return None if functions is None else assemble(functions)
 
 
 def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:
@@ -202,19 +204,19 @@ def explicit_functions(tapes: Iterable[Tape], states: int) -> Tape | None:
         return None
     parameters = given[0].parameters
     builder = Builder(1 + states + parameters, parameters, functions=given[0].functions)
-    found: list[int] = []
+    outputs: list[int] = []
     for tape in given:
         first = tape.inputs - tape.rhs_inputs - tape.parameters
         own = [*range(1 + states), *[-1] * (first - 1 - states)]
         own += range(1 + states, 1 + states + parameters)
         wanted = _nonlinear(tape, states, first)
-        found += builder.splice(tape._replace(outputs=tuple(wanted)), own)
-    return builder.finish(dict.fromkeys(found)) if found else None
+        outputs += builder.splice(tape._replace(outputs=tuple(wanted)), own)
+    return builder.finish(dict.fromkeys(outputs)) if outputs else None
 
 
 def _nonlinear(tape: Tape, states: int, parameters: int) -> Sequence[int]:
     """Return the registers of the operations."""
-    timed, unknown, found = {0}, {*range(1 + states, parameters)}, []
+    timed, unknown, results = {0}, {*range(1 + states, parameters)}, []
     unknown |= {*range(parameters + tape.parameters, tape.inputs)}
     for op, to, a, b, c in tape.code:
         operands = (a, b, c)[: ARITY[op]]
@@ -223,8 +225,8 @@ def _nonlinear(tape: Tape, states: int, parameters: int) -> Sequence[int]:
         elif not timed.isdisjoint(operands):
             timed.add(to)
             if op in _NONLINEAR and (op != Op.DIV or b in timed):
-                found.append(to)
-    return found
+                results.append(to)
+    return results
 
 
 def with_rates(system: System) -> Tape:

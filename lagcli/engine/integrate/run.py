@@ -212,9 +212,9 @@ class Integration:
         if not again and len(self.states) <= _MOST_STATES:
             self.states.append(self.evaluator.state(core.t, *self.split(core.state)))
             self.states.append(self.evaluator.state(core.t_bad, *self.split(core.y_bad)))
-            found = find_elimination(self.evaluator, self.states)
-            if not self.in_use.serves(found):
-                self.use(self.ready(found, self.in_use))
+            elimination = find_elimination(self.evaluator, self.states)
+            if not self.in_use.serves(elimination):
+                self.use(self.ready(elimination, self.in_use))
                 core.size_again()
                 return
         core.allow_dense(1)
@@ -389,13 +389,13 @@ class Integration:
         core = self.core
         t_old, t = core.step
         self.measure()
-        found = self.watch.singular_time(core.dense, t_old, t)
-        if found is not None:
-            while (status := core.sample_until(found)) == Status.BLOCK_FULL:
+        singular = self.watch.singular_time(core.dense, t_old, t)
+        if singular is not None:
+            while (status := core.sample_until(singular)) == Status.BLOCK_FULL:
                 self.collect()
                 self.progress(core.t)
             self.handle_status(status)
-            raise self.watch.stop(found, *self.split(core.dense(found)))
+            raise self.watch.stop(singular, *self.split(core.dense(singular)))
 
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""

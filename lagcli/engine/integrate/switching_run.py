@@ -73,8 +73,8 @@ def rank_at(system: System, state: State) -> int:
     if not system.constraints:
         return 0
     evaluator = Evaluator(system, state.p)
-    found = evaluator.dynamics(state.t, state.q, state.v)
-    return dense.count_rank(found.jacobian, sizes=evaluator.sizes(state.t, state.q, state.v))
+    dynamics = evaluator.dynamics(state.t, state.q, state.v)
+    return dense.count_rank(dynamics.jacobian, sizes=evaluator.sizes(state.t, state.q, state.v))
 
 
 class _Common:
@@ -465,16 +465,16 @@ class Actions:
         y, energy = core.state, self._energy(core.state)
         after, impulse = y.copy(), np.zeros(len(self.system.constraints))
         if self._values is not None and (rule.targets or rule.impulses):
-            found = self._values(self.inputs(y))
+            evaluated = self._values(self.inputs(y))
             count = len(rule.targets)
-            values = found[rule.first : rule.first + count]
+            values = evaluated[rule.first : rule.first + count]
             after, impulse = self.set(rule, y, values)
             if any(what == "p" for what, _ in rule.targets):
                 core.set_parameters(self._held)
             core.place(after)
             if rule.impulses:
                 first = rule.first + count
-                after = self._push(rule, found[first : first + len(rule.impulses)], impulse)
+                after = self._push(rule, evaluated[first : first + len(rule.impulses)], impulse)
         work = supplied = 0.0
         if rule.targets or rule.impulses:
             change = self._energy(after) - energy
@@ -518,14 +518,14 @@ class Actions:
         core, count = self.core, len(self.system.constraints)
         self.rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
         try:
-            found = adjusted(self.evaluator, core.t, q, v, self.fixed, self.rows)
+            adjustment = adjusted(self.evaluator, core.t, q, v, self.fixed, self.rows)
         except UndefinedStart as error:
             raise Undefined(error.state) from None
         except NoConsistentState as error:
             raise contradicting_values(self.system, core.t, rule, values, error) from None
-        self._note(rule, q, found.q)
-        q[:], v[:] = found.q, found.v
-        return after, found.impulse
+        self._note(rule, q, adjustment.q)
+        q[:], v[:] = adjustment.q, adjustment.v
+        return after, adjustment.impulse
 
     def _push(self, rule: EventRule, values: Sequence[float], impulse: Array) -> Array:
         """Apply the generalized impulse of an event; return the state, add that of constraints."""

@@ -100,9 +100,9 @@ class Elimination(NamedTuple):
             for i in column:
                 rows[i].append((k, entry))
                 entry += 1
-        found = [pair for row in rows for pair in row]
+        pairs = [pair for row in rows for pair in row]
         starts = [0, *accumulate(len(row) for row in rows)]
-        return starts, [k for k, _ in found], [e for _, e in found]
+        return starts, [k for k, _ in pairs], [e for _, e in pairs]
 
     def targets(self, places: Iterable[tuple[int, int]]) -> list[int]:
         """Return the destinations of the matrix' entries in D's diagonal, D's pairs and L.
@@ -116,16 +116,16 @@ class Elimination(NamedTuple):
         place = {unknown: k for k, unknown in enumerate(self.order)}
         entries = ((i, k) for k, column in enumerate(self.columns) for i in column)
         number = {entry: e for e, entry in enumerate(entries)}
-        found = []
+        targets = []
         for row, column in places:
             i, k = place[row], place[column]
             if i == k:
-                found.append(i)
+                targets.append(i)
             elif i < k:
-                found.append(-1)
+                targets.append(-1)
             else:
-                found.append(n + k if self.paired[k] and i == k + 1 else 2 * n + number[i, k])
-        return found
+                targets.append(n + k if self.paired[k] and i == k + 1 else 2 * n + number[i, k])
+        return targets
 
 
 def order_at(
@@ -446,9 +446,9 @@ class _Unrolling(Arithmetic):
         further = self.derivatives(solution)
         whole = [
             *a,
-            *(x for found in further for x in found[: self.nq]),
+            *(x for column in further for x in column[: self.nq]),
             *multipliers,
-            *(x for found in further for x in found[self.nq :]),
+            *(x for column in further for x in column[self.nq :]),
         ]
         main = [*self.outputs, *whole, self.power(multipliers)]
         watched = [*self.kept, *[*map(self.square, self.rows)] * self.blocks]
@@ -598,6 +598,6 @@ class _Unrolling(Arithmetic):
                 # the sign is applied here: all entries are then used in the same way
                 self.opposite.pop(multipliers[k], None)
         a = [x[self.place[unknown]] for unknown in range(self.nq)]
-        found = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]
-        self.isomorphic.append([y for y in found if y != self.zero])
-        return [*a, *found]
+        unknowns = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]
+        self.isomorphic.append([y for y in unknowns if y != self.zero])
+        return [*a, *unknowns]

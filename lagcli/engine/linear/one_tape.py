@@ -89,10 +89,10 @@ class _WholeDynamics(Arithmetic):
             own_force, own_rhs = sides[first : first + nq], sides[first + nq : first + nq + nc]
             force, rhs = force + own_force, rhs + own_rhs
             # the engine adds the power λ_θ·(B ṡ), which is not part of the motion's power
-            found = self.solve([*state, *p], own_force, own_rhs)[nq:]
+            multipliers = self.solve([*state, *p], own_force, own_rhs)[nq:]
             for (i, j), b in entries:
                 speed = self.times(b, v[(k + 1) * nq + j])
-                power = self.minus(power, self.times(found[i], speed))
+                power = self.minus(power, self.times(multipliers[i], speed))
         return self.finish(
             [
                 *out[of.mass_matrix] * (n + 1),

@@ -115,18 +115,18 @@ def lower_jacobians(
     from lagcli.equations.derivation.jacobians import differentiate
     from lagcli.model.model import TIME
 
-    eq, found = equations, differentiate(equations)
+    eq, jacobians = equations, differentiate(equations)
     blocks = [
-        [g.position for g in found.force],
-        [g.velocity for g in found.force],
-        [g.position for g in found.rhs],
-        [g.velocity for g in found.rhs],
-        [found.power.position],
-        [found.power.velocity],
+        [g.position for g in jacobians.force],
+        [g.velocity for g in jacobians.force],
+        [g.position for g in jacobians.rhs],
+        [g.velocity for g in jacobians.rhs],
+        [jacobians.power.position],
+        [jacobians.power.velocity],
     ]
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     entries = [x for rows in blocks for row in rows for x in row.values()]
-    times = [g.time for g in (*found.force, *found.rhs, found.power)]
+    times = [g.time for g in (*jacobians.force, *jacobians.rhs, jacobians.power)]
     tape = compile_tape(
         [*entries, *times],
         [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
@@ -139,8 +139,8 @@ def lower_jacobians(
         force_velocity=force_velocity,
         rhs_position=rhs_position,
         rhs_velocity=rhs_velocity,
-        power_position=tuple(found.power.position),
-        power_velocity=tuple(found.power.velocity),
+        power_position=tuple(jacobians.power.position),
+        power_velocity=tuple(jacobians.power.velocity),
         tape=tape,
     )
 
@@ -170,8 +170,14 @@ def lower_parameter_jacobians(
     from lagcli.equations.derivation.jacobians import differentiate_parameters
     from lagcli.model.model import TIME
 
-    eq, found = equations, differentiate_parameters(equations, names)
-    blocks = [found.force, found.rhs, found.position, found.velocity, [*found.outputs.values()]]
+    eq, derivatives = equations, differentiate_parameters(equations, names)
+    blocks = [
+        derivatives.force,
+        derivatives.rhs,
+        derivatives.position,
+        derivatives.velocity,
+        [*derivatives.outputs.values()],
+    ]
     force, rhs, position, velocity, outputs = map(_pattern, blocks)
     tape = compile_tape(
         [x for rows in blocks for row in rows for x in row.values()],
@@ -179,7 +185,7 @@ def lower_parameter_jacobians(
         [se.Symbol(name) for name in eq.model.parameters],
         functions,
     )
-    return ParameterTapes(found.parameters, force, rhs, position, velocity, outputs, tape)
+    return ParameterTapes(derivatives.parameters, force, rhs, position, velocity, outputs, tape)
 
 
 def _same_unit(
@@ -192,7 +198,7 @@ def _same_unit(
     number = {x: i for i, x in enumerate(q)}
     groups: dict[int, set[int]] = {}
     for expression in expressions:
-        found: dict[tuple[se.Basic, se.Basic], set[int]] = {}
+        numbers: dict[tuple[se.Basic, se.Basic], set[int]] = {}
         for term in expression.args if isinstance(expression, se.Add) else ():
             factors = term.args if isinstance(term, se.Mul) else (term,)
             powers = [x.args if isinstance(x, se.Pow) else (x, se.Integer(1)) for x in factors]
@@ -200,8 +206,8 @@ def _same_unit(
             if len(bases) == 1:
                 base, exponent = bases[0]
                 coefficient = se.Abs(term / base**exponent)
-                found.setdefault((coefficient, exponent), set()).add(number[base])
-        for same in found.values():
+                numbers.setdefault((coefficient, exponent), set()).add(number[base])
+        for same in numbers.values():
             merged = same.union(*(groups.get(i, ()) for i in same))
             groups.update(dict.fromkeys(merged, merged))
     unique = {min(g): tuple(sorted(g)) for g in groups.values() if len(g) > 1}

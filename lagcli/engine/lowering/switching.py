@@ -104,13 +104,13 @@ class _Lowering:
         self, expressions: Sequence[Basic]
     ) -> tuple[tuple[tuple[int, int], ...], list[Basic]]:
         """Return the nonzero derivatives with respect to λ, and their pattern."""
-        found = {
+        slopes = {
             (i, j): derivative(x, multiplier)
             for i, x in enumerate(expressions)
             for j, multiplier in enumerate(self.multipliers)
             if multiplier in x.free_symbols
         }
-        return tuple(found), list(found.values())
+        return tuple(slopes), list(slopes.values())
 
     # rows
 

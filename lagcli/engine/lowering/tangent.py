@@ -64,17 +64,17 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
     from lagcli.model.model import TIME
 
     eq = equations
-    found = variational_equations(eq, directions)
+    variational = variational_equations(eq, directions)
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     functions = input_functions(eq.model)
-    state = [TIME, *eq.q, *chain(*found.positions), *eq.v, *chain(*found.rates)]
+    state = [TIME, *eq.q, *chain(*variational.positions), *eq.v, *chain(*variational.rates)]
     velocity = [
         se.Add(*[b * u[j] for j, b in c.row.items()], drift)
-        for u, drifts in zip(found.rates, found.drift, strict=True)
+        for u, drifts in zip(variational.rates, variational.drift, strict=True)
         for c, drift in zip(eq.constraints, drifts, strict=True)
     ]
-    positions, drifts = [*chain(*found.position)], [*chain(*found.drift)]
-    pairs = zip(found.force, found.rhs, strict=True)
+    positions, drifts = [*chain(*variational.position)], [*chain(*variational.drift)]
+    pairs = zip(variational.force, variational.rhs, strict=True)
     return TangentTapes(
         directions=len(directions),
         dynamics=compile_tape(

@@ -187,37 +187,41 @@ def _products_with_sums(nodes: list[Node], outputs: Collection[int]) -> list[Nod
             uses[x] = uses.get(x, 0) + 1
     products = {d[0]: o for op, d, o in nodes if op == Op.MUL and uses.get(d[0]) == 1}
     merged: set[int] = set()
-    found: list[Node] = []
+    merged_nodes: list[Node] = []
     for op, to, operands in nodes:
         if op in (Op.ADD, Op.SUB):
             a, b = operands
             if b in products and b != a:
                 merged.add(b)
-                found.append((Op.MULADD if op == Op.ADD else Op.SUBMUL, to, (*products[b], a)))
+                merged_nodes.append(
+                    (Op.MULADD if op == Op.ADD else Op.SUBMUL, to, (*products[b], a))
+                )
                 continue
             if a in products and b != a:
                 merged.add(a)
-                found.append((Op.MULADD if op == Op.ADD else Op.MULSUB, to, (*products[a], b)))
+                merged_nodes.append(
+                    (Op.MULADD if op == Op.ADD else Op.MULSUB, to, (*products[a], b))
+                )
                 continue
-        found.append((op, to, operands))
-    return [node for node in found if node[1][0] not in merged]
+        merged_nodes.append((op, to, operands))
+    return [node for node in merged_nodes if node[1][0] not in merged]
 
 
 def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
     """Merge the sine and the cosine of one operand."""
     sines = {o[0]: d[0] for op, d, o in nodes if op == Op.SIN}
     both = {o[0]: (sines[o[0]], d[0]) for op, d, o in nodes if op == Op.COS and o[0] in sines}
-    found: list[Node] = []
+    merged: list[Node] = []
     done: set[int] = set()
     for node in nodes:
         op, _, operands = node
         if op in (Op.SIN, Op.COS) and operands[0] in both:
             if operands[0] not in done:
                 done.add(operands[0])
-                found.append((Op.SINCOS, both[operands[0]], operands))
+                merged.append((Op.SINCOS, both[operands[0]], operands))
         else:
-            found.append(node)
-    return found
+            merged.append(node)
+    return merged
 
 
 def in_order(nodes: Sequence[AnyNode]) -> list[AnyNode]:

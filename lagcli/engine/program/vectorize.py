@@ -183,14 +183,14 @@ class Packing:
     def _inputs_side_by_side(self, nodes: Sequence[Node]) -> list[Unit]:
         """Return the operations that make the inputs of families contiguous."""
         used = {x for _, _, operands in nodes for x in operands}
-        found: list[Unit] = []
+        moves: list[Unit] = []
         for family, members in list(self.families.items()):
             if used.isdisjoint(members):
                 continue
             del self.families[family]
             if len(members) >= SHORTEST:
-                found += _moves(members)
-        return found
+                moves += _moves(members)
+        return moves
 
     def _complete(
         self, nodes: Sequence[Node], sets: Sequence[list[int]]
@@ -199,12 +199,12 @@ class Packing:
         there.
         """
         made = {x: at for at, group in enumerate(sets) for i in group for x in nodes[i][1]}
-        found: dict[int, list[list[int]]] = {}
+        complete: dict[int, list[list[int]]] = {}
         for values in self.isomorphic:
             own = [x for x in values if x in made]
             if len(own) >= SHORTEST:
-                found.setdefault(max(made[x] for x in own), []).append(own)
-        return found
+                complete.setdefault(max(made[x] for x in own), []).append(own)
+        return complete
 
 
 def _vectors(
@@ -213,8 +213,8 @@ def _vectors(
     """Return the operations of each vector, and the remaining ones."""
     if op not in _ON_VECTORS or len(group) < SHORTEST:
         return [], group
-    found, rest = progressions([[place[x] for x in nodes[i][2]] for i in group])
-    vectors = [piece for run in found for piece in pieces([group[i] for i in run])]
+    runs, rest = progressions([[place[x] for x in nodes[i][2]] for i in group])
+    vectors = [piece for run in runs for piece in pieces([group[i] for i in run])]
     return vectors, [group[i] for i in rest]
 
 
@@ -248,14 +248,14 @@ def depth_first(units: Sequence[Unit]) -> list[Unit]:
         for j in before:
             users[j].append(i)
     ready = [i for i in reversed(range(len(units))) if not waiting[i]]
-    found: list[Unit] = []
+    ordered: list[Unit] = []
     while ready:
         i = ready.pop()
-        found.append(units[i])
+        ordered.append(units[i])
         for j in users[i]:
             waiting[j] -= 1
         ready += [j for j in reversed(users[i]) if not waiting[j]]
-    return found
+    return ordered
 
 
 def together(nodes: Sequence[Node]) -> list[list[int]]:
@@ -328,25 +328,25 @@ def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:
 
     Returns
     -------
-    found : list of lists of int
+    runs : list of lists of int
         Indices of points; in some progressions, one of the coordinates is arbitrary.
     rest : list of int
         Indices of the points in no progression.
     """
     places = np.array(points, dtype=np.int64)
     left, again = _sorted(places)
-    found: list[list[int]] = []
-    while len(left) >= SHORTEST and len(found) < _MOST:
+    runs: list[list[int]] = []
+    while len(left) >= SHORTEST and len(runs) < _MOST:
         best = _best_progressions(places[left])
         if not best:
             break
-        found += [left[run].tolist() for run in best]
+        runs += [left[run].tolist() for run in best]
         left = np.delete(left, np.concatenate(best))
-    if len(again) >= SHORTEST and found:
+    if len(again) >= SHORTEST and runs:
         more, rest = progressions(places[again])
-        found += [again[run].tolist() for run in more]
+        runs += [again[run].tolist() for run in more]
         again = again[rest]
-    return found, [*left.tolist(), *again.tolist()]
+    return runs, [*left.tolist(), *again.tolist()]
 
 
 def _sorted(points: Numbers) -> tuple[Indices, Indices]:
@@ -409,5 +409,5 @@ def pieces(values: Sequence[int], longest: int = LONGEST) -> Iterator[Sequence[i
 
 def steps(places: Sequence[int]) -> Sequence[int]:
     """Return the first register and the step, or the list of registers."""
-    found = {b - a for a, b in pairwise(places)} or {1}
-    return (places[0], *found) if len(found) == 1 else (0, INDEXED, *places)
+    distances = {b - a for a, b in pairwise(places)} or {1}
+    return (places[0], *distances) if len(distances) == 1 else (0, INDEXED, *places)

@@ -273,9 +273,9 @@ class TangentProblem:
         run = Integration(self.whole, full, emit, progress)
         if self._many_runs and run.in_use.worth_unrolling:
             run.use(unrolled(self.whole, run.in_use))
-        found = run.run()
+        outcome = run.run()
         self._prepared = run.in_use
-        return self._of_motion(found)
+        return self._of_motion(outcome)
 
     def _whole_request(
         self, request: IntegrationRequest, start: StartDerivatives
@@ -311,28 +311,28 @@ class TangentProblem:
         q, dq = parts(block.q, counts.nq)
         v, dv = parts(block.v, counts.nq)
         a, da = parts(block.a, counts.nq)
-        multipliers, found = parts(block.multipliers, counts.nc)
+        multipliers, derivatives = parts(block.multipliers, counts.nc)
         own = Block(block.time, q, v, a, multipliers, block.work)
-        sink(own, Derivatives(dq, dv, da, self._unique(request, found)))
+        sink(own, Derivatives(dq, dv, da, self._unique(request, derivatives)))
 
-    def _unique(self, request: IntegrationRequest, found: Array) -> Array:
+    def _unique(self, request: IntegrationRequest, multipliers: Array) -> Array:
         """Return λ_θ with NaN for multipliers that are not unique."""
         if request.rank == self.blocks.counts.nc:
-            return found
+            return multipliers
         from lagcli.engine.constraints.initial import dependent_sets
 
         every = range(self.blocks.counts.nc)
         for rows, _ in dependent_sets(self.system, request.state, request.rank, every):
-            found[:, rows] = np.nan
-        return found
+            multipliers[:, rows] = np.nan
+        return multipliers
 
-    def _of_motion(self, found: Outcome) -> Outcome:
+    def _of_motion(self, outcome: Outcome) -> Outcome:
         """Return the outcome reduced to the motion."""
         nq, all_q = self.blocks.counts.nq, self.blocks.total.nq
-        if found.undefined is not None:
-            state = found.undefined
-            found.undefined = State(state.t, state.q[:nq], state.v[:nq], state.p)
-        if found.tolerances is not None:
-            y = found.tolerances
-            found.tolerances = np.concatenate([y[:nq], y[all_q : all_q + nq], y[-1:]])
-        return found
+        if outcome.undefined is not None:
+            state = outcome.undefined
+            outcome.undefined = State(state.t, state.q[:nq], state.v[:nq], state.p)
+        if outcome.tolerances is not None:
+            y = outcome.tolerances
+            outcome.tolerances = np.concatenate([y[:nq], y[all_q : all_q + nq], y[-1:]])
+        return outcome

@@ -96,21 +96,21 @@ class DifferentiatedIntegration(SwitchingIntegration):
 
     def run(self) -> Outcome:
         """Integrate, once."""
-        found = super().run()
+        outcome = super().run()
         n = len(self._scales)
-        found.event_changes = np.array(self._times).reshape(len(self._times), n) / self._scales
-        found.notes = (*found.notes, *self._notes())
-        return found
+        outcome.event_changes = np.array(self._times).reshape(len(self._times), n) / self._scales
+        outcome.notes = (*outcome.notes, *self._notes())
+        return outcome
 
     def _notes(self) -> list[str]:
         """Say which directions have lost their derivatives, where and why."""
-        told: dict[tuple[float, str], list[str]] = {}
+        lost: dict[tuple[float, str], list[str]] = {}
         for direction, t, reason, culprits in self.core.losses:
             why = why_lost(self.split_system, self.frozen, reason, culprits)
-            told.setdefault((t, why), []).append(f"`{self._names[direction]}`")
+            lost.setdefault((t, why), []).append(f"`{self._names[direction]}`")
         return [
             f"derivatives by {', '.join(names)} end at t = {t:.9g} s: {why}"
-            for (t, why), names in sorted(told.items())
+            for (t, why), names in sorted(lost.items())
         ]
 
     # samples
@@ -119,8 +119,10 @@ class DifferentiatedIntegration(SwitchingIntegration):
         """Emit samples and their derivatives."""
         nq, nc, n = self.nq, len(self.whole.constraints), len(self._scales)
         plain = rows.shape[1] - n * (3 * nq + nc)
-        found = rows[:, plain:].reshape(len(rows), n, 3 * nq + nc).transpose(0, 2, 1) / self._scales
-        parts = np.split(found, [nq, 2 * nq, 3 * nq], axis=1)
+        derivatives = (
+            rows[:, plain:].reshape(len(rows), n, 3 * nq + nc).transpose(0, 2, 1) / self._scales
+        )
+        parts = np.split(derivatives, [nq, 2 * nq, 3 * nq], axis=1)
         block = Block.of_rows(self.whole_rows(rows), self.whole.sample_layout)
         self._emit_both(block, Derivatives(*map(np.ascontiguousarray, parts)))
 
@@ -176,12 +178,12 @@ class DifferentiatedActions(Actions):
 
     def react(self, changes: Sequence[tuple[int, str]]) -> list[EventEntry]:
         """Perform the actions of the events triggered at this instant; see the base class."""
-        found = super().react(changes)
-        for entry in found:
+        entries = super().react(changes)
+        for entry in entries:
             is_event = entry.occurrence == "event"
             condition = self.switching.events[entry.which].condition if is_event else None
             self._times.append(self.core.change_of_time(condition))
-        return found
+        return entries
 
     def set(self, rule: EventRule, y: Array, values: Sequence[float]) -> tuple[Array, Array]:
         """Return the state with the values that an event sets; see the base class."""
@@ -222,16 +224,16 @@ class DifferentiatedActions(Actions):
         times, state, p : (n,), (n, 2 nq) and (n, np) arrays
             Derivatives of the time, of that state and of the parameters.
         """
-        found = state.copy()
+        derivatives = state.copy()
         for k, (time, change, of_p) in enumerate(zip(times, state, p, strict=True)):
             if np.isfinite(change).all() and np.isfinite(time):
                 # values that leave nothing free are on the constraints to first order only
                 with suppress(NoConsistentState):
-                    found[k] = self._difference(given, float(time), change, of_p)
-        return found
+                    derivatives[k] = self._difference(given, float(time), change, of_p)
+        return derivatives
 
     def _difference(self, given: Array, time: float, change: Array, of_p: Array) -> Array:
-        found = np.zeros_like(given)
+        difference = np.zeros_like(given)
         size = max(1.0, *(float(np.abs(x).max(initial=0.0)) for x in (time, change, of_p)))
         for step, weight in _WEIGHTS.items():
             for side in (1, -1):
@@ -245,8 +247,8 @@ class DifferentiatedActions(Actions):
                     self.fixed,
                     self.rows,
                 )
-                found += side * weight * size / _STEP * np.concatenate([near.q, near.v])
-        return found
+                difference += side * weight * size / _STEP * np.concatenate([near.q, near.v])
+        return difference
 
     def push(self, impulse: Array) -> int:
         """Apply a generalized impulse; return a status of the core."""

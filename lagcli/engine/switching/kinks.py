@@ -74,8 +74,11 @@ class FrozenSystem(NamedTuple):
         values, sides = ScalarTape(self.functions), [1.0] * len(self.kinks)
         for _ in range(len(self.kinks) + 1):
             inputs = (state.t, *state.q.tolist(), *state.v.tolist(), *state.p, *sides)
-            found = values(inputs)
-            before, sides = sides, [side_of(k, x) for k, x in zip(self.kinks, found, strict=False)]
+            arguments = values(inputs)
+            before, sides = (
+                sides,
+                [side_of(k, x) for k, x in zip(self.kinks, arguments, strict=False)],
+            )
             if sides == before:
                 break
         return state._replace(p=(*state.p, *sides))
@@ -108,14 +111,14 @@ def freeze(system: System) -> FrozenSystem | None:
     room, excluded = 0, _NOTHING
     while True:
         freezer = _Freezer(system, room, excluded)
-        found = freezer.system()
+        frozen = freezer.system()
         if freezer.partial <= excluded and len(freezer.numbers) == room:
             break
         excluded |= freezer.partial
         room = len(freezer.numbers.keys() - excluded)
     if not room:
         return None
-    return FrozenSystem(found, freezer.kinks(), freezer.functions(), freezer.report())
+    return FrozenSystem(frozen, freezer.kinks(), freezer.functions(), freezer.report())
 
 
 class _Freezer:
@@ -258,12 +261,12 @@ class _Freezer:
     def kinks(self) -> tuple[Kink, ...]:
         """Return the kinks of the branches."""
         names = (*self.original.coordinates, *(f"{x}'" for x in self.original.coordinates))
-        found = []
+        kinks = []
         for (_, _, whole), which in self.comparisons.items():
             if which in self.numbers:
                 of = sorted(self.needs[which] - {0})
-                found.append(Kink(whole, not of, tuple(names[i - 1] for i in of)))
-        return tuple(found)
+                kinks.append(Kink(whole, not of, tuple(names[i - 1] for i in of)))
+        return tuple(kinks)
 
     def functions(self) -> Tape:
         """Return the tape of the functions and their sizes."""

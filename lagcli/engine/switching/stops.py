@@ -31,7 +31,12 @@ _JAMMING = 1e-3
 
 
 def gains_energy(
-    t: float, contacts: Sequence[str], energy: float, law: str, friction: bool, alike: bool
+    t: float,
+    contacts: Sequence[str],
+    energy: float,
+    law: str,
+    friction: bool,
+    equal_restitution: bool,
 ) -> Stop:
     """Return the end of a run at an impact whose law gains energy.
 
@@ -46,12 +51,12 @@ def gains_energy(
     law : str
     friction : bool
         Whether the impact involves friction.
-    alike : bool
+    equal_restitution : bool
         Whether all contacts have one coefficient of restitution.
     """
     name, why, remedy = _LAWS[law]
     why = why if friction else ""
-    if not alike:
+    if not equal_restitution:
         why = " with different coefficients of restitution"
         remedy = "give its contacts the same `restitution`"
     return Stop(

@@ -86,13 +86,15 @@ class _DerivativeRules(Arithmetic):
         if op == Op.CLIP:
             return da
         assert op == Op.POW, op.name
-        found = self.zero
+        derivative = self.zero
         if da != self.zero:
             lower = self.emit(Op.POW, a, self.minus(b, self.one))
-            found = self.times(self.times(b, lower), da)
+            derivative = self.times(self.times(b, lower), da)
         if db != self.zero:
-            found = self.plus(found, self.times(self.times(result, self.emit(Op.LOG, a)), db))
-        return found
+            derivative = self.plus(
+                derivative, self.times(self.times(result, self.emit(Op.LOG, a)), db)
+            )
+        return derivative
 
     def over(self, op: Op, y: int, a: int, da: int) -> int:
         """Return the derivative of a function of one number."""

@@ -75,9 +75,9 @@ class PiecewiseFunction(NamedTuple):
             shift = np.floor((t + slack - self.knots[0]) / self.period) * self.period
         at = np.searchsorted(self.knots, t - shift + slack, side="right") - 1
         at = np.maximum(at, 0)
-        found = np.column_stack([self.origins[at] + shift, self.coefficients[at]])
-        found[(t < self.first - slack) | (t > self.last + slack)] = np.nan
-        return found
+        pieces = np.column_stack([self.origins[at] + shift, self.coefficients[at]])
+        pieces[(t < self.first - slack) | (t > self.last + slack)] = np.nan
+        return pieces
 
     def breaks(self, start: float, end: float) -> Array:
         """Return the knots after a time, up to another."""
@@ -156,11 +156,11 @@ class InputFunctions(NamedTuple):
 
     def places(self) -> dict[str, tuple[int, int]]:
         """Return the index of each function's piece among those inputs, and its degree."""
-        found, at = {}, 0
+        places, at = {}, 0
         for f in self.functions:
-            found[f.name] = at, f.degree
+            places[f.name] = at, f.degree
             at += f.size
-        return found
+        return places
 
     def pieces(self, t: Array) -> Array:
         """Return the pieces at n times, (n, size)."""
@@ -174,9 +174,9 @@ class InputFunctions(NamedTuple):
         """Return the knots and other times between two times, without repetitions."""
         every = [f.breaks(start, end) for f in self.functions]
         # not np.unique, which imports masked arrays: a tenth of the start-up of a short run
-        found = np.sort(np.concatenate([np.asarray(others, dtype=float), *every]))
-        apart = np.diff(found, prepend=-math.inf) > RESOLUTION * np.abs(found)
-        return found[apart]
+        breaks = np.sort(np.concatenate([np.asarray(others, dtype=float), *every]))
+        apart = np.diff(breaks, prepend=-math.inf) > RESOLUTION * np.abs(breaks)
+        return breaks[apart]
 
 
 #: For a System without inputs.
@@ -236,8 +236,8 @@ def _periodic(h: Array, d: Array) -> Array:
     right = 3 * (h * before + h_before * d)
     if len(h) == 2:  # both neighbours of a knot are the same
         matrix = np.array([[diagonal[0], lower[0] + upper[0]], [lower[1] + upper[1], diagonal[1]]])
-        found = np.linalg.solve(matrix, right)
-        return np.append(found, found[0])
+        solution = np.linalg.solve(matrix, right)
+        return np.append(solution, solution[0])
     corner_low, corner_high = upper[-1], lower[0]  # row n − 1, column 0; row 0, column n − 1
     gamma = -diagonal[0]
     diagonal[0] -= gamma
@@ -246,8 +246,8 @@ def _periodic(h: Array, d: Array) -> Array:
     u[0], u[-1] = gamma, corner_low
     x, z = _tridiagonal(lower, diagonal, upper, right), _tridiagonal(lower, diagonal, upper, u)
     ratio = corner_high / gamma
-    found = x - z * (x[0] + ratio * x[-1]) / (1.0 + z[0] + ratio * z[-1])
-    return np.append(found, found[0])
+    solution = x - z * (x[0] + ratio * x[-1]) / (1.0 + z[0] + ratio * z[-1])
+    return np.append(solution, solution[0])
 
 
 def _tridiagonal(lower: Array, diagonal: Array, upper: Array, right: Array) -> Array:

@@ -208,14 +208,14 @@ class SeriesExpansion(SeriesForms):
     def needed(self, results: Iterable[int]) -> list[tuple[int, tuple[int, ...]]]:
         """Return the registers and operations needed for results, operands first."""
         first, operations = self.builder.inputs, list(self.builder.operations)
-        found: set[int] = set()
+        needed: set[int] = set()
         waiting = list(results)
         while waiting:
             x = waiting.pop()
-            if x >= first and x not in found and x not in self.taken:
-                found.add(x)
+            if x >= first and x not in needed and x not in self.taken:
+                needed.add(x)
                 waiting += operations[x - first][1:]
-        return [(x, operations[x - first]) for x in sorted(found)]
+        return [(x, operations[x - first]) for x in sorted(needed)]
 
     def rename(self, x: int, name: Name) -> None:
         """Rename a series to a register that contains its first coefficient."""
@@ -251,18 +251,18 @@ class SeriesExpansion(SeriesForms):
 
     def wanted(self, results: Sequence[Name]) -> list[SeriesNode]:
         """Return the operations that results need, operands first."""
-        found: dict[Name, SeriesNode] = {}
+        wanted: dict[Name, SeriesNode] = {}
         waiting = [(x, False) for x in reversed(results)]
         later: list[Name] = []
         while waiting or later:
             x, ready = waiting.pop() if waiting else (later.pop(), False)
-            node = None if x in found else self.node(x)
+            node = None if x in wanted else self.node(x)
             if node is None:
                 continue
             op, _, operands = node
             if ready:
                 delayed = (Delayed(x),) if op == SeriesOp.INVERSE else ()
-                found[x] = op, (x,), (*operands, *delayed)
+                wanted[x] = op, (x,), (*operands, *delayed)
                 continue
             waiting.append((x, True))
             for i, y in enumerate(operands):
@@ -270,7 +270,7 @@ class SeriesExpansion(SeriesForms):
                     later.append(y.series)
                 elif i not in op.numbers:
                     waiting.append((y, False))
-        return list(found.values())
+        return list(wanted.values())
 
 
 class _SeriesSlopes(SlopeRules):

@@ -48,8 +48,8 @@ class SeriesVector(NamedTuple):
     @property
     def numbers(self) -> list[tuple[int, ...]]:
         """The registers of the operands that are numbers; one if all elements have the same."""
-        found = [tuple(self.operands[n]) for n in self.op.numbers]
-        return [x[:1] if len(set(x)) == 1 else x for x in found]
+        numbers = [tuple(self.operands[n]) for n in self.op.numbers]
+        return [x[:1] if len(set(x)) == 1 else x for x in numbers]
 
 
 class Layers(NamedTuple):
@@ -165,8 +165,8 @@ class _Layering:
         points = [
             [self.place[x] for x in (*needs[i][2], *(needs[i][1] if placed else ()))] for i in group
         ]
-        found, rest = progressions(points) if len(group) >= SHORTEST else ([], range(len(group)))
-        for run in found:
+        runs, rest = progressions(points) if len(group) >= SHORTEST else ([], range(len(group)))
+        for run in runs:
             for members in pieces([group[i] for i in run], LONGEST):
                 if not placed:
                     self.take([self.nodes[i][1][0] for i in members])
@@ -248,16 +248,16 @@ class _Layering:
         def to(places: list[int]) -> list[int]:
             return [at + offset if at >= _TEMPORARY else at for at in places]
 
-        found: list[SeriesVector | list[SeriesNode]] = []
+        layers: list[SeriesVector | list[SeriesNode]] = []
         for part in parts:
             if isinstance(part, SeriesVector):
                 operands = [
                     x if n in part.op.numbers else to(x) for n, x in enumerate(part.operands)
                 ]
                 part = SeriesVector(part.op, to(part.results), operands)
-            found.append(part)
+            layers.append(part)
         place = dict(zip(self.place, to(list(self.place.values())), strict=True))
-        return Layers(found, place, size, to([self.slots.end])[0], kept)
+        return Layers(layers, place, size, to([self.slots.end])[0], kept)
 
 
 def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
@@ -270,14 +270,14 @@ def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
         Places of its numbers; see `SeriesVector.numbers`.
     """
     numbers = iter(vector.numbers)
-    found = [VECTOR + vector.op, len(vector.results), *steps(vector.results)]
+    stream = [VECTOR + vector.op, len(vector.results), *steps(vector.results)]
     for n, x in enumerate(vector.operands):
         if n in vector.op.numbers:
             part = next(numbers)
-            found += (place[part], int(len(part) > 1))
+            stream += (place[part], int(len(part) > 1))
         else:
-            found += steps(x)
-    return found
+            stream += steps(x)
+    return stream
 
 
 def _enters(x: Name) -> SeriesNode:

@@ -192,11 +192,11 @@ def _program(
         (SeriesOp.INTEGRATE, (NextCoefficient(x),), (y,))
         for x, y in zip(state[1:], rates, strict=True)
     ]
-    found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
-    if found is None:
+    layers = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
+    if layers is None:
         nodes = _merged(nodes, rates, SeriesOp.MUL_TAIL, SeriesOp.MUL_TAIL_SUM)
         return _in_rows(expansion, nodes, ends, state, kept, outputs, order)
-    return _in_layers(expansion, found, state, outputs, order)
+    return _in_layers(expansion, layers, state, outputs, order)
 
 
 def _in_rows(
@@ -255,7 +255,7 @@ def _in_layers(
             placed = [_placed(node, place, in_rows, layers.place) for node in part]
             whole += stream(placed).tolist()[:-2]
     origin = -(-end // LINE) * LINE
-    # core/series/series.c stores the sums of the state, up to W, beyond the last order
+    # core/series/recurrence.c stores the sums of the state, up to W, beyond the last order
     last = layers.place[WORK]
     return SeriesProgram(
         values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
@@ -321,7 +321,7 @@ def _place_numbers(
     -------
     place : dict of tuple of int to int
         Place of a number; of a vector's numbers, the first one's.
-    found : list of int
+    ordered : list of int
         The registers.
     invariant : int
         Number of constant ones.
@@ -332,11 +332,11 @@ def _place_numbers(
         changing = any(x >= 0 and x not in known for x in part)
         parts[changing].append(part)
     place: dict[tuple[int, ...], int] = {}
-    found: list[int] = []
+    ordered: list[int] = []
     for part in chain(*parts):
-        place[part] = len(found)
-        found += part
-    return place, found, sum(map(len, parts[0]))
+        place[part] = len(ordered)
+        ordered += part
+    return place, ordered, sum(map(len, parts[0]))
 
 
 def _row(order: int) -> int:
@@ -379,17 +379,17 @@ def _merged(
     products = {
         to: operands for op, (to,), operands in nodes if op == product and uses.get(to) == 1
     }
-    found: dict[Any, SeriesNode] = {}
+    nodes_by_name: dict[Any, SeriesNode] = {}
     for op, to, operands in nodes:
-        found[to[0]] = op, to, operands
+        nodes_by_name[to[0]] = op, to, operands
         if op == SeriesOp.SUM:
             s, a, t, b = operands
             if b in products:
                 s, a, t, b = t, b, s, a
             if a in products:
-                del found[a]
-                found[to[0]] = merged, to, (s, *products[a], t, b)
-    return list(found.values())
+                del nodes_by_name[a]
+                nodes_by_name[to[0]] = merged, to, (s, *products[a], t, b)
+    return list(nodes_by_name.values())
 
 
 def _kept(nodes: Iterable[SeriesNode], state: set[Name]) -> list[Name]:
@@ -459,14 +459,14 @@ class LinearSystem:
     def unknowns(self) -> list[Name]:
         """Return names of the series of a and λ: registers if they are not computed otherwise."""
         expansion = self.expansion
-        found: list[Name] = []
+        unknowns: list[Name] = []
         for x in self.values:
             known = x in expansion.taken or x < expansion.builder.inputs
             if not known:
                 expansion.taken.add(x)
                 expansion.moving.add(x)
-            found.append(expansion.new(x) if known else x)
-        return found
+            unknowns.append(expansion.new(x) if known else x)
+        return unknowns
 
     def product(self, base: Name, factors: list[Form]) -> Form:
         """Return the product of a series, without its first coefficient, and a sum."""
@@ -524,7 +524,7 @@ class _Factoring:
 
     def flat(self, terms: Sequence[Form]) -> list[Form]:
         """Return terms with nested sums flattened."""
-        found: list[Form] = []
+        flat: list[Form] = []
         waiting = [*reversed(terms)]
         times = self.expansion.builder.times
         while waiting:
@@ -535,10 +535,10 @@ class _Factoring:
                 waiting += [(times(number, s), a) for s, a in reversed(_terms(node))]
             elif x in self.multiples:
                 s, a = self.multiples[x]
-                found.append((times(number, s), a))
+                flat.append((times(number, s), a))
             else:
-                found.append((number, x))
-        return found
+                flat.append((number, x))
+        return flat
 
     def taken_out(self, terms: list[Form]) -> list[Form]:
         """Return terms with common factors of products factored out, the most common first."""

@@ -68,8 +68,7 @@ def conserved_step(
     Parameters
     ----------
     f : Formulas
-        Of its system.
-    Formulas of its system.
+        Formulas of its system.
     value : float, optional
         Its value at the initial state.
     unit : str, optional

@@ -166,8 +166,7 @@ def plot_runs(
     runs : sequence of Run
         At least one; several are drawn together.
     names : sequence of str
-        What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers
-        and energies.
+        What to plot, see `asked`; by default coordinates, multipliers and energies.
     target : FigureTarget
         Size, resolution and title; by default as wide as a page, with the model's name.
     bands : sequence of str

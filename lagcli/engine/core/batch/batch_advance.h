@@ -34,14 +34,14 @@ static int batch_occupied(const lag_batch *s)
 /* The lanes in which n numbers are not all finite. */
 static int batch_undefined(const double *x, int n)
 {
-    int found = 0;
+    int which = 0;
     EACH_PART (k) {
         vec sum = all(0.0);
         for (int m = k; m < n * LAG_LANES; m += LAG_LANES)
             sum += READ(x + m);
-        found |= set_of(~(magnitude(sum) <= DBL_MAX), k);
+        which |= set_of(~(magnitude(sum) <= DBL_MAX), k);
     }
-    return found;
+    return which;
 }
 
 /* Copy some lanes of n rows. */
@@ -188,7 +188,7 @@ static int batch_judge(lag_batch *s, int lanes, const double *h, const double *e
 static int batch_stiff(lag_batch *s, int lanes, const double *h)
 {
     double product[LAG_LANES];
-    int found = 0;
+    int which = 0;
     batch_stiffness(s, h, product);
     EACH_LANE (l) {
         if (!HAS(lanes, l))
@@ -202,17 +202,17 @@ static int batch_stiff(lag_batch *s, int lanes, const double *h)
         if (s->stiff[l] >= STIFF) {
             s->stiff[l] = 0;
             if (s->t_end - s->t[l] > WORTH * h[l])
-                found |= 1 << l;
+                which |= 1 << l;
         }
     }
-    return found;
+    return which;
 }
 
 /* The lanes in which the projection changed the state so much that y' must be evaluated again. */
 static int batch_moved(const lag_batch *s)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
-    int found = 0;
+    int which = 0;
     EACH_PART (k) {
         vec sum = all(0.0);
         for (int m = k; m < n8; m += LAG_LANES) {
@@ -220,24 +220,24 @@ static int batch_moved(const lag_batch *s)
             const vec e = (y - READ(s->y_new + m)) / (READ(s->atol + m) + s->rtol * magnitude(y));
             sum += e * e;
         }
-        found |= set_of(sum > NEGLIGIBLE * NEGLIGIBLE, k);
+        which |= set_of(sum > NEGLIGIBLE * NEGLIGIBLE, k);
     }
-    return found;
+    return which;
 }
 
 /* The lanes in which the projection moved a coordinate too far: lag_return of project.c. */
 static int batch_jumped(const lag_batch *s)
 {
-    int found = 0;
+    int which = 0;
     EACH_PART (k)
         for (int i = 0; i < s->system->nq; ++i) {
             const int m = i * LAG_LANES + k;
             const vec y = READ(s->projected + m), moved = magnitude(y - READ(s->y_new + m));
             const vec largest = READ(s->largest + s->single->tolerances.kind[i] * LAG_LANES + k);
-            found |= set_of((moved > FAR * (READ(s->atol + m) + s->rtol * magnitude(y)))
+            which |= set_of((moved > FAR * (READ(s->atol + m) + s->rtol * magnitude(y)))
                                 & (moved > FAR_PART * largest), k);
         }
-    return found;
+    return which;
 }
 
 /* Advance to the ends of accepted steps; return the lanes that arrive. */

@@ -81,9 +81,9 @@ static void batch_errors(const lag_batch *s, const double *h, double *error)
             e3 += x3 * x3;
         }
         const vec below = e5 + 0.01 * e3;
-        const vec found = READ(h + k) * e5 / root(below);
+        const vec estimate = READ(h + k) * e5 / root(below);
         /* overflow is not a small error */
-        const vec defined = choose(below > 0.0, found, all(0.0));
+        const vec defined = choose(below > 0.0, estimate, all(0.0));
         AT(error + k) = choose(below <= DBL_MAX, defined, all(INFINITY));
     }
 }
@@ -103,8 +103,8 @@ static void batch_stiffness(const lag_batch *s, const double *h, double *product
             rise += df * scale * (df * scale);
             length += dy * scale * (dy * scale);
         }
-        const vec found = READ(h + k) * root(rise / length);
-        AT(product + k) = choose(length > 0.0, found, all(0.0));
+        const vec estimate = READ(h + k) * root(rise / length);
+        AT(product + k) = choose(length > 0.0, estimate, all(0.0));
     }
 }
 

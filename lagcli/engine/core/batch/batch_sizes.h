@@ -26,8 +26,8 @@ static void batch_sizes_energy(lag_batch *s, int lanes, const double *y, const d
             }
             sum += part;
         }
-        const vec found = larger(0.5 * magnitude(sum), READ(size + k));
-        AT(size + k) = choose(lanes_of(lanes, k), found, READ(size + k));
+        const vec largest = larger(0.5 * magnitude(sum), READ(size + k));
+        AT(size + k) = choose(lanes_of(lanes, k), largest, READ(size + k));
     }
 }
 
@@ -75,19 +75,19 @@ static void batch_sizes_update(lag_batch *s, int lanes)
             const vec h = READ(s->h + k);
             const vec noise = SUMMING * h * READ(s->acceleration_terms + i)
                               + length * READ(s->future_acceleration + i);
-            vec found = following * READ(s->size + m * LAG_LANES + k)
+            vec tolerance = following * READ(s->size + m * LAG_LANES + k)
                         + ROUNDING * READ(s->largest + kind * LAG_LANES + k)
                         + (m < nq ? noise * h : noise) + NO_SIZE;
             if (single->tolerances.given[m] > 0.0)
-                found = all(single->tolerances.given[m]);
-            AT(atol) = choose(chosen, found, READ(atol));
+                tolerance = all(single->tolerances.given[m]);
+            AT(atol) = choose(chosen, tolerance, READ(atol));
         }
         const int w = 2 * nq * LAG_LANES + k;
         const vec size = larger(magnitude(READ(s->y + w)), READ(s->size + w));
         AT(s->size + w) = choose(chosen, size, READ(s->size + w));
-        const vec found = single->tolerances.given[2 * nq] > 0.0 ? all(single->tolerances.given[2 * nq])
+        const vec tolerance = single->tolerances.given[2 * nq] > 0.0 ? all(single->tolerances.given[2 * nq])
                                                       : following * size + NO_SIZE;
-        AT(s->atol + w) = choose(chosen, found, READ(s->atol + w));
+        AT(s->atol + w) = choose(chosen, tolerance, READ(s->atol + w));
     }
 }
 

@@ -123,7 +123,7 @@ static int batch_inaccurate(const lag_octet *o, double rtol)
     const int n = o->system->nq + o->system->nc;
     double *r = o->work, *size = o->work + n * LAG_LANES;
     const double allowed = fmin(fmax(ACCURATE * rtol, MOST_ACCURATE), LEAST_ACCURATE);
-    int found = 0;
+    int bad_lanes = 0;
     batch_solution(o, o->x);
     batch_residual(o, o->x, r, size);
     EACH_PART (k) {
@@ -135,7 +135,7 @@ static int batch_inaccurate(const lag_octet *o, double rtol)
             const vec bound = READ(size + i * LAG_LANES + k) + NEXT_TO_ALL * largest;
             bad |= ~(magnitude(READ(r + i * LAG_LANES + k)) <= allowed * bound);
         }
-        found |= set_of(bad, k);
+        bad_lanes |= set_of(bad, k);
     }
-    return found;
+    return bad_lanes;
 }

@@ -54,10 +54,10 @@ INLINE vec root(vec x)
 
 INLINE int any(mask m)
 {
-    int64_t found = 0;
+    int64_t any = 0;
     for (int i = 0; i < VEC; ++i)
-        found |= m[i];
-    return found != 0;
+        any |= m[i];
+    return any != 0;
 }
 
 /* A set of lanes (one bit each) as a mask of the lanes from k on. */

@@ -90,15 +90,15 @@ static int newton(phases *p, const lag_impact *of, double *impulse, double *afte
         const int bounces = of->law[i] == LAG_UNILATERAL && of->before[i] < 0.0;
         p->offset[i] = of->before[i] + (bounces ? of->restitution[i] * of->before[i] : 0.0);
     }
-    const int found = phase(p, of, p->none, p->none);
-    if (found != LAG_NO_MOTION)
+    const int motions = phase(p, of, p->none, p->none);
+    if (motions != LAG_NO_MOTION)
         pass_on(p, of, LAG_NEWTON_PHASE);
-    if (found != LAG_NO_MOTION)
+    if (motions != LAG_NO_MOTION)
         for (int i = 0; i < of->n; ++i) {
             impulse[i] = p->first.force[i];
             after[i] = p->first.motion[i] + of->before[i] - p->offset[i];
         }
-    return found;
+    return motions;
 }
 
 /* Poisson's law: compression; then expansion, a problem of x - e x_C. */
@@ -106,9 +106,9 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
 {
     const int n = of->n;
     memcpy(p->offset, of->before, n * sizeof *p->offset);
-    int found = phase(p, of, p->none, p->none), expands = 0;
-    if (found == LAG_NO_MOTION)
-        return found;
+    int motions = phase(p, of, p->none, p->none), expands = 0;
+    if (motions == LAG_NO_MOTION)
+        return motions;
     pass_on(p, of, LAG_COMPRESSION);
     memcpy(impulse, p->first.force, n * sizeof *impulse);
     memcpy(after, p->first.motion, n * sizeof *after);
@@ -128,15 +128,15 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
         }
     }
     if (!expands)
-        return found;
-    found = worse(found, phase(p, of, p->limit, impulse));
-    if (found == LAG_NO_MOTION)
-        return found;
+        return motions;
+    motions = worse(motions, phase(p, of, p->limit, impulse));
+    if (motions == LAG_NO_MOTION)
+        return motions;
     pass_on(p, of, LAG_EXPANSION);
     for (int i = 0; i < n; ++i)
         impulse[i] += p->first.force[i];
     memcpy(after, p->first.motion, n * sizeof *after);
-    return found;
+    return motions;
 }
 
 /* The rows of one unilateral row's impact: itself, free rows, and what they give a limit. -1: only free rows. */
@@ -176,9 +176,9 @@ static int add(phases *p, int count, lag_impact_result *result)
     }
     const lag_impact part = {
         count, p->matrix, p->before, p->law, p->restitution, p->slope, p->error, NULL, NULL};
-    const int found = poisson(p, &part, p->taken, p->changed);
-    if (found == LAG_NO_MOTION)
-        return found;
+    const int motions = poisson(p, &part, p->taken, p->changed);
+    if (motions == LAG_NO_MOTION)
+        return motions;
     for (int i = 0; i < count; ++i) {
         const int row = p->row[i];
         result->impulse[row] += p->taken[i];
@@ -189,7 +189,7 @@ static int add(phases *p, int count, lag_impact_result *result)
         for (int k = 0; k < n; ++k)
             result->after[i] += whole->matrix[i * n + k] * result->impulse[k];
     }
-    return found;
+    return motions;
 }
 
 /* The unilateral row whose approach has the largest energy, above `least` squared; -1 if none does. */
@@ -222,20 +222,20 @@ static int sequential(phases *p, lag_impact_result *result)
 {
     const int n = p->impact->n;
     double rest = 0.0;
-    int found = LAG_ONE_MOTION;
+    int motions = LAG_ONE_MOTION;
     memset(result->impulse, 0, n * sizeof *result->impulse);
     memset(result->loss, 0, n * sizeof *result->loss);
     memcpy(result->after, p->impact->before, n * sizeof *result->after);
     if (unmet(p->impact)) { /* also without a contact that strikes, as where a constraint is engaged */
-        found = add(p, gather(p, -1), result);
-        if (found == LAG_NO_MOTION)
-            return found;
+        motions = add(p, gather(p, -1), result);
+        if (motions == LAG_NO_MOTION)
+            return motions;
     }
     for (int round = 0; round <= SEQUENCE * p->contacts; ++round) {
         double speed = rest;
         const int next = fastest(p, result->after, &speed);
         if (next < 0)
-            return found;
+            return motions;
         if (round == 0)
             rest = APPROACH * speed;
         int count = n;
@@ -244,11 +244,11 @@ static int sequential(phases *p, lag_impact_result *result)
         else /* the remainder of an infinite sequence */
             for (int i = 0; i < n; ++i)
                 p->row[i] = i;
-        found = worse(found, add(p, count, result));
-        if (found == LAG_NO_MOTION)
-            return found;
+        motions = worse(motions, add(p, count, result));
+        if (motions == LAG_NO_MOTION)
+            return motions;
     }
-    return found;
+    return motions;
 }
 
 int lag_solve_impact(const lag_impact *impact, int law, void *memory, lag_impact_result *result)
@@ -256,10 +256,10 @@ int lag_solve_impact(const lag_impact *impact, int law, void *memory, lag_impact
     phases p = prepare(impact, memory);
     if (law == LAG_SEQUENTIAL)
         return sequential(&p, result);
-    const int found =
+    const int motions =
         (law == LAG_NEWTON ? newton : poisson)(&p, impact, result->impulse, result->after);
-    if (found != LAG_NO_MOTION)
+    if (motions != LAG_NO_MOTION)
         for (int i = 0; i < impact->n; ++i)
             result->loss[i] = -result->impulse[i] * (impact->before[i] + result->after[i]) / 2.0;
-    return found;
+    return motions;
 }

@@ -409,10 +409,10 @@ int lag_contact_solve(lag_contact_work *w, double *tolerance)
 int lag_contact_try(lag_contact_work *w)
 {
     double tolerance;
-    const int found = lag_contact_solve(w, &tolerance);
-    if (found)
+    const int motions = lag_contact_solve(w, &tolerance);
+    if (motions)
         clean(w);
     else
         suggest(w, tolerance);
-    return found;
+    return motions;
 }

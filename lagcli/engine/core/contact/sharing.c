@@ -69,19 +69,19 @@ static void begin(simplex *x)
 /* The equation whose variable leaves the basis for a column; -1 if none does. */
 static int leaving(const simplex *x, int column)
 {
-    int found = -1;
+    int leaving = -1;
     double least = INFINITY;
     for (int i = 0; i < x->equations; ++i) {
         const double *row = row_of(x, i);
         if (x->basis[i] < 0 || !(row[column] > PIVOT))
             continue;
         const double ratio = fmax(row[x->columns], 0.0) / row[column];
-        if (ratio < least || (ratio == least && x->basis[i] < x->basis[found])) {
+        if (ratio < least || (ratio == least && x->basis[i] < x->basis[leaving])) {
             least = ratio;
-            found = i;
+            leaving = i;
         }
     }
-    return found;
+    return leaving;
 }
 
 /* Return the largest s; the prices p go to `price` (columns). */

@@ -8,7 +8,7 @@
 #include "switching/rows.h"
 
 #define GRAZES 1e-6         /* of a function's size over the run: its rate where it only touches zero */
-#define ALIKE 1e-6          /* relative difference of times that count as equal */
+#define SAME_TIME 1e-6      /* relative difference of times that count as equal */
 #define NONE 1e-9           /* of the run: changes of time that count as zero */
 #define APART 1e-6          /* of its terms: change of a gap in an impact that is rounding error ... */
 #define NO_GAP 1e-9         /* ... or of its scale */
@@ -189,7 +189,7 @@ static void find_times(lag_run *run, int count, const int *which)
             least = fmin(least, time);
             most = fmax(most, time);
         }
-        const int apart = most - least > ALIKE * fmax(fabs(most), fabs(least)) + NONE * span;
+        const int apart = most - least > SAME_TIME * fmax(fabs(most), fabs(least)) + NONE * span;
         for (int i = 0; i < sw->watched_count && apart; ++i)
             if (sw->watched[i].hit && decides(run, sw->watched + i))
                 blame(&w->cause, LAG_COINCIDE, sw->watched[i].what, sw->watched[i].which);

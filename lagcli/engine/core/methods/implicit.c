@@ -101,8 +101,8 @@ static void right_side(lag_run *run, const double *rv, const double *rq_over_s, 
     add_product(&m->rhs_position, d, nq, rq_over_s, x + nq);
 }
 
-/* The change of the power along (u_q, u_v) and mu = scale times what the solver found. */
-static double power_change(lag_run *run, const double *uq, const double *uv, const double *found,
+/* The change of the power along (u_q, u_v) and mu = scale times what the solver returns. */
+static double power_change(lag_run *run, const double *uq, const double *uv, const double *multipliers,
                            double scale)
 {
     const lag_system *s = &run->system;
@@ -112,7 +112,7 @@ static double power_change(lag_run *run, const double *uq, const double *uv, con
     add_product(&m->power_velocity, m->derivatives, s->nq, uv, &sum);
     for (int i = 0; i < s->nb; ++i)
         reaction += m->jacobian[i] * m->velocity[s->jacobian_column[i]]
-                    * found[s->jacobian_row[i]];
+                    * multipliers[s->jacobian_row[i]];
     return sum + scale * reaction;
 }
 
@@ -227,7 +227,7 @@ void lag_shifted_solve_complex(lag_run *run, double *re, double *im)
         re[i] += a * x[i] - b * y[i];
         im[i] += a * y[i] + b * x[i];
     }
-    /* mu = -s times what the solver found */
+    /* mu = -s times what the solver returns */
     const double p = power_change(run, re, re + nq, x + nq, -m->shift_re)
                      + power_change(run, m->zero, m->zero, y + nq, m->shift_im) + re[2 * nq];
     const double q = power_change(run, im, im + nq, y + nq, -m->shift_re)

@@ -9,7 +9,7 @@
  *         = [M r_v + G_q r_q/s + tau G_t; B r_v + Gamma_q r_q/s + tau Gamma_t] / s,
  *
  * G = f - M a + B' lambda and Gamma = gamma - B a differentiated at fixed a and lambda
- * (engine/jacobians.py), mu the change of lambda. Where B's rows depend on each other by N, the
+ * (engine/system.py: JacobianTapes), mu the change of lambda. Where B's rows depend on each other by N, the
  * matrix is bordered by N, as in solution.c.
  */
 #ifndef LAGCLI_IMPLICIT_H

@@ -21,7 +21,7 @@
 #define COUPLED 1e-12   /* of the roots of A's diagonal entries: rows that move each other */
 #define STILL 1e-10     /* of the largest velocity: none */
 #define TOGETHER 1e-9   /* of a flight: contacts that strike together */
-#define ALIKE 1e-12     /* of velocities: those of similar states */
+#define SIMILAR 1e-12   /* of velocities: those of similar states */
 #define SMALL 1e-9      /* of the velocities at first: the end, if no states are similar */
 #define STATES 16       /* that are compared: the longest period that is found */
 #define STRIKES 1000    /* at one instant, likewise */
@@ -301,13 +301,13 @@ static double size(const patch *p)
 static int similar(const patch *p, const double *other, double now)
 {
     const double ratio = now / other[1], *phi = other + 2, *psi = phi + p->n;
-    if (!(ratio < 1.0 - ALIKE))
+    if (!(ratio < 1.0 - SIMILAR))
         return 0;
     for (int i = 0; i < p->n; ++i) {
         const double gap = ratio * ratio * phi[i], speed = ratio * psi[i];
         if (p->law[i] == LAG_UNILATERAL
-            && (fabs(p->phi[i] - gap) > ALIKE * (p->phi[i] + gap)
-                || fabs(p->psi[i] - speed) > ALIKE * now * sqrt(p->matrix[i * p->n + i])))
+            && (fabs(p->phi[i] - gap) > SIMILAR * (p->phi[i] + gap)
+                || fabs(p->psi[i] - speed) > SIMILAR * now * sqrt(p->matrix[i * p->n + i])))
             return 0;
     }
     return 1;

@@ -42,11 +42,11 @@ int lag_choose_modes(lag_run *run)
     for (int again = 0;; ++again) {
         lag_states_of(run, sw->state);
         memcpy(sw->trial_mode, sw->mode, (size_t)sw->rows * sizeof(int));
-        sw->found = lag_settle(run, t, y, sw->state, sw->trial_mode, sw->trial_force, sw->acceleration);
-        if (sw->found < 0)
+        sw->motions = lag_settle(run, t, y, sw->state, sw->trial_mode, sw->trial_force, sw->acceleration);
+        if (sw->motions < 0)
             return LAG_UNDEFINED;
-        if (sw->found != LAG_ONE_MOTION)
-            return sw->found == LAG_NO_MOTION ? LAG_NO_MODE : LAG_TWO_MODES;
+        if (sw->motions != LAG_ONE_MOTION)
+            return sw->motions == LAG_NO_MOTION ? LAG_NO_MODE : LAG_TWO_MODES;
         int closes = 0;
         for (int i = 0; i < sw->rows; ++i)
             if (sw->ended[i] == FORCE_ENDED && returns(run, i)) {

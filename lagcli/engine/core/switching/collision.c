@@ -63,17 +63,17 @@ static int end_impacts(lag_run *run, const lag_impact_report *report)
     const size_t size = (size_t)lag_size(&run->system) * sizeof(double);
     const double t = run->step.t;
     double *y = run->step.y, lost = 0.0;
-    int found = LAG_ONE_MOTION;
+    int motions = LAG_ONE_MOTION;
     memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
     if (!falls_back(run, report, sw->rests))
-        return found;
+        return motions;
     memcpy(sw->struck, y, size);
     do {
         memcpy(y, sw->struck, size);
-        found = lag_bring_to_rest(run, t, y, sw->rests, &lost);
-    } while (found != LAG_NO_MOTION && found >= 0 && falls_back(run, report, sw->rests));
-    if (found < 0 || found == LAG_NO_MOTION)
-        return found;
+        motions = lag_bring_to_rest(run, t, y, sw->rests, &lost);
+    } while (motions != LAG_NO_MOTION && motions >= 0 && falls_back(run, report, sw->rests));
+    if (motions < 0 || motions == LAG_NO_MOTION)
+        return motions;
     sw->remainder += lost;
     for (int i = 0; i < sw->rows; ++i)
         if (sw->rests[i])
@@ -89,7 +89,7 @@ static int end_impacts(lag_run *run, const lag_impact_report *report)
                 sw->rest_time[j] = isfinite(time) ? time : t;
             }
     }
-    return found;
+    return motions;
 }
 
 int lag_do_collision(lag_run *run)
@@ -104,15 +104,15 @@ int lag_do_collision(lag_run *run)
     if (sw->impacts > ONE_BY_ONE * sw->rows + ENDLESS)
         return LAG_ENDLESS;
     memcpy(before, y, (size_t)lag_size(&run->system) * sizeof(double));
-    int found = lag_collide(run, t, y, &report);
-    if (found < 0)
+    int motions = lag_collide(run, t, y, &report);
+    if (motions < 0)
         return LAG_UNDEFINED;
-    if (found == LAG_NO_MOTION)
+    if (motions == LAG_NO_MOTION)
         return LAG_NO_IMPACT;
     sw->impacts += report.together ? COUNTED : 1;
     sw->gained = report.gained;
-    sw->rubbed = report.rubbed;
-    sw->alike = report.alike;
+    sw->with_friction = report.with_friction;
+    sw->equal_restitution = report.equal_restitution;
     if (report.gained > 0.0)
         return LAG_GAINS;
     double supplied = report.supplied;
@@ -125,11 +125,11 @@ int lag_do_collision(lag_run *run)
             if (sw->normal[j] == i)
                 loss += report.loss[j];
         lag_log(run, t, LAG_IMPACT, i, before + nq, y + nq, report.all, loss, supplied);
-        if (found == LAG_TWO_MOTIONS)
+        if (motions == LAG_TWO_MOTIONS)
             lag_log(run, t, LAG_NOT_UNIQUE, i, y + nq, y + nq, NULL, 0.0, 0.0);
         supplied = 0.0;
         sw->report |= sw->reported[5 * i + 4];
     }
-    found = end_impacts(run, &report);
-    return found < 0 ? LAG_UNDEFINED : found == LAG_NO_MOTION ? LAG_NO_IMPACT : LAG_RUNNING;
+    motions = end_impacts(run, &report);
+    return motions < 0 ? LAG_UNDEFINED : motions == LAG_NO_MOTION ? LAG_NO_IMPACT : LAG_RUNNING;
 }

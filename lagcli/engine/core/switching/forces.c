@@ -193,7 +193,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
     lag_switching *sw = &run->switching;
     const lag_system *s = &run->system;
     const int nq = s->nq, all = sw->rows + sw->nf;
-    double *work = sw->work, *found = run->solver.a;
+    double *work = sw->work, *solution = run->solver.a;
     double *free = work, *a = free + nq + s->nc, *offset = a + nq + s->nc, *z = offset + all;
     double *residual = z + all, *memory = residual + all;
     int *acts = sw->acts, *held = sw->acts + all, n = 0, holds = 0, laws = 0;
@@ -209,7 +209,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
         acts[n++] = k;
         lag_row_response(run, k);
     }
-    memcpy(free, found, (size_t)(nq + s->nc) * sizeof(double));
+    memcpy(free, solution, (size_t)(nq + s->nc) * sizeof(double));
     acting_forces f = {.n = n, .acts = acts, .free = free, .offset = offset, .z = z, .residual = residual,
                        .a = a, .multipliers = sw->multipliers, .all = sw->force};
     for (int i = 0; i < n; ++i) {
@@ -247,7 +247,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
     }
     double sum = 0.0;
     for (int i = 0; i < nq + s->nc; ++i)
-        sum += found[i] = a[i];
+        sum += solution[i] = a[i];
     for (int i = 0; i < n; ++i)
         *power += z[i] * (acts[i] < sw->rows ? lag_along(run, acts[i], y + nq)
                                              : y[nq + sw->force_coordinate[acts[i] - sw->rows]]);

@@ -103,14 +103,14 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     lag_matrix_of(run, n, p.rows, p.matrix);
     memset(friction, 0, (size_t)n * n * sizeof(double));
     double least = INFINITY, most = -INFINITY;
-    report->rubbed = 0;
+    report->with_friction = 0;
     for (int i = 0; i < n; ++i) {
         const int row = p.rows[i];
         p.law[i] = sw->law[row];
         p.offset[i] = sw->psi[row];
         p.rounding[i] = ROUNDING_ERROR * sw->speed[row];
         restitution[i] = report->together ? 0.0 : restitution_of(sw, row);
-        report->rubbed |= sw->law[row] == LAG_LIMITED;
+        report->with_friction |= sw->law[row] == LAG_LIMITED;
         if (sw->law[row] == LAG_UNILATERAL) {
             least = fmin(least, restitution[i]);
             most = fmax(most, restitution[i]);
@@ -119,7 +119,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
             if (sw->law[row] == LAG_LIMITED && p.rows[j] == sw->normal[row])
                 friction[i * n + j] = friction_of(sw, row);
     }
-    report->alike = !(least < most);
+    report->equal_restitution = !(least < most);
     lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
                          .restitution = restitution, .friction = friction, .rounding = p.rounding};
     if (run->derivatives.n) {
@@ -129,9 +129,9 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     }
     lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};
     const int law = report->together ? LAG_POISSON : sw->law_of_impact;
-    const int found = lag_solve_impact(&impact, law, sw->memory, &result);
-    if (found == LAG_NO_MOTION)
-        return found;
+    const int motions = lag_solve_impact(&impact, law, sw->memory, &result);
+    if (motions == LAG_NO_MOTION)
+        return motions;
     double lost = 0.0, terms = 0.0;
     for (int j = 0; j < n; ++j) {
         const int row = p.rows[j];
@@ -147,7 +147,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     double *added = p.extra;
     report->supplied = apply(run, y, n, p.rows, result.impulse, added);
     lag_gather_multipliers(run, added + run->system.nq, report->impulse, report->all);
-    return found;
+    return motions;
 }
 
 int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, double *lost)
@@ -179,12 +179,12 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, doubl
                                   p.slope[0], p.limit[1], p.slope[1], p.rounding};
     lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
     lag_contact_motion second = {p.force[1], p.motion[1], p.mode[1]};
-    const int found = lag_solve_contacts(&problem, NULL, sw->memory, &first, &second);
+    const int motions = lag_solve_contacts(&problem, NULL, sw->memory, &first, &second);
     *lost = 0.0;
-    if (found == LAG_NO_MOTION)
-        return found;
+    if (motions == LAG_NO_MOTION)
+        return motions;
     for (int j = 0; j < n; ++j)
         *lost -= first.force[j] * (p.offset[j] + first.motion[j]) / 2.0;
     apply(run, y, n, p.rows, first.force, p.extra);
-    return found;
+    return motions;
 }

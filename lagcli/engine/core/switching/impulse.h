@@ -13,8 +13,8 @@ typedef struct {
     double *all;            /* of all constraints */
     double supplied;        /* by moving constraints */
     double gained;          /* gain of energy beyond rounding; else 0 */
-    int rubbed, alike;      /* whether there was friction; whether all contacts have the same coefficient of
-                               restitution */
+    int with_friction;      /* whether there was friction */
+    int equal_restitution;  /* whether all contacts have the same coefficient of restitution */
 } lag_impact_report;
 
 /* Whether a contact is closed; and does not open, so that it takes part in an impact. */

@@ -26,14 +26,14 @@
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant not later than the last one */
 #define BETWEEN 2.0         /* of the time between instants: limit of a step after one; longer steps locate the next
                                one less accurately */
-#define FORGOTTEN 0.1       /* of that time: shorter intervals are ignored */
+#define RETAINED 0.1        /* of that time: shorter intervals are ignored */
 #define BEYOND 10           /* closed gaps: how far an action may move a contact beyond its surface, or away from
                                it, as rounding */
 #define TURNS 100.0         /* tolerances, and ... */
 #define TURNS_PART 1e-6     /* ... of the velocities: a change by a projection that counts as a jump */
 
 /* What the program that drives the run knows of an instant. */
-enum { NOTHING_TOLD, HAPPENED_TOLD, RESOLVED_TOLD };
+enum { NOTHING_REPORTED, BEGIN_REPORTED, END_REPORTED };
 
 static double *velocities(lag_run *run)
 {
@@ -84,18 +84,18 @@ int lag_look_for_instant(lag_run *run)
     const size_t n = (size_t)lag_size(&run->system);
     if (!sw->located) {
         run->step.searching = 1;
-        const int found = lag_find_instant(run);
+        const int result = lag_find_instant(run);
         run->step.searching = 0;
         if (run->step.dense_inaccurate) {
             run->step.dense_ready = run->step.dense_inaccurate = 0;
             return LAG_INACCURATE;
         }
-        if (found < 0 || !lag_join_ticks(run, found)) {
-            if (found < 0) {
+        if (result < 0 || !lag_join_ticks(run, result)) {
+            if (result < 0) {
                 run->failure.t = run->step.t;
                 memcpy(run->failure.y, run->step.y_new, n * sizeof(double));
             }
-            return found == LAG_NOT_RESOLVED ? LAG_UNRESOLVED : found < 0 ? LAG_UNDEFINED : LAG_RUNNING;
+            return result == LAG_NOT_RESOLVED ? LAG_UNRESOLVED : result < 0 ? LAG_UNDEFINED : LAG_RUNNING;
         }
         sw->located = 1;
     }
@@ -129,12 +129,12 @@ int lag_look_for_instant(lag_run *run)
     memcpy(sw->before, run->step.y, n * sizeof(double));
     if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
         sw->rounds = sw->impacts = 0;
-        sw->calm = fmax(sw->instant - sw->last, FORGOTTEN * sw->calm);
+        sw->interval = fmax(sw->instant - sw->last, RETAINED * sw->interval);
     }
     sw->last = sw->instant;
     sw->due = 1;
     sw->settled = 0;
-    sw->told = NOTHING_TOLD;
+    sw->stage = NOTHING_REPORTED;
     if (run->derivatives.n && lag_begin_jump(run))
         return LAG_UNDEFINED;
     return note_ends(run);
@@ -240,8 +240,8 @@ static int restart(lag_run *run)
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
     run->watch.cancellation.last = 0.0;
     lag_restart(run);
-    if (sw->calm > 0.0)
-        run->step.h = fmin(run->step.h, BETWEEN * sw->calm);
+    if (sw->interval > 0.0)
+        run->step.h = fmin(run->step.h, BETWEEN * sw->interval);
     memset(change, 0, (size_t)n * sizeof(double));
     for (int i = 0; i < nq; ++i)
         change[nq + i] = -run->step.f[nq + i];
@@ -283,7 +283,7 @@ int lag_do_instant(lag_run *run)
     int status = LAG_RUNNING;
     if (sw->report) { /* actions of the user are performed first */
         sw->report = 0;
-        sw->told = HAPPENED_TOLD;
+        sw->stage = BEGIN_REPORTED;
         return LAG_HAPPENED;
     }
     while (!sw->settled || sw->moved) { /* actions without effect need no new modes */
@@ -329,23 +329,23 @@ int lag_do_instant(lag_run *run)
         if (!sw->report)
             break;
         sw->report = 0;
-        sw->told = HAPPENED_TOLD;
+        sw->stage = BEGIN_REPORTED;
         return LAG_HAPPENED;
     }
     sw->due = 0;
-    if (run->derivatives.n && sw->told != RESOLVED_TOLD && lag_end_jump(run, sw->begun))
+    if (run->derivatives.n && sw->stage != END_REPORTED && lag_end_jump(run, sw->begun))
         return LAG_UNDEFINED;
     if (!sw->begun) {
         sw->begun = 1;
-        sw->told = NOTHING_TOLD;
+        sw->stage = NOTHING_REPORTED;
         memcpy(sw->first_mode, sw->mode, (size_t)sw->rows * sizeof(int));
         memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
         return LAG_RUNNING; /* lag_start does the rest */
     }
-    if (sw->told != RESOLVED_TOLD && (status = restart(run)) != LAG_RUNNING)
+    if (sw->stage != END_REPORTED && (status = restart(run)) != LAG_RUNNING)
         return status;
-    if (sw->told == HAPPENED_TOLD) {
-        sw->told = RESOLVED_TOLD;
+    if (sw->stage == BEGIN_REPORTED) {
+        sw->stage = END_REPORTED;
         sw->due = 1;
         return LAG_RESOLVED;
     }
@@ -357,7 +357,7 @@ int lag_begin_modes(lag_run *run)
     lag_switching *sw = &run->switching;
     if (!sw->begun && !sw->due) {
         sw->due = 1;
-        sw->told = NOTHING_TOLD;
+        sw->stage = NOTHING_REPORTED;
         sw->rounds = sw->impacts = 0;
         sw->last = run->step.t;
         memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
@@ -383,7 +383,7 @@ int lag_begin_ticks(lag_run *run)
     sw->instant = sw->last = t;
     sw->rounds = 0;
     sw->due = sw->settled = 1;
-    sw->told = NOTHING_TOLD;
+    sw->stage = NOTHING_REPORTED;
     lag_note_ticks(run);
     return LAG_RUNNING;
 }

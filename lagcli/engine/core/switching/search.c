@@ -382,9 +382,9 @@ static double first_after(lag_run *run, int k, double from, const double *nodes)
         f.rounding = 0.0;
     f.noise = fmax(w->noise, f.rounding);
     if (lag_is_enclosed(w->what)) {
-        const double found = first_enclosed(&f, fmax(from, w->resolved), run->step.t);
+        const double time = first_enclosed(&f, fmax(from, w->resolved), run->step.t);
         w->clear = f.noise <= f.rounding;
-        return found;
+        return time;
     }
     return first_between(&f, from, run->step.t, nodes, HALVINGS);
 }
@@ -395,15 +395,15 @@ static double first_of(lag_run *run, int k, const double *nodes)
 {
     lag_switching *sw = &run->switching;
     lag_watched_function *w = sw->watched + k;
-    const double found = first_after(run, k, sw->since, nodes);
+    const double time = first_after(run, k, sw->since, nodes);
     w->ended = INFINITY;
-    if (!lag_ends_silently(sw, w) || !(found < INFINITY))
-        return found;
-    w->ended = found;
-    if (!(found < run->step.t))
+    if (!lag_ends_silently(sw, w) || !(time < INFINITY))
+        return time;
+    w->ended = time;
+    if (!(time < run->step.t))
         return INFINITY;
     w->sign = -w->sign; /* it may become true again */
-    const double skipped = lag_is_of_time(sw, w) ? found : found + RESOLVED * exact_in(run, found);
+    const double skipped = lag_is_of_time(sw, w) ? time : time + RESOLVED * exact_in(run, time);
     const double again = first_after(run, k, skipped, NULL);
     w->sign = -w->sign;
     return again;
@@ -472,7 +472,7 @@ int lag_find_instant(lag_run *run)
     lag_switching *sw = &run->switching;
     const int count = sw->watched_count;
     const double t = run->step.t, low = sw->since, h = t - low;
-    double *found = sw->values, *slopes = sw->node_values, *nodes = sw->node_values;
+    double *values = sw->values, *slopes = sw->node_values, *nodes = sw->node_values;
     const double *y = run->step.y_new, *f = run->step.f_new;
     int sampled = 0, busy = 0, enclosed_busy = 0;
     if (!count)
@@ -497,16 +497,16 @@ int lag_find_instant(lag_run *run)
             --run->step.evaluations;
             f = sw->slope;
         }
-        if (lag_watched_ends(run, LAG_SAMPLED, t, y, f, found, slopes))
+        if (lag_watched_ends(run, LAG_SAMPLED, t, y, f, values, slopes))
             return -1;
         for (int k = 0; k < count; ++k)
             if (!lag_is_enclosed(sw->watched[k].what))
-                busy |= sw->watched[k].hit = !idle(sw->watched + k, found[k], slopes[k], h);
+                busy |= sw->watched[k].hit = !idle(sw->watched + k, values[k], slopes[k], h);
     }
     if (busy) {
         for (int k = 0; k < count; ++k) {
             nodes[k * NODES] = sw->watched[k].value;
-            nodes[k * NODES + NODES - 1] = found[k];
+            nodes[k * NODES + NODES - 1] = values[k];
         }
         for (int i = 1; i < NODES - 1; ++i) {
             const double at = low + lag_node(i) * h;
@@ -528,13 +528,13 @@ int lag_find_instant(lag_run *run)
         end_conditions(run, sw->instant);
         if (sw->instant < INFINITY)
             return 1;
-        if (sampled && lag_watched_ends(run, LAG_SAMPLED, t, y, f, found, slopes))
+        if (sampled && lag_watched_ends(run, LAG_SAMPLED, t, y, f, values, slopes))
             return -1;
     }
     if ((t >= run->step.t_end || lag_ticks_at(run, t)) && happens_at_end(run)) {
         sw->instant = t;
         return 1;
     }
-    lag_watch_on(run, t, y, found, slopes);
+    lag_watch_on(run, t, y, values, slopes);
     return 0;
 }

@@ -146,7 +146,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     };
     lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
     lag_contact_motion second = {p.force[1], p.motion[1], p.mode[1]};
-    int found = LAG_ONE_MOTION, guess = 1;
+    int motions = LAG_ONE_MOTION, guess = 1;
     for (int i = 0; i < n; ++i)
         p.mode[0][i] = p.law[i] == LAG_FORWARD    ? LAG_SLIPS_FORWARD
                        : p.law[i] == LAG_BACKWARD ? LAG_SLIPS_BACKWARD
@@ -171,8 +171,8 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
         int *before = p.rows + n; /* space for the current modes */
         memcpy(before, p.mode[0], (size_t)n * sizeof(int));
         if (n)
-            found = lag_solve_contacts(&problem, guess ? before : NULL, sw->memory, &first, &second);
-        if (n && found != LAG_ONE_MOTION)
+            motions = lag_solve_contacts(&problem, guess ? before : NULL, sw->memory, &first, &second);
+        if (n && motions != LAG_ONE_MOTION)
             break;
         memset(force, 0, (size_t)sw->rows * sizeof(double));
         for (int j = 0; j < n; ++j) {
@@ -201,7 +201,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
         mode[i] = LAG_OPEN;
     for (int i = 0; i < n; ++i)
         mode[p.rows[i]] = first.mode[i];
-    return found;
+    return motions;
 }
 
 lag_contact_report lag_contacts_of(lag_run *run)

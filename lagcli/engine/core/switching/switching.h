@@ -177,16 +177,17 @@ typedef struct {
                                           first */
     int report;                        /* whether to return to the caller */
     int moved;                         /* whether the caller has changed the state */
-    int told;                          /* whether the caller knows of the instant, and of its end: instant.c */
+    int stage;                         /* what the caller knows of the instant: instant.c */
     int settled;                       /* whether the modes after this instant are determined */
     int rounds, impacts;               /* at the instant: of choosing modes, of impacts */
-    int found;                         /* result of lag_solve_contacts for the last contact problem */
+    int motions;                       /* result of lag_solve_contacts for the last contact problem */
     double instant, last, since;       /* time of the instant; of the previous one; end of the searched part of the
                                           last step */
-    double calm;                       /* the longest recent time between instants */
+    double interval;                   /* the longest recent time between instants */
     int problem;                       /* rows of the last problem of accelerations */
     double gained;                     /* energy gained by the last impact ... */
-    int rubbed, alike;                 /* ... whether it had friction, and equal coefficients of restitution */
+    int with_friction;                 /* ... whether it had friction */
+    int equal_restitution;             /* ... whether all its coefficients of restitution are equal */
     double *before, *start;            /* n: scratch */
     int *mode_before, *ended, *state, *trial_mode, *takes_part; /* rows */
     int *rests, *ends, *member;        /* rows: scratch of collision.c */

@@ -391,30 +391,30 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     list(sw);
     if (!sw->watched_count)
         return LAG_RUNNING;
-    double *found = sw->values, *slopes = sw->node_values;
-    if (lag_watched_ends(run, LAG_WATCHED, t, y, f, found, slopes))
+    double *values = sw->values, *slopes = sw->node_values;
+    if (lag_watched_ends(run, LAG_WATCHED, t, y, f, values, slopes))
         return LAG_UNDEFINED;
     measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         const double wrong = WRONG * lag_watched_noise(run, w), rounding = rounding_at(run, k, t, y, f);
         w->resolved = resolved_from(run, w, t);
-        if (turns_back(run, k, found[k], slopes[k], f)) {
+        if (turns_back(run, k, values[k], slopes[k], f)) {
             lag_condition *condition = sw->condition + w->which;
             condition->holds = !condition->holds;
             w->sign = -w->sign;
-            found[k] = -found[k];
+            values[k] = -values[k];
             slopes[k] = -slopes[k];
         }
         const int other = w->what >= LAG_WATCH_CONDITION && !begins(run, w, t); /* the instant of others */
-        if (!other && found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
-            w->shift = rounding - fmin(found[k], 0.0);
-        w->noise = found[k] < rounding ? fmax(rounding, -found[k]) : 0.0;
+        if (!other && values[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
+            w->shift = rounding - fmin(values[k], 0.0);
+        w->noise = values[k] < rounding ? fmax(rounding, -values[k]) : 0.0;
         if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
             w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
         if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > wrong)
             w->noise = rounding; /* it jumps at the instant */
-        w->value = fmax(found[k] + w->shift, 0.0);
+        w->value = fmax(values[k] + w->shift, 0.0);
         w->rate = slopes[k];
     }
     sw->since = t;

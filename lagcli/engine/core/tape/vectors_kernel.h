@@ -101,21 +101,21 @@ static double largest(int n, const double *x, const double *now, double *scale)
 
 static double least(int n, const double *x, const int32_t *places, const double *length)
 {
-    four found = {1.0, 1.0, 1.0, 1.0};
+    four smallest = {1.0, 1.0, 1.0, 1.0};
     int i = 0;
     for (; i + 4 <= n; i += 4) {
         const int32_t *at = places + i;
         four part = {x[at[0]], x[at[1]], x[at[2]], x[at[3]]};
         if (length)
             part /= FOUR(length + i) * FOUR(length + i);
-        found = smaller(part, found);
+        smallest = smaller(part, smallest);
     }
     for (; i < n; ++i) {
         const double part = length ? x[places[i]] / (length[i] * length[i]) : x[places[i]];
-        if (part < found[0])
-            found[0] = part;
+        if (part < smallest[0])
+            smallest[0] = part;
     }
-    return fmin(fmin(found[0], found[1]), fmin(found[2], found[3]));
+    return fmin(fmin(smallest[0], smallest[1]), fmin(smallest[2], smallest[3]));
 }
 
 static double scaled_square(int n, const double *x, const double *y, const double *z,
