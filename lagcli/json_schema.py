@@ -168,7 +168,7 @@ def _check_options(
 def _check_equal(
     value: Any, paths: list[str], what: str, measure: Any, place: str, depth: int
 ) -> None:
-    """Raise an error unless what is at some paths has the same length, or the same keys."""
+    """Raise an error unless the values at some paths have the same length, or the same keys."""
     first: tuple[str, Any] | None = None
     for path in paths:
         for at, part in _at(value, path.split("."), place):

@@ -10,7 +10,7 @@ from lagcli.analysis.output.tables import ResultSection
 
 
 class _Outputs(NamedTuple):
-    """What is made of a content: text, and sections with units of coordinates and of λ."""
+    """Functions that convert a content: to text, and to sections with units."""
 
     text: Callable[[Mapping[str, Any]], str]
     sections: Callable[[Mapping[str, Any], Mapping[str, str]], list[ResultSection]]
@@ -35,7 +35,7 @@ def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> li
 
 
 def result_sections(result: object) -> list[ResultSection]:
-    """Return the sections of what an analysis of the Python interface returned, in SI.
+    """Return the sections of an analysis' result of the Python interface, in SI.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def load_steady(
     set_initial: Iterable[str] | None,
     steady: Iterable[str] | None,
 ) -> tuple[Model, dict[str, float | None]]:
-    """Load a model, and parse what a steady motion has: velocities and other values, in SI.
+    """Load a model, and parse the velocities and quantities of a steady motion, in SI.
 
     Values are parsed as initial values: with units and parameters. A name without a value is an
     unknown speed.

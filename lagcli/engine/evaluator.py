@@ -111,7 +111,7 @@ class _Bound(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _bound(system: System) -> _Bound:
-    """Return what is made once for all evaluators of a System."""
+    """Return the tapes and layouts that all evaluators of a System share."""
     return _Bound(
         ScalarTape(system.dynamics),
         ScalarTape(system.constraint),
@@ -145,7 +145,7 @@ class Evaluator:
         return other
 
     def hold(self, t: float) -> None:
-        """Fix the pieces of the known functions of time to those from a time on."""
+        """Use the pieces of the known functions of time that hold from a time on."""
         pieces = self.system.functions.pieces_at(t)
         self._dynamics.hold(pieces)
         self._constraint.hold(pieces)

@@ -208,7 +208,7 @@ class System:
         return len(self.parameters) + self.functions.size
 
     def held_at(self, t: float, p: Sequence[float]) -> list[float]:
-        """Return the values of those inputs from a time on."""
+        """Return the values of the constant inputs from a time on."""
         return [*p, *self.functions.pieces_at(t)]
 
     switching: Switching | None = None

@@ -1,4 +1,4 @@
-"""What results store of a model besides its text: units by column, and what pictures need."""
+"""Data of a model in result files besides its text: units by column, and the view."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def result_units(model: Model) -> dict[str, str]:
 
 
 def result_display(model: Model) -> dict[str, Any]:
-    """Return what pictures need of a model, as in ``Record.display``."""
+    """Return the data of a model for pictures, as in ``Record.display``."""
     return {
         "latex": {c.name: c.latex for c in model.coordinates if c.latex},
         "definitions": [*model.definitions, *model.inputs],

@@ -1,4 +1,4 @@
-"""Runs of a model with the values of the page, and what the page shows of them."""
+"""Runs of a model with the values of the page, and the data that the page shows."""
 
 from __future__ import annotations
 

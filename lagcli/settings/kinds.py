@@ -99,7 +99,7 @@ class RealNumber(Setting[T]):
     what = "a number"
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         yield from self.number_problems(self.name, value)
 
     def number_problems(self, what: str, value: Any) -> Iterator[SettingError]:
@@ -124,7 +124,7 @@ class Choice(Setting[T]):
     """One of a list of words."""
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         if value not in self.choices:
             same = [word for word in self.choices if word.lower() == str(value).lower()]
             known = "known are " + ", ".join(self.choices)
@@ -136,7 +136,7 @@ class Flag(Setting[bool]):
     """Yes or no."""
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         if not isinstance(value, bool):
             yield self.error(f"{self.name} must be true or false, not {value!r}")
 
@@ -158,7 +158,7 @@ class Times(Setting[tuple[float, ...] | None]):
             raise UsageError(f"{self.name} must be numbers, not {value!r}") from None
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         if not value:
             yield self.error("times must hold at least one time")
         elif not all(math.isfinite(x) for x in value):
@@ -171,7 +171,7 @@ class Tolerances(RealNumber[float | Mapping[str, float] | None]):
     """One number for all coordinates and velocities, or numbers by their names."""
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         if not isinstance(value, Mapping):
             yield from super().problems(value)
             return
@@ -187,7 +187,7 @@ class Names(Setting[tuple[str, ...] | None]):
         return (value,) if isinstance(value, str) else tuple(value)
 
     def problems(self, value: Any) -> Iterator[SettingError]:
-        """Yield what is wrong with a value."""
+        """Yield the errors of a value."""
         if not value or not all(isinstance(name, str) and name.strip() for name in value):
             yield self.error(f"{self.name} must be a list of names, not {list(value)!r}")
 

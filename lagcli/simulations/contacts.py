@@ -1,4 +1,4 @@
-"""Checks before a run of what switches: contacts at the initial state, coefficients, clocks."""
+"""Checks before a run with switching: contacts at the initial state, coefficients, clocks."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def sensitivity_run(simulation: Simulation, names: tuple[str, ...]) -> Sensitivi
 
 
 def _refuse_clocks(model: Model, directions: Directions) -> None:
-    """Refuse derivatives with respect to what the clocks of events depend on."""
+    """Reject derivatives with respect to quantities on which clocks of events depend."""
     for event in model.events:
         if event.clock is None:
             continue

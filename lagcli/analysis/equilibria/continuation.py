@@ -574,7 +574,7 @@ class Tracer:
         return changes
 
     def _refined(self, before: Traced, point: Traced, side: int, length: float) -> Traced:
-        """Return where growth begins, extrapolated from one side of an approximate point.
+        """Return the point at which the growth rate vanishes, extrapolated from one side.
 
         Beside it, rounding errors of eigenvalues are larger than these. The growth rate, or its
         square where a pair of eigenvalues meets, is a smooth function of the distance.
@@ -663,7 +663,7 @@ def vertical(point: Traced) -> bool:
 
 
 def _oscillates(stability: Stability) -> bool:
-    """Whether it is unstable, and what grows most is an oscillation."""
+    """Whether it is unstable, and the eigenvalue of largest real part is complex."""
     values = stability.eigenvalues
     unstable = stability.verdict == "unstable"
     return bool(unstable and values[np.argmax(values.real)].imag > 0)

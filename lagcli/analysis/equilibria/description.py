@@ -35,7 +35,7 @@ _ROUNDING = 1e-12  # real parts below this part of the imaginary ones are not sh
 
 
 def describe_equilibria(result: Equilibria) -> dict[str, Any]:
-    """Return what ``lagcli equilibrium --json`` prints: see docs/schemas/equilibrium.json."""
+    """Return the JSON values of ``lagcli equilibrium --json``: docs/schemas/equilibrium.json."""
     return {
         "command": "equilibrium",
         "model": result.model,
@@ -111,7 +111,7 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
 
 
 def held_text(steady: Mapping[str, float | None]) -> str:
-    """Return what is held, as text; of unknown speeds, the names."""
+    """Return the prescribed velocities and quantities as text; of unknown ones, the names."""
     return ", ".join(
         f"{name} unknown" if value is None else f"{name} = {value:.6g}"
         for name, value in steady.items()
@@ -119,7 +119,7 @@ def held_text(steady: Mapping[str, float | None]) -> str:
 
 
 def _verdict(x: Mapping[str, Any]) -> str:
-    """Say how stable an equilibrium is, and by what that is limited."""
+    """Return the stability of an equilibrium in words, with its restrictions."""
     text, contacts = _of_linear_terms(x), x.get("contacts", ())
     unclear = [c["name"] for c in contacts if c["state"] in ("touches", "at its limit")]
     if unclear:
@@ -166,7 +166,7 @@ _RANGES = 6  # largest number of ranges of a verdict that are listed
 
 
 def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:
-    """Return what ``equilibrium --along --json`` prints: see docs/schemas/equilibrium.json."""
+    """Return the JSON values of ``equilibrium --along --json``: docs/schemas/equilibrium.json."""
     return {
         "command": "equilibrium",
         "model": diagram.model,

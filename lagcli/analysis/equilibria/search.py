@@ -133,7 +133,7 @@ def _on_constraints(problem: SteadyProblem, q: Array) -> Array | None:
 
 
 def _keep(problem: SteadyProblem, root: Residual, known: list[_Known]) -> None:
-    """Add a root to the known ones, unless it is one of them or is not steady."""
+    """Add a root to the known ones, unless it repeats one or is not steady."""
     if root.decomposition.rank > problem.local.start.rank:
         return  # near a singular configuration, where rounding hides dependent rows
     try:

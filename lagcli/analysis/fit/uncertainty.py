@@ -176,7 +176,7 @@ def quantile(level: float, freedom: int, estimated: bool) -> float:
 def profile_interval(
     problem: Problem, values: Array, place: int, error: float, rise: float
 ) -> tuple[float, float]:
-    """Return where the least cost at fixed values of one quantity has risen by a given amount.
+    """Return the profile-likelihood interval of one quantity.
 
     Parameters
     ----------

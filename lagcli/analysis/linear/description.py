@@ -58,7 +58,7 @@ def describe_point(operating_point: OperatingPoint, linear: LinearModel) -> dict
 
 
 def describe_linear(linear: LinearModel) -> dict[str, Any]:
-    """Return what ``lagcli linearize --json`` prints: see docs/schemas/linearize.json."""
+    """Return the JSON values of ``lagcli linearize --json``: docs/schemas/linearize.json."""
     return {
         "command": "linearize",
         "model": linear.model,
@@ -79,7 +79,7 @@ def matrices(linear: LinearModel) -> dict[str, np.ndarray]:
 
 
 def describe_modes(analysis: ModalAnalysis) -> dict[str, Any]:
-    """Return what ``lagcli modes --json`` prints: see docs/schemas/modes.json."""
+    """Return the JSON values of ``lagcli modes --json``: docs/schemas/modes.json."""
     linear = analysis.linear_model
     return {
         "command": "modes",

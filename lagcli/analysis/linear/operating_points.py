@@ -180,7 +180,7 @@ def mode_in_run(model: Model, at: float | None) -> tuple[State, Indices]:
 
 
 def _first(run: Outcome, start: State) -> State:
-    """Return the state after what happens at the start."""
+    """Return the state after the impacts and events at the start."""
     state = start
     for entry in run.events:
         if entry.time <= start.t:
@@ -189,7 +189,7 @@ def _first(run: Outcome, start: State) -> State:
 
 
 def _modes(run: Outcome, at: float) -> Indices:
-    """Return the modes after what happens at a time."""
+    """Return the modes of the contacts after the changes at a time."""
     modes = np.array(run.modes, dtype=int)
     for entry in run.events:
         if entry.time <= at:

@@ -22,7 +22,7 @@ _CHANGES, _LISTED = 60, 8
 
 
 class ModeChange(NamedTuple):
-    """A row whose mode contradicts what is found, and the mode that it takes.
+    """A row whose mode contradicts the solution, and the mode that it takes.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class ActiveSet:
     def _root(
         self, problem: SteadyProblem, relaxed: bool
     ) -> tuple[Residual | None, ModeChange | None]:
-        """Return the root in a mode; or, where the motion towards one is stopped, by what."""
+        """Return the root in a mode, or the change of mode that stops the motion towards it."""
         local = problem.local
         assert isinstance(local, ModeEquations)
         try:
@@ -167,7 +167,7 @@ class ActiveSet:
     # what contradicts a mode
 
     def contradiction(self, local: ModeEquations, q: Array, point: Point) -> ModeChange | None:
-        """Return what of a candidate contradicts its mode, the worst of it; None if nothing does.
+        """Return the worst contradiction between a candidate and its mode; None if there is none.
 
         Parameters
         ----------

@@ -108,7 +108,7 @@ class SwitchedModel(DerivedModel):
         return self.with_friction(tuple(modes))
 
     def _in_mode(self, modes: Modes) -> tuple[Model, Mapping[Basic, Basic]]:
-        """Return the model in a mode, and what stands for the λ that it does not have."""
+        """Return the model in a mode, and expressions for the λ of constraints that it lacks."""
         return model_in_mode(self.equations, dict(zip(self.names, modes, strict=True)))
 
 
@@ -155,7 +155,7 @@ class ModeEquations(LocalEquations):
         return expression.xreplace(self._values)
 
     def reached(self, point: Point, tangent: Tangent) -> Tangent:
-        """Return the motions that reach what sticks at rest: displacements obey B δq = 0 too."""
+        """Return the tangent space of motions from rest: sticking rows require B δq = 0 too."""
         if np.any(point.v):
             return tangent
         limited = {row.row for row in self.switched.rows if row.limit is not None}
@@ -214,7 +214,7 @@ class ModeEquations(LocalEquations):
         return margins
 
     def contact_end(self, row: int) -> tuple[ContactEnd, str]:
-        """Return what happens to a row that leaves its mode, and its name."""
+        """Return the kind of change of a row that leaves its mode, and its name."""
         name, mode = self.switched.names[row], self.modes[row]
         if self.switched.rows[row].sign:
             return "contact opens" if mode == Acting.HOLDS else "contact closes", name
@@ -261,7 +261,7 @@ class ModeEquations(LocalEquations):
 
 
 def _state(row: SwitchedRow, mode: Acting, k: int, values: RowValues) -> ContactState:
-    """Return what a row does, by its mode and its values."""
+    """Return the state of a row in its mode, as messages name it."""
     if row.sign:
         if mode == Acting.OPEN:
             near = row.active and abs(values.gap[k]) <= ZERO * values.gap_scale[k]

@@ -89,7 +89,7 @@ def acting(contact: Mapping[str, Any]) -> Acting:
 
 
 def contact_lines(contacts: Sequence[Mapping[str, Any]], indent: int) -> list[str]:
-    """Return lines that say what contacts do, from `describe_contacts`."""
+    """Return lines on the statuses of contacts, from `describe_contacts`."""
     if not contacts:
         return []
     return entry("contacts", listed([_text(contact) for contact in contacts], _SHOWN), indent)

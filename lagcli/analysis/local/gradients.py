@@ -200,7 +200,7 @@ class ForwardJacobians:
 
 
 def motion_jacobians(equations: Equations, system: System) -> MotionJacobianTape | ForwardJacobians:
-    """Return what evaluates the Jacobians of the equations of motion.
+    """Return an evaluator of the Jacobians of the equations of motion.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class LocalEquations(DerivedModel):
         return np.empty(0)
 
     def contact_end(self, row: int) -> tuple[ContactEnd, str]:
-        """Return what happens to a row that leaves its mode, and its name."""
+        """Return the kind of change of a row that leaves its mode, and its name."""
         raise IndexError(row)  # nothing leaves its mode here
 
     def reached(self, point: Point, tangent: Tangent) -> Tangent:
@@ -124,7 +124,7 @@ class LocalEquations(DerivedModel):
 
     @cached_property
     def least_forces(self) -> Array:
-        """Small forces: a fraction of those after large changes of the coordinates, (nq,).
+        """Forces that count as zero: a fraction of those at large changes of q, (nq,).
 
         At an equilibrium the terms of a force may cancel, so that the force has no scale.
         """

@@ -117,7 +117,7 @@ class RelativeProblem(SteadyProblem):
     def solve(
         self, q: Array, p: tuple[float, ...], multipliers: Array | None = None
     ) -> Residual | None:
-        """Return a root, if possible one that moves: at rest, the symmetries leave it in place.
+        """Return a root, if possible one with nonzero speeds along the symmetries.
 
         For the parameters see `SteadyProblem.solve`.
         """

@@ -81,12 +81,12 @@ class SteadyTerms:
 
     @property
     def plain(self) -> bool:
-        """Whether only velocities with values are given, or nothing."""
+        """Whether only velocities with values are given, or none."""
         return not self.others and None not in self.velocities.values()
 
     @property
     def by_symmetry(self) -> bool:
-        """Whether the motion is one along symmetries: no velocity is looked for."""
+        """Whether the motion is along symmetries, so that no velocity is unknown."""
         return not self.plain and None not in self.velocities.values()
 
     @property
@@ -213,7 +213,7 @@ class SteadyTerms:
         conditions: Sequence[Condition],
         rates: Sequence[int],
     ) -> Array | None:
-        """Return symmetries, as sums of all, each of which changes one given value alone, by 1.
+        """Return combinations of the symmetries that change one given value by 1 each.
 
         The spin of a top about its axis is the rate of such a symmetry.
 
@@ -312,7 +312,7 @@ def _solved(problem: SteadyProblem) -> SteadyState:
 
 
 def check_switching(model: Model, terms: SteadyTerms) -> None:
-    """Raise UsageError for what steady motions of models with contacts cannot hold."""
+    """Raise UsageError for terms that steady motions of models with contacts do not support."""
     if not terms.plain:
         name = next(n for n, x in terms.named.items() if n in terms.others or x is None)
         raise UsageError(

@@ -197,7 +197,7 @@ def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[A
 
 
 def _kept(summary: Any) -> str:
-    """Print what an interrupted sweep has stored."""
+    """Print the number of rows that an interrupted sweep has stored."""
     if summary.output is None:
         return "the journal was removed while the sweep ran, so that no rows are kept"
     return (

@@ -60,7 +60,7 @@ class Adjustment(NamedTuple):
 
 
 class HeldRows(NamedTuple):
-    """What holds while an event sets values.
+    """Constraints and contacts that hold while an event sets values.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def held_during(
     modes: Sequence[int],
     no_gap: Callable[[int], float],
 ) -> HeldRows:
-    """Return what holds while an event sets values.
+    """Return the constraints and contacts that hold while an event sets values.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The core's library: its place, what it is compiled from, and the fingerprint of that.
+"""The core's library: its path, its sources, and their fingerprint.
 
 The build stores the fingerprint in the library, and `lagcli.engine.core.library` compares it where
 the sources are there; so this module imports only the standard library.
@@ -55,12 +55,12 @@ def _tables() -> list[str]:
 
 
 def sources_are_here() -> bool:
-    """Return whether the sources are there: wheels do not contain them."""
+    """Return whether the sources are installed; wheels do not contain them."""
     return (CORE / "lagcore.h").exists()
 
 
 def sources() -> list[str]:
-    """Return the paths of all that the library is compiled from, relative to the core."""
+    """Return the paths of the library's sources, relative to the core."""
     files = [path for path in c_files((".c", ".h")) if not path.endswith(GENERATED)]
     return [os.path.relpath(path, CORE) for path in (*files, *_tables())]
 
@@ -91,7 +91,7 @@ def record_in(folder: Path) -> Path:
 
 
 def unchanged() -> bool:
-    """Return whether the record of the last build here is true."""
+    """Return whether the sources have not changed since the last build."""
     try:
         known = record_in(CORE).read_text("utf-8")
         return record(line.rsplit(" ", 2)[0] for line in known.splitlines()) == known

@@ -44,7 +44,7 @@ def _load(loader: type[ctypes.CDLL]) -> ctypes.CDLL:
 
 
 def _is_current(built_from: str) -> bool:
-    """Return whether the library is that of the sources, where they are there."""
+    """Return whether the library was compiled from the sources, if they are installed."""
     if not fingerprint.sources_are_here():
         return True
     return fingerprint.unchanged() or fingerprint.fingerprint() == built_from
@@ -82,6 +82,6 @@ PORTABLE = 0
 
 
 def check(failed: object) -> None:
-    """Raise MemoryError if a function of the core has failed, or has made nothing."""
+    """Raise MemoryError if a function of the core has returned a failure or a null pointer."""
     if failed:
         raise MemoryError

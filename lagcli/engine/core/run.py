@@ -166,7 +166,7 @@ class Integrator:
         check(function(self._run, byref(given.program(program)), *arguments))
 
     def use_tangent(self, tangent: Program, blocks: int, complete: bool) -> None:
-        """Say that the System is the motion and its derivatives, in blocks; before the dynamics.
+        """Declare a System of the motion and its derivatives, in blocks; before the dynamics.
 
         Parameters
         ----------
@@ -313,7 +313,7 @@ class Integrator:
         check(core.lag_use_pivots(self._run, byref(record)))
 
     def start(self) -> int:
-        """Prepare the first step; sample what lies at the start."""
+        """Prepare the first step, and store the samples at the start."""
         status: int = core.lag_start(self._run)
         return status
 

@@ -31,7 +31,7 @@ class Integers(c_void_p):
 
 
 class Structure(ctypes.Structure):
-    """A structure of C; its fields have no types here."""
+    """A structure of C, whose annotations mypy does not see."""
 
     if TYPE_CHECKING:
 
@@ -174,7 +174,7 @@ _S = TypeVar("_S", bound=Structure)
 
 
 def address(array: np.ndarray[Any, Any]) -> int:
-    """Return where an array begins, which must live as long as the address is used."""
+    """Return the address of an array, which must exist as long as the address is used."""
     if array.size and array.flags.writeable and array.flags.c_contiguous:
         # a third of the time of the attribute
         return ctypes.addressof(c_char.from_buffer(array))  # type: ignore[arg-type]
@@ -194,7 +194,7 @@ def listed(pointer: Integers, count: int) -> list[int]:
 
 
 class Arguments:
-    """What the core is given for the time of a call: structures that point into arrays."""
+    """Arguments of a call of the core: structures that point into arrays, which it keeps alive."""
 
     def __init__(self) -> None:
         self.arrays: list[Any] = []

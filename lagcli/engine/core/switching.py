@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class lag_switching_rules(Structure):
-    """Rows of constraints that do not always hold, and what else switches."""
+    """Switched rows of constraints, kinks, conditions and clocks."""
 
     _fields_ = (
         *each(c_int, "rows exported nc"),
@@ -317,7 +317,7 @@ class SwitchingIntegrator(Integrator):
 
     @property
     def gain(self) -> tuple[float, bool, bool]:
-        """Energy that the last impact would gain, J; whether it had friction; one restitution."""
+        """Energy gained by the last impact, J; whether it had friction, and equal restitution."""
         report = self._instant
         return report.gained, bool(report.with_friction), bool(report.equal_restitution)
 
@@ -457,7 +457,7 @@ class SwitchingIntegrator(Integrator):
 
     @property
     def losses(self) -> list[tuple[int, float, int, list[tuple[int, int]]]]:
-        """Of each direction without derivatives: its number, since when, why, and of what."""
+        """Number, time, reason and causes of each direction that has lost its derivatives."""
         losses = []
         for k in range(self._directions):
             r = core.lag_loss_of(self._run, k)
@@ -468,7 +468,7 @@ class SwitchingIntegrator(Integrator):
 
     @property
     def begun(self) -> bool:
-        """Whether the modes at the start are known."""
+        """Whether the modes at the start have been determined."""
         return bool(self._instant.begun)
 
     @property
@@ -478,7 +478,7 @@ class SwitchingIntegrator(Integrator):
 
     @property
     def motion(self) -> tuple[Array, Array, Array]:
-        """The state as the instant begins, and a and λ of all constraints there."""
+        """The state at the beginning of the instant, and a and λ of all constraints."""
         report, constraints = self._instant, len(self._split.system.constraints)
         return (
             copied(report.before, self._n),
@@ -487,6 +487,6 @@ class SwitchingIntegrator(Integrator):
         )
 
     def sample_here(self) -> tuple[int, Array]:
-        """Return a status, and the sample row of the present state, as in the block."""
+        """Return a status, and the sample row of the present state."""
         row = np.empty(self.block.shape[1])
         return core.lag_sample_here(self._run, address(row)), row

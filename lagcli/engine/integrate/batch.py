@@ -185,7 +185,7 @@ class _BatchRuns:
                 self.let_leave(self.request.settings.timeout)
 
     def record(self, row: int) -> Outcome:
-        """Return what a run took."""
+        """Return the statistics of a run."""
         steps, rejected, evaluations = self.core.counts[row].tolist()
         return Outcome("completed", "", steps, rejected, evaluations, methods=self.steps)
 

@@ -546,7 +546,7 @@ class Actions:
         return int(self.core.push(impulse))
 
     def _note(self, rule: EventRule, given: Array, q: Array) -> None:
-        """Note which coordinates an event has moved besides those that it sets."""
+        """Record the coordinates that an event has moved besides those that it sets."""
         sizes = self.evaluator.sizes(self.core.t, q, np.zeros(self.nq))
         noticed = _NOTICED * np.abs(q / sizes).max(initial=0.0) * sizes
         moved = np.flatnonzero(np.abs(q - given) > noticed)

@@ -1,4 +1,4 @@
-"""Tape → program: what the core's evaluator runs.
+"""Tape → program: bytecode for the core's evaluator.
 
 Equal operations are grouped into runs, so that the evaluator dispatches once for many of them;
 those on equidistant registers become vector operations; operations on parameters are moved to a
@@ -332,7 +332,7 @@ Registers = slice | list[int]
 
 
 class _Step(NamedTuple):
-    """An operation, or one on vectors, as it stands in a stream, and the registers it is on."""
+    """A scalar or vector operation of a stream, and its registers."""
 
     op: int
     size: int

@@ -195,7 +195,7 @@ class Packing:
     def _complete(
         self, nodes: Sequence[Node], sets: Sequence[list[int]]
     ) -> dict[int, list[list[int]]]:
-        """Return the results that are used alike, by the number of the set after which they are all
+        """Return the results with equal uses, by the number of the set after which they are all
         there.
         """
         made = {x: at for at, group in enumerate(sets) for i in group for x in nodes[i][1]}

@@ -79,7 +79,7 @@ class DifferentiatedIntegration(SwitchingIntegration):
 
     @staticmethod
     def _nowhere(block: Block) -> None:
-        """Receive samples without derivatives: there are none."""
+        """Receive samples of the motion without derivatives, which do not occur."""
 
     def start_changes(self) -> Array | None:
         """Return the derivatives of q and v at the start, (n, 2 nq)."""
@@ -262,7 +262,7 @@ class DifferentiatedActions(Actions):
 
 
 class DirectionalPrograms(NamedTuple):
-    """What the core differentiates a motion with; see ``lag_directions`` in core/lagcore.h.
+    """Programs with which the core differentiates a motion: ``lag_directions`` in core/lagcore.h.
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ class _Freezer:
         return given._replace(tape=self.tape(given.tape))
 
     def report(self) -> Tape:
-        """Return the tape of what is reported, with the branches of the System."""
+        """Return the report tape with the branches of the System as inputs."""
         self.complete = True
         return self.tape(self.original.report)
 

@@ -419,7 +419,7 @@ def _unlogged(
     core: Any,
     branches: Sequence[Sequence[str]],
 ) -> list[str]:
-    """Return what may repeat at an instant without an entry in the log."""
+    """Return the causes of repeated changes at an instant that have no entry in the log."""
     gaps, speeds, _ = core.contacts
     approaching = [
         f"`{name} impacts`"

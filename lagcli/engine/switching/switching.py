@@ -246,7 +246,7 @@ class Clock(NamedTuple):
     most: int
 
     def fault(self, span: tuple[float, float]) -> str:
-        """Return what is wrong with its times in a run between two times; empty if nothing is."""
+        """Return why the clock cannot tick in a run between two times; empty if it can."""
         largest = max(*map(abs, span), abs(self.offset))
         if not math.isfinite(self.offset):
             return f"the offset of event `{self.name}` is {self.offset:.6g}, but must be finite"

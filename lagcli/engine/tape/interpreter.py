@@ -92,11 +92,11 @@ class ScalarTape:
         return [r[i] for i in self._outputs]
 
     def own(self) -> ScalarTape:
-        """Return a tape that can hold pieces apart from this one."""
+        """Return a copy of the tape with pieces of its own."""
         return self if self._functions is None else copy.copy(self)
 
     def hold(self, pieces: list[float] | None) -> None:
-        """Fix the pieces of known functions, regardless of t; None: use those at t."""
+        """Use given pieces of the known functions of time; None selects those at t."""
         self._held = pieces
 
 

@@ -35,13 +35,13 @@ class Gradient:
 class Jacobians:
     """Derivatives of the equations of motion at fixed a and λ.
 
-    k coordinates, r constraints; in q, v, a, t, multipliers and parameters.
+    nq coordinates, nc constraints; in q, v, a, t, multipliers and parameters.
 
     Parameters
     ----------
-    force : k Gradients
+    force : nq Gradients
         Gradients of G = f − M a + Bᵀλ.
-    rhs : r Gradients
+    rhs : nc Gradients
         Gradients of Γ = γ − B a.
     power : Gradient
         Gradient of the power of all forces, Q·v − ∂L/∂t + λ·(B v).
@@ -112,20 +112,20 @@ def _gradient(motion: Motion, columns: Mapping[Basic, int], parts: Sequence[Basi
 class ParameterJacobians:
     """Derivatives of the equations with respect to parameters, at fixed t, q, v, a and λ.
 
-    k coordinates, r constraints, h of them holonomic; each row contains the nonzero derivatives by
-    the number of the parameter.
+    nq coordinates, nc constraints, nh of them holonomic. Each row contains the nonzero derivatives
+    by the number of the parameter.
 
     Parameters
     ----------
     parameters : tuple of str
         Names, in the order of the numbers.
-    force : k rows
+    force : nq rows
         ∂G/∂p of G = f − M a + Bᵀλ.
-    rhs : r rows
+    rhs : nc rows
         ∂Γ/∂p of Γ = γ − B a.
-    position : h rows
+    position : nh rows
         ∂φ/∂p.
-    velocity : r rows
+    velocity : nc rows
         ∂ψ/∂p.
     outputs : mapping of str to row
         Derivatives of the model's outputs.
@@ -182,21 +182,21 @@ Rates = Mapping[str, Basic]  # ∂p/∂θ by parameter, in symbols of parameters
 class VariationalEquations:
     """The right sides of the variational equations, for each direction.
 
-    k coordinates, r constraints, h of them holonomic.
+    nq coordinates, nc constraints, nh of them holonomic.
 
     Parameters
     ----------
-    positions, rates : tuples of k symbols, by direction
+    positions, rates : tuples of nq symbols, by direction
         s and ṡ.
-    accelerations, multipliers : tuples of k and r symbols, by direction
+    accelerations, multipliers : tuples of nq and nc symbols, by direction
         s̈ and λ_θ.
-    force : tuples of k expressions, by direction
+    force : tuples of nq expressions, by direction
         G_q s + G_v ṡ + G_θ.
-    rhs : tuples of r expressions, by direction
+    rhs : tuples of nc expressions, by direction
         Γ_q s + Γ_v ṡ + Γ_θ.
-    position : tuples of h expressions, by direction
+    position : tuples of nh expressions, by direction
         φ_q s + φ_θ.
-    drift : tuples of r expressions, by direction
+    drift : tuples of nc expressions, by direction
         ψ_q s + ψ_θ.
     """
 

@@ -68,25 +68,25 @@ class ConstraintEquation(NamedTuple):
 class Equations:
     """Symbolic equations of motion of a model.
 
-    k coordinates, r constraints.
+    nq coordinates, nc constraints.
 
     Parameters
     ----------
     model : Model
-    q, v, a : tuples of k symbols
+    q, v, a : tuples of nq symbols
     lagrangian : expression
         L = T − V.
     kinetic, potential : expressions
         T and V. If the model gives L: its part quadratic in v, and minus the rest.
-    applied_forces : k expressions
+    applied_forces : nq expressions
         Q_i, including −∂D/∂v_i of the Rayleigh dissipation function.
-    free_forces, reactive_forces : k expressions
+    free_forces, reactive_forces : nq expressions
         The terms of Q_i that do not depend on multipliers, and those that do.
-    mass_matrix : k mappings of int to expression
+    mass_matrix : nq mappings of int to expression
         Nonzero entries of M by row and column; both triangles.
-    forcing : k expressions
+    forcing : nq expressions
         f_i, without the terms that depend on multipliers.
-    constraints : r ConstraintEquations
+    constraints : nc ConstraintEquations
     energy : expression
         v·p − L, which is T + V when T is a quadratic form in v.
     time_power : expression

@@ -51,7 +51,7 @@ class Motion:
 
     Parameters
     ----------
-    q, v, a : tuples of k symbols
+    q, v, a : tuples of nq symbols
     smooth : bool
         Whether all functions are smooth; derivatives of other functions are slower.
     """

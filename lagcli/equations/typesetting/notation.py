@@ -266,7 +266,7 @@ class Notation:
 
 
 def _valid_latex(latex: Mapping[str, str]) -> dict[str, str]:
-    """Return the LaTeX of names, re-serialized, without what is invalid."""
+    """Return the LaTeX of names, re-serialized, without invalid entries."""
     valid = {}
     for name, text in latex.items():
         with suppress(InvalidLatex):

@@ -195,7 +195,7 @@ class TextFormula(FormulaWriter):
 
 
 def _level(text: str) -> int:
-    """Return which brackets stand around a text: ( ), around these [ ], { }, and again ( )."""
+    """Return the brackets for a text by its depth: ( ), around these [ ], { }, and again ( )."""
     depth = 0
     for char in text:
         if char == "{" and not depth:

@@ -501,7 +501,7 @@ class FreeNumbers:
         return Dimension(numbers=((number, 1),))
 
     def resolved(self, value: Dimension) -> Dimension:
-        """Return a dimension with what is known of its numbers."""
+        """Return a dimension in which the known dimensions of its numbers are inserted."""
         while known := next((x for x in value.numbers if x[0] in self._solved), None):
             number, exponent = known
             rest = value._replace(numbers=tuple(x for x in value.numbers if x[0] != number))

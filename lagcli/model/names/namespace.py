@@ -1,4 +1,4 @@
-"""Namespace of a model: the names that it declares, and what they stand for."""
+"""Namespace of a model: the names that it declares, and their meanings."""
 
 from __future__ import annotations
 

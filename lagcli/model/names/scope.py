@@ -1,4 +1,4 @@
-"""Scope of an expression: what the place of an expression allows, and the values of its names."""
+"""Scope of an expression: the names allowed at its place, and their values."""
 
 from __future__ import annotations
 

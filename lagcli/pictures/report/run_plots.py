@@ -19,7 +19,7 @@ from lagcli.trajectory.extremes import Extreme, widen
 
 #: Largest number of curves in a plot, and of constraints whose forces are drawn.
 _CURVES, _CONSTRAINTS = 24, 12
-#: Number of terms λ_β b_βi of a sample above which they are omitted: they are n_c n_q.
+#: Number of terms λ_β b_βi of a sample above which they are omitted: they are nc nq.
 _FORCES = 4096
 #: Largest number of values of all curves, 8 bytes each plus a third as text: 4.1 MB.
 _NUMBERS = 380_000

@@ -87,7 +87,7 @@ def write_events(
 
 
 def _write_records(place: h5py.Group, log: EventLog) -> None:
-    """Write what events record."""
+    """Write the columns recorded by events."""
     records = log.records
     column = add_texts(place, "column", records.columns)
     entry = add_indices(place, "recorded_entry", records.entry)
