@@ -176,7 +176,7 @@ class Sensitivity:
             )
 
     def _refuse_hidden_jumps(self) -> None:
-        from lagcli.simulations.hidden_jumps import has_hidden_jumps
+        from lagcli.simulations.surfaces import has_hidden_jumps
 
         if has_hidden_jumps(self.system, tuple(self.equations.model.parameter_values.values())):
             raise UsageError(

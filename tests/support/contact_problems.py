@@ -16,9 +16,9 @@ from itertools import product
 
 import numpy as np
 
+from lagcli.analysis.local.active_set import least_norm_within
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
-from lagcli.engine.switching.cones import least_norm_within
 from lagcli.engine.switching.switching import RowMode
 from tests.support.lemke import lemke
 

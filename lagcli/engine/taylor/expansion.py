@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
+from lagcli.engine.tape.differentiation import SlopeRules
 from lagcli.engine.tape.operations import OPERATIONS, Op
-from lagcli.engine.tape.slopes import SlopeRules
 from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor.forms import Form, SeriesForms
 from lagcli.engine.taylor.series_nodes import (

@@ -8,9 +8,9 @@ from core_parts import share_contacts
 from scipy.linalg import null_space
 from scipy.optimize import linprog
 
+from lagcli.analysis.local.active_set import least_norm_within
 from lagcli.arrays import Array, Indices
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
-from lagcli.engine.switching.cones import least_norm_within
 from lagcli.engine.switching.switching import RowMode
 
 UNILATERAL, LIMITED = ContactLaw.UNILATERAL, ContactLaw.LIMITED

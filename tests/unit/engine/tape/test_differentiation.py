@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from math import exp, isclose
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ import pytest
 
 import lagcli
 from lagcli.engine.lowering.lower import lower
-from lagcli.engine.tape.differentiation import directional
+from lagcli.engine.tape.differentiation import Slope, SlopeRules, directional
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import Op
-from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 
 MODELS = Path(__file__).parents[4] / "models"
 
@@ -97,3 +98,29 @@ def test_whole_models(name: str) -> None:
         scale = np.abs(expected).max() / 1e-3
         found = slope([*x, *change])
         np.testing.assert_allclose(found, np.asarray(expected) / 1e-3, atol=1e-11 * scale)
+
+
+def test_constants_are_not_multiplied() -> None:
+    builder = Arithmetic(2)
+    rules = SlopeRules(builder)
+    assert rules.of(Op.EXP, 0, 1) == Slope(1.0, 1)
+    assert rules.of(Op.LOG, 0, 1) == Slope(1.0, None, 0)
+    assert rules.of(Op.SQRT, 0, 1) == Slope(0.5, None, 1)
+    assert not builder.operations
+    number, register, divisor = rules.of(Op.COS, 0, 1)
+    assert (number, divisor) == (-1.0, None)
+    assert list(builder.operations) == [(Op.SIN, 0)]
+    assert register == 2
+
+
+def test_operators() -> None:
+    builder = Arithmetic(2)
+    rules = SlopeRules(builder)
+    rule = lambda f, x, y: 2 * (3 - x) / (1 + y) + x / 4 - 0.5 * f.exp(-x) * (1 / y)  # noqa: E731
+    number, register, _ = rules.apply(rule, 0, 1)
+    assert number == 1.0
+    assert register is not None
+    tape = ScalarTape(builder.finish([register]))
+    x, y = 0.7, 1.9
+    expected = 2 * (3 - x) / (1 + y) + x / 4 - 0.5 * exp(-x) / y
+    assert isclose(tape((x, y))[0], expected, rel_tol=1e-15)

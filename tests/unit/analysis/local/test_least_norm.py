@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.cones import least_norm_within
+from lagcli.analysis.local.active_set import least_norm_within
 
 
 def test_nearest_point_of_a_half_plane() -> None:
