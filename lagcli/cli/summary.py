@@ -47,6 +47,7 @@ def summarize(
         "samples": extremes.samples,
         **record.counts,
         "method": options["method"],
+        "choice": options.get("choice"),
         "formulation": options["formulation"],
         "rtol": options["rtol"],
         "atol": options.get("atol"),
@@ -153,6 +154,9 @@ def format_summary(summary: Mapping[str, Any], model: Model) -> str:
         f"{model.name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
         *([f"{method} {counts}"] if fits else [method, f"  {'':<12}{counts}"]),
     ]
+    if s["choice"]:
+        wrapped = textwrap.wrap(s["choice"], 86, break_on_hyphens=False)
+        lines += [f"  {'':<12}{line}" for line in wrapped]
     lines += [f"  {'warning':<12}{warning}" for warning in s["warnings"]]
     lines.append(f"  {'tolerance':<12}rtol {s['rtol']:g}, atol {_absolute(s)}")
     if s["status"] in ENDED and s["message"]:

@@ -214,14 +214,15 @@ class Outcome:
     """Result of an integration: how the run ended, and statistics.
 
     ``undefined`` is the state at which the equations were not finite, if that ended the run;
-    ``constraints`` are the constraints that ended it because they have no gradient at the initial
-    state. ``methods`` are the methods that took steps, if `auto` chose. ``tolerances`` are the
-    final absolute tolerances of q, v and the work, (2 nq + 1,). ``events`` are the log entries, in
-    order, and ``modes`` the modes of the switched rows at the initial state: those at a sample are
-    the modes after the last entry up to its time. ``limits`` are those of the model's events that
-    record columns. ``kinks`` is the number of changes of branches: `lagcli.engine.switching.kinks`.
-    ``event_changes`` are derivatives of the times of ``events`` with respect to n directions, (ne,
-    n), if the run computes them, and ``notes`` state where derivatives of the motion end.
+    ``constraints`` are the constraints that ended it because they have no gradient at the
+    initial state. ``methods`` are the methods that took steps, and ``choice`` states why, if
+    `auto` chose. ``tolerances`` are the final absolute tolerances of q, v and the work, (2 nq +
+    1,). ``events`` are the log entries, in order, and ``modes`` the modes of the switched rows
+    at the initial state: those at a sample are the modes after the last entry up to its time.
+    ``limits`` are those of the model's events that record columns. ``kinks`` is the number of
+    changes of branches: `lagcli.engine.switching.kinks`. ``event_changes`` are derivatives of
+    the times of ``events`` with respect to n directions, (ne, n), if the run computes them, and
+    ``notes`` state where derivatives of the motion end.
     """
 
     status: Status
@@ -232,6 +233,7 @@ class Outcome:
     undefined: State | None = None
     constraints: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
+    choice: str = ""
     tolerances: Array | None = None
     events: list[EventEntry] = field(default_factory=list)
     modes: tuple[int, ...] = ()

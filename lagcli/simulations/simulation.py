@@ -342,6 +342,8 @@ class Simulation:
         options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
         if run.methods:
             options["method"] = ", ".join(run.methods)  # the methods that `auto` selected
+        if run.choice:
+            options["choice"] = run.choice
         reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()
         tolerances = dict(zip(self.initial, reached, strict=bool(reached)))
         log: EventLog | None = None

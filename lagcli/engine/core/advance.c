@@ -46,6 +46,7 @@ int lag_switch(lag_run *run, const lag_method *method)
     run->method = run->stepped = method;
     run->step.error_old = LEAST_ERROR;
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
+    run->watch.cancellation.last = 0.0;
     lag_restart(run);
     return lag_derivative(run, run->step.t, run->step.y, run->step.f) ? LAG_UNDEFINED : LAG_RUNNING;
 }

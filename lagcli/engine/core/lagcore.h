@@ -250,6 +250,8 @@ typedef struct {
     int64_t times_next;                /* the next sample time */
     double t_bad;                      /* if a status refers to another state: its time ... */
     const double *y_bad;               /* ... and the state */
+    double rate;                       /* if stiffness is detected: about the largest eigenvalue, 1/s */
+    int64_t examined;                  /* states whose distance from singular configurations was computed */
 } lag_report;
 
 typedef struct lag_run lag_run;

@@ -38,6 +38,7 @@ lag_report lag_report_of(const lag_run *run)
         .steps = run->step.steps, .rejected = run->step.rejected,
         .evaluations = run->step.evaluations, .times_next = run->samples.next,
         .t_bad = run->failure.t, .y_bad = run->failure.y,
+        .rate = run->stiffness.rate, .examined = run->watch.examined,
     };
 }
 

@@ -45,9 +45,10 @@ typedef struct {
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */
 } lag_tolerances;
 
-/* dop853.c: whether stability, not accuracy, limits the steps. */
+/* dop853.c: whether stability, not the order's accuracy, limits the steps. */
 typedef struct {
     int detecting;                     /* whether to detect stiffness */
+    double rate;                       /* about the magnitude of the dominant eigenvalue, 1/s */
     int stiff, not_stiff;              /* consecutive steps that were so */
 } lag_stiffness;
 
@@ -124,6 +125,7 @@ typedef struct {
 typedef struct {
     int mode;                          /* a lag_watching */
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
+    long examined;                     /* number of states whose least pivot was computed */
     double *combination;               /* nc: of rows, that inverse iteration found last */
     double *jacobian;                  /* 2 nb: B's entries where a step of Taylor's began and ends */
     lag_cancellation cancellation;

@@ -391,6 +391,19 @@ class Integrator:
         return report.steps, report.rejected, report.evaluations
 
     @property
+    def rate(self) -> float:
+        """About the magnitude of the largest eigenvalue at the last step of DOP853, 1/s; 0 if it is
+        not known."""
+        rate: float = self._report.rate
+        return rate
+
+    @property
+    def examined(self) -> int:
+        """Number of states whose distance from singular configurations was computed."""
+        count: int = self._report.examined
+        return count
+
+    @property
     def lengths(self) -> Array:
         """The largest lengths that the rows of B times sizes have had, (nc,)."""
         return copied(self._report.lengths, self._nc)

@@ -150,6 +150,7 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     const int nq = s->nq / s->blocks, nc = s->nc / s->blocks; /* of the motion, whose B is that of all blocks */
     if (run->rows.rank == 0)
         return 1.0;
+    ++run->watch.examined;
     if (by_factors(run) && large(run))
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);

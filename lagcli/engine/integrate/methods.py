@@ -1,14 +1,20 @@
-"""Choice of the integration method: the requested one, or one by stiffness.
+"""Choice of the integration method: the requested one, or one by what each costs on the model.
 
-``auto`` starts with the explicit DOP853. If stability rather than accuracy has limited its steps
-for some time, or its step size reaches its minimum, it switches to an implicit method; if that does
-not take longer steps either, it switches back, and tests for stiffness less often.
+``auto`` starts with the explicit DOP853, and reviews it after 32 steps, 64, and so on. Taylor's
+method continues if its program and its steps cost less than the remaining steps of DOP853. If
+stability rather than accuracy limits the steps, or the step size reaches its minimum, an implicit
+method is tried, unless its Jacobians cost more than the remaining steps; if it does not take longer
+steps either, the explicit method continues, and stiffness is tested less often.
+
+Prices are those of `lagcli.engine.integrate.prices`: the same run always takes the same methods.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,10 +23,11 @@ from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.settings.methods import METHODS
 
+if TYPE_CHECKING:
+    from lagcli.engine.integrate.prices import Prices
+
 #: Relative tolerance from which Rodas5P takes less time than Radau for the same error.
 _LOOSE = 1e-4
-#: Number of remaining explicit steps that justifies the cost of the derivatives.
-_WORTH = 300
 #: Required ratio of implicit to explicit steps if stability limits the explicit ones: an implicit
 #: step takes about this many times as long. The ratio is larger for a trial that is due only to the
 #: number of steps.
@@ -36,6 +43,46 @@ _MANY = 5000
 _STRETCH = 3
 #: Largest deviation of the path from a smooth step, in tolerances.
 _ROUGH = 2.0
+#: Steps after which DOP853 is reviewed first. Those before half of them may be shorter than usual.
+_REVIEW = 32
+#: How many times as long as those of DOP853 Taylor's steps are in smooth motion.
+_SMOOTH = 2.0
+#: The largest step of Taylor's method times the largest eigenvalue, at the boundary of stability.
+_STABLE = 8.0
+#: A method replaces another only if it is expected to cost less than this part.
+_CHEAPER = 0.9
+#: What an implicit method must save at least, in preparations: whether it suits is not known yet.
+_WORTH = 1.5
+_EXPLICIT = ("DOP853", "Taylor")
+
+
+class Change(NamedTuple):
+    """A change of the method.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    method : str
+    why : str
+        The reason, as a phrase.
+    """
+
+    t: float
+    method: str
+    why: str
+
+
+class _Mark(NamedTuple):
+    """Where a run stood at the last review: steps, time, evaluations, examined states."""
+
+    steps: int
+    t: float
+    evaluations: int
+    examined: int
+
+
+_TOO_SHORT = "too few steps for the preparation of another method"
 
 
 class Methods:
@@ -46,8 +93,13 @@ class Methods:
     core : Integrator
     system : System
     request : Request
+    prices : callable
+        Returns the prices of the methods on the System.
     no_series : str
         Why Taylor's method cannot run; empty if it can.
+    expand : callable, optional
+        Prepares Taylor's method during the run; returns why it does not suit the equations, or an
+        empty text. None: the run does not change to it.
 
     Raises
     ------
@@ -59,21 +111,35 @@ class Methods:
     running : str
     steps : dict of str to int
         The steps that each method has taken.
-    changes : list of (float, str)
-        Time of the switch to an implicit method, s, and the method; failed trials are omitted.
+    changes : list of Change
+        Changes of the method, without failed trials.
     refused : str
         Why a method other than the requested one runs.
     """
 
-    def __init__(self, core: Any, system: System, request: IntegrationRequest, no_series: str = ""):
+    def __init__(
+        self,
+        core: Any,
+        system: System,
+        request: IntegrationRequest,
+        prices: Callable[[], Prices],
+        no_series: str = "",
+        expand: Callable[[], str] | None = None,
+    ):
         self.core, self.system, self.request = core, system, request
         self.settings = request.settings
         self.running = "DOP853"
         self.steps: dict[str, int] = {}
-        self.changes: list[tuple[float, str]] = []
+        self.changes: list[Change] = []
+        self._prices, self._expand = prices, expand
         self._prepared = False
+        self._explicit = self.running  # the one that continues if an implicit one does not pay
         self._patience, self._deaf_until = _PATIENCE, 0
         self._next_look = _PATIENCE
+        self._next_review = _REVIEW // 2
+        self._mark = _Mark(0, request.state.t, 0, 0)
+        self._ratio = _SMOOTH  # of steps of Taylor's method to those of DOP853
+        self._why = _TOO_SHORT
         self._trial: tuple[int, float, float] | None = None  # steps, time, least useful step
         self._path: list[tuple[float, Array]] = []  # points that show whether the motion is smooth
         self._vain: set[str] = set()
@@ -83,10 +149,15 @@ class Methods:
         elif self.settings.method not in ("auto", self.running):
             self._go_on(self.settings.method)
 
+    @property
+    def free(self) -> bool:
+        """Whether the method may be changed."""
+        return self.settings.method == "auto"
+
     def may_help(self) -> bool:
-        """Return whether another method is left to try."""
-        free = self.settings.method == "auto" and self.system.variation is not None
-        return free and self.running == "DOP853"
+        """Return whether an implicit method is left to try."""
+        differentiable = self.free and self.system.variation is not None
+        return differentiable and self.running in _EXPLICIT
 
     def count(self) -> None:
         """Count the steps since the last call."""
@@ -95,38 +166,43 @@ class Methods:
             self.steps[self.running] = self.steps.get(self.running, 0) + new
 
     def stiff(self, *, forced: bool = False, longer: float = _LONGER) -> None:
-        """Switch to an implicit method, unless one failed recently."""
+        """Switch to a method for stiff motion, unless one failed recently or does not pay.
+
+        Parameters
+        ----------
+        forced : bool
+            Whether the running method cannot continue.
+        longer : float
+            How many times as long implicit steps must be.
+        """
         steps = self.core.counts[0]
-        if not forced and (steps < self._deaf_until or self._left() < _WORTH):
+        if not forced and (self._reaches_farther() or steps < self._deaf_until or not self._pays()):
             return
         before, now = self.core.step
         self._trial = None if forced else (steps, now, longer * (now - before))
         loose = self.settings.rtol >= _LOOSE and self._jacobians.exact
         method = "Rodas5P" if loose else "Radau"
-        self.changes.append((now, method))
+        self.changes.append(Change(now, method, "stiff motion"))
         self._go_on(method)
 
     def most_steps(self) -> int:
         """Return the number of steps until the next review."""
-        if self._path:
-            return _STRETCH
-        if self._trial is None:
-            return self.settings.max_steps
-        return max(1, self._trial[0] + _TRIAL - self.core.counts[0])
+        steps, due = self.core.counts[0], [self.settings.max_steps]
+        if self._trial is not None:
+            due.append(self._trial[0] + _TRIAL - steps)
+        elif self.may_help():
+            due.append(self._next_look - steps)
+        if self._expand is not None and self.running in _EXPLICIT:
+            due.append(self._next_review - steps)
+        return max(1, min(due))
 
     def review(self) -> None:
-        """Switch back to the explicit method if the implicit one takes no longer steps."""
+        """Change the method if another one pays, or if the running one does not."""
         steps = self.core.counts[0]
-        if self.may_help() and (steps >= self._next_look or self._path):
-            if self._path or self._left() > _MANY:
-                self._path.append((self.core.t, self.core.state))
-            if len(self._path) != 1:
-                self._next_look = 2 * steps
-            if len(self._path) == 3:
-                smooth = self._smooth()
-                self._path = []
-                if smooth:
-                    self.stiff(longer=_MUCH_LONGER)
+        if self._expand is not None and self.running in _EXPLICIT and steps >= self._next_review:
+            self._compare(steps)
+        if self.may_help() and steps >= self._next_look:
+            self._look(steps)
         if self._trial is None or steps < self._trial[0] + _TRIAL:
             return
         before, since, enough = self._trial
@@ -139,7 +215,108 @@ class Methods:
         self._next_look = max(self._next_look, self._deaf_until)
         self._patience *= 2
         self.changes.pop()
-        self._go_on("DOP853")
+        self._go_on(self._explicit)
+
+    def _look(self, steps: int) -> None:
+        """Try an implicit method if some steps are left and their path is smooth."""
+        if self._path or self._pays():
+            self._path.append((self.core.t, self.core.state))
+        if len(self._path) in (1, 2):
+            self._next_look = steps + _STRETCH
+            return
+        smooth = len(self._path) == 3 and self._smooth()
+        self._path, self._next_look = [], 2 * steps
+        if smooth:
+            self.stiff(longer=_MUCH_LONGER if self.running == "DOP853" else _LONGER)
+
+    def _compare(self, steps: int) -> None:
+        """Compare the explicit methods, by the last steps of the one that runs."""
+        mark, t, prices = self._mark, self.core.t, self._prices()
+        taken, evaluations, examined = self._taken()
+        self._note_place()
+        self._next_review = 2 * steps
+        if self.running == "Taylor":
+            price = prices.taylor + max(0.0, evaluations - prices.usual) * prices.evaluation
+            if _CHEAPER * (price + examined * prices.examining) > self._ratio * prices.explicit:
+                self._expand = None
+                self._explicit = "DOP853"
+                self.changes.append(Change(t, "DOP853", "steps of Taylor's method cost more"))
+                self._go_on("DOP853")
+        elif mark.steps and t > mark.t:
+            left = (self.settings.t_end - t) / (t - mark.t) * taken
+            self._consider(left, min(_SMOOTH, self._reach()), examined, "smooth motion")
+
+    def _reaches_farther(self) -> bool:
+        """Change to Taylor's method if stiff forces limit the accuracy of DOP853, but not the
+        stability of Taylor's method; return whether it has."""
+        if self.running != "DOP853" or self._expand is None:
+            return False
+        reach, examined = self._reach(), self._taken()[2]
+        return reach >= _SMOOTH and self._consider(self._left(), reach, examined, "stiff forces")
+
+    def _reach(self) -> float:
+        """Return how many times as long as the last step of DOP853 stable steps of Taylor's method
+        may be."""
+        before, now = self.core.step
+        rate: float = self.core.rate * (now - before)
+        return _STABLE / rate if rate > 0 else math.inf
+
+    def _taken(self) -> tuple[int, float, float]:
+        """Return the number of steps since the last review, and the evaluations and examined states
+        in each."""
+        steps, _, evaluations = self.core.counts
+        taken = max(1, steps - self._mark.steps)
+        examined = self.core.examined - self._mark.examined
+        return taken, (evaluations - self._mark.evaluations) / taken, examined / taken
+
+    def _note_place(self) -> None:
+        """Count from here to the next review."""
+        steps, _, evaluations = self.core.counts
+        self._mark = _Mark(steps, self.core.t, evaluations, self.core.examined)
+
+    def _consider(self, left: float, ratio: float, examined: float, motion: str) -> bool:
+        """Change to Taylor's method if it costs less; return whether it has.
+
+        Parameters
+        ----------
+        left : float
+            Number of steps that DOP853 would take.
+        ratio : float
+            How many times as long those of Taylor's method are expected to be.
+        examined : float
+            Number of states in a step that are examined for singular configurations.
+        motion : str
+        """
+        prices = self._prices()
+        cost = _CHEAPER * left * prices.explicit
+        if cost <= prices.least_expanding:
+            return False
+        price = prices.taylor + examined * prices.examining
+        relative = price / (ratio * prices.explicit)
+        if relative >= _CHEAPER:
+            self._why = f"Taylor's method would cost {_rounded(relative)} times as much per second"
+            return False
+        if cost <= prices.expanding + left * relative * prices.explicit:
+            return False
+        assert self._expand is not None
+        refused = self._expand()
+        if refused:
+            self._why, self._expand = f"no power series: {refused}", None
+            return False
+        self._ratio, self._explicit = ratio, "Taylor"
+        gain = f"about {_rounded(1 / relative)} times cheaper per second than DOP853"
+        self.changes.append(Change(self.core.t, "Taylor", f"{motion}: {gain}"))
+        self._go_on("Taylor")
+        self._note_place()
+        self._next_review = self._next_look = self.core.counts[0] + _TRIAL
+        return True
+
+    def _pays(self) -> bool:
+        """Return whether the remaining steps cost more than the Jacobians of an implicit method,
+        and its trial."""
+        prices = self._prices()
+        step = prices.taylor if self.running == "Taylor" else prices.explicit
+        return self._left() * step > _WORTH * (prices.differentiating + _TRIAL * prices.implicit)
 
     @property
     def used(self) -> tuple[str, ...]:
@@ -178,10 +355,18 @@ class Methods:
 
     def message(self) -> str:
         """Return the message on the chosen method."""
-        if not self.changes:
+        if not self.changes or METHODS[self.changes[-1].method].implicit is False:
             return self.refused
-        t, method = self.changes[-1]
+        t, method, _ = self.changes[-1]
         return f"the motion is stiff: continued with {method} at t = {t:.9g} s"
+
+    def choice(self) -> str:
+        """Return which method was chosen, and why; empty if it was requested."""
+        if not self.free:
+            return ""
+        if not self.changes:
+            return f"DOP853 ({self._why})"
+        return "; ".join(f"{x.method} from t = {x.t:.4g} s ({x.why})" for x in self.changes)
 
     @cached_property
     def _jacobians(self) -> JacobianTapes:
@@ -203,3 +388,8 @@ class Methods:
             self._prepared = True
         self.core.switch(method)
         self.running = method
+
+
+def _rounded(x: float) -> str:
+    """Return a ratio with two digits."""
+    return f"{x:.0f}" if x >= 10 else f"{x:.2g}"

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from lagcli.engine.constraints.index1 import Index1
     from lagcli.engine.constraints.projection import Projection
     from lagcli.engine.constraints.singular import RankWatch
+    from lagcli.engine.integrate.prices import Prices
     from lagcli.engine.linear.elimination import Elimination
 
 
@@ -92,7 +93,9 @@ class Integration:
         self.nq = len(system.coordinates)
         self.redundant = request.rank < len(system.constraints)
         self.last_near = -1
+        self.series = self.settings.method == "Taylor"
         self.states: list[State] = [request.state]
+        self._priced: Prices | None = None
         prepared = self.prepared()
         start = request.state
         c = self.evaluator.constraints(start.t, start.q, start.v)
@@ -133,7 +136,8 @@ class Integration:
             self.core.use_tangent(prepared.tangent, blocks, complete)
         self.use(prepared)
         self.reordered = math.nan
-        self.methods = Methods(self.core, system, request, self.no_series)
+        expand = self.go_on_with_series if self.suits_series and not for_batch else None
+        self.methods = Methods(self.core, system, request, self.prices, self.no_series, expand)
         explicit = self.explicit_time()
         if explicit is not None:
             self.core.resolve_time(explicit)
@@ -163,7 +167,7 @@ class Integration:
         """Return the programs for an order, or for none; reuse those that do not depend on it."""
         prepared = prepare(self.system, order, known)
         # power series are those of the unrolled operations
-        return unrolled(self.system, prepared) if self.settings.method == "Taylor" else prepared
+        return unrolled(self.system, prepared) if self.series else prepared
 
     def use(self, prepared: Prepared) -> None:
         """Use a method of solving for a and λ."""
@@ -176,12 +180,40 @@ class Integration:
         self.unroll_at = math.inf
         if prepared.worth_unrolling:
             self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
-        self.no_series = self.expand(prepared) if self.settings.method == "Taylor" else ""
+        self.no_series = self.expand(prepared) if self.series else ""
+
+    @property
+    def suits_series(self) -> bool:
+        """Whether `auto` may change to Taylor's method."""
+        settings, prepared = self.settings, self.in_use
+        chosen = settings.method == "auto" and settings.formulation != "baumgarte"
+        whole = self.system.tangent is None and self.system.switching is None
+        return chosen and whole and (prepared.unrolled or prepared.worth_unrolling)
+
+    def go_on_with_series(self) -> str:
+        """Prepare Taylor's method during the run; return why there are no power series."""
+        self.series = True
+        if self.in_use.unrolled:
+            self.no_series = self.expand(self.in_use)
+        else:
+            self.use(unrolled(self.system, self.in_use))
+        self.series = not self.no_series
+        return self.no_series
+
+    def prices(self) -> Prices:
+        """Return the prices of the methods."""
+        if self._priced is None or self._priced.prepared is not self.in_use:
+            from lagcli.engine.integrate.prices import Prices
+            from lagcli.engine.taylor.series_nodes import order_for
+
+            self._priced = Prices(self.system, self.in_use, order_for(self.settings.rtol))
+        return self._priced
 
     def expand(self, prepared: Prepared) -> str:
         """Prepare Taylor's method; return why there are no power series, if there are none."""
         from lagcli.engine.taylor.expansion import NotAnalytic
-        from lagcli.engine.taylor.series import depending_on_time, expand, order_for
+        from lagcli.engine.taylor.series import depending_on_time, expand
+        from lagcli.engine.taylor.series_nodes import order_for
 
         system = self.system
         if prepared.elimination is None:
@@ -261,6 +293,7 @@ class Integration:
         self.collect()
         run.steps, run.rejected, run.evaluations = self.core.counts
         run.methods, run.tolerances = self.methods.used, self.core.absolute_tolerances
+        run.choice = self.methods.choice()
         return run
 
     def integrate(self) -> None:

@@ -171,6 +171,11 @@ class SwitchingIntegration(Integration):
             clocks=ticks,
         )
 
+    @property
+    def suits_series(self) -> bool:
+        """Whether `auto` may change to Taylor's method: not in steps that instants cut short."""
+        return False
+
     def start_changes(self) -> Array | None:
         """Return the derivatives of q and v at the start, (n, 2 nq), if there are any."""
         return None

@@ -19,7 +19,6 @@ computing Taylor coefficients, BIT 45 (2005), doi:10.1007/s10543-005-0019-y.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
@@ -37,7 +36,6 @@ from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.forms import Form
 from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
 from lagcli.engine.taylor.series_nodes import (
-    MAX_ORDER,
     WORK,
     ZERO,
     Delayed,
@@ -144,15 +142,6 @@ def _alike(values: Iterable[Name], kinds: Iterable[str | None]) -> list[list[Nam
     for x, kind in zip(values, kinds, strict=True):
         members.setdefault(kind, []).append(x)
     return list(members.values())
-
-
-def order_for(rtol: float) -> int:
-    """Return the order with the least run time at a relative tolerance.
-
-    Jorba and Zou's would be −ln(rtol)/2 + 1. Here, projection and monitoring add to the cost of a
-    step, so longer steps are better; in measurements, six more orders are best within a few.
-    """
-    return min(math.ceil(-math.log(rtol) / 2) + 6, MAX_ORDER)
 
 
 def depending_on_time(system: System) -> list[int]:

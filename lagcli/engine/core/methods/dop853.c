@@ -19,10 +19,11 @@ static int apart(const lag_run *run)
     return (lag_size(&run->system) + 7) / 8 * 8;
 }
 
-/* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
- * two stages have the same time, and their slope is about the dominant eigenvalue; `before` is where
- * the last but one was evaluated. */
-static void look_for_stiffness(lag_run *run, double h, const double *before)
+/* Count steps that the method's order does not help: those that stability limits, not the error (Hairer & Wanner,
+ * IV.2), and `flat` ones, whose error estimates of different orders are alike, because stiff forces or rounding
+ * errors are larger than what the orders differ in. The last two stages have the same time, and their slope is
+ * about the dominant eigenvalue; `before` is where the last but one was evaluated. */
+static void look_for_stiffness(lag_run *run, double h, const double *before, int flat)
 {
     const int n = lag_size(&run->system), moving = n - 1;
     const double *k = run->step.stages + (DOP_STAGES - 1) * apart(run), *last = k + apart(run);
@@ -37,7 +38,8 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
     const double *atol = run->tolerances.atol, rtol = run->tolerances.rtol;
     const double rise = v->scaled_square(moving, df, y, z, atol, rtol);
     const double length = v->scaled_square(moving, dy, y, z, atol, rtol);
-    if (length > 0.0 && h * sqrt(rise / length) > STABLE) {
+    run->stiffness.rate = length > 0.0 ? sqrt(rise / length) : 0.0;
+    if (flat || h * run->stiffness.rate > STABLE) {
         run->stiffness.not_stiff = 0;
         ++run->stiffness.stiff;
     } else if (++run->stiffness.not_stiff == NOT_STIFF) {
@@ -107,7 +109,7 @@ static int step(lag_run *run)
                 run->step.error_old = fmax(error, LEAST_ERROR);
                 memcpy(run->step.f_new, stage + DOP_STAGES * s, (size_t)n * sizeof(double));
                 if (run->stiffness.detecting)
-                    look_for_stiffness(run, h, run->step.trial);
+                    look_for_stiffness(run, h, run->step.trial, error > NOTABLE && e3 < FLAT * FLAT * e5);
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }

@@ -1,0 +1,151 @@
+"""Prices of the integration methods on a model, for the choice of one: from counted operations.
+
+A price is an estimate of processor time, in nanoseconds on one machine. Only their ratios matter.
+They depend on the tapes and the elimination alone, never on a clock, so that a model with the same
+settings takes the same method on every machine. `docs/decisions/2026-11-auto.md` has the
+measurements behind the constants.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from lagcli.engine.integrate.prepared import Prepared
+from lagcli.engine.linear.elimination import Elimination
+from lagcli.engine.system import System
+from lagcli.engine.tape.operations import ARITY, Op
+
+#: What a step costs besides evaluations and series.
+_STEP = 600.0
+#: Evaluations in a step of DOP853; those of Taylor's method without rejected steps: at the start
+#: and the end, and in the middle if singular configurations are monitored.
+_STAGES = 12.3
+_ENDS, _WITH_MIDDLE = 2.0, 3.0
+#: An evaluation: each number of a program's stream, and of the state.
+_WORD, _ENTRY = 0.3, 8.0
+#: The same if the elimination is a loop: each operation, update and entry of L, and number of the
+#: state.
+_OPERATION, _UPDATE, _ENTRY_OF_LOOP = 0.8, 1.5, 13.0
+#: One order of the series: each product of series, sum of them, number of the state.
+_PRODUCT, _SUM, _ENTRY_OF_SERIES = 3.0, 0.3, 6.0
+#: Making the program of the series: at least; each operation of the unrolled dynamics; each product
+#: of series. If the dynamics are not unrolled yet, each operation costs this much more.
+_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT, _FOR_UNROLLING = 4e6, 15e3, 80e3, 20e3
+#: Operations of an unrolled elimination: each update, entry of L, and unknown.
+_OF_UPDATE, _OF_ENTRY, _OF_UNKNOWN = 4, 8, 12
+#: Jacobians of an implicit method: at least; each operation of the dynamics. A step of it, in
+#: steps of DOP853.
+_JACOBIANS, _FOR_DERIVATIVE, _IMPLICIT = 5e6, 150e3, 1.5
+#: A state in a step of Taylor's method that is examined: times an evaluation and the products in
+#: the orthogonalization of B's rows.
+_EXAMINING = 3.0
+
+
+class Prices:
+    """What steps and preparations cost on a model, ns.
+
+    Parameters
+    ----------
+    system : System
+    prepared : Prepared
+        How a and λ are computed.
+    order : int
+        Order of Taylor's method.
+    """
+
+    def __init__(self, system: System, prepared: Prepared, order: int):
+        self.system, self.prepared, self.order = system, prepared, order
+        self._size = 2 * len(system.coordinates) + 1
+
+    @cached_property
+    def evaluation(self) -> float:
+        """An evaluation of y′."""
+        program, elimination = self.prepared.dynamics, self.prepared.elimination
+        if self.prepared.unrolled:
+            return _WORD * len(program.main) + _ENTRY * self._size
+        if elimination is None:
+            unknowns = self.system.counts.unknowns
+            solving = _UPDATE * unknowns**3 / 3
+        else:
+            solving = _UPDATE * (elimination.updates + _entries(elimination))
+        return _OPERATION * program.size + solving + _ENTRY_OF_LOOP * self._size
+
+    @cached_property
+    def explicit(self) -> float:
+        """A step of DOP853."""
+        return _STEP + _STAGES * self.evaluation
+
+    @cached_property
+    def usual(self) -> float:
+        """Number of evaluations in a step of Taylor's method."""
+        return _WITH_MIDDLE if self.system.constraints else _ENDS
+
+    @cached_property
+    def taylor(self) -> float:
+        """A step of Taylor's method."""
+        products, sums = self._counts
+        one = _PRODUCT * products + _SUM * sums + _ENTRY_OF_SERIES * self._size
+        return _STEP + self.order * one + self.usual * self.evaluation
+
+    @cached_property
+    def least_expanding(self) -> float:
+        """A lower bound of `expanding`, known at once."""
+        return _PROGRAM + _FOR_OPERATION * len(self.system.dynamics.code)
+
+    @cached_property
+    def expanding(self) -> float:
+        """The program of the series."""
+        each = _FOR_OPERATION + (0.0 if self.prepared.unrolled else _FOR_UNROLLING)
+        operations, elimination = len(self.system.dynamics.code), self.prepared.elimination
+        if elimination is not None:
+            operations += _OF_UPDATE * elimination.updates + _OF_ENTRY * _entries(elimination)
+            operations += _OF_UNKNOWN * len(elimination.order)
+        return _PROGRAM + each * operations + _FOR_PRODUCT * self._counts[0]
+
+    @cached_property
+    def implicit(self) -> float:
+        """A step of an implicit method."""
+        return _IMPLICIT * self.explicit
+
+    @cached_property
+    def differentiating(self) -> float:
+        """The Jacobians of an implicit method."""
+        return _JACOBIANS + _FOR_DERIVATIVE * len(self.system.dynamics.code)
+
+    @cached_property
+    def examining(self) -> float:
+        """A state in a step of Taylor's method that is examined for singular configurations."""
+        nq, nc = self.system.counts.nq, self.system.counts.nc
+        return _EXAMINING * (self.evaluation + nc * nc * nq)
+
+    @cached_property
+    def _counts(self) -> tuple[int, int]:
+        """Numbers of products of series, and of sums."""
+        system, tape = self.system, self.system.dynamics
+        moving = set(range(1 + 2 * len(system.coordinates)))
+        products = sums = 0
+        for op, to, *operands in tape.code:
+            changing = [x in moving for x in operands[: ARITY[op]]]
+            if not any(changing):
+                continue
+            moving.add(to)
+            if op == Op.MUL and all(changing):
+                products += 1
+            elif op == Op.DIV:
+                products += 2 * changing[1]
+            elif op in (Op.ADD, Op.SUB, Op.NEG, Op.MUL):
+                sums += 1
+            else:
+                products += 1
+        layout = system.dynamics_layout
+        # the entries of M and B that change are multiplied by a and λ
+        for part in (layout.mass_matrix, layout.jacobian):
+            products += sum(x in moving for x in tape.outputs[part])
+        if self.prepared.elimination is not None:
+            sums += 2 * _entries(self.prepared.elimination)
+        return products, sums
+
+
+def _entries(elimination: Elimination) -> int:
+    """Return the number of entries of L."""
+    return sum(map(len, elimination.columns))
