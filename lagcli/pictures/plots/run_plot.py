@@ -501,7 +501,10 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
             for start in starts
         ]
         return _unique(labels, runs), None, ""
-    options = [{k: str(v) for k, v in run.record.options.items()} for run in runs]
+    options = [
+        {k: str(v) for k, v in run.record.options.items() if k != "choice"}  # not an option
+        for run in runs
+    ]
     chosen = _differing(options)[:_MOST]
     labels = [", ".join(f"{raw(k)} = {raw(o[k])}" for k in chosen if k in o) for o in options]
     return _unique(labels, runs), None, ""
