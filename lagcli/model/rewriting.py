@@ -77,10 +77,41 @@ def rewrite(
                 raise _not_written([name])
             writer.write(block, name, value, new[name].value, location, in_place=alone)
     if t_end is not None:
-        writer.write_setting("t_end", repr(t_end).removesuffix(".0"))
+        writer.write_entry("simulation", "t_end", repr(t_end).removesuffix(".0"))
     result = writer.text()
     _check(result, requested, t_end)
     return result
+
+
+def with_releases(text: str, path: str, releases: Mapping[str, float]) -> str:
+    """Return the text of a model file with an event for each constraint that is released.
+
+    Parameters
+    ----------
+    text, path : str
+        The model file and its name.
+    releases : mapping of str to float
+        Times by the names of constraints, s.
+
+    Raises
+    ------
+    ModelError
+        The file is invalid, or has no constraint of such a name.
+    """
+    model = load_text(text, path)
+    taken = {event.name for event in model.events}
+    for constraint, time in releases.items():
+        name = "cut_" + re.sub(r"\W+", "_", constraint).strip("_")
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        source = Source(text, path)
+        writer = _Rewriter(source, compose(source)[0])
+        event = f"{{when: t >= {time!r}, release: {_quoted(constraint)}}}"
+        writer.write_entry("events", name, event)
+        text = writer.text()
+    load_text(text, path)
+    return text
 
 
 _Values = Mapping[str, Parameter] | Mapping[str, InitialValue]
@@ -176,9 +207,9 @@ class _Rewriter:
             raise _not_written([name])
         self.replace(mapping.entries[name][1], _quoted(value_text))
 
-    def write_setting(self, name: str, value_text: str) -> None:
-        """Write a setting; add the block `simulation` if it is missing."""
-        node = self.root.entries["simulation"][1] if "simulation" in self.root.entries else None
+    def write_entry(self, block: str, name: str, value_text: str) -> None:
+        """Write an entry of a block; add the block if it is missing."""
+        node = self.root.entries[block][1] if block in self.root.entries else None
         if isinstance(node, MappingNode) and name in node.entries:
             self.replace(node.entries[name][1], value_text)
         elif isinstance(node, MappingNode) and node.entries:
@@ -188,7 +219,7 @@ class _Rewriter:
             text = self.source.text
             newline = "" if text.endswith("\n") else "\n"
             self.changes.append(
-                (len(text), len(text), f"{newline}simulation: {{{name}: {value_text}}}")
+                (len(text), len(text), f"{newline}{block}: {{{name}: {value_text}}}\n")
             )
         else:
             self.replace(node, f"{{{name}: {value_text}}}")

@@ -64,6 +64,8 @@ class Curve(NamedTuple):
         Divisor of the values.
     largest : bool
         Whether it is the largest magnitude in the field, relative to each constraint's scale.
+    constraint : str
+        The constraint of a multiplier, a force or a residual; empty for other curves.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Curve(NamedTuple):
     log: bool = False
     scale: float = 1.0
     largest: bool = False
+    constraint: str = ""
 
     def of(self, block: Mapping[str, Array]) -> Array:
         """Return the values in a block of samples, (nt,); not of the largest magnitude."""
@@ -186,6 +189,7 @@ class Catalogue:
         return Curve(
             *(str(name), quantity.name, place, quantity.panel, unit, self._label(name)),
             log=quantity.role == "residual",
+            constraint=name.constraint,
         )
 
     def _label(self, name: ColumnName) -> str:

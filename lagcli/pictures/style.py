@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 #: Okabe & Ito, "Color Universal Design", 2008, ordered so that neighbours also differ most in grey;
 #: without black and yellow, which are invisible on dark and on white pages.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+#: Colours of constraints, by index: of force arrows, curves of λ and terms of equations.
+CONSTRAINT_COLORS = (*PALETTE[1:], PALETTE[0])
 
 #: Line styles combined with the colours: the number of combinations is their product.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)))
@@ -32,6 +36,13 @@ ROLES = {
 
 #: Colour map of values over two parameters; perceptually uniform, also in grey.
 COLORMAP = "viridis"
+
+
+def constraint_colors(constraints: Sequence[str]) -> dict[str, str]:
+    """Return the colour of each constraint, by name."""
+    return {
+        name: CONSTRAINT_COLORS[i % len(CONSTRAINT_COLORS)] for i, name in enumerate(constraints)
+    }
 
 
 def line(number: int) -> dict[str, Any]:

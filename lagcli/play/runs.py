@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.columns import BY_NAME, PANELS, ResultQuantity
-from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.presentation.overview import in_matrices
-from lagcli.equations.typesetting.mathml import MathmlFormula, equation
-from lagcli.equations.typesetting.notation import Notation
-from lagcli.equations.typesetting.text import TextFormula
-from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_models
-from lagcli.model.rewriting import rewrite
+from lagcli.model.rewriting import rewrite, with_releases
 from lagcli.model.spelling import shorten
 from lagcli.pictures.curves import Catalogue
 from lagcli.pictures.jumps import Jumps, marks
@@ -39,8 +32,10 @@ from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.pictures.selection import chosen, scale_groups
+from lagcli.pictures.style import constraint_colors
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
+from lagcli.play.equations import PlayEquations
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.sampling import sample_times
@@ -76,6 +71,10 @@ class PlayRequest:
         The numbers of members for which the page has controls; see `Played.members`.
     drag : DragRequest, optional
         A drag: the response has initial values instead of a run.
+    balance : bool
+        Whether the response has the terms of the equations.
+    cuts : mapping of str to float
+        Times from which on constraints do not act, by their names, s.
     """
 
     number: int = 0
@@ -85,6 +84,8 @@ class PlayRequest:
     plots: tuple[str, ...] = ()
     members: str = ""
     drag: DragRequest | None = None
+    balance: bool = False
+    cuts: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def parsed(cls, message: Mapping[str, Any]) -> PlayRequest:
@@ -104,8 +105,15 @@ class PlayRequest:
         texts = [message.get(key, "") for key in ("t_end", "members")]
         if not _texts(texts):
             raise ValueError("t_end and members are texts")
+        cuts = message.get("cuts", {})
+        if not isinstance(cuts, dict) or not all(map(_is_time, cuts.values())):
+            raise ValueError("cuts are times")
         drag = DragRequest.parsed(message.get("drag"))
-        return cls(number, tables[0], tables[1], texts[0], tuple(plots), texts[1], drag)
+        return cls(
+            *(number, tables[0], tables[1], texts[0], tuple(plots), texts[1], drag),
+            balance=message.get("balance") is True,
+            cuts={str(name): float(time) for name, time in cuts.items()},
+        )
 
 
 class Played:
@@ -131,7 +139,8 @@ class Played:
     """
 
     def __init__(self, model: Model, settings: SettingsOverrides | None = None):
-        self._started = model
+        self._started, self._text = model, model.text
+        self._cuts: dict[str, float] = {}
         self._given = (settings or SettingsOverrides()).over(SettingsOverrides(timeout=TIMEOUT))
         self._take(model)
 
@@ -142,6 +151,7 @@ class Played:
         structural = (model.parameters[name] for name in model.structural_parameters)
         self.members = " ".join(f"{p.name}={p.value:g}" for p in structural)
         self._evaluator = ViewEvaluator(model) if model.view is not None else None
+        self._equations = PlayEquations(self._variants.equations)
         self._drags = Drags(model, self._evaluator) if self._evaluator is not None else None
 
     def check(self) -> None:
@@ -172,7 +182,7 @@ class Played:
         """
         if request.drag is not None:
             return self._dragged(request, request.drag)
-        self._adapt(request.set)
+        self._adapt(request)
         request = self._fitting(request)
         simulation = self._variants.varied(request.set, request.set_initial)
         settings = resolve(self._settings(request.t_end), simulation.model.settings)
@@ -219,26 +229,30 @@ class Played:
             "draggable": [name for name, moves in places(self.model, view).items() if moves]
             if view is not None
             else [],
-            "equations": equations_html(self._variants.equations),
+            "equations": self._equations.html,
+            "colors": constraint_colors(self.model.constraint_names),
         }
 
-    def _adapt(self, given: Mapping[str, str]) -> None:
-        """Derive the equations again if the number of members changes."""
+    def _adapt(self, request: PlayRequest) -> None:
+        """Derive the equations again if the number of members or the cut constraints change."""
         started = self._started
-        wanted = {n: x for n, x in given.items() if n in started.structural_parameters}
-        if {**started.set, **wanted} == self.model.set:
+        wanted = {n: x for n, x in request.set.items() if n in started.structural_parameters}
+        given, cuts = {**started.set, **wanted}, dict(request.cuts)
+        if given == self.model.set and cuts == self._cuts:
             return
         for name, text in wanted.items():
             self._check_members(name, _number(text, name))
-        self._take(
-            load_text(
-                started.text,
-                started.path,
-                {**started.set, **wanted},
-                started.set_initial,
-                started.data,
-            )
-        )
+        text = self._released(cuts) if cuts else started.text
+        self._take(load_text(text, started.path, given, started.set_initial, started.data))
+        self._text, self._cuts = text, cuts
+
+    def _released(self, cuts: Mapping[str, float]) -> str:
+        """Return the model file with events that release constraints."""
+        settings = resolve(self._given, self._started.settings)
+        # an event whose condition holds at the start does not happen then
+        first = settings.t_start + 1e-9 * (settings.t_end - settings.t_start)
+        times = {name: max(time, first) for name, time in cuts.items()}
+        return with_releases(self._started.text, self._started.path, times)
 
     def _check_members(self, name: str, value: float) -> None:
         if abs(value) > max(MOST_MEMBERS, abs(self._started.parameters[name].value)):
@@ -289,6 +303,7 @@ class Played:
             "command": self.command(request),
             "events": happened(record.events),
             "scene": self._scene(model, samples, record),
+            "balance": self._balance(model, samples, result) if request.balance else None,
             "speed": usual_speed(float(np.ptp(samples.time))) if len(samples.time) else 1.0,
             "plots": {
                 group: live_plot(self.model, result, group)
@@ -304,11 +319,23 @@ class Played:
         scene = with_contacts(scene, record.events, samples.constraints)
         return scene.to_json(lambda values: values)
 
+    def _balance(self, model: Model, samples: Samples, run: RunFile) -> dict[str, Any]:
+        """Return the terms of the equations along a run."""
+        values, units = model.parameter_values, run.record.units
+        balance = self._equations.balance
+        return {
+            "time": samples.time,
+            "equations": balance.to_json(vars(samples), samples.terms, values, units, lambda x: x),
+        }
+
     # output of the page
 
     def command(self, request: PlayRequest) -> str:
         """Return the command line that reproduces a run, quoted for the shell."""
         started, request = self._started, self._fitting(request)
+        if request.cuts:  # they are in the saved file
+            words = ["lagcli", "simulate", f"{started.name}_changed.yaml", "-o", "run.h5"]
+            return shlex.join(words)
         words = ["lagcli", "simulate", _model_word(started.path)]
         for option, values in (
             ("--set", {**started.set, **request.set}),
@@ -331,10 +358,11 @@ class Played:
         UsageError
             The end time is not a number.
         """
+        self._adapt(request)
         started, request = self._started, self._fitting(request)
         end = self._settings(request.t_end).t_end
         return rewrite(
-            started.text,
+            self._text,
             started.path,
             {n: str(x) for n, x in {**started.set, **request.set}.items()},
             {n: str(x) for n, x in {**started.set_initial, **request.set_initial}.items()},
@@ -353,6 +381,10 @@ def _model_word(path: str) -> str:
 
 def _texts(values: Any) -> bool:
     return isinstance(values, list) and all(isinstance(x, str) for x in values)
+
+
+def _is_time(value: Any) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _number(text: str, name: str) -> float:
@@ -426,6 +458,8 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
         "title": group.capitalize(),
         "symbol": ALL_FORCES if BY_NAME["constraint_force"] in quantities else "",
         "log": residuals,
+        # λ is drawn in the colour of its constraint
+        "by_constraint": bool(shown) and all(c.field == "multipliers" for c in shown),
         "time": time,
         "marks": marks(run.record.events),
         "series": [
@@ -434,6 +468,7 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
                 "label": f"{c.label} [{unit_}]" if residuals and unit_ else c.label,
                 "unit": unit_,
                 "panel": panel,
+                "constraint": c.constraint,
                 "values": drawn,
             }
             for c, unit_, panel, drawn in zip(shown, units, panels, table.T, strict=True)
@@ -456,27 +491,6 @@ def _panels(units: list[str], values: Array) -> list[int]:
         for i in group:
             panels[i] = number
     return panels
-
-
-#: Number of coordinates above which the page shows no equations.
-MOST_COORDINATES = 12
-
-
-def equations_html(equations: Equations) -> str:
-    """Return the equations of motion and the constraints in HTML; empty for a large system."""
-    f = Formulas(equations)
-    if len(f.coordinates) > MOST_COORDINATES or in_matrices(f):
-        return ""
-    names, decimals = Notation(f.model), written_decimals(f.model)
-    mathml, text = MathmlFormula(names, decimals), TextFormula(names, decimals)
-    motion = [f.equation_line(i) for i in range(len(f.coordinates))]
-    parts = ["<h3>Equations of motion</h3>", *(equation(x, mathml, text) for x in motion)]
-    if equations.constraints:
-        parts.append("<h3>Constraints</h3>")
-    for c in equations.constraints:
-        name = escape(c.constraint.name)
-        parts.append(f"<div>{name}{equation(f.constraint_line(c), mathml, text)}</div>")
-    return "".join(parts)
 
 
 #: Largest number of entries on the page: of more, the first ones.

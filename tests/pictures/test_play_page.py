@@ -731,3 +731,31 @@ def test_long_sections_are_folded_where_the_plots_are_below_them(opened):
         assert p.page.evaluate(folded) == [True, True, True, True]
         p.page.context.close()
         assert opened(address).page.evaluate(folded) == [True, True, True, True]
+
+
+def test_cutting_a_constraint_and_restoring_it(browser):
+    serving_ = serving(MODELS / "double_pendulum_cartesian.yaml")
+    opening_ = opening(browser)
+    p = next(opening_)(next(serving_))
+    p.settled()
+    whole = p.curve(0, 2)
+    p.page.locator("#equations summary").first.click()
+    p.page.locator(".balance").first.wait_for()
+    p.page.evaluate("page.pictures.goTo(1)")
+    cut = p.page.locator("[data-cut=rod_2]")
+    cut.click()
+    p.settled()
+    assert cut.text_content() == "Restore (cut at 1 s)"
+    assert np.abs(p.curve(0, 2)).max() > 2 * np.abs(whole).max()  # it flies off
+    p.page.evaluate("page.pictures.goTo(2)")
+    of_cut = p.page.locator(".live[data-coordinate=x_2] .balance-key.constraint .balance-value")
+    assert of_cut.text_content() == "0 N"
+    # the view stays where the whole mechanism was
+    reach = "Math.max(...page.pictures.player.stage.data.bounds.flat().map(Math.abs))"
+    assert p.page.evaluate(reach) < 3
+    cut.click()
+    p.settled()
+    assert np.array_equal(p.curve(0, 2), whole)
+    assert cut.text_content() == "Cut"
+    next(opening_, None)
+    next(serving_, None)

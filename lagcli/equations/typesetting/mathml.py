@@ -263,7 +263,7 @@ _PIECE = 26
 _SHORT = 8
 
 
-def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
+def equation(line: Line, formula: MathmlFormula, text: TextFormula, terms: bool = False) -> str:
     """Return a formula or an equation as a block element.
 
     Parameters
@@ -272,13 +272,17 @@ def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
     formula : MathmlFormula
     text : TextFormula
         Writer of the text for screen readers.
+    terms : bool
+        Whether each term of the sides is in elements with its number, counted along the line, as
+        ``data-term``.
 
     Returns
     -------
     str
         ``<div class="equation">``.
     """
-    first, *others = map(formula.tokens, line.sides)
+    sides = _numbered_terms(line, formula) if terms else list(map(formula.tokens, line.sides))
+    first, *others = sides
     parts: list[list[Token]] = [first]
     for side in others:
         if _width(side) <= _SHORT or _width(parts[-1]) <= _SHORT:
@@ -292,6 +296,27 @@ def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
         + "<wbr>".join(map(_pieces, parts))
         + "</div>"
     )
+
+
+def _numbered_terms(line: Line, formula: MathmlFormula) -> list[list[Token]]:
+    """Return the tokens of each side, with those of a term in elements with its number."""
+    sides: list[list[Token]] = []
+    number = 0
+    for side in line.sides:
+        tokens: list[Token] = []
+        for token in formula.term_tokens(side):
+            if isinstance(token, list):
+                tokens += [
+                    part
+                    if isinstance(part, Break)
+                    else f'<mrow class="term" data-term="{number}">{part}</mrow>'
+                    for part in token
+                ]
+                number += 1
+            else:
+                tokens.append(token)
+        sides.append(tokens)
+    return sides
 
 
 def inline(node: Node, formula: MathmlFormula) -> str:

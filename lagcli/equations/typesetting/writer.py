@@ -352,13 +352,25 @@ class FormulaWriter:
     def _write_sum(self, node: t.Sum, depth: int) -> list[Token]:
         """Return the tokens of a sum, with a possible break before each sign."""
         tokens: list[Token] = []
+        for part in self.term_tokens(node, depth):
+            tokens += part if isinstance(part, list) else [part]
+        return tokens
+
+    def term_tokens(self, node: Node, depth: int = 0) -> list[Token | list[Token]]:
+        """Return the tokens of a side of an equation: signs and breaks, and lists of those of its
+        terms."""
+        if node == t.ZERO:
+            return list(self.tokens(node, depth))
+        if not isinstance(node, t.Sum):
+            return [self.tokens(node, depth)]
+        parts: list[Token | list[Token]] = []
         for i, (sign, term) in enumerate(node.terms):
             if i:
-                tokens += [Break(depth, term=True), self.plus if sign > 0 else self.minus]
+                parts += [Break(depth, term=True), self.plus if sign > 0 else self.minus]
             elif sign < 0:
-                tokens.append(self.negative)
-            tokens += self.tokens(term, depth + 1)
-        return tokens
+                parts.append(self.negative)
+            parts.append(self.tokens(term, depth + 1))
+        return parts
 
     def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:
         """Return the tokens of a list, with a possible break after each comma."""

@@ -40,6 +40,7 @@ class Player {
    */
   constructor(element, data, options = {}) {
     this.element = element;
+    element.player = this; // to be found from the page
     this.label = options.label ?? "motion";
     this.onTime = options.onTime ?? (() => {});
     this.speed = options.speed ?? 1;
@@ -150,10 +151,10 @@ class Player {
     this.turn.hidden = data.dimension !== 3;
     this.vectors.replaceChildren();
     const found = this.#vectors();
-    for (const { name, quantity } of found) {
+    for (const { name, color } of found) {
       const item = document.createElement("li");
       item.dataset.name = name;
-      item.style.setProperty("--key", this.stage.colors[quantity]);
+      item.style.setProperty("--key", color);
       this.vectors.append(item);
     }
     for (const [quantity, button] of Object.entries(this.switches))

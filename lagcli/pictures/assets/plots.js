@@ -6,11 +6,12 @@
  * A plot is described by
  *
  *   {title, unit, symbol, log, time: [nt], marks: [n],
- *    series: [{name, label, unit, values: [nt], hidden}]}
+ *    series: [{name, label, unit, values: [nt], hidden, color, key}]}
  *
- * `title`, `unit`, `symbol`, `label`, `hidden` and `marks`, times with a thin line, may be missing;
- * `symbol` is what the upright axis shows where it is not the curves' labels; `log` draws magnitudes
- * on a logarithmic scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label
+ * `title`, `unit`, `symbol`, `label`, `hidden`, `color`, `key` and `marks`, times with a thin line,
+ * may be missing; `symbol` is what the upright axis shows where it is not the curves' labels; `log`
+ * draws magnitudes on a logarithmic scale; `color` is a colour or a custom property, by default one of
+ * the palette; `key` is the subject of a curve, see Focus. Lists may be typed arrays; null and NaN are gaps. An underscore in a label
  * begins the subscript of a letter. Nothing in it is read as HTML.
  */
 
@@ -42,6 +43,57 @@ class TimeLink {
   setRange(range, source = null) {
     this.range = range;
     for (const listener of this.listeners.range) listener(range, source);
+  }
+}
+
+/**
+ * What all parts of a page emphasize together: the subjects of a term, an arrow or a curve under the
+ * pointer or with the focus of the keyboard. A subject is a key, a text.
+ */
+class Focus {
+  static constraint = (name) => `constraint ${name}`;
+  static term = (coordinate, number) => `term ${coordinate} ${number}`;
+
+  constructor() {
+    this.listeners = [];
+    this.keys = [];
+    this.pointed = []; // by the pointer
+    this.focused = []; // by the keyboard
+    this.pinned = null;
+  }
+
+  /** Call listener() whenever the subjects change. */
+  onChange(listener) {
+    this.listeners.push(listener);
+  }
+
+  /** Whether a subject is emphasized. */
+  has(key) {
+    return this.keys.includes(key);
+  }
+
+  /** Emphasize subjects until the pointer leaves them; none when it does. */
+  point(...keys) {
+    this.pointed = keys;
+    this.#tell();
+  }
+
+  /** Emphasize subjects while their control has the focus of the keyboard; none when it loses it. */
+  hold(...keys) {
+    this.focused = keys;
+    this.#tell();
+  }
+
+  /** Emphasize a subject until it is chosen again. */
+  pin(key) {
+    this.pinned = this.pinned === key ? null : key;
+    this.#tell();
+  }
+
+  #tell() {
+    const pinned = this.pinned ? [this.pinned] : [];
+    this.keys = [this.pointed, this.focused, pinned].find((keys) => keys.length) ?? [];
+    for (const listener of this.listeners) listener();
   }
 }
 
@@ -108,6 +160,8 @@ class TimePlot {
   static LETTER = 6.6; // width of a letter of that
   static ROUNDED = 1e-12; // of the largest value of a curve: less is rounding
   static CONSTANT = 1e-7; // of the size: changes that are errors of the integration
+  static NEAR = 12; // CSS pixels between the pointer and a curve that it points at
+  static FAINT = 0.25; // opacity of the other curves
 
   /**
    * @param {HTMLElement} container  is filled
@@ -116,8 +170,13 @@ class TimePlot {
    * @param {TimeLink} options.link
    * @param {string[]} options.palette  colours; black stands for the colour of the text
    * @param {number} options.height     of the drawing, CSS pixels
+   * @param {Focus} options.focus       what the page emphasizes
    */
-  constructor(container, data, { link = new TimeLink(), palette = ["#0072B2"], height = 220 } = {}) {
+  constructor(
+    container,
+    data,
+    { link = new TimeLink(), palette = ["#0072B2"], height = 220, focus = new Focus() } = {},
+  ) {
     this.container = container;
     container.plot = this; // to be found from the page
     this.data = data;
@@ -125,10 +184,12 @@ class TimePlot {
     this.held = false; // a mouse button is down on it
     this.palette = palette;
     this.height = height;
+    this.focus = focus;
     this.hidden = new Set(data.series.filter((s) => s.hidden).map((s) => s.name));
     this.#build();
     link.onTime((time, source) => source !== this && this.showTime(time));
     link.onRange((range) => this.#showRange(range));
+    focus.onChange(() => this.#emphasize());
     this.watcher = new ResizeObserver(() => this.#fit());
     this.watcher.observe(this.container);
   }
@@ -178,13 +239,36 @@ class TimePlot {
     const seen = time !== null && min !== null && time >= min && time <= max;
     // uPlot takes a cursor that moves under a held button for a drag, and drops the click
     if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
-    const at = time === null ? null : chart.valToIdx(time);
     for (const [i, series] of this.data.series.entries()) {
       const small = this.data.log ? 0 : TimePlot.ROUNDED * this.largest[i];
-      const value = series.values[at] ?? NaN;
+      const value = time === null ? NaN : this.#valueAt(series.values, time);
       const shown = Math.abs(value) < small ? 0 : value;
-      this.values[i].textContent = at === null ? "" : PlotNumbers.value(shown);
+      this.values[i].textContent = time === null ? "" : PlotNumbers.value(shown);
     }
+  }
+
+  /** Return a curve at a time: between samples as it is drawn, and as the animation has it. */
+  #valueAt(values, time) {
+    const times = this.data.time;
+    const near = this.chart.valToIdx(time);
+    if (this.data.log || times[near] === time || times.length < 2) return values[near] ?? NaN;
+    const after = Math.max(1, Math.min(times.length - 1, times[near] < time ? near + 1 : near));
+    const part = (time - times[after - 1]) / (times[after] - times[after - 1]);
+    if (!(part > 0 && part < 1)) return values[near] ?? NaN;
+    return values[after - 1] + part * (values[after] - values[after - 1]);
+  }
+
+  /** Draw the curves of emphasized subjects as usual, and the others faintly. */
+  #emphasize() {
+    const { series } = this.data;
+    const some = series.some((s) => this.focus.has(s.key));
+    for (const [i, s] of series.entries()) {
+      const lit = this.focus.has(s.key);
+      this.chart.series[i + 1].alpha = some && !lit ? TimePlot.FAINT : 1;
+      this.buttons[i].classList.toggle("lit", lit);
+    }
+    if (some || this.emphasized) this.chart.redraw(false);
+    this.emphasized = some;
   }
 
   #build() {
@@ -335,7 +419,8 @@ class TimePlot {
   }
 
   #colour(i) {
-    const { ghostOf = i } = this.data.series[i] ?? {};
+    const { ghostOf = i, color } = this.data.series[i] ?? {};
+    if (color) return color.startsWith("--") ? this.#style(color, "#808080") : color;
     const colour = this.palette[ghostOf % this.palette.length];
     return /^#0{3,6}$/.test(colour) ? this.#style("--plot-text", colour) : colour;
   }
@@ -409,6 +494,12 @@ class TimePlot {
       value.className = "plot-value";
       button.append(swatch, label, " ", value); // the space is spoken
       button.addEventListener("click", () => this.#toggle(i));
+      if (series.key) {
+        button.addEventListener("pointerenter", () => this.focus.point(series.key));
+        button.addEventListener("pointerleave", () => this.focus.point());
+        button.addEventListener("focus", () => this.focus.hold(series.key));
+        button.addEventListener("blur", () => this.focus.hold());
+      }
       const item = document.createElement("li");
       item.append(button);
       list.append(item);
@@ -455,7 +546,9 @@ class TimePlot {
     });
     over.addEventListener("mousemove", (event) => {
       if (link.free && !event.buttons) go(at(event));
+      this.focus.point(...this.#keysNear(event));
     });
+    over.addEventListener("mouseleave", () => this.focus.point());
     over.addEventListener("click", (event) => {
       if (pressed === null || Math.abs(event.clientX - pressed) < 4) go(at(event));
     });
@@ -497,6 +590,20 @@ class TimePlot {
     action();
     event.preventDefault();
     event.stopPropagation();
+  }
+
+  /** Return the key of the curve that a pointer is near to, if there is one. */
+  #keysNear({ clientX, clientY }) {
+    const { chart, data } = this;
+    const { left, top } = chart.over.getBoundingClientRect();
+    const time = chart.posToVal(clientX - left, "x");
+    let [nearest, least] = [undefined, TimePlot.NEAR];
+    for (const { name, values, key } of data.series) {
+      if (this.hidden.has(name)) continue;
+      const away = Math.abs(chart.valToPos(this.#valueAt(values, time), "y") - (clientY - top));
+      if (away < least) [nearest, least] = [key, away];
+    }
+    return nearest === undefined ? [] : [nearest];
   }
 
   #zoom() {

@@ -3,9 +3,10 @@
 /*
  * The page of a report: plots and animation on one time, light and dark, print.
  *
- * Needs uPlot, the player's scripts and plots.js; the numbers are in the page's #data:
- * {name, palette, scene, speed, arrays: [base64 of doubles], plots: [see plots.js, with places in arrays],
- * marks: [times of contacts and events]}.
+ * Needs uPlot, the player's scripts, plots.js and balance.js; the numbers are in the page's #data:
+ * {name, palette, colors: {CONSTRAINT: colour}, scene, speed, arrays: [base64 of doubles],
+ * plots: [see plots.js, with places in arrays], balance: {time, equations: [see balance.js]} with places
+ * in arrays, or null, marks: [times of contacts and events]}.
  */
 
 (() => {
@@ -22,11 +23,17 @@
   root.dataset.theme = dark.matches ? "dark" : "light";
 
   const link = new TimeLink();
+  const focus = new Focus();
   const places = [...document.querySelectorAll(".place figure")];
   const plots = data.plots.map((plot, i) => {
-    const series = plot.series.map((s) => ({ ...s, values: arrays[s.values] }));
+    const series = plot.series.map((s) => ({
+      ...s,
+      values: arrays[s.values],
+      key: s.constraint && Focus.constraint(s.constraint),
+      color: plot.by_constraint ? data.colors[s.constraint] : undefined,
+    }));
     const whole = { ...plot, time: arrays[plot.time], marks: data.marks, series };
-    return new TimePlot(places[i], whole, { link, palette: data.palette, height: plot.height });
+    return new TimePlot(places[i], whole, { link, focus, palette: data.palette, height: plot.height });
   });
 
   let player = null;
@@ -44,11 +51,32 @@
   }
   if (plots.length) link.setTime(plots[0].data.time[0]);
 
-  // λ of a constraint and the arrow of its force
+  // λ beneath the mechanism, on the same time
+  const below = find("#lambda");
+  const first = data.plots.findIndex((plot) => plot.by_constraint);
+  if (below && first >= 0) {
+    const { data: shown } = plots[first];
+    plots.push(new TimePlot(below, shown, { link, focus, palette: data.palette, height: 150 }));
+  }
+
+  const balances = (data.balance?.equations ?? []).map((equation) => {
+    const terms = equation.terms.map((term) => ({ ...term, values: arrays[term.values] }));
+    const place = find(`.live[data-coordinate="${CSS.escape(equation.coordinate)}"]`);
+    const time = arrays[data.balance.time];
+    return new Balance(place, { ...equation, terms }, time, { link, focus, colors: data.colors });
+  });
+
+  // λ of a constraint, its arrow, its curve and its terms
   for (const sign of document.querySelectorAll("[data-constraint]")) {
-    const show = (name) => player?.stage.highlight(name);
-    sign.addEventListener("pointerenter", () => show(sign.dataset.constraint));
-    sign.addEventListener("pointerleave", () => show(null));
+    if (sign.closest(".term")) continue;
+    const key = Focus.constraint(sign.dataset.constraint);
+    sign.addEventListener("pointerenter", () => focus.point(key));
+    sign.addEventListener("pointerleave", () => focus.point());
+    focus.onChange(() => sign.classList.toggle("lit", focus.has(key)));
+  }
+  if (player) {
+    player.stage.onPoint = (names) => focus.point(...names.map(Focus.constraint));
+    focus.onChange(() => player.stage.highlight((name) => focus.has(Focus.constraint(name))));
   }
 
   // a motion that plays is not carried off by a mouse that passes over a plot
@@ -66,7 +94,7 @@
   const paint = (name) => {
     root.dataset.theme = name;
     theme.textContent = name === "dark" ? "Light" : "Dark";
-    for (const plot of plots) plot.recolour();
+    for (const plot of [...plots, ...balances]) plot.recolour();
     player?.stage.restyle();
   };
   const next = () => (root.dataset.theme === "dark" ? "light" : "dark");

@@ -10,11 +10,12 @@
  *   scene.show("force", false);           // without the arrows of forces
  *   scene.setScene(other);                // another run, seen from where this one is
  *
- * The canvas is as large as its style says. Colours follow the colour scheme of the page (see
- * COLORS); custom properties of the canvas (--scene-rod, …) replace single ones.
+ * The canvas is as large as its style says. `data.colors` may have the colours of constraints, by name;
+ * the others follow the colour scheme of the page (see COLORS): custom properties of the canvas (--scene-rod, …) replace single ones.
  */
 
 class Scene {
+  static NEAR = 8; // CSS pixels between the pointer and an arrow that it points at
   /** Colours by scheme; the light ones are the ROLES of lagcli/pictures/plots/style.py. */
   static COLORS = {
     light: {
@@ -62,6 +63,7 @@ class Scene {
     new ResizeObserver(() => this.resize()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.restyle());
     this.#dragToRotate();
+    this.#tellPointed();
   }
 
   /** Take other data; the camera stays where it is, where the dimension is the same. */
@@ -98,20 +100,32 @@ class Scene {
     this.#paint();
   }
 
-  /** Set off the arrows of a constraint's force from the others; null for none. */
-  highlight(constraint) {
-    this.highlighted = constraint;
+  /** Emphasize the arrows of the constraints for which a function of their names is true. */
+  highlight(chosen) {
+    this.chosen = chosen;
     this.#paint();
   }
 
-  /** Return the vectors of the scene with their magnitude now: {name, quantity, unit, value}. */
+  /** Return the colour of a vector: of the force of one constraint, that of the constraint. */
+  colorOf({ parts, quantity }) {
+    const own = parts?.length === 1 ? this.data.colors?.[parts[0]] : undefined;
+    return own ?? this.colors[quantity] ?? this.colors.vector;
+  }
+
+  /** Return the vectors of the scene with their magnitude now: {name, quantity, unit, color, value}. */
   vectors() {
     const vectors = this.data.shapes.filter((shape) => shape.kind === "vector");
-    return vectors.map(({ name, quantity, at, unit, components }) => {
+    return vectors.map((shape) => {
+      const { name, quantity, at, unit, components } = shape;
       const alike = vectors.filter((vector) => vector.name === name).length > 1;
       const value = Math.hypot(...this.motion.vector(components));
-      return { name: alike ? `${name} at ${at}` : name, quantity, unit, value };
+      return { name: alike ? `${name} at ${at}` : name, quantity, unit, color: this.colorOf(shape), value };
     });
+  }
+
+  /** Return the ends of a vector on the canvas now, CSS pixels; null for one that is nowhere. */
+  ends(vector) {
+    return vectorEnds(vector, this.#pen());
   }
 
   /** Go around a scene of three dimensions, by angles in radians. */
@@ -201,9 +215,10 @@ class Scene {
       (shape) => shape.kind !== "vector" || !this.hidden.has(shape.quantity),
     );
     pen.lines = labelObstacles(shapes, pen);
-    pen.highlighted = shapes.some(({ constraint }) => constraint && constraint === this.highlighted)
-      ? this.highlighted
-      : null;
+    pen.colorOf = (shape) => this.colorOf(shape);
+    const { chosen = () => false } = this;
+    const lit = shapes.filter(({ parts }) => parts?.some(chosen));
+    pen.highlighted = lit.length ? new Set(lit) : null;
     const strokes = [
       ...shapes.flatMap((shape) => SHAPES[shape.kind](shape, pen)),
       ...[...this.joints].flatMap(([name, [bodies, others]]) =>
@@ -285,6 +300,31 @@ class Scene {
     const unit = this.data.unit ? ` ${this.data.unit}` : "";
     const text = `${Number(length.toPrecision(1))}${unit}`;
     pen.text(text, [left + pixels / 2, foot - 11 * pen.unit], pen.colors.ground, "center", 11);
+  }
+
+  /** Call onPoint(constraints) when the pointer comes to the arrow of their force; with none after. */
+  #tellPointed() {
+    let last = null;
+    const tell = (vector) => {
+      if (vector !== last) this.onPoint?.(vector?.parts ?? []);
+      last = vector;
+    };
+    this.canvas.addEventListener("pointermove", ({ buttons, offsetX, offsetY }) => {
+      if (!buttons) tell(this.#forceAt([offsetX, offsetY]));
+    });
+    this.canvas.addEventListener("pointerleave", () => tell(null));
+  }
+
+  /** Return the arrow of a constraint force at a place on the canvas, or null. */
+  #forceAt(place) {
+    let [nearest, least] = [null, Scene.NEAR];
+    for (const shape of this.data.shapes) {
+      if (!shape.parts?.length || this.hidden.has(shape.quantity)) continue;
+      const [a, b] = this.ends(shape);
+      const away = a && b ? fromLine(place, [a[0], a[1], b[0], b[1]]) : Infinity;
+      if (away < least) [nearest, least] = [shape, away];
+    }
+    return nearest;
   }
 
   #dragToRotate() {

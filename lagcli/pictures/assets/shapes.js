@@ -221,16 +221,12 @@ const SHAPES = {
   },
 
   vector(shape, pen) {
-    const { motion } = pen;
-    const from = motion.point(shape.at);
-    const components = motion.vector(shape.components);
-    const tip = from.map((c, axis) => c + shape.scale * components[axis]);
-    const [a, b] = [pen.place(from), pen.place(tip)];
+    const [a, b] = vectorEnds(shape, pen);
     if (!a || !b) return [];
     const { highlighted } = pen;
-    const chosen = highlighted && shape.constraint === highlighted;
+    const chosen = highlighted?.has(shape);
     const faint = Object.assign(Object.create(pen), { fade: highlighted && !chosen ? 0.25 : 1 });
-    const color = pen.colors[shape.quantity] ?? pen.colors.vector;
+    const color = pen.colorOf(shape);
     const paint = () => arrow(faint, a, b, color, chosen ? 1.8 : 1);
     return [{ layer: "vector", depth: middle(a, b), paint }];
   },
@@ -257,6 +253,13 @@ function joint(name, meets, rods, pen) {
   const radius = (meets ? 4.5 : 6) * pen.slim * pen.unit;
   const paint = () => pen.dot(at, radius, meets ? paper : point, point);
   return [{ layer: "joint", depth, paint }];
+}
+
+/** Return the ends of a vector on the canvas; null for one that is nowhere. */
+function vectorEnds({ at, components, scale }, pen) {
+  const from = pen.motion.point(at);
+  const drawn = pen.motion.vector(components);
+  return [from, from.map((c, axis) => c + scale * drawn[axis])].map((point) => pen.place(point));
 }
 
 /** Return the places along a spring, which is drawn in the plane of the canvas. */

@@ -24,6 +24,7 @@ from lagcli.equations.typesetting.nodes import Line, Node, Step, Symbol
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula
 from lagcli.equations.typesetting.writer import written_decimals
+from lagcli.pictures.balance import Balance, live_equation
 from lagcli.pictures.page import number, table, unit
 from lagcli.pictures.selection import chosen, elided
 
@@ -52,11 +53,18 @@ class EquationSystem:
         SI units, by name.
     parameters : mapping of str to float
         Values of the parameters.
+    live : bool
+        Whether the page shows the values of terms along a run.
     """
 
     def __init__(
-        self, formulas: Formulas, units: Mapping[str, str], parameters: Mapping[str, float]
+        self,
+        formulas: Formulas,
+        units: Mapping[str, str],
+        parameters: Mapping[str, float],
+        live: bool = False,
     ):
+        self.live = live
         self.formulas, self.units, self.values = formulas, units, parameters
         self.equations, self.model = formulas.equations, formulas.model
         self.index_form = IndexForm(self.model)
@@ -65,6 +73,12 @@ class EquationSystem:
         decimals = written_decimals(self.model)
         self.mathml = MathmlFormula(self.names, decimals)
         self.text = TextFormula(self.names, decimals)
+
+    @cached_property
+    def balance(self) -> Balance:
+        """The terms of the equations of motion that are shown in full; of none if not live."""
+        shown = self._motion if self.live and not self.indexed else {}
+        return Balance(self.formulas, {i: x for i, x in shown.items() if self._fits(x)})
 
     def symbol(self, name: str, dots: int = 0) -> str:
         """Return a name of the model as an inline formula."""
@@ -296,13 +310,18 @@ class EquationSystem:
         written = {i: [line] for i, line in self._motion.items()}
         listed, count = self._listed(written, len(self.equations.q))
         items = [
-            f"<dt>{inline(line.label, self.mathml)}</dt><dd>{self._noted(line)}</dd>"
-            for (line,) in listed.values()
+            f"<dt>{inline(line.label, self.mathml)}</dt><dd>{self._moving(i, line)}</dd>"
+            for i, (line,) in listed.items()
             if isinstance(line.label, Node)
         ]
         rest = _elision(len(items), count, "equations")
         shown = "".join(elided(list(listed), items, _DOTS))
         return f'<dl class="equations">{shown}</dl>{rest}'
+
+    def _moving(self, i: int, line: Line) -> str:
+        if i not in self.balance.terms:
+            return self._noted(line)
+        return live_equation(i, line, self.balance, self.mathml, self.text)
 
     def steps(self) -> str:
         """Return the derivation, folded; nothing for a system that is not written out."""
@@ -340,10 +359,14 @@ class EquationSystem:
 
     def _limited(self, line: Line) -> str:
         """Return a formula, or its length if it is too long."""
-        if self._letters(line) > _LONG:
+        if not self._fits(line):
             line = Line(tuple(map(abridged, line.sides)))
         letters = self._letters(line)
         return _too_long(f"{letters} letters") if letters > _LETTERS else self._equation(line)
+
+    def _fits(self, line: Line) -> bool:
+        """Whether a formula is short enough to be shown in full."""
+        return self._letters(line) <= _LONG
 
     def _letters(self, line: Line) -> int:
         return sum(len(self.text.text(side)) for side in line.sides)

@@ -191,16 +191,24 @@ def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
     """Return a plot for plots.js, with packed numbers."""
     return {
         "title": plot.title,
+        # λ is drawn in the colour of its constraint
+        "by_constraint": all(c.field == "multipliers" for c in plot.curves),
         "unit": plot.unit,
         "symbol": plot.symbol,
         "log": plot.log,
         "height": 130 if plot.log else 220,
         "time": packed.add(plot.time),
         "series": [
-            {"name": c.name, "label": c.label, "values": packed.add(plot.values[:, i])}
+            {**_described(c), "values": packed.add(plot.values[:, i])}
             for i, c in enumerate(plot.curves)
         ],
     }
+
+
+def _described(curve: Curve) -> dict[str, Any]:
+    """Return the name and the label of a curve, and the constraint that it belongs to."""
+    described = {"name": curve.name, "label": curve.label}
+    return {**described, "constraint": curve.constraint} if curve.constraint else described
 
 
 class Packed:

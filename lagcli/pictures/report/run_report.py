@@ -49,14 +49,14 @@ from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.timing import timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import chosen, evenly
-from lagcli.pictures.style import PALETTE
+from lagcli.pictures.style import PALETTE, constraint_colors
 from lagcli.trajectory.event_log import MODES, EventLog, EventRecords, event_sentences
 from lagcli.trajectory.extremes import Extreme, Extremes
 from lagcli.version import __version__
 
 _UPLOT = "vendor/uplot/"
-_SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "report.js")
-_STYLES = (_UPLOT + "uPlot.min.css", *PLAYER_STYLES, "plots.css", "report.css")
+_SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "balance.js", "report.js")
+_STYLES = (_UPLOT + "uPlot.min.css", *PLAYER_STYLES, "plots.css", "balance.css", "report.css")
 
 #: Largest numbers of frames, and of values, of the animation.
 _FRAMES, _FRAME_NUMBERS = 3000, 90_000
@@ -90,7 +90,7 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         asked = modes_sections(run.model, modes)
     recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
     formulas = Formulas(derive(model), freedom=recorded)
-    system = EquationSystem(formulas, run.record.units, run.record.parameters)
+    system = EquationSystem(formulas, run.record.units, run.record.parameters, live=run.count > 0)
     catalogue = Catalogue(run)
     every = sections(catalogue) if run.count else []
     plots = [plot for section in every for plot in section.plots]
@@ -99,10 +99,14 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
     every = _notable(every, extremes)
     packed = Packed()
     scene = _scene(run, model)
+    balance = _balance(run, system, packed) if run.count else None
+    colors = constraint_colors(run.constraints)
     data = {
         "name": title or model.title,
         "palette": list(PALETTE),
-        "scene": scene,
+        "colors": colors,
+        "scene": scene and {**scene, "colors": colors},
+        "balance": balance,
         "speed": timing(*_ends(scene)).speed if scene else 1,
         "plots": [to_json(plot, packed) for section in every for plot in section.plots],
         "arrays": list(packed.texts),
@@ -149,7 +153,9 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
 
 _MOTION = """<aside id="motion" aria-label="Animation">
 <div id="player"></div>
-<p class="hint">Point at a plot, or click it, to show that time in the animation.</p>
+<figure id="lambda"></figure>
+<p class="hint">Point at a term, an arrow or a curve to see what belongs to it; click a term to keep
+it emphasized. Point at a plot, or click it, to show that time.</p>
 <div class="strip" aria-hidden="true"></div>
 </aside>"""
 
@@ -165,6 +171,21 @@ def _scene(run: RunFile, model: Model) -> dict[str, Any] | None:
     scene = scene_of(run, evenly(run.count, frames), model)
     assert scene is not None
     return scene.to_json()
+
+
+def _balance(run: RunFile, system: EquationSystem, packed: Packed) -> dict[str, Any] | None:
+    """Return the terms of the equations at some of the samples; None without equations."""
+    balance, model = system.balance, system.model
+    count = sum(map(len, balance.terms.values()))
+    if not count:
+        return None
+    samples = evenly(run.count, max(100, min(_FRAMES, _FRAME_NUMBERS // (count + 1))))
+    columns = run.columns(balance.needs, samples)
+    values, units = model.parameter_values, run.record.units
+    return {
+        "time": packed.add(columns["time"]),
+        "equations": balance.to_json(columns, run.terms, values, units, packed.add),
+    }
 
 
 def _ends(scene: Mapping[str, Any]) -> tuple[float, float]:

@@ -14,7 +14,8 @@ As JSON, for programs that draw (`Scene.to_json`)::
        {"kind": "ground", "at": POINT}, {"kind": "trail", "of": POINT},
        {"kind": "label", "at": POINT, "text": …},
        {"kind": "vector", "name": …, "quantity": "velocity" | "force" | "vector", "at": POINT,
-        "components": [[…], […], …], "unit": "N", "scale": s},
+        "components": [[…], […], …], "unit": "N", "scale": s,
+        "constraint": CONSTRAINT | null, "parts": [CONSTRAINT, …]},
        {"kind": "flash", "name": CONSTRAINT, "times": [n], "at": [[n], [n], …],
         "strengths": [n], "life": s}]}         impacts: where, up to 1, and how long they are seen
 
@@ -58,7 +59,8 @@ class DrawnDisc(NamedTuple):
 class DrawnVector(NamedTuple):
     """A vector at a point, drawn as ``scale`` times its components.
 
-    The force of a constraint has the constraint's name.
+    The force of a constraint has the constraint's name. ``parts`` are the constraints whose
+    multipliers it shows: several for a vector constraint.
     """
 
     name: str
@@ -68,6 +70,7 @@ class DrawnVector(NamedTuple):
     unit: str
     scale: float = 1.0
     constraint: str | None = None
+    parts: tuple[str, ...] = ()
 
     def drawn(self) -> tuple[Array, ...]:
         """Return the components in the units of the points."""
@@ -172,7 +175,7 @@ class Scene:
 
         def of(value: Any) -> Any:
             if isinstance(value, tuple):
-                return [numbers(x) for x in value]
+                return [of(x) for x in value]
             return numbers(value) if isinstance(value, np.ndarray) else value
 
         shapes: list[dict[str, Any]] = [

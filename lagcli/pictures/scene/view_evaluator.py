@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import symengine as se
 from symengine import Basic
 
 from lagcli.arrays import Array, Indices
-from lagcli.columns import read_column_name, read_dotted_name
-from lagcli.engine.lowering.compiler import compile_tape, input_functions
-from lagcli.engine.tape.inputs import NO_FUNCTIONS
-from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import Diagnostic, UsageError
 from lagcli.model.dimensions.deriving import symbolic_unit
 from lagcli.model.expression.functions import derivative
 from lagcli.model.locations import ExpressionLocations
-from lagcli.model.model import TIME, Arrow, Model, acceleration, coordinate, multiplier, velocity
+from lagcli.model.model import Arrow, Model, coordinate, multiplier
+from lagcli.pictures.column_evaluator import ColumnEvaluator
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.scene import (
@@ -32,9 +28,6 @@ from lagcli.pictures.scene.scene import (
     with_contacts,
 )
 from lagcli.trajectory.samples import Terms
-
-#: Largest number of values of a tape at once: 32 MB.
-_HELD = 1 << 22
 
 
 def scene_of(
@@ -98,41 +91,16 @@ class ViewEvaluator:
         for arrow in view.vectors:
             force = point_force(model, arrow) if arrow.constraint is not None else None
             self._forces.append(None if force is None else (force, self._put(force.entries)))
-        self._parameters = [se.Symbol(name) for name in model.parameters]
-        self._moving = self._inputs()
-        places = {symbol: i for i, symbol in enumerate(self._moving)}
-        self._steady = [places.keys().isdisjoint(e.free_symbols) for e in self._slots]
-        functions = input_functions(model) if TIME in self._moving else NO_FUNCTIONS
-        self._tape = compile_tape(self._slots, self._moving, self._parameters, functions)
-        self.needs: tuple[str, ...] = ("time", "q", *self._also())
+        self._evaluator = ColumnEvaluator(model, self._slots)
+        needs = dict.fromkeys(self._evaluator.needs)
+        if any(self._forces):
+            needs["constraint_force_by"] = None
+        self.needs: tuple[str, ...] = tuple(needs)
 
     def _put(self, expressions: Sequence[Basic]) -> list[int]:
         """Add expressions to evaluate; return their indices."""
         self._slots.extend(expressions)
         return list(range(len(self._slots) - len(expressions), len(self._slots)))
-
-    def _inputs(self) -> list[Basic]:
-        """Return the symbols that vary along the run and occur."""
-        q = self._model.coordinate_names
-        every = [TIME, *map(coordinate, q), *map(velocity, q), *map(acceleration, q)]
-        every += map(multiplier, self._model.constraint_names)
-        free = set().union(*(e.free_symbols for e in self._slots))
-        forces = sorted(
-            (s for s in free if _quantity(s.name).startswith("constraint_force")), key=str
-        )
-        return [s for s in every if s in free] + forces
-
-    def _also(self) -> list[str]:
-        """Return the required fields besides time and q."""
-        names = [s.name for s in self._moving]
-        quantities = set(map(_quantity, names))
-        needs = {
-            "v": any(n.endswith("'") and not n.endswith("''") for n in names),
-            "a": any(n.endswith("''") for n in names),
-            "multipliers": "multipliers" in quantities,
-            "constraint_force_by": any(self._forces) or not quantities <= {"", "multipliers"},
-        }
-        return [name for name, needed in needs.items() if needed]
 
     def scene(
         self,
@@ -157,7 +125,8 @@ class ViewEvaluator:
             The force of a constraint cannot act at the points of the view.
         """
         view, model = self._view, self._model
-        values = self._values(columns, terms, parameters or model.parameter_values)
+        given = parameters or model.parameter_values
+        values: list[Any] = list(self._evaluator.values(columns, terms, given))
         points = {name: tuple(values[i] for i in at) for name, at in self._points.items()}
         discs = tuple(
             DrawnDisc(
@@ -175,7 +144,10 @@ class ViewEvaluator:
             if force is None:
                 components = tuple(values[i] for i in places)
                 at = arrow.points[0]
-                vectors.append(DrawnVector(arrow.name, arrow.quantity, at, components, unit))
+                shown = _multipliers_in(arrow.components, model)
+                vectors.append(
+                    DrawnVector(arrow.name, arrow.quantity, at, components, unit, parts=shown)
+                )
                 continue
             drawn, slots = force
             by = columns["constraint_force_by"]
@@ -183,7 +155,9 @@ class ViewEvaluator:
             work = sum((terms.dense(by, row) for row in rows), start=np.zeros(1))
             vectors += [
                 DrawnVector(
-                    arrow.name, arrow.quantity, at, components, unit, constraint=arrow.constraint
+                    *(arrow.name, arrow.quantity, at, components, unit),
+                    constraint=arrow.constraint,
+                    parts=arrow.parts,
                 )
                 for at, components in drawn.at(work, [values[i] for i in slots])
             ]
@@ -212,45 +186,11 @@ class ViewEvaluator:
         stated = self._model.units.stated
         return {"velocity": "m/s", "force": "N"}[arrow.quantity] if stated else ""
 
-    def _values(
-        self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]
-    ) -> list[Any]:
-        """Return the value of each expression, (nt,) or (1,) if constant."""
-        count = len(columns["time"])
-        given = [float(parameters[name]) for name in self._model.parameters]
-        values = np.empty((len(self._slots), count))
-        rows = max(1, _HELD // max(1, self._tape.registers))
-        for start in range(0, count, rows):
-            part = slice(start, min(count, start + rows))
-            inputs = [self._column(columns, terms, s.name)[part] for s in self._moving]
-            values[:, part] = run_arrays(self._tape, [*inputs, *given], part.stop - start)
-        return [
-            row[:1] if steady else row for row, steady in zip(values, self._steady, strict=True)
-        ]
 
-    def _column(self, columns: Mapping[str, Array], terms: Terms, name: str) -> Array:
-        """Return the values of a symbol."""
-        coordinates = self._model.coordinate_names
-        if name == TIME.name:
-            return columns["time"]
-        if read_dotted_name(name) is not None:
-            constraints = self._model.constraint_names
-            named = read_column_name(name, coordinates, constraints)
-            assert named is not None
-            if named.quantity == "multipliers":
-                return columns["multipliers"][:, constraints.index(named.constraint)]
-            by, place = columns["constraint_force_by"], coordinates.index(named.coordinate)
-            if not named.constraint:
-                return terms.total(by)[:, place]
-            return terms.column(by, constraints.index(named.constraint), place)
-        field = ("q", "v", "a")[len(name) - len(name.rstrip("'"))]
-        return columns[field][:, coordinates.index(name.rstrip("'"))]
-
-
-def _quantity(name: str) -> str:
-    """Return the quantity of a symbol of λ or of a constraint force; None for other symbols."""
-    named = read_dotted_name(name)
-    return "" if named is None else named.quantity
+def _multipliers_in(components: Sequence[Basic], model: Model) -> tuple[str, ...]:
+    """Return the constraints whose multipliers occur in the components of a vector."""
+    free: set[Basic] = set().union(*(x.free_symbols for x in components))
+    return tuple(name for name in model.constraint_names if multiplier(name) in free)
 
 
 #: Largest residual of Jᵀ F − λ b, relative to the largest λ b along the run.

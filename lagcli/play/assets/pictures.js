@@ -27,6 +27,11 @@ class Pictures {
   constructor(stage, plots, { name, palette, groups }, { wanted, drag }) {
     [this.stage, this.name, this.palette, this.drag] = [stage, name, palette, drag];
     this.link = new TimeLink();
+    this.focus = new Focus();
+    this.focus.onChange(() =>
+      this.player?.stage.highlight((name) => this.focus.has(Focus.constraint(name))),
+    );
+    this.colors = {}; // of constraints
     this.player = null;
     const usual = Pictures.USUAL.map((group) => (group in groups ? group : Pictures.INSTEAD));
     this.slots = usual.map((group) => this.#slot(plots, group, groups, wanted));
@@ -43,6 +48,11 @@ class Pictures {
     });
   }
 
+  /** The time that is shown, s. */
+  get now() {
+    return this.player?.time ?? this.link.time ?? 0;
+  }
+
   groups() {
     return [...new Set([...this.slots.map(({ select }) => select.value), ...this.phase.groups()])];
   }
@@ -56,7 +66,7 @@ class Pictures {
   keep(kept) {
     this.kept = kept ? this.shown : null;
     this.player?.stage.setGhost(this.kept?.scene ?? null);
-    this.draw(this.shown);
+    this.draw(this.shown, true);
   }
 
   /** Return a plot with the curves of the run that was kept. */
@@ -85,16 +95,22 @@ class Pictures {
     });
   }
 
-  /** Draw a run. */
-  draw(answer) {
+  /** Draw a run; what flies off after a cut leaves the view of the whole mechanism. */
+  draw(answer, cut = false) {
     const { scene, plots, speed } = answer;
     this.shown = answer;
+    if (scene) {
+      scene.colors = this.colors;
+      if (cut && this.bounds) scene.bounds = this.bounds;
+      else this.bounds = scene.bounds;
+    }
     this.stage.hidden = scene === null;
     if (scene && this.player) this.player.setScene(scene);
     else if (scene) {
       const onTime = (time) => this.link.setTime(time, this.player);
       const options = { label: this.name, onTime, speed, autoplay: true };
       this.player = new Player(this.stage, scene, options);
+      this.player.stage.onPoint = (names) => this.focus.point(...names.map(Focus.constraint));
       this.#makeDraggable();
     }
     if (this.dragging) this.dragging.points = this.draggable;
@@ -109,11 +125,11 @@ class Pictures {
     const compared = this.#compared(slot.select.value, whole);
     const count = 1 + Math.max(0, ...whole.series.map(({ panel }) => panel));
     const height = count > 1 ? Pictures.LOW : Pictures.HIGH;
-    const { link, palette } = this;
+    const { link, palette, focus } = this;
     const none = whole.series.some(({ unit }) => unit) ? "1" : ""; // of a number beside quantities
     for (let number = 0; number < count; number++) {
-      const series = compared.series.filter(({ panel }) => panel === number);
-      const ghosts = series.map((x) => ("ghostOf" in x ? { ...x, ghostOf: series.indexOf(compared.series[x.ghostOf]) } : x));
+      const series = compared.series.filter(({ panel }) => panel === number).map((x) => this.#keyed(x, whole));
+      const ghosts = series.map((x) => ("ghostOf" in x ? { ...x, ghostOf: series.findIndex(({ name }) => name === compared.series[x.ghostOf].name) } : x));
       const unit = whole.log ? "" : series[0]?.unit || none;
       const data = { ...compared, unit, series: ghosts };
       const plot = slot.plots[number];
@@ -121,7 +137,7 @@ class Pictures {
       else {
         const figure = document.createElement("figure");
         slot.box.append(figure);
-        slot.plots.push(new TimePlot(figure, data, { link, palette, height }));
+        slot.plots.push(new TimePlot(figure, data, { link, focus, palette, height }));
       }
     }
     for (const [number, plot] of slot.plots.entries()) {
@@ -133,6 +149,13 @@ class Pictures {
     }
     const drawn = whole.series.length;
     slot.more.textContent = whole.of > drawn ? `${drawn} of ${whole.of} curves` : "";
+  }
+
+  /** Return a curve of a constraint with its subject, and λ in the colour of the constraint. */
+  #keyed(series, { by_constraint }) {
+    if (!series.constraint) return series;
+    const key = Focus.constraint(series.constraint);
+    return by_constraint ? { ...series, key, color: this.colors[series.constraint] } : { ...series, key };
   }
 
   /** Show the start alone, seen from where the run was, its arrows at the same scale. */

@@ -21,7 +21,10 @@ class Page {
     this.delays = []; // ms from a move to its drawing, the last hundred
     this.answer = null;
     this.controls = new Controls(found("controls"), (event) => this.ask(event));
-    found("reset").addEventListener("click", (event) => this.controls.reset(event));
+    found("reset").addEventListener("click", (event) => {
+      this.equations.restore();
+      this.controls.reset(event);
+    });
     found("save").addEventListener("click", () => this.#send({ save: true }));
     found("copy").addEventListener("click", () => this.#copy());
     const keep = found("keep");
@@ -49,7 +52,8 @@ class Page {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     const plots = this.pictures.groups();
     const { members } = this;
-    const message = { number: ++this.number, ...this.controls.changes(), plots, members, ...more };
+    const live = this.equations.request();
+    const message = { number: ++this.number, ...this.controls.changes(), plots, members, ...live, ...more };
     this.socket.send(JSON.stringify(message));
   }
 
@@ -65,7 +69,6 @@ class Page {
     elements.name.textContent = hello.name;
     this.slug = hello.slug;
     elements.description.textContent = hello.description;
-    this.#build(hello);
     const [player, plots] = ["player", "plots"].map((id) => document.getElementById(id));
     this.pictures = new Pictures(player, plots, hello, {
       wanted: () => this.ask(),
@@ -78,6 +81,13 @@ class Page {
       },
     });
     this.pictures.draggable = hello.draggable;
+    const { link, focus } = this.pictures;
+    this.equations = new LiveEquations(document.getElementById("equations"), {
+      ...{ link, focus },
+      wanted: (event) => this.ask(event),
+      now: () => this.pictures.now,
+    });
+    this.#build(hello);
     this.events = new Happened(document.getElementById("events"), (t) => this.pictures.goTo(t));
     this.scenarios = new Scenarios(document.getElementById("scenarios"), {
       now: () => ({
@@ -108,11 +118,9 @@ class Page {
   }
 
   /** Show the controls of a model with these numbers of members. */
-  #build({ members, controls, equations }) {
-    const element = document.getElementById("equations");
-    element.hidden = !equations;
-    element.querySelector("div")?.remove();
-    element.insertAdjacentHTML("beforeend", `<div>${equations}</div>`);
+  #build({ members, controls, equations, colors }) {
+    this.equations.build(equations, colors);
+    this.pictures.colors = colors;
     this.members = members;
     this.controls.build(controls);
   }
@@ -142,7 +150,8 @@ class Page {
     if ("controls" in answer) this.#build(answer);
     if ("draggable" in answer) this.pictures.draggable = answer.draggable;
     this.controls.follow(answer);
-    this.pictures.draw(answer);
+    this.pictures.draw(answer, this.equations.cut);
+    this.equations.draw(answer.balance);
     this.events.show(answer.events);
     this.#notice(answer.message, "warning");
     // plots draw in microtasks of their own, which come before this one

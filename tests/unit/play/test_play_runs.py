@@ -487,3 +487,61 @@ def test_no_error_of_the_page_names_an_option(name: str, values: dict[str, Any])
     with pytest.raises(LagcliError) as error:
         played.run(PlayRequest(1, **values), Interruption())
     assert "--" not in on_page(str(error.value))
+
+
+def test_a_cut_constraint_stops_acting() -> None:
+    """The outer mass flies on a parabola, the inner one swings as a pendulum of its own."""
+    played = play("double_pendulum_cartesian")
+    answer = run(played, ("coordinates", "velocities", "multipliers"), cuts={"rod_2": 1.0})
+    found = curves(answer)
+    time = answer["plots"]["coordinates"]["time"]
+    before, after = time < 1.0, time > 1.0
+    intact = lagcli.simulate(load(PATHS["double_pendulum_cartesian"]))
+    k = int(np.flatnonzero(intact.time == 1.0)[0])
+    kept = found["x_2"][before]
+    assert np.allclose(kept, intact.q[: len(kept), 2], rtol=0, atol=1e-9)
+    s = time[after] - 1.0
+    q, v = intact.q[k], intact.v[k]
+    assert np.allclose(found["x_2"][after], q[2] + v[2] * s, rtol=0, atol=1e-7)
+    assert np.allclose(found["y_2"][after], q[3] + v[3] * s - 9.81 / 2 * s**2, rtol=0, atol=1e-7)
+    inner = found["x_1"] ** 2 + found["y_1"] ** 2
+    assert np.ptp(inner) < 1e-9
+    energy = 0.5 * (found["x_1_dot"] ** 2 + found["y_1_dot"] ** 2) + 9.81 * found["y_1"]
+    assert np.ptp(energy[after]) < 1e-7
+    assert not found["lambda.rod_2"][after].any()
+    # restored, it is the whole run again
+    again = curves(run(played, ("coordinates",)))
+    assert np.array_equal(again["x_2"], intact.q[:, 2])
+
+
+def test_a_cut_at_the_start_and_its_file() -> None:
+    played = play("double_pendulum_cartesian")
+    request = PlayRequest(1, plots=("coordinates",), cuts={"rod_1": 0.0})
+    answer = played.run(request, Interruption())
+    found = curves(answer)
+    saved = load_text(played.text(request), "saved.yaml")
+    t = lagcli.simulate(saved)
+    # the plot has the state on both sides of the cut, too
+    kept = np.isin(answer["plots"]["coordinates"]["time"], t.time)
+    assert np.array_equal(found["y_1"][kept], t.q[:, 1])
+    assert t.q[-1, 1] < -100
+    assert not t.multipliers[1:, 0].any()
+    command = "lagcli simulate double_pendulum_cartesian_changed.yaml -o run.h5"
+    assert played.command(request) == command
+
+
+def test_a_cut_of_a_constraint_that_is_not_there() -> None:
+    with pytest.raises(ModelError, match="not a constraint"):
+        run(play("double_pendulum_cartesian"), cuts={"rod_9": 1.0})
+    with pytest.raises(ValueError, match="cuts"):
+        PlayRequest.parsed({"number": 1, "cuts": {"rod_1": "soon"}})
+
+
+def test_terms_of_equations_come_when_asked_for() -> None:
+    played = play("slider_crank")
+    assert run(played)["balance"] is None
+    answer = run(played, balance=True)
+    for equation in answer["balance"]["equations"]:
+        sides = [sum(t["values"] for t in equation["terms"] if t["side"] == s) for s in (0, 1)]
+        assert np.allclose(*sides, rtol=0, atol=1e-12)
+    assert 'data-cut="guide"' in played.description()["equations"]
