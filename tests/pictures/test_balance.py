@@ -36,6 +36,11 @@ def number(text):
 def friction(reports, visit):
     opened = visit(reports("slider_crank_friction"))
     opened.wait_for_selector(".balance")
+    # only balances in sight follow the time
+    opened.set_viewport_size({"width": 1300, "height": 1600})
+    opened.wait_for_function(
+        "() => [...document.querySelectorAll('.live')].every((live) => live.balance.seen)"
+    )
     return opened
 
 

@@ -43,12 +43,12 @@ def legend(opened):
     )
 
 
-def test_values_at_a_time_are_those_of_the_nearest_sample(plotted):
+def test_values_at_a_time_are_those_of_the_drawn_curve(plotted):
     opened = plotted(
         time=TIME, series=[curve("x", [0, 1, 4, 9, 16]), curve("y", [5, 4, 3, 2, -1e-7])]
     )
     opened.evaluate("time.setTime(1.9)")
-    assert legend(opened) == ["4", "3"]
+    assert legend(opened) == ["3.7", "3.1"]
     opened.evaluate("time.setTime(4)")
     assert legend(opened) == ["16", "−1.0000·10⁻⁷"]
 

@@ -33,6 +33,7 @@ class Balance {
       color: this.#color(term, i),
       nodes: [...element.querySelectorAll(`[data-term="${i}"]`)],
     }));
+    element.balance = this; // to be found from the page
     this.#scale();
     this.#build();
     link.onTime((now) => this.show(now));
