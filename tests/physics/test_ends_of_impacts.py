@@ -145,6 +145,51 @@ def test_two_ropes_that_tighten_in_turn() -> None:
     assert_admissible(run, log, {"rope1": -1, "rope2": -1}, 0.0, 20.0)
 
 
+def test_a_ball_that_is_thrown_again_rests_again() -> None:
+    """Each throw lasts 2 v/g /(1 - e), whatever impacts there were before."""
+    throws, e, g = (3.0, 2.0, 2.5, 0.5), 0.5, 9.81
+    events = "\n".join(
+        f"  throw{k}: {{when: t >= {2 * k + 1}, impulse: {{y: {v!r}}}}}"
+        for k, v in enumerate(throws)
+    )
+    run, log = simulate(f"""
+coordinates: [y]
+T: y'^2/2
+V: {g}*y
+constraints: {{floor: {{expr: y >= 0, restitution: {e}}}}}
+initial: {{y: 0, y': 0}}
+events:
+{events}
+simulation: {{t_end: 8, samples: 9}}
+""")
+    rests = [x.time for x in log.rests() if x.time > 1]
+    expected = [2 * k + 1 + 2 * v / g / (1 - e) for k, v in enumerate(throws)]
+    assert rests == pytest.approx(expected, rel=1e-9)
+    assert run.v[-1, 0] == 0.0
+
+
+def test_a_constraint_that_moves_supplies_energy_in_impacts() -> None:
+    """Its impulse times its velocity; what an impact loses is apart."""
+    run, log = simulate("""
+coordinates: [x, y]
+parameters: {u: 0.7, g: 9.81}
+T: x'^2 + 3*y'^2/2
+V: 2*g*x
+constraints:
+  drive: y - 0.3*x = u*t
+  floor: {expr: x + 2*y >= 0, restitution: 0.4}
+initial: {x: 1, y: {guess: 0.3}, x': -4, y': {guess: 0}}
+simulation: {t_end: 1.0, samples: 41, rtol: 1e-11}
+""")
+    assert log.kinds.count("impact") > 2
+    assert log.supplied == pytest.approx(0.7 * log.impulse[:, 0], rel=1e-12)
+    kinetic = log.after[:, 0] ** 2 + 1.5 * log.after[:, 1] ** 2
+    kinetic -= log.before[:, 0] ** 2 + 1.5 * log.before[:, 1] ** 2
+    assert kinetic == pytest.approx(log.supplied - log.loss, rel=1e-10)
+    # the work that samples record contains it
+    assert np.abs(run.energy_balance).max() < 1e-11
+
+
 def test_a_block_that_falls_flat_has_no_negative_impulse() -> None:
     run, log = simulate((FOUND / "impulse_sign.yaml").read_text())
     signs = {f"f{k}": 1 for k in range(4)} | {f"w{k}": -1 for k in range(4)}

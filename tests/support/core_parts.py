@@ -39,6 +39,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_ldl": (None, *[c_void_p] * 7),
     "lag_part_contact_memory": (ctypes.c_size_t, c_int),
     "lag_part_contacts": (c_int, *[c_void_p] * 5),
+    "lag_part_lemke": (c_int, *[c_void_p] * 3),
     "lag_part_share": (c_int, *[c_void_p] * 6),
     "lag_part_impact_memory": (ctypes.c_size_t, c_int),
     "lag_part_impact": (c_int, c_void_p, c_int, c_void_p, c_void_p),
@@ -240,6 +241,18 @@ def solve_contacts(
     memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
     count = parts.lag_part_contacts(byref(record), first, memory, *map(byref, motions))
     return [(reals[i, 0, :n], reals[i, 1, :n], modes[i, :n]) for i in range(count)]
+
+
+def lemke_modes(problem: ContactProblem) -> tuple[bool, bool, Any]:
+    """Return whether Lemke's method ends with a solution, whether its modes are those of one, and
+    the modes."""
+    given = Arguments()
+    record = _contacts(problem, given)
+    n: int = record.n
+    modes = np.zeros(n + 1, dtype=np.int32)
+    memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
+    found = parts.lag_part_lemke(byref(record), memory, address(modes))
+    return found > 0, found == 2, modes[:n]
 
 
 def share_contacts(

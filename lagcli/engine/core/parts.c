@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "contact/modes.h"
 #include "linear/ldl.h"
 #include "methods/radau5_tableau.h"
 #include "methods/rodas5p_tableau.h"
@@ -37,6 +38,16 @@ int lag_part_contacts(const lag_contacts *problem, const int *present, void *mem
                       lag_contact_motion *second)
 {
     return lag_solve_contacts(problem, present, memory, first, second);
+}
+
+int lag_part_lemke(const lag_contacts *problem, void *memory, int *mode)
+{
+    lag_contact_work work;
+    lag_contact_prepare(&work, problem, memory);
+    const int solved = lag_contact_lemke(&work);
+    memcpy(mode, work.mode, (size_t)problem->n * sizeof *mode);
+    lag_contact_rouse(&work, work.mode);
+    return solved ? 1 + lag_contact_try(&work) : 0;
 }
 
 int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack,

@@ -25,6 +25,8 @@ void lag_part_ldl(const lag_elimination *plan, double *diagonal, double *beside,
 size_t lag_part_contact_memory(int n);
 int lag_part_contacts(const lag_contacts *problem, const int *present, void *memory, lag_contact_motion *first,
                       lag_contact_motion *second);
+/* The modes that Lemke's method ends with. Returns 0 where it ends on a ray, 1, or 2 where they are those of a solution. */
+int lag_part_lemke(const lag_contacts *problem, void *memory, int *mode);
 int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack,
                    int *tight);
 size_t lag_part_impact_memory(int n);

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from core_parts import solve_contacts, solve_impact
+from core_parts import lemke_modes, solve_contacts, solve_impact
 
 from lagcli.arrays import Array
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
@@ -82,6 +82,13 @@ def test_a_block_without_weight_leaves() -> None:
     assert modes == [OPEN, OPEN]
     assert list(force) == [0.0, 0.0]
     assert list(motion) == [1.0, -3.0]
+
+
+def test_a_contact_that_no_force_moves() -> None:
+    """It opens by itself, or there is no motion."""
+    [(force, motion, modes)] = solve_contacts(problem([[0.0]], [2.0], [UNILATERAL]))
+    assert (force[0], motion[0], modes[0]) == (0.0, 2.0, OPEN)
+    assert solve_contacts(problem([[0.0]], [-2.0], [UNILATERAL])) == []
 
 
 def test_a_block_sticks_if_it_can() -> None:
@@ -263,6 +270,51 @@ def test_many_frictional_contacts() -> None:
     _, motion, _ = solve(given)
     expected = np.maximum(np.sin(slopes) - 0.5 * np.cos(slopes), 0.0) * (-1.0) ** np.arange(12)
     assert motion[12:] == pytest.approx(expected, abs=1e-14)
+
+
+def positive(rng: np.random.Generator, n: int, decades: float) -> Array:
+    rows = rng.normal(size=(n, n + 2)) * 10.0 ** rng.uniform(-decades, decades, (n, 1))
+    return np.asarray(rows @ rows.T)
+
+
+@pytest.mark.parametrize("n", [1, 3, 9, 25])
+def test_lemkes_method_solves_every_convex_problem(n: int) -> None:
+    """Contacts, rows with constant friction, and bilateral ones: the only solution's modes."""
+    rng = np.random.default_rng(n)
+    for _ in range(30):
+        laws = rng.choice([UNILATERAL, LIMITED, FREE], n, p=[0.5, 0.3, 0.2])
+        given = problem(
+            positive(rng, n, 1.0),
+            rng.normal(size=n) * 10.0 ** rng.uniform(-1, 1),
+            laws,
+            limits=np.where(laws == LIMITED, rng.uniform(0.05, 1.0, n), 0.0),
+        )
+        solved, right, modes = lemke_modes(given)
+        assert solved
+        assert right
+        if n < 10:
+            assert modes.tolist() == solve(given)[2]
+
+
+@pytest.mark.parametrize("contacts", [1, 3, 8])
+def test_lemkes_method_solves_problems_with_little_friction(contacts: int) -> None:
+    """Limits by contacts and bilateral rows of either sign, of rows that slip and that may stick."""
+    rng = np.random.default_rng(contacts)
+    n, slips = 2 * contacts, 0
+    for _ in range(40):
+        normal = rng.choice([UNILATERAL, FREE], contacts, p=[0.6, 0.4])
+        tangent = rng.choice([LIMITED, FORWARD, BACKWARD], contacts, p=[0.6, 0.2, 0.2])
+        given = problem(
+            positive(rng, n, 0.0),
+            rng.normal(size=n),
+            np.concatenate([normal, tangent]),
+            {(contacts + k, k): float(rng.uniform(0.0, 0.02)) for k in range(contacts)},
+        )
+        solved, right, modes = lemke_modes(given)
+        assert solved
+        assert right
+        slips += int(np.isin(modes[contacts:], [SLIPS_FORWARD, SLIPS_BACKWARD]).sum())
+    assert slips > 5 * contacts
 
 
 # --- impacts --------------------------------------------------------------------------------------

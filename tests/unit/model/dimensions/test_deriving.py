@@ -77,6 +77,38 @@ def test_units_of_expressions_agree_with_those_of_their_text(name: str) -> None:
         assert symbolic_unit(model, expression) == model.units.of_output(output)
 
 
+def test_where_numbers_have_units_only_small_fractions_are_pure() -> None:
+    """A symbolic expression no longer says which of its numbers has one."""
+    model = load_text(text("x: m", "m: 1 kg, k: 2 N/m", "Q: {x: -0.3*x' - k*x}\n"))
+    assert [unit_of(x.dimension) for x in model.units.numbers] == ["N*s/m"]
+    x = se.Symbol("x")
+    for pure in (se.Integer(12), se.Integer(-2), se.Rational(1, 12), se.Rational(-11, 12)):
+        assert symbolic_unit(model, pure * x) == "m"
+    for other in (se.Integer(13), se.Rational(1, 13), se.RealDouble(0.3), se.pi, se.sqrt(2)):
+        assert symbolic_unit(model, other * x) is None
+    plain = load_text(text("x: m", "m: 1 kg, k: 2 N/m", "Q: {x: -k*x}\n"))
+    assert symbolic_unit(plain, se.RealDouble(0.3) * x) == "m"
+
+
+def test_coefficients_of_contacts_are_numbers() -> None:
+    contact = "constraints: {floor: {expr: x >= 0, restitution: RATIO}}\n"
+    parameters = "m: 1 kg, d: 0.5 m, l: 2 m"
+    for ratio in ("0.3", "1/2", "1 - d/l", "d/l"):
+        load_text(text("x: m", parameters, contact.replace("RATIO", ratio)))
+    for ratio in ("d", "d/2", "d*d"):
+        with pytest.raises(ModelError, match="`restitution` of `floor` must be a number, but"):
+            load_text(text("x: m", parameters, contact.replace("RATIO", ratio)))
+
+
+@pytest.mark.parametrize("field", ["every", "offset"])
+def test_clocks_are_in_seconds(field: str) -> None:
+    clock = {"every": "every: {}, offset: 0", "offset": "every: 1, offset: {}"}[field]
+    events = f"events: {{tick: {{{clock.format('tau/2')}, set: {{m: 2*m}}}}}}\n"
+    load_text(text("x: m", "m: 1 kg, tau: 1 s", events))
+    with pytest.raises(ModelError, match=f"`{field}` of `tick` must be in s, but `tau/2` is in m"):
+        load_text(text("x: m", "m: 1 kg, tau: 1 m", events))
+
+
 def test_result_units_name_columns() -> None:
     units = result_units(load(MODELS / "rolling_disk.yaml"))
     assert units["lambda.roll_x"] == "N"

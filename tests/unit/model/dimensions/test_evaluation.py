@@ -82,10 +82,13 @@ def taken(**changed: str) -> list[str]:
         ({"output": "0.05*x + 0.3*y'"}, ["s"]),  # the first stays pure
         ({"Q": "x: (1 + 0.3)*k*x"}, []),
         ({"Q": "x: k*x^1.5/sqrt(l)"}, []),
+        ({"output": "0.3*sin(2)*x + y"}, []),  # functions of numbers are numbers
+        ({"output": "hypot(sin(0), cos(2*pi))*x + exp(1)*y"}, []),
         # vectors
         ({"Q": "A: [0.3, -1]"}, ["N", "N"]),
         ({"Q": "A: m*[0, -9.81]"}, ["m/s^2"]),
         ({"constraints": "r: norm([x, 1]) = 2"}, ["m", "m"]),
+        ({"constraints": "r: norm([2, 1]) = x"}, ["m", "m"]),
         ({"definitions": "r: [x - 0.3, 1]", "V": "k/2*dot(r, r)"}, ["m", "m"]),
         # definitions take the units of their uses
         ({"definitions": "F: 0.3*x'", "Q": "x: -F"}, ["N*s/m"]),
@@ -116,6 +119,8 @@ def test_numbers_take_the_unit_of_their_place(changed: dict[str, str], units: li
         {"definitions": "h: 0.3*x", "Q": "x: h, phi: h"},
         {"output": "x - pi"},
         {"output": "2^x"},
+        {"Q": "x: dot([2, 3], A)"},  # factors, not terms
+        {"output": "norm(A + if(x > l, A, [x, t]))"},  # reported once, and no vector then
     ],
 )
 def test_what_no_number_can_mend_is_an_error(changed: dict[str, str]) -> None:

@@ -323,3 +323,21 @@ def test_values_of_options() -> None:
     model = load_text(text, set={"r": "10 cm", "g": "2*pi", "l": "3*r"}, set_initial={"phi": 1})
     assert model.units.throughout
     assert [model.units.of(name) for name in "rgl"] == ["m", "m/s^2", "m"]
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 4, 6])
+def test_usual_factors_are_not_taken_for_quantities(factor: int) -> None:
+    """The message names a number that could be a quantity, if there is one."""
+    text = """\
+coordinates: {{x: m}}
+parameters: {{m: 1 kg}}
+T: m/2*x'^2
+Q: {{x: "{factor}*x{more}"}}
+initial: {{x: 0, x': 0}}
+"""
+    with pytest.raises(ModelError) as caught:
+        load_text(text.format(factor=factor, more=""))
+    assert "counts as a pure number" not in str(caught.value)
+    with pytest.raises(ModelError) as caught:
+        load_text(text.format(factor=factor, more="*8"))
+    assert "`8` counts as a pure number" in str(caught.value)
