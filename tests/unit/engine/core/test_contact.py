@@ -298,7 +298,7 @@ def test_lemkes_method_solves_every_convex_problem(n: int) -> None:
 
 @pytest.mark.parametrize("contacts", [1, 3, 8])
 def test_lemkes_method_solves_problems_with_little_friction(contacts: int) -> None:
-    """Limits by contacts and bilateral rows of either sign, of rows that slip and that may stick."""
+    """Limits by contacts and bilateral rows of either sign; rows slip, or may stick."""
     rng = np.random.default_rng(contacts)
     n, slips = 2 * contacts, 0
     for _ in range(40):
