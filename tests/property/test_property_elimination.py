@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from kkt_systems import eliminated, hand_written, whole
 
 from lagcli.engine.linear.elimination import NoElimination, order_at
+from lagcli.engine.scales import coordinate_sizes
 
 
 @st.composite
@@ -32,7 +33,9 @@ def test_solves_what_lapack_solves(parts: tuple[np.ndarray, np.ndarray], seed: i
     mass, jacobian = parts
     matrix = whole(mass, jacobian)
     # B's rows and the coordinates are of any magnitude: judge the matrix by its scaled form
-    scale = 1 / np.sqrt(np.maximum(np.abs(matrix).max(axis=1), 1e-300))
+    sizes = coordinate_sizes(np.diag(mass), jacobian)
+    largest = np.abs(jacobian * sizes).max(axis=1, initial=0.0)
+    scale = np.append(sizes, 1 / np.maximum(largest, 1e-300))
     condition = (
         np.linalg.cond(matrix * np.outer(scale, scale)) if matrix.any(axis=1).all() else np.inf
     )

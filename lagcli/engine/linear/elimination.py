@@ -28,20 +28,35 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from itertools import accumulate, zip_longest
 from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Arithmetic, Tape
 
 Rows = list[dict[int, Array]]
 
-#: Smallest pivot relative to the largest entry of its row, at every sampled state.
+#: Smallest pivot relative to the largest entry of its row, at every sampled state, in a matrix with
+#: rows that are equally large ...
 THRESHOLD = 0.3
+#: ... and in one that is scaled by inertias: pivots of M pass, and the following ones of
+#: constraints are definite.
+_INERTIAL_THRESHOLD = 0.05
+#: Inertia of the coordinates scaled by inertias, beside the entries 1 of B.
+_INERTIA = 0.3
+#: Part of the largest inertia below which a coordinate has none: squares of rounding errors.
+_LEAST_INERTIA = 1e-24
+_BALANCING = 6  # iterations
+#: Number of unknowns up to which both scales are tried ...
+_FEW = 60
+#: ... and part of the updates with equally large rows, whose pivots are better away from the
+#: sampled states, below which the order by inertias is taken.
+_FEWER = 0.8
 #: Smallest pivot if none reaches the threshold; the engine's check of residuals decides.
 _LEAST = 1e-6
 #: Number of updates above which the matrix is treated as dense.
@@ -133,6 +148,9 @@ def order_at(
 ) -> Elimination:
     """Find a static order of elimination for [[M, Bᵀ], [B, 0]].
 
+    Pivots are judged in a matrix scaled by inertias and, in small systems, in one whose rows are
+    equally large; the second order is kept unless the first one has clearly fewer updates.
+
     In addition to the given states, the order must suit M and B near the first one: an entry that
     vanishes only in a special configuration (a chain that hangs straight) does not count as zero.
 
@@ -160,35 +178,115 @@ def order_at(
         kept = [n for n, (i, _) in enumerate(pattern) if i in number]
         jacobian, count = jacobian[kept], len(rows)
         pattern = tuple((number[i], j) for i, j in (pattern[n] for n in kept))
-    return find_order(
-        len(system.coordinates),
-        count,
-        system.mass_pattern,
-        pattern,
-        np.column_stack([mass, _mass_beside(system, mass[:, 0])]),
-        np.column_stack([jacobian, _jacobian_beside(pattern, count, jacobian[:, 0])]),
-    )
-
-
-def _mass_beside(system: System, mass: Array) -> Array:
-    """Return entries of M near given ones: changed by a fraction of the entries in their rows."""
-    m = np.array(system.mass_pattern, dtype=np.intp).reshape(-1, 2)
+    m, b = _places(system.mass_pattern), _places(pattern)
     inertia = np.zeros(len(system.coordinates))
-    diagonal = m[:, 0] == m[:, 1]
-    inertia[m[diagonal, 0]] = np.abs(mass[diagonal])
-    # symmetric, and small enough that M remains positive in rows with few entries
-    size = np.sqrt(inertia[m[:, 0]] * inertia[m[:, 1]])
-    changed: Array = mass + 0.05 * size * np.cos(1.7 * (m[:, 0] + m[:, 1]) + m[:, 0] * m[:, 1])
-    return changed
+    inertia[m[0][m[0] == m[1]]] = np.abs(mass[m[0] == m[1]]).max(axis=1)
+    matrix = _Matrix(m, b, inertia, count, mass, jacobian)
+    found = matrix.order(matrix.scaled_by_inertias(system.inertia(inertia)), _INERTIAL_THRESHOLD)
+    if found is None or len(found.order) <= _FEW:
+        other = matrix.order(matrix.balanced(), THRESHOLD)
+        if found is None or (other is not None and found.updates > _FEWER * other.updates):
+            found = other
+    if found is None:
+        raise NoElimination
+    return found
 
 
-def _jacobian_beside(pattern: Pattern, count: int, jacobian: Array) -> Array:
-    """Return entries of B near given ones, in the same way."""
-    row = np.array([i for i, _ in pattern], dtype=np.intp)
-    largest = np.zeros(count)
-    np.maximum.at(largest, row, np.abs(jacobian))
-    change: Array = 0.5 * largest[row] * np.cos(1.0 + 1.7 * np.arange(len(row)))
-    return jacobian + change
+def _places(pattern: Pattern) -> tuple[Indices, Indices]:
+    """Return the rows and columns of entries."""
+    row, column = np.array(pattern, dtype=np.intp).reshape(-1, 2).T
+    return row, column
+
+
+class _Matrix(NamedTuple):
+    """[[M, Bᵀ], [B, 0]] at sampled states.
+
+    Parameters
+    ----------
+    m, b : (rows, columns)
+        Places of the entries of M and B.
+    inertia : (nq,) array
+        Largest M_jj.
+    nc : int
+    mass, jacobian : (entries, states) arrays
+    """
+
+    m: tuple[Indices, Indices]
+    b: tuple[Indices, Indices]
+    inertia: Array
+    nc: int
+    mass: Array
+    jacobian: Array
+
+    def order(self, scaled: tuple[Array, Array], threshold: float) -> Elimination | None:
+        """Return the order for scaled entries of M and B; None if there is none."""
+        m, b = (tuple(zip(x.tolist(), y.tolist(), strict=True)) for x, y in (self.m, self.b))
+        with suppress(NoElimination):
+            return find_order(len(self.inertia), self.nc, m, b, *scaled, threshold)
+        return None
+
+    def scaled_by_inertias(self, inertia: Array) -> tuple[Array, Array]:
+        """Return entries at the states and beside the first one, in a scale independent of units.
+
+        M_jj is `_INERTIA`, and the largest entry of each row of B 1. A coordinate without inertia
+        is scaled as if it had the largest, in units in which the columns of B are equally large.
+
+        Parameters
+        ----------
+        inertia : (nq,) array
+            Inertia by which the coordinates are compared.
+        """
+        (row, column), (of_m, other), nq = self.b, self.m, len(inertia)
+        mass, entries = (np.abs(x).max(axis=1, initial=0.0) for x in (self.mass, self.jacobian))
+        sizes, weights = np.ones(nq), np.ones(self.nc)
+        for _ in range(_BALANCING):
+            scaled = entries * weights[row] * sizes[column]
+            weights /= np.sqrt(_largest(self.nc, row, scaled))
+            sizes /= np.sqrt(_largest(nq, column, scaled))
+        inertia = inertia * sizes * sizes
+        most = inertia.max(initial=0.0) or 1.0
+        sizes *= np.sqrt(_INERTIA / np.where(inertia > _LEAST_INERTIA * most, inertia, most))
+        # M_ij where M_ii is zero
+        sizes /= np.sqrt(_largest(nq, of_m, mass * sizes[of_m] * sizes[other], 1.0))
+        weights = 1.0 / _largest(self.nc, row, entries * sizes[column])
+        by_mass, by_rows = sizes[of_m] * sizes[other], weights[row] * sizes[column]
+        return self._with_beside(self.mass * by_mass[:, None], self.jacobian * by_rows[:, None])
+
+    def balanced(self) -> tuple[Array, Array]:
+        """Return entries at the states and beside the first one, in rows equally large."""
+        mass, jacobian = self._with_beside(self.mass, self.jacobian)
+        nq = len(self.inertia)
+        (of_m, other), (row, column) = self.m, (nq + self.b[0], self.b[1])
+        by_mass, by_rows = (np.abs(x).max(axis=1, initial=0.0) for x in (mass, jacobian))
+        scale = np.ones(nq + self.nc)
+        places = np.concatenate([of_m, column, row])
+        for _ in range(4):  # Ruiz: the square root of the remaining imbalance each time
+            b = by_rows * scale[row] * scale[column]
+            all_entries = np.concatenate([by_mass * scale[of_m] * scale[other], b, b])
+            scale /= np.sqrt(_largest(len(scale), places, all_entries))
+        return (
+            mass * (scale[of_m] * scale[other])[:, None],
+            jacobian * (scale[row] * scale[column])[:, None],
+        )
+
+    def _with_beside(self, mass: Array, jacobian: Array) -> tuple[Array, Array]:
+        """Append entries near those at the first state."""
+        (i, j), row, m, b = self.m, self.b[0], mass[:, 0], jacobian[:, 0]
+        inertia = np.zeros(len(self.inertia))
+        inertia[i[i == j]] = np.abs(m[i == j])
+        # symmetric, and small enough that M remains positive in rows with few entries
+        change = 0.05 * np.sqrt(inertia[i] * inertia[j]) * np.cos(1.7 * (i + j) + i * j)
+        largest = np.zeros(self.nc)
+        np.maximum.at(largest, row, np.abs(b))
+        turned = 0.5 * largest[row] * np.cos(1.0 + 1.7 * np.arange(len(row)))
+        return np.column_stack([mass, m + change]), np.column_stack([jacobian, b + turned])
+
+
+def _largest(count: int, rows: Indices, values: Array, least: float = 0.0) -> Array:
+    """Return the largest value of each row, or `least` if that is larger; 1 for a row of zeros."""
+    largest = np.full(count, least)
+    np.maximum.at(largest, rows, values)
+    return np.where(largest > 0.0, largest, 1.0)
 
 
 def find_order(
@@ -198,6 +296,7 @@ def find_order(
     jacobian: Pattern,
     mass_values: Array,
     jacobian_values: Array,
+    threshold: float = THRESHOLD,
 ) -> Elimination:
     """Find a static order of elimination.
 
@@ -207,14 +306,16 @@ def find_order(
         Numbers of coordinates and constraints.
     mass, jacobian : patterns of M and B
     mass_values, jacobian_values : (entries, states) arrays
-        M and B at the sampled states.
+        M and B at the sampled states, scaled to entries of order one.
+    threshold : float
+        Smallest pivot relative to the largest entry of its row.
 
     Raises
     ------
     NoElimination
     """
     size = nq + nc
-    rows = _scaled_rows(size, nq, mass, jacobian, mass_values, jacobian_values)
+    rows = _rows(size, nq, mass, jacobian, mass_values, jacobian_values)
     order: list[int] = []
     paired: list[bool] = []
     below: list[tuple[int, ...]] = []
@@ -235,7 +336,7 @@ def find_order(
                 continue
             if i in touched:
                 waiting.append((degree, i))
-            elif _large(rows[i], i) >= THRESHOLD:
+            elif _large(rows[i], i) >= threshold:
                 pivots = (i,)
                 most = min(most, degree + 1)
                 break
@@ -246,7 +347,7 @@ def find_order(
                 heapq.heappush(queue, entry)
             touched, waiting, most = set(), [], math.inf
             continue
-        pivots = pivots or _fallback_pivot(rows, refused)
+        pivots = pivots or _fallback_pivot(rows, refused, threshold)
         neighbours = sorted({j for i in pivots for j in rows[i]} - set(pivots))
         updates += len(pivots) * len(neighbours) * (len(neighbours) + 1) // 2
         if updates > MOST_UPDATES:
@@ -269,25 +370,15 @@ def find_order(
     return Elimination(tuple(order), tuple(paired), columns, smallest)
 
 
-def _scaled_rows(size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array, b: Array) -> Rows:
-    """Return the matrix by rows, scaled so that the largest entry of each row is of order one."""
-    places = [*mass, *((j, nq + i) for i, j in jacobian), *((nq + i, j) for i, j in jacobian)]
-    values = np.concatenate([m, b, b])
-    if not np.isfinite(values).all():
+def _rows(size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array, b: Array) -> Rows:
+    """Return the matrix by rows."""
+    if not (np.isfinite(m).all() and np.isfinite(b).all()):
         raise NoElimination
-    row, column = np.array(places, dtype=np.intp).reshape(-1, 2).T
-    scale = np.ones(size)
-    magnitude = np.abs(values).max(axis=1, initial=0.0)
-    for _ in range(4):  # Ruiz: the square root of the remaining imbalance each time
-        largest = np.zeros(size)
-        np.maximum.at(largest, row, magnitude * scale[row] * scale[column])
-        if not largest.all():
-            raise NoElimination
-        scale /= np.sqrt(largest)
-    values = values * (scale[row] * scale[column])[:, None]
     rows: Rows = [{} for _ in range(size)]
-    for (i, j), x in zip(places, values, strict=True):
+    for (i, j), x in zip(mass, m, strict=True):
         rows[i][j] = x
+    for (i, j), x in zip(jacobian, b, strict=True):
+        rows[nq + i][j] = rows[j][nq + i] = x
     return rows
 
 
@@ -303,7 +394,7 @@ def _large(row: dict[int, Array], i: int) -> float:
     return float((own / np.maximum(np.maximum.reduce(others), 1e-300)).min())
 
 
-def _fallback_pivot(rows: Rows, refused: set[int]) -> tuple[int, ...]:
+def _fallback_pivot(rows: Rows, refused: set[int], threshold: float) -> tuple[int, ...]:
     """Return the best pivot if no diagonal entry is large enough: a pair, or the largest entry."""
     best: tuple[float, int, tuple[int, ...]] = (-_LEAST, 0, ())
     for i in sorted(refused, key=lambda i: len(rows[i])):
@@ -314,9 +405,9 @@ def _fallback_pivot(rows: Rows, refused: set[int]) -> tuple[int, ...]:
             size, j = max(pair)
             options.append((size, (i, j)))
         for size, pivots in options:
-            key = (-min(size, THRESHOLD), len(row), pivots)
+            key = (-min(size, threshold), len(row), pivots)
             best = min(best, key)
-        if best[0] <= -THRESHOLD:
+        if best[0] <= -threshold:
             break
     if not best[2]:
         raise NoElimination

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 from kkt_systems import eliminated, hand_written, whole
 
+import lagcli
 from lagcli.engine.layout import UnrolledLayout
+from lagcli.engine.linear import elimination
 from lagcli.engine.linear.elimination import (
     Elimination,
     NoElimination,
@@ -19,6 +22,10 @@ from lagcli.engine.linear.elimination import (
 )
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import Op
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.simulation import prepare
+
+FOUND = Path(__file__).parents[3] / "found"
 
 
 def pattern(matrix: np.ndarray) -> tuple[tuple[int, int], ...]:
@@ -145,6 +152,57 @@ def test_the_order_of_some_rows_is_that_without_the_others(seed: int) -> None:
         (*entries, *rest, *b[b != 0], *[0.0] * len(b), 0.0) for b in (jacobian, jacobian[[0, 2]])
     ]
     assert order_at(system.system, [states[0]], [0, 2]) == order_at(few.system, [states[1]])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_order_does_not_depend_on_units(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """kg, g or t; m or mm beside rad; s or h; a constraint times a number."""
+    mass, jacobian = random_parts(seed)
+    mass[0, 0] = 1.0
+    nq, nc = len(mass), len(jacobian)
+    rng = np.random.default_rng(seed)
+    plans, chosen = [], []
+    for unit in (1.0, 1e-3, 1e3, 1e7):
+        lengths = np.where(rng.random(nq) < 0.5, 10.0 ** rng.integers(-3, 4), 1.0)
+        rows = 10.0 ** rng.integers(-3, 4, size=(nc, 1))
+        m, b = unit * mass * np.outer(lengths, lengths), rows * jacobian * lengths
+        system, _ = hand_written(m, b, np.zeros(nq + nc))
+        outputs = (*m[m != 0], *[0.0] * nq, *b[b != 0], *[0.0] * nc, 0.0)
+        chosen.append(order_at(system, [outputs]).updates)
+        with monkeypatch.context() as context:
+            context.setattr(elimination, "_FEW", 0)
+            plans.append(order_at(system, [outputs]))
+    assert len(set(plans)) == 1
+    assert max(chosen) <= plans[0].updates / 0.8
+    np.testing.assert_allclose([plan.smallest for plan in plans], plans[0].smallest, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "sizes", "masses", "most"),
+    [("net_rods", "5", ("10 g", "1 kg", "1 t"), 1200), ("ring100", "40", ("10 g", "1 kg"), 360)],
+)
+def test_light_bodies_fill_no_more_than_heavy_ones(
+    name: str, sizes: str, masses: tuple[str, ...], most: int
+) -> None:
+    updates = set()
+    for m in masses:
+        model = lagcli.load(FOUND / f"{name}.yaml", {"N": sizes, "m": m})
+        found = prepare(model, SettingsOverrides()).start.elimination
+        assert found is not None
+        updates.add(found.updates)
+    assert len(updates) == 1
+    assert updates.pop() <= most  # pairs of light bodies with rods fill 20 777 of a net of 5
+
+
+def test_a_coordinate_with_inertia_of_rounding_errors_spoils_no_constraint() -> None:
+    """M of a quaternion at rest: 1e-33 in place of 0, which would dominate two of the rows."""
+    mass = np.diag([1e-33, 1.0, 2.0, 1.0])
+    jacobian = np.array([[2.0, 0.1, 0.0, 1.0], [1.0, 0.0, 0.3, 0.0]])
+    rhs = np.arange(1.0, 7.0)
+    case = system, p = hand_written(mass, jacobian, rhs)
+    plan = order_at(system, [p])
+    for x in eliminated(case, plan, rhs)[0]:
+        np.testing.assert_allclose(x, np.linalg.solve(whole(mass, jacobian), rhs), rtol=1e-12)
 
 
 def test_an_entry_that_vanishes_at_the_state_is_not_taken_for_zero() -> None:
