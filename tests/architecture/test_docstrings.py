@@ -119,10 +119,13 @@ IN_C = re.compile(r"(?<![\w./{<*-])(?:[\w-]+/)*[\w-]+\.(?:py|c)\b")
 GENERATED = {"tables.h", "layout.h"}
 
 
-def test_files_in_comments_exist() -> None:
+def test_files_in_comments_and_recipes_exist() -> None:
     core = [*(ROOT / "lagcli").rglob("*.[ch]")]
-    files = [f"/{x.relative_to(ROOT)}" for x in [*MODULES, *core, *(ROOT / "docs").rglob("*.py")]]
-    named = {(path, x) for path, text in TEXTS.items() for x in IN_PYTHON.findall(text)}
+    others = [x for folder in ("docs", "tests") for x in (ROOT / folder).rglob("*.py")]
+    files = [f"/{x.relative_to(ROOT)}" for x in [*MODULES, *core, *others]]
+    recipes = ROOT / "CONTRIBUTING.md"
+    texts = {**TEXTS, recipes: recipes.read_text()}
+    named = {(path, x) for path, text in texts.items() for x in IN_PYTHON.findall(text)}
     named |= {(path, x) for path in core for x in IN_C.findall(path.read_text())}
     wrong = [
         f"{path.relative_to(ROOT)}: {name}"
