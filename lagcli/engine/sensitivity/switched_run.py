@@ -428,7 +428,7 @@ def _rates(tape: Tape, state: int) -> Tape:
 
 
 class Loss(IntEnum):
-    """The reasons: ``lag_reason`` in core/derivatives/derivatives.h."""
+    """The reasons why a derivative ends: ``lag_reason`` in core/derivatives/derivatives.h."""
 
     UNKNOWN = 0
     GRAZES = 1
@@ -438,6 +438,20 @@ class Loss(IntEnum):
     RESTS = 5
     ONLY_HERE = 6
     WITHIN_TOLERANCE = 7
+
+
+#: Sentences on them, with the first of the functions concerned, or all.
+_SENTENCES = {
+    Loss.UNKNOWN: "they have no finite value",
+    Loss.GRAZES: "{first} is only touched, without a rate, and the time has no derivative",
+    Loss.SHARES: "{first} shares its force with others, so that the time has no derivative",
+    Loss.COINCIDE: "{all} occur simultaneously, and their order decides what follows",
+    Loss.CLOSE_TOGETHER: "contacts close simultaneously there, {first} among them, and their order"
+    " decides",
+    Loss.RESTS: "infinitely many impacts of {first} end there",
+    Loss.ONLY_HERE: "{first} holds there only for this value",
+    Loss.WITHIN_TOLERANCE: "{first} holds from there on within a tolerance, and not exactly",
+}
 
 
 #: Kinds of watched functions that are not of rows: ``lag_watched`` in core/switching/switching.h.
@@ -463,22 +477,7 @@ def why_lost(
         Kinds and numbers of the functions that it is about.
     """
     names = [*dict.fromkeys(_name(split, frozen, what, which) for what, which in culprits)]
-    first = names[0] if names else ""
-    if reason == Loss.GRAZES:
-        return f"{first} is only touched, without a rate, and the time has no derivative"
-    if reason == Loss.SHARES:
-        return f"{first} shares its force with others, so that the time has no derivative"
-    if reason == Loss.COINCIDE:
-        return f"{' and '.join(names)} occur simultaneously, and their order decides what follows"
-    if reason == Loss.CLOSE_TOGETHER:
-        return f"contacts close simultaneously there, {first} among them, and their order decides"
-    if reason == Loss.RESTS:
-        return f"infinitely many impacts of {first} end there"
-    if reason == Loss.ONLY_HERE:
-        return f"{first} holds there only for this value"
-    if reason == Loss.WITHIN_TOLERANCE:
-        return f"{first} holds from there on within a tolerance, and not exactly"
-    return "they have no finite value"
+    return _SENTENCES[Loss(reason)].format(first="".join(names[:1]), all=" and ".join(names))
 
 
 def _name(split: SplitSystem, frozen: FrozenSystem | None, what: int, which: int) -> str:
