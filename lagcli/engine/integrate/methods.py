@@ -66,11 +66,19 @@ class Change(NamedTuple):
     method : str
     why : str
         The reason, as a phrase.
+    order : int, optional
+        Of Taylor's method.
     """
 
     t: float
     method: str
     why: str
+    order: int = 0
+
+    def __str__(self) -> str:
+        """Return the change as a phrase."""
+        order = f" of order {self.order}" if self.order else ""
+        return f"{self.method}{order} from t = {self.t:.4g} s ({self.why})"
 
 
 class _Mark(NamedTuple):
@@ -305,7 +313,7 @@ class Methods:
             return False
         self._ratio, self._explicit = ratio, "Taylor"
         gain = f"about {_rounded(1 / relative)} times cheaper per second than DOP853"
-        self.changes.append(Change(self.core.t, "Taylor", f"{motion}: {gain}"))
+        self.changes.append(Change(self.core.t, "Taylor", f"{motion}: {gain}", prices.order))
         self._go_on("Taylor")
         self._note_place()
         self._next_review = self._next_look = self.core.counts[0] + _TRIAL
@@ -357,8 +365,8 @@ class Methods:
         """Return the message on the chosen method."""
         if not self.changes or METHODS[self.changes[-1].method].implicit is False:
             return self.refused
-        t, method, _ = self.changes[-1]
-        return f"the motion is stiff: continued with {method} at t = {t:.9g} s"
+        last = self.changes[-1]
+        return f"the motion is stiff: continued with {last.method} at t = {last.t:.9g} s"
 
     def choice(self) -> str:
         """Return which method was chosen, and why; empty if it was requested."""
@@ -366,7 +374,7 @@ class Methods:
             return ""
         if not self.changes:
             return f"DOP853 ({self._why})"
-        return "; ".join(f"{x.method} from t = {x.t:.4g} s ({x.why})" for x in self.changes)
+        return "; ".join(map(str, self.changes))
 
     @cached_property
     def _jacobians(self) -> JacobianTapes:
