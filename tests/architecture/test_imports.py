@@ -483,3 +483,11 @@ def test_no_file_of_the_core_includes_itself_by_way_of_others() -> None:
         graph[own] = set()  # a header that the build writes
     assert {"run", "motion", "switching/instant", "batch/batch"} <= set(graph)
     assert circles(graph) == []
+
+
+def test_the_core_counts_with_integers_of_one_size_on_every_platform() -> None:
+    """`long` has 32 bits on Windows."""
+    core = PACKAGE / "engine" / "core"
+    for file in sorted(core.rglob("*.[ch]")):
+        code = re.sub(r"/\*.*?\*/", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+        assert re.findall(r"\blong\b|\bLONG_|\b\d+[lL]\b", code) == [], file

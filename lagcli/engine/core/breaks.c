@@ -14,9 +14,9 @@ static void take_piece(const lag_function *f, double t, double *piece)
 {
     const double slack = lag_coincidence(t);
     const double shift = f->period > 0.0 ? floor((t + slack - f->knots[0]) / f->period) * f->period : 0.0;
-    long low = 0, high = f->count; /* the piece is in [low, high) */
+    int64_t low = 0, high = f->count;  /* the piece is in [low, high) */
     while (high - low > 1) {
-        const long middle = low + (high - low) / 2;
+        const int64_t middle = low + (high - low) / 2;
         if (f->knots[middle] <= t - shift + slack)
             low = middle;
         else

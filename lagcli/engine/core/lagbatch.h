@@ -24,7 +24,7 @@ typedef struct {
     int kernel;                        /* a lag_kernel */
     /* owned by the caller, written by the core */
     int32_t *status;                   /* by run: a lag_lane_status */
-    int64_t *counts;                /* by run: steps, rejected, evaluations */
+    int64_t *counts;                   /* by run: steps, rejected, evaluations */
     double *samples;                   /* by slot: rows of t, q, v, a, lambda, W */
 } lag_batch_settings;
 

@@ -57,17 +57,17 @@ void *lag_copy(lag_pool *pool, const void *from, size_t count, size_t size)
     return to;
 }
 
-double *lag_doubles(lag_pool *pool, long count)
+double *lag_doubles(lag_pool *pool, int64_t count)
 {
     return lag_get(pool, (size_t)count, sizeof(double));
 }
 
-double *lag_copy_doubles(lag_pool *pool, const double *from, long count)
+double *lag_copy_doubles(lag_pool *pool, const double *from, int64_t count)
 {
     return lag_copy(pool, from, (size_t)count, sizeof(double));
 }
 
-int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, long count)
+int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, int64_t count)
 {
     return lag_copy(pool, from, (size_t)count, sizeof(int32_t));
 }

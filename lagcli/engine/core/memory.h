@@ -20,9 +20,9 @@ void *lag_get(lag_pool *pool, size_t count, size_t size);
 /* A copy; zeros where `from` is NULL. */
 void *lag_copy(lag_pool *pool, const void *from, size_t count, size_t size);
 
-double *lag_doubles(lag_pool *pool, long count);
-double *lag_copy_doubles(lag_pool *pool, const double *from, long count);
-int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, long count);
+double *lag_doubles(lag_pool *pool, int64_t count);
+double *lag_copy_doubles(lag_pool *pool, const double *from, int64_t count);
+int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, int64_t count);
 
 /* Release all; the pool can be used again. */
 void lag_release(lag_pool *pool);

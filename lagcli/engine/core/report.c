@@ -11,7 +11,7 @@ const double *lag_matrix(const lag_run *run)
 
 int64_t lag_take(lag_run *run)
 {
-    const long used = run->samples.used;
+    const int64_t used = run->samples.used;
     run->samples.used = 0;
     return used;
 }

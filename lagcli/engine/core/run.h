@@ -31,7 +31,7 @@ typedef struct {
     int finishing;                     /* the last step is accepted and not yet sampled */
     double *trial;                     /* n: scratch */
     double *work;                      /* 2 N, 2 n and 3 nc: scratch */
-    long steps, rejected, evaluations;
+    int64_t steps, rejected, evaluations;
 } lag_step;
 
 /* sizes.c: the absolute tolerances. */
@@ -70,12 +70,12 @@ enum lag_solution { LAG_BY_LU, LAG_BY_TAPE, LAG_BY_LDL };
 
 typedef struct {
     enum lag_solution by;
-    long dense_steps;                  /* of steps to take by dense LU, one more: also up to the next one */
+    int64_t dense_steps;               /* of steps to take by dense LU, one more: also up to the next one */
     int refinable;                     /* whether solutions may be refined before an order is replaced */
     int refining;                      /* whether y' needs a refined solution ... */
     int accurate_steps;                /* ... and the consecutive steps that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end ... */
-    long rejected;                     /* ... and the number of steps rejected until then */
+    int64_t rejected;                  /* ... and the number of steps rejected until then */
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
     double *right, *solution;          /* N each */
     double *block;                     /* nq + nc of one block: scratch */
@@ -134,9 +134,9 @@ typedef struct {
 /* sample.c: samples. */
 typedef struct {
     const double *times;
-    long count, next;                  /* of times; the next one */
+    int64_t count, next;               /* of times; the next one */
     double *block;                     /* rows of t, q, v, a, lambda, W, and `extra` numbers */
-    long rows, used;
+    int64_t rows, used;
     int extra;                         /* multipliers of rows that switch */
     double *y;                         /* n: scratch */
 } lag_samples;
@@ -144,7 +144,7 @@ typedef struct {
 /* breaks.c: times at which the right side is not smooth. */
 typedef struct {
     const double *times;               /* increasing, s */
-    long count, next;                  /* the first one after the state */
+    int64_t count, next;               /* the first one after the state */
     const lag_function *functions;     /* whose pieces change there */
     int function_count;
 } lag_breaks;

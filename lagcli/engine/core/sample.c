@@ -47,7 +47,7 @@ static int write_row(lag_run *run, double t, double *y, double *row)
 /* Store the sample at a time. */
 static int sample(lag_run *run, double t, double *y)
 {
-    const long width = lag_sample_size(&run->system) + run->samples.extra + lag_width_of_changes(run);
+    const int64_t width = lag_sample_size(&run->system) + run->samples.extra + lag_width_of_changes(run);
     const int status = write_row(run, t, y, run->samples.block + run->samples.used * width);
     if (status != LAG_RUNNING)
         return status;

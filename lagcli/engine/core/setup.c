@@ -103,10 +103,10 @@ static void allocate(lag_run *run)
     run->solver.block = lag_doubles(pool, nq + nc);
     run->dense.weight = lag_doubles(pool, nc);
     run->dense.pivots = lag_get(pool, (size_t)size, sizeof(int));
-    run->rows.scaled = lag_doubles(pool, (long)nq * nc);
+    run->rows.scaled = lag_doubles(pool, (int64_t)nq * nc);
     run->rows.order = lag_get(pool, (size_t)nc, sizeof(int));
-    run->rows.components = lag_doubles(pool, (long)nc * nc);
-    run->rows.dependencies = lag_doubles(pool, (long)(nc - rank) * nc);
+    run->rows.components = lag_doubles(pool, (int64_t)nc * nc);
+    run->rows.dependencies = lag_doubles(pool, (int64_t)(nc - rank) * nc);
     run->watch.combination = lag_doubles(pool, nc);
     run->watch.jacobian = lag_doubles(pool, 2 * run->system.nb);
     run->samples.y = lag_doubles(pool, n);
@@ -204,7 +204,7 @@ int lag_use_dense(lag_run *run, const lag_program *dynamics)
 
 int lag_allow_dense(lag_run *run, int64_t steps)
 {
-    const long size = run->system.nq + 2 * run->system.nc - run->rows.rank;
+    const int64_t size = run->system.nq + 2 * run->system.nc - run->rows.rank;
     run->solver.dense_steps = steps ? steps + 1 : 0; /* with the dense output of the last one */
     if (!run->dense.matrix) {
         run->dense.matrix = lag_doubles(&run->pool, size * size);
@@ -297,7 +297,7 @@ int lag_use_jacobians(lag_run *run, const lag_jacobians *given)
     copy_block(pool, &m->power_velocity, &given->power_velocity, first);
     m->mass = lag_doubles(pool, run->system.nm);
     m->jacobian = lag_doubles(pool, run->system.nb);
-    m->border = lag_doubles(pool, (long)(nc - run->rows.rank) * nc);
+    m->border = lag_doubles(pool, (int64_t)(nc - run->rows.rank) * nc);
     m->derivatives = lag_doubles(pool, given->program.output_count);
     m->velocity = lag_doubles(pool, nq);
     m->quotient = lag_doubles(pool, nq);

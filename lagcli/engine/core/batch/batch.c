@@ -14,7 +14,7 @@ static const lag_batch_kernel *lanes_kernel(int kernel)
     return &lag_batch_default;
 }
 
-static double *lanes(lag_pool *pool, long count)
+static double *lanes(lag_pool *pool, int64_t count)
 {
     return lag_doubles(pool, count * LAG_LANES);
 }
@@ -26,7 +26,7 @@ static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
     static const int places[] = LAG_PLACES;
     int32_t *code = lag_copy_integers(pool, stream->code, stream->length), *p = code;
     while (p && *p != OP_END) {
-        const int32_t *end = p + 2 + (long)places[p[0]] * p[1];
+        const int32_t *end = p + 2 + (int64_t)places[p[0]] * p[1];
         for (p += 2; p != end; ++p)
             *p *= LAG_LANES;
     }
@@ -45,10 +45,10 @@ static void bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *progra
     tape->registers = lanes(pool, program->register_count);
     if (pool->failed)
         return;
-    for (long i = 0; i < program->output_count; ++i)
+    for (int64_t i = 0; i < program->output_count; ++i)
         outputs[i] *= LAG_LANES;
     tape->outputs = outputs;
-    for (long i = 0; i < program->register_count; ++i)
+    for (int64_t i = 0; i < program->register_count; ++i)
         for (int l = 0; l < LAG_LANES; ++l)
             tape->registers[i * LAG_LANES + l] = program->registers[i];
 }
@@ -70,7 +70,7 @@ static void bind_octet(lag_batch *s, lag_octet *o, const lag_program *dynamics,
     o->trial = lanes(pool, nq);
 }
 
-static void allocate(lag_batch *s, long slots)
+static void allocate(lag_batch *s, int64_t slots)
 {
     lag_pool *pool = &s->pool;
     const int nq = s->system->nq, n = 2 * nq + 1;
@@ -128,7 +128,7 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
         lag_batch_destroy(s);
         return NULL;
     }
-    for (long i = 0; i < given->slots; ++i)
+    for (int64_t i = 0; i < given->slots; ++i)
         s->free_slots[s->free_count++] = given->slots - 1 - i;
     for (int l = 0; l < LAG_LANES; ++l)
         s->run[l] = -1;
@@ -148,8 +148,8 @@ int lag_batch_advance(lag_batch *s, int64_t attempts)
 
 int64_t lag_batch_take(lag_batch *s, int64_t *runs, int64_t *slots)
 {
-    const long count = (long)s->finished_count;
-    for (long i = 0; i < count; ++i) {
+    const int64_t count = (int64_t)s->finished_count;
+    for (int64_t i = 0; i < count; ++i) {
         runs[i] = s->finished[i];
         slots[i] = s->finished_slots[i];
         s->free_slots[s->free_count++] = slots[i];

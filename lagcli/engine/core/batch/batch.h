@@ -32,11 +32,11 @@ struct lag_batch {
     const lag_system *system;
     double t_start, t_end, h_max, rtol;
     int watching, detecting;
-    long max_steps;
+    int64_t max_steps;
     const double *times;               /* sample times */
-    long times_count;
+    int64_t times_count;
 
-    long runs, next;                   /* number of runs; the next one to start */
+    int64_t runs, next;                /* number of runs; the next one to start */
     int parameters_count;
     const double *parameters, *states; /* by run: parameters; q and v at t_start */
     int32_t *status;                   /* by run: a lag_lane_status */
@@ -77,12 +77,12 @@ struct lag_batch {
 
 /* The functions for one instruction set. */
 typedef struct lag_batch_kernel {
-    int (*advance)(lag_batch *lanes, long attempts);
+    int (*advance)(lag_batch *lanes, int64_t attempts);
 
     /* Evaluate a tape over the rows of a table: its inputs are the first `columns` numbers of a row,
      * then the parameters. out: by output, `rows` numbers. */
     void (*table)(const lag_batch_tape *tape, const double *parameters, int parameters_count,
-                  const double *table, long rows, int columns, long width, int outputs,
+                  const double *table, int64_t rows, int columns, int64_t width, int outputs,
                   double *out);
 
     /* sin and cos of eight numbers. */

@@ -316,7 +316,7 @@ static void batch_attempt(lag_batch *s, int lanes)
     }
 }
 
-static int batch_advance(lag_batch *s, long attempts)
+static int batch_advance(lag_batch *s, int64_t attempts)
 {
     for (;;) {
         const int filled = batch_fill(s);
@@ -336,7 +336,7 @@ static int batch_advance(lag_batch *s, long attempts)
 }
 
 static void batch_table(const lag_batch_tape *tape, const double *parameters, int parameters_count,
-                        const double *table, long rows, int columns, long width, int outputs,
+                        const double *table, int64_t rows, int columns, int64_t width, int outputs,
                         double *out)
 {
     double *r = tape->registers;
@@ -344,7 +344,7 @@ static void batch_table(const lag_batch_tape *tape, const double *parameters, in
         EACH_PART (k)
             AT(r + (columns + i) * LAG_LANES + k) = all(parameters[i]);
     batch_run(tape->prelude, r);
-    for (long first = 0; first < rows; first += LAG_LANES) {
+    for (int64_t first = 0; first < rows; first += LAG_LANES) {
         const int count = rows - first < LAG_LANES ? (int)(rows - first) : LAG_LANES;
         EACH_LANE (l) {
             const double *row = table + (first + (l < count ? l : count - 1)) * width;

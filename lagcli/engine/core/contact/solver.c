@@ -1,6 +1,7 @@
 #include "contact/contact.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "contact/modes.h"
@@ -18,7 +19,7 @@ typedef struct search {
     int sticking;  /* rows of the solution that stick and whose static limit exceeds the kinetic one */
     int preferred; /* whether such rows exist */
     int enough;    /* number of solutions after which the search ends */
-    long tried;
+    int64_t tried;
 } search;
 
 static int sticks_longer(const lag_contacts *p, int k)

@@ -38,7 +38,7 @@ typedef struct lag_implicit {
     double *quotient, *zero;           /* nq each: r_q/s, and zeros */
     double shift, shift_re, shift_im;  /* of the factors; 0 if there are none */
     int refine;                        /* whether the solutions of the factors need refinement */
-    long ordered;                      /* the step for which orders were chosen */
+    int64_t ordered;                   /* the step for which orders were chosen */
     int orders;                        /* their number */
 
     double h_accepted;                 /* the last step; 0 before the first */

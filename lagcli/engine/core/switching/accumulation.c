@@ -41,12 +41,12 @@ typedef struct {
     int law_of_impact;
 } patch;
 
-long lag_accumulation_doubles(long rows)
+int64_t lag_accumulation_doubles(int64_t rows)
 {
     return 8 * rows * rows + 16 * rows + STATES * (2 * rows + 2);
 }
 
-long lag_accumulation_integers(long rows)
+int64_t lag_accumulation_integers(int64_t rows)
 {
     return 6 * rows;
 }

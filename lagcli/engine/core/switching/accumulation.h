@@ -5,8 +5,8 @@
 #include "run.h"
 
 /* Doubles and integers that lag_end_of_impacts needs, of a number of rows. */
-long lag_accumulation_doubles(long rows);
-long lag_accumulation_integers(long rows);
+int64_t lag_accumulation_doubles(int64_t rows);
+int64_t lag_accumulation_integers(int64_t rows);
 
 /*
  * The time at which infinitely many impacts come to an end, at (t, y), the state after one of them: those of contact

@@ -58,7 +58,7 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
     e->range = lag_get(&run->pool, (size_t)e->count, sizeof *e->range);
     e->ready = lag_get(&run->pool, (size_t)e->count, sizeof *e->ready);
     e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
-    e->points = lag_doubles(&run->pool, (long)e->count * JET * POINTS);
+    e->points = lag_doubles(&run->pool, (int64_t)e->count * JET * POINTS);
     for (int i = 0; i < e->count && !run->pool.failed; ++i)
         e->place[e->state[i]] = i;
 }
@@ -120,7 +120,7 @@ static lag_interval enclose_between_ends(const lag_run *run, int i, const double
 static const double *points_of(lag_run *run, int i, int order)
 {
     lag_enclosure *e = &run->switching.enclosure;
-    double *b = e->points + (long)i * JET * POINTS;
+    double *b = e->points + (int64_t)i * JET * POINTS;
     if (!e->ready[i]) {
         e->degree = run->stepped->control_points(run, e->state[i], b);
         e->ready[i] = 1;
@@ -194,7 +194,7 @@ void lag_enclosure_begin(lag_run *run, const double *f)
             const double *b = points_of(run, i, 0);
             e->range[i] = range_within(b, e->degree, 0.0, 1.0);
         }
-        e->jets[(long)JET * i] = e->range[i];
+        e->jets[(int64_t)JET * i] = e->range[i];
     }
 }
 
@@ -209,7 +209,7 @@ static void slip_jet(const lag_run *run, const lag_jet_tape *tape, int row, int 
         if (sw->row[i] != row)
             continue;
         const int v = e->place[run->system.nq + sw->column[i]];
-        lag_jet_multiply(lag_jet_output(tape, sw->nh + i), e->jets + (long)JET * v, product, order);
+        lag_jet_multiply(lag_jet_output(tape, sw->nh + i), e->jets + (int64_t)JET * v, product, order);
         for (int k = 0; k <= order; ++k)
             out[k] = lag_interval_add(out[k], product[k]);
     }
@@ -251,7 +251,7 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
         t[k] = (lag_interval){k == 1, k == 1};
     for (int i = 0; i < e->count; ++i)
         if (tape->used[1 + e->state[i]])
-            memcpy(lag_jet_input(tape, 1 + e->state[i]), e->jets + (long)JET * i, (size_t)(order + 1) * sizeof *t);
+            memcpy(lag_jet_input(tape, 1 + e->state[i]), e->jets + (int64_t)JET * i, (size_t)(order + 1) * sizeof *t);
     lag_jets_run(tape, order);
 }
 
@@ -279,14 +279,14 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
         for (int i = 0; i < e->count; ++i)
             for (int m = 0; m <= order && e->used[e->state[i]] >> tape & 1; ++m) {
                 const double *b = points_of(run, i, m);
-                e->jets[(long)JET * i + m] = m <= e->degree ? range_within(b, e->degree - m, u, v)
+                e->jets[(int64_t)JET * i + m] = m <= e->degree ? range_within(b, e->degree - m, u, v)
                                                             : (lag_interval){0.0, 0.0};
             }
     } else { /* the ranges of states, whose derivatives do not matter */
         for (int i = 0; i < e->count; ++i) {
-            e->jets[(long)JET * i] = e->range[i];
+            e->jets[(int64_t)JET * i] = e->range[i];
             for (int m = 1; m <= order; ++m)
-                e->jets[(long)JET * i + m] = LAG_ANYTHING;
+                e->jets[(int64_t)JET * i + m] = LAG_ANYTHING;
         }
     }
     evaluate(run, e->tapes + tape, a, b, order);
@@ -300,8 +300,8 @@ void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double
     lag_jets_refresh(e->tapes + tape);
     for (int i = 0; i < e->count; ++i) {
         const int state = e->state[i];
-        e->jets[(long)JET * i] = (lag_interval){y[state], y[state]};
-        e->jets[(long)JET * i + 1] = (lag_interval){f[state], f[state]};
+        e->jets[(int64_t)JET * i] = (lag_interval){y[state], y[state]};
+        e->jets[(int64_t)JET * i + 1] = (lag_interval){f[state], f[state]};
     }
     evaluate(run, e->tapes + tape, t, t, 1);
     take_output(run, k, 1, out);

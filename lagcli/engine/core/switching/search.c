@@ -40,7 +40,7 @@ typedef struct {
     int k;
     double noise;                      /* it is negative below minus that: until it has been positive beyond, ... */
     double rounding;                   /* ... and after that */
-    long parts;                        /* intervals that were looked at */
+    int64_t parts;                     /* intervals that were looked at */
 } along_step;
 
 static double value_inside(void *context, double t)

@@ -1,5 +1,4 @@
 /* Setup of the switching part of a run. */
-#include <limits.h>
 #include <math.h>
 #include <string.h>
 
@@ -35,13 +34,13 @@ static void allocate(lag_run *run)
         *by_row[i] = lag_doubles(pool, rows);
     for (size_t i = 0; i < sizeof by_state / sizeof *by_state; ++i)
         *by_state[i] = lag_doubles(pool, n);
-    sw->jacobian = lag_doubles(pool, (long)rows * nq);
-    sw->response = lag_doubles(pool, (long)all * size);
+    sw->jacobian = lag_doubles(pool, (int64_t)rows * nq);
+    sw->response = lag_doubles(pool, (int64_t)all * size);
     sw->force = lag_doubles(pool, all);
-    sw->matrix = lag_doubles(pool, (long)all * all);
-    sw->lu = lag_doubles(pool, (long)all * all);
+    sw->matrix = lag_doubles(pool, (int64_t)all * all);
+    sw->lu = lag_doubles(pool, (int64_t)all * all);
     sw->multipliers = lag_doubles(pool, sw->nc);
-    sw->work = lag_doubles(pool, 2L * size + 7L * all + 5L * all * all);
+    sw->work = lag_doubles(pool, INT64_C(2) * size + INT64_C(7) * all + INT64_C(5) * all * all);
     sw->pivots = lag_get(pool, (size_t)all, sizeof(int));
     sw->acts = lag_get(pool, 2 * (size_t)all, sizeof(int));
     sw->watched = lag_get(pool, (size_t)watched, sizeof *sw->watched);
@@ -49,9 +48,9 @@ static void allocate(lag_run *run)
     sw->clock = lag_get(pool, (size_t)sw->clocks, sizeof *sw->clock);
     sw->values = lag_doubles(pool, watched);
     sw->times = lag_doubles(pool, watched);
-    sw->node_values = lag_doubles(pool, (long)NODES * watched);
-    sw->impulse = lag_doubles(pool, 2L * rows + sw->nc);
-    sw->contacts = lag_doubles(pool, 3L * all * all + 8L * all + size);
+    sw->node_values = lag_doubles(pool, (int64_t)NODES * watched);
+    sw->impulse = lag_doubles(pool, INT64_C(2) * rows + sw->nc);
+    sw->contacts = lag_doubles(pool, INT64_C(3) * all * all + INT64_C(8) * all + size);
     sw->integers = lag_get(pool, 5 * (size_t)all, sizeof(int));
     const size_t one = lag_contact_memory(rows), other = lag_impact_memory(rows);
     sw->memory = lag_get(pool, one > other ? one : other, 1);
@@ -63,7 +62,7 @@ static void allocate(lag_run *run)
     for (size_t i = 0; i < sizeof by_kink / sizeof *by_kink; ++i)
         *by_kink[i] = lag_doubles(pool, k->count);
     k->state = lag_get(pool, (size_t)k->count, sizeof(int));
-    k->both = lag_doubles(pool, 2L * (size + sw->nc + all + 1));
+    k->both = lag_doubles(pool, INT64_C(2) * (size + sw->nc + all + 1));
     k->y = lag_doubles(pool, n);
 }
 
@@ -101,7 +100,7 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         .conditions = given->conditions,
         .force_conditions = given->force_conditions,
         .clocks = given->clocks,
-        .reported = lag_copy_integers(pool, given->reported, 5L * rows),
+        .reported = lag_copy_integers(pool, given->reported, INT64_C(5) * rows),
         .kinks = {.count = given->kinks,
                   .first = given->first_branch,
                   .whole = lag_copy_integers(pool, given->whole, given->kinks),
@@ -138,7 +137,7 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         sw->clock[i] = (lag_clock){.first = given->ticks[3 * i],
                                    .step = given->ticks[3 * i + 1],
                                    .per = given->ticks[3 * i + 2],
-                                   .left = given->most[i] ? given->most[i] : LONG_MAX};
+                                   .left = given->most[i] ? given->most[i] : INT64_MAX};
     return 0;
 }
 
@@ -236,7 +235,7 @@ int64_t lag_take_log(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     lag_log_modes(run);
-    const long used = sw->log_used;
+    const int64_t used = sw->log_used;
     sw->log_used = sw->log_open = 0;
     return used;
 }

@@ -85,7 +85,7 @@ typedef struct {
 typedef struct {
     double first, step, per;
     double number, next;               /* of the next tick: k; its time, or infinity */
-    long left;                         /* number of ticks that may follow */
+    int64_t left;                      /* number of ticks that may follow */
     int begun;
     int ticks;                         /* at this instant: 1, and 2 once it has been reported */
 } lag_clock;
@@ -103,7 +103,7 @@ typedef struct {
     double weight, rates;              /* weight of the upper side; difference of the rates of the two sides */
     double *both, *y;                  /* scratch; both: upper less lower a, ..., and their combination */
     int undecided;                     /* functions that vanish at the instant */
-    long crossed, slid;                /* number of changes of branches, and of starts of sliding */
+    int64_t crossed, slid;             /* number of changes of branches, and of starts of sliding */
 } lag_kinks;
 
 typedef struct {
@@ -207,7 +207,7 @@ typedef struct {
 
     /* the log: entries of `width` numbers */
     double *log;
-    long log_rows, log_used, log_open;
+    int64_t log_rows, log_used, log_open;
 } lag_switching;
 
 #endif

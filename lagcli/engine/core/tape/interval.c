@@ -597,9 +597,9 @@ static operand next_operand(const int32_t **p, int n)
     return x;
 }
 
-static long place_of(const operand *x, int k)
+static int64_t place_of(const operand *x, int k)
 {
-    return x->step == LAG_INDEXED ? x->places[k] : x->first + (long)k * x->step;
+    return x->step == LAG_INDEXED ? x->places[k] : x->first + (int64_t)k * x->step;
 }
 
 static const int places_of[] = LAG_PLACES;
@@ -624,7 +624,7 @@ static void mark_inputs(const int32_t *p, int inputs, char *used)
             continue;
         }
         const int places = places_of[op], results = op == OP_SINCOS ? 2 : 1;
-        for (const int32_t *end = p + (long)places * n; p != end; p += places)
+        for (const int32_t *end = p + (int64_t)places * n; p != end; p += places)
             for (int i = results; i < places; ++i)
                 if (p[i] < inputs)
                     used[p[i]] = 1;
@@ -639,7 +639,7 @@ void lag_jets_bind(lag_jet_tape *jets, lag_pool *pool, const lag_tape *tape, con
     if (pool->failed)
         return;
     mark_inputs(tape->stream, jets->inputs, jets->used);
-    for (long i = 0; i < program->output_count; ++i)
+    for (int64_t i = 0; i < program->output_count; ++i)
         if (tape->outputs[i] < jets->inputs)
             jets->used[tape->outputs[i]] = 1;
 }
@@ -649,7 +649,7 @@ void lag_jets_refresh(lag_jet_tape *jets)
     if (!jets->stale)
         return;
     jets->stale = 0;
-    for (long i = jets->inputs; i < jets->count; ++i) {
+    for (int64_t i = jets->inputs; i < jets->count; ++i) {
         lag_interval *r = jets->registers + JET * i;
         memset(r, 0, JET * sizeof *r);
         r[0] = POINT(jets->tape->registers[i]);
@@ -669,7 +669,7 @@ void lag_jets_run(lag_jet_tape *jets, int order)
             return;
         if (op >= LAG_VECTOR) {
             op -= LAG_VECTOR;
-            const long to = *p++;
+            const int64_t to = *p++;
             const int operands = places_of[op] - 1;
             operand x[3] = {{0}, {0}, {0}};
             for (int i = 0; i < operands; ++i)
@@ -680,18 +680,18 @@ void lag_jets_run(lag_jet_tape *jets, int order)
             continue;
         }
         const int places = places_of[op];
-        for (const int32_t *end = p + (long)places * n; p != end; p += places) {
+        for (const int32_t *end = p + (int64_t)places * n; p != end; p += places) {
             if (op == OP_SINCOS) {
-                wave_jets(r + (long)JET * p[2], out, other, -1.0, order);
-                memcpy(r + (long)JET * p[0], out, size);
-                memcpy(r + (long)JET * p[1], other, size);
+                wave_jets(r + (int64_t)JET * p[2], out, other, -1.0, order);
+                memcpy(r + (int64_t)JET * p[0], out, size);
+                memcpy(r + (int64_t)JET * p[1], other, size);
                 continue;
             }
-            const lag_interval *a = r + (long)JET * p[1];
-            const lag_interval *b = places > 2 ? r + (long)JET * p[2] : a, *c = places > 3 ? r + (long)JET * p[3] : a;
+            const lag_interval *a = r + (int64_t)JET * p[1];
+            const lag_interval *b = places > 2 ? r + (int64_t)JET * p[2] : a, *c = places > 3 ? r + (int64_t)JET * p[3] : a;
             operate(op, a, b, c, out, order);
             jets->undefined |= has_no_value(op, a[0], b);
-            memcpy(r + (long)JET * p[0], out, size);
+            memcpy(r + (int64_t)JET * p[0], out, size);
         }
     }
 }
@@ -716,7 +716,7 @@ int lag_enclose_program(const lag_memory *memory, const lag_program *program, co
         lag_jet_input(&jets, 0)[0].high = high;
         lag_jet_input(&jets, 0)[1] = POINT(1.0);
         lag_jets_run(&jets, order);
-        for (long i = 0; i < program->output_count; ++i)
+        for (int64_t i = 0; i < program->output_count; ++i)
             for (int k = 0; k <= order; ++k, out += 2) {
                 out[0] = lag_jet_output(&jets, (int)i)[k].low;
                 out[1] = lag_jet_output(&jets, (int)i)[k].high;

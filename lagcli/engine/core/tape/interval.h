@@ -26,7 +26,7 @@ typedef struct {
 typedef struct {
     const lag_tape *tape;
     int inputs;                        /* t, q and v: those before the parameters */
-    long count;                        /* of registers */
+    int64_t count;                     /* of registers */
     lag_interval *registers;           /* JET each */
     char *used;                        /* inputs: whether an operation or an output reads them */
     int undefined;                     /* whether an operation was undefined in all of the interval */
@@ -39,13 +39,13 @@ void lag_jets_bind(lag_jet_tape *jets, lag_pool *pool, const lag_tape *tape, con
 /* The jet of input i, to be set before lag_jets_run. */
 static inline lag_interval *lag_jet_input(const lag_jet_tape *jets, int i)
 {
-    return jets->registers + (long)JET * i;
+    return jets->registers + (int64_t)JET * i;
 }
 
 /* The jet of output i. */
 static inline const lag_interval *lag_jet_output(const lag_jet_tape *jets, int i)
 {
-    return jets->registers + (long)JET * jets->tape->outputs[i];
+    return jets->registers + (int64_t)JET * jets->tape->outputs[i];
 }
 
 /* Fill registers that do not depend on t, q or v, if they are stale. */
