@@ -228,6 +228,12 @@ class System:
         return tuple(i for i in range(len(self.constraints)) if i not in free)
 
     @cached_property
+    def constraining(self) -> frozenset[int]:
+        """The parameters on which constraints depend."""
+        first = self.sample_layout.a.start
+        return frozenset(i - first for i in self.constraint.read if i >= first)
+
+    @cached_property
     def has_kinks(self) -> bool:
         """Whether the equations have comparisons, `floor` or `ceil`."""
         tapes = [self.dynamics, self.constraint]

@@ -24,6 +24,7 @@ from lagcli.engine.core.structures import (
     lag_equations,
     lag_program,
     lag_settings,
+    order_fields,
 )
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.program.program import assemble
@@ -190,7 +191,7 @@ def solve_ldl(
     right : (n,) array
     """
     given = Arguments()
-    record = given.elimination(plan)
+    record = given.filled(lag_elimination, **order_fields(plan))
     n, count = len(plan.order), plan.starts[-1]
     factors = np.zeros(2 * n + count + 1)
     for target, value in zip(plan.targets(places), values, strict=True):

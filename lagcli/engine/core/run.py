@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from ctypes import (
     byref,
     c_char_p,
@@ -24,15 +24,23 @@ from lagcli.engine.core.structures import (
     Doubles,
     address,
     copied,
+    elimination_fields,
+    equations_fields,
+    function_fields,
+    jacobian_fields,
+    lag_elimination,
+    lag_equations,
     lag_function,
     lag_jacobians,
     lag_pivots,
     lag_report,
     lag_series_program,
     lag_settings,
+    pivot_fields,
+    series_fields,
 )
 from lagcli.engine.layout import Counts, SampleLayout
-from lagcli.engine.program.program import Program, assemble
+from lagcli.engine.program.program import Program
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -107,13 +115,15 @@ class Integrator:
     ----------
     block : (block_rows, width) array
         Samples that the core has written.
+    orders : list of PivotOrder
+        The orders of pivots that have been used.
     """
 
     _run: int | None = None
 
     def __init__(self, system: System, constraint: Program, settings: dict[str, Any]):
         given = Arguments()
-        equations = given.equations(system, constraint)
+        equations = given.filled(lag_equations, **equations_fields(system, constraint))
         self._system = system
         self._nq, self._nc = equations.nq, equations.nc
         self._n = 2 * self._nq + 1
@@ -130,6 +140,7 @@ class Integrator:
         record = given.filled(lag_settings, **values)
         self._run = core.lag_create(None, byref(equations), byref(record))
         check(not self._run)
+        self.orders: list[PivotOrder] = []
         self._use_functions(system)
 
     # the function is at hand also while the interpreter ends
@@ -138,24 +149,12 @@ class Integrator:
             destroy(self._run)
 
     def _use_functions(self, system: System) -> None:
-        functions = system.functions.functions
+        functions = function_fields(system)
         if not functions:
             return
-        given, places = Arguments(), system.functions.places()
+        given = Arguments()
         records = (lag_function * len(functions))(
-            *(
-                given.filled(
-                    lag_function,
-                    first=len(system.parameters) + places[f.name][0],
-                    degree=f.degree,
-                    count=len(f.knots),
-                    knots=f.knots,
-                    origins=f.origins,
-                    coefficients=f.coefficients,
-                    period=f.period,
-                )
-                for f in functions
-            )
+            *(given.filled(lag_function, **fields) for fields in functions)
         )
         self._tables = given  # the core copies none of their numbers
         check(core.lag_use_functions(self._run, records, len(functions)))
@@ -195,15 +194,8 @@ class Integrator:
         if unrolled:
             self._use(core.lag_use_unrolled, dynamics)
             return
-        motion = self._system.motion
-        # an entry of B stands in the matrix twice; one of them in the half that is stored
-        entries, nq = motion.jacobian_pattern, len(motion.coordinates)
-        lower = plan.targets([(nq + i, j) for i, j in entries])
-        upper = plan.targets([(j, nq + i) for i, j in entries])
         given = Arguments()
-        elimination = given.elimination(
-            plan, plan.targets(motion.mass_pattern), np.maximum(lower, upper)
-        )
+        elimination = given.filled(lag_elimination, **elimination_fields(self._system.motion, plan))
         program = given.program(dynamics)
         check(core.lag_use_elimination(self._run, byref(program), byref(elimination)))
 
@@ -216,21 +208,7 @@ class Integrator:
             Of the dynamics that are used.
         """
         given = Arguments()
-        record = given.filled(
-            lag_series_program,
-            values=assemble(program.values),
-            stream=program.stream,
-            convolutions=program.convolutions,
-            order=program.order,
-            invariant=program.invariant,
-            numbers=program.numbers,
-            begins=program.begins,
-            begin_count=len(program.begins),
-            origin=program.origin,
-            layer=program.layer,
-            state=program.state,
-            size=program.size,
-        )
+        record = given.filled(lag_series_program, **series_fields(program))
         self._series_order = program.order
         check(core.lag_use_series(self._run, byref(record)))
 
@@ -259,26 +237,9 @@ class Integrator:
         pattern : MatrixPattern
         """
         given = Arguments()
-        record = given.filled(
-            lag_jacobians,
-            program=assemble(variation.tape),
-            force_position=self._flat(variation.force_position),
-            force_velocity=self._flat(variation.force_velocity),
-            rhs_position=self._flat(variation.rhs_position),
-            rhs_velocity=self._flat(variation.rhs_velocity),
-            power_position=variation.power_position,
-            power_velocity=variation.power_velocity,
-            n=len(pattern.start) - 1,
-            start=pattern.start,
-            columns=pattern.columns,
-            parts=pattern.parts,
-            parts_count=len(pattern.parts),
-        )
+        record = given.filled(lag_jacobians, **jacobian_fields(variation, pattern, self._nq))
         self._pattern = pattern
         check(core.lag_use_jacobians(self._run, byref(record)))
-
-    def _flat(self, places: Sequence[tuple[int, int]]) -> list[int]:
-        return [i * self._nq + j for i, j in places]
 
     def resolve_time(self, program: Program) -> None:
         """Limit steps so that they resolve functions that depend on t explicitly: their program."""
@@ -300,16 +261,8 @@ class Integrator:
         chosen = choose(pattern, copied(core.lag_matrix(self._run), len(pattern.columns)))
         given, record = Arguments(), lag_pivots()
         if chosen is not None:
-            record = given.filled(
-                lag_pivots,
-                n=len(chosen.row),
-                row=chosen.row,
-                column=chosen.column,
-                start=chosen.start,
-                columns=chosen.columns,
-                diagonal=chosen.diagonal,
-                places=chosen.places,
-            )
+            record = given.filled(lag_pivots, **pivot_fields(chosen))
+            self.orders.append(chosen)
         check(core.lag_use_pivots(self._run, byref(record)))
 
     def start(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import byref, c_double, c_int, c_int64, c_void_p
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,7 +150,111 @@ core = Functions(
 )
 
 #: Changes of a row at which a run may stop, in the order of lag_switching_rules.reported.
-_CHANGES = ("closes", "opens", "slips", "sticks", "impacts")
+CHANGES = ("closes", "opens", "slips", "sticks", "impacts")
+
+
+@lru_cache(maxsize=16)
+def _nothing(inputs: int, held: int) -> Program:
+    """Return a program without outputs."""
+    return assemble(Tape(inputs, (), (), (), held))
+
+
+def rules_fields(
+    split: SplitSystem,
+    frozen: FrozenSystem | None,
+    impacts: int,
+    closed: float,
+    clocks: Sequence[tuple[Ticks, int]],
+) -> dict[str, Any]:
+    """Return what switches, `lag_switching_rules` without the log.
+
+    Parameters
+    ----------
+    split, frozen, impacts, closed, clocks
+        Of `SwitchingIntegrator`.
+    """
+    system, switching, pattern = split.system, split.switching, split.pattern
+    state, held = system.dynamics.inputs, system.dynamics.parameters
+    forces = state + len(system.coordinates) + len(system.constraints)
+
+    def program(tape: Tape | None, wanted: Any = True, inputs: int = state) -> Program:
+        return split.program(tape) if tape and wanted else _nothing(inputs, held)
+
+    rows, extra = switching.rows, len(split.rows) - len(switching.rows)
+    place = {constraint: i for i, constraint in enumerate(split.rows)}
+    laws = [
+        ContactLaw.UNILATERAL
+        if row.sign
+        else ContactLaw.FREE
+        if row.limit is None
+        else ContactLaw.LIMITED
+        for row in rows
+    ]
+    contacts = [i for i, x in enumerate(rows) if x.sign]
+    limited = [i for i, x in enumerate(rows) if x.limit is not None]
+    holonomic = sum(i >= 0 for i in split.places)
+    limits, limit_pattern = switching.limits, switching.limit_pattern
+    conditions, force_conditions = system.events, switching.force_conditions
+    counts = [len(x.outputs) if x else 0 for x in (conditions, force_conditions)]
+    either = {rule.condition for rule in switching.events if rule.either}
+    times = [*switching.condition_times, *[False] * sum(counts)]
+    reported = np.zeros((len(split.rows), len(CHANGES)), dtype=np.int32)
+    for rule in switching.events:
+        if rule.change is not None:
+            reported[place[rule.change[0]], CHANGES.index(rule.change[1])] = 1
+    kinks = frozen.kinks if frozen else ()
+    return {
+        "rows": len(split.rows),
+        "exported": len(rows),
+        "nc": len(system.constraints),
+        "constraint": split.rows,
+        "base": split.base,
+        "law": [*laws, *[ContactLaw.FREE] * extra],
+        "limit": [*(-1 if x.limit is None else x.limit for x in rows), *[-1] * extra],
+        "normal": [*(-1 if x.normal is None else place[x.normal] for x in rows), *[-1] * extra],
+        "place": split.places,
+        "sign": [*(x.sign or 1 for x in rows), *[1.0] * extra],
+        "active": [*(x.active for x in rows), *[1] * extra],
+        "friction": [
+            len(contacts) + limited.index(i) if i in limited else -1 for i in range(len(split.rows))
+        ],
+        "restitution": [contacts.index(i) if i in contacts else -1 for i in range(len(split.rows))],
+        "nb": len(pattern),
+        "nh": holonomic,
+        "row": [i for i, _ in pattern],
+        "column": [j for _, j in pattern],
+        "functions": program(split.functions, split.rows),
+        "gaps": program(split.gaps, holonomic),
+        "limits": program(limits, limits.outputs, forces),
+        "nl": (len(limits.outputs) - 2 * len(limit_pattern)) // 2,
+        "pattern_count": len(limit_pattern),
+        "pattern_limit": [i for i, _ in limit_pattern],
+        "pattern_row": [place[j] for _, j in limit_pattern],
+        "impact": program(switching.impact, switching.impact.outputs),
+        "nf": len(switching.force_coordinates),
+        "force_count": len(switching.force_pattern),
+        "force_coordinate": switching.force_coordinates,
+        "force_row": [i for i, _ in switching.force_pattern],
+        "force_constraint": [j for _, j in switching.force_pattern],
+        "forces": program(switching.forces, inputs=forces),
+        "conditions": counts[0],
+        "force_conditions": counts[1],
+        "condition_functions": program(conditions),
+        "force_condition_functions": program(force_conditions, inputs=forces),
+        "either": [i in either for i in range(sum(counts))],
+        "time": times[: sum(counts)],
+        "clocks": len(clocks),
+        "ticks": [x for ticks, _ in clocks for x in ticks],
+        "most": [most for _, most in clocks],
+        "reported": reported,
+        "kinks": len(kinks),
+        "first_branch": len(system.parameters) - len(kinks),
+        "whole": [x.whole for x in kinks],
+        "of_time": [x.timed for x in kinks],
+        "kink_functions": program(frozen.functions if frozen else None),
+        "law_of_impact": impacts,
+        "closed": closed,
+    }
 
 
 class SwitchingIntegrator(Integrator):
@@ -186,96 +291,13 @@ class SwitchingIntegrator(Integrator):
     ):
         super().__init__(split.fixed, constraint, settings)
         self._directions = settings["directions"]
-        given = Arguments()
-        system, switching, pattern = split.system, split.switching, split.pattern
-        empty = assemble(Tape(system.dynamics.inputs, (), (), (), system.dynamics.parameters))
-
-        def program(tape: Tape | None, wanted: Any = True) -> Program:
-            return split.program(tape) if tape and wanted else empty
-
-        rows, extra = switching.rows, len(split.rows) - len(switching.rows)
-        place = {constraint: i for i, constraint in enumerate(split.rows)}
-        self._split, self._rows = split, len(split.rows)
-        laws = [
-            ContactLaw.UNILATERAL
-            if row.sign
-            else ContactLaw.FREE
-            if row.limit is None
-            else ContactLaw.LIMITED
-            for row in rows
-        ]
-        contacts = [i for i, x in enumerate(rows) if x.sign]
-        limited = [i for i, x in enumerate(rows) if x.limit is not None]
-        holonomic = sum(i >= 0 for i in split.places)
-        limits, limit_pattern = switching.limits, switching.limit_pattern
-        conditions, force_conditions = system.events, switching.force_conditions
-        counts = [len(x.outputs) if x else 0 for x in (conditions, force_conditions)]
-        self._conditions, self._clocks = sum(counts), len(clocks)
-        either = {rule.condition for rule in switching.events if rule.either}
-        times = [*switching.condition_times, *[False] * self._conditions]
-        reported = np.zeros((self._rows, len(_CHANGES)), dtype=np.int32)
-        for rule in switching.events:
-            if rule.change is not None:
-                reported[place[rule.change[0]], _CHANGES.index(rule.change[1])] = 1
-        kinks = frozen.kinks if frozen else ()
-        self._kinks, self._first_branch = len(kinks), len(system.parameters) - len(kinks)
-        width = 6 + len(rows) + 3 * self._nq + len(system.constraints) + self._directions
+        given, fields = Arguments(), rules_fields(split, frozen, impacts, closed, clocks)
+        self._split, self._rows, self._clocks = split, fields["rows"], fields["clocks"]
+        self._conditions = fields["conditions"] + fields["force_conditions"]
+        self._kinks, self._first_branch = fields["kinks"], fields["first_branch"]
+        width = 6 + fields["exported"] + 3 * self._nq + fields["nc"] + self._directions
         self._log = np.empty((max(log_rows, 8 * self._rows + 8), width))
-        record = given.filled(
-            lag_switching_rules,
-            rows=self._rows,
-            exported=len(rows),
-            nc=len(system.constraints),
-            constraint=split.rows,
-            base=split.base,
-            law=[*laws, *[ContactLaw.FREE] * extra],
-            limit=[*(-1 if x.limit is None else x.limit for x in rows), *[-1] * extra],
-            normal=[*(-1 if x.normal is None else place[x.normal] for x in rows), *[-1] * extra],
-            place=split.places,
-            sign=[*(x.sign or 1 for x in rows), *[1.0] * extra],
-            active=[*(x.active for x in rows), *[1] * extra],
-            friction=[
-                len(contacts) + limited.index(i) if i in limited else -1 for i in range(self._rows)
-            ],
-            restitution=[contacts.index(i) if i in contacts else -1 for i in range(self._rows)],
-            nb=len(pattern),
-            nh=holonomic,
-            row=[i for i, _ in pattern],
-            column=[j for _, j in pattern],
-            functions=program(split.functions, split.rows),
-            gaps=program(split.gaps, holonomic),
-            limits=program(limits, limits.outputs),
-            nl=(len(limits.outputs) - 2 * len(limit_pattern)) // 2,
-            pattern_count=len(limit_pattern),
-            pattern_limit=[i for i, _ in limit_pattern],
-            pattern_row=[place[j] for _, j in limit_pattern],
-            impact=program(switching.impact, switching.impact.outputs),
-            nf=len(switching.force_coordinates),
-            force_count=len(switching.force_pattern),
-            force_coordinate=switching.force_coordinates,
-            force_row=[i for i, _ in switching.force_pattern],
-            force_constraint=[j for _, j in switching.force_pattern],
-            forces=program(switching.forces),
-            conditions=counts[0],
-            force_conditions=counts[1],
-            condition_functions=program(conditions),
-            force_condition_functions=program(force_conditions),
-            either=[i in either for i in range(self._conditions)],
-            time=times[: self._conditions],
-            clocks=len(clocks),
-            ticks=[x for ticks, _ in clocks for x in ticks],
-            most=[most for _, most in clocks],
-            reported=reported,
-            kinks=self._kinks,
-            first_branch=self._first_branch,
-            whole=[x.whole for x in kinks],
-            of_time=[x.timed for x in kinks],
-            kink_functions=program(frozen.functions if frozen else None),
-            law_of_impact=impacts,
-            closed=closed,
-            log=self._log,
-            log_rows=len(self._log),
-        )
+        record = given.filled(lag_switching_rules, **fields, log=self._log, log_rows=len(self._log))
         check(core.lag_use_switching(self._run, byref(record)))
 
     def take_log(self) -> Array:

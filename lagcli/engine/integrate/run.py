@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from lagcli.engine.constraints.singular import RankWatch
     from lagcli.engine.integrate.prices import Prices
     from lagcli.engine.linear.elimination import Elimination
+    from lagcli.engine.taylor.series import SeriesProgram
 
 
 #: Target duration of a slice of steps, s: the latency of an interrupt.
@@ -87,7 +88,7 @@ class Integration:
         for_batch: bool = False,
     ):
         self.system, self.request, self.sink = system, request, sink
-        self.settings = request.settings
+        self.settings, self.for_batch = request.settings, for_batch
         self.progress = progress or (lambda t: None)
         self.evaluator = Evaluator(system, request.state.p)
         self.nq = len(system.coordinates)
@@ -97,12 +98,31 @@ class Integration:
         self.states: list[State] = [request.state]
         self._priced: Prices | None = None
         prepared = self.prepared()
+        self.core = self.integrator(prepared.constraint, self.core_settings())
+        if system.tangent is not None:
+            assert prepared.tangent is not None
+            blocks, complete = system.tangent.blocks, system.tangent.complete
+            self.core.use_tangent(prepared.tangent, blocks, complete)
+        self.use(prepared)
+        self.reordered = math.nan
+        expand = self.go_on_with_series if self.suits_series and not for_batch else None
+        self.methods = Methods(self.core, system, request, self.prices, self.no_series, expand)
+        explicit = self.explicit_time()
+        if explicit is not None:
+            self.core.resolve_time(explicit)
+        breaks = breaks_of(system, request)
+        if len(breaks):
+            self.core.end_steps_at(breaks)
+
+    def core_settings(self) -> dict[str, Any]:
+        """Return the settings of the core, as for `Integrator`."""
+        request, system = self.request, self.system
         start = request.state
         c = self.evaluator.constraints(start.t, start.q, start.v)
         sizes = self.evaluator.sizes(start.t, start.q, start.v)
         # a negative damping asks the core for that of the step
         alpha = -1.0 if self.settings.alpha is None else self.settings.alpha
-        settings = {
+        return {
             "t_start": start.t,
             "t_end": self.settings.t_end,
             "h_max": self.settings.max_step,
@@ -123,27 +143,12 @@ class Integration:
             "beta": alpha if self.settings.beta is None else self.settings.beta,
             "watching": 0 if not request.rank else 1 if self.settings.through_singular else 2,
             "detecting": self.settings.method == "auto" and system.variation is not None,
-            "refinable": not for_batch,
+            "refinable": not self.for_batch,
             "times": request.times,
             "block_rows": max(1, min(request.block_rows, len(request.times))),
             "extra": 0,
             "directions": 0,
         }
-        self.core = self.integrator(prepared.constraint, settings)
-        if system.tangent is not None:
-            assert prepared.tangent is not None
-            blocks, complete = system.tangent.blocks, system.tangent.complete
-            self.core.use_tangent(prepared.tangent, blocks, complete)
-        self.use(prepared)
-        self.reordered = math.nan
-        expand = self.go_on_with_series if self.suits_series and not for_batch else None
-        self.methods = Methods(self.core, system, request, self.prices, self.no_series, expand)
-        explicit = self.explicit_time()
-        if explicit is not None:
-            self.core.resolve_time(explicit)
-        breaks = breaks_of(system, request)
-        if len(breaks):
-            self.core.end_steps_at(breaks)
 
     def explicit_time(self) -> Program | None:
         """Return the program of the functions of time that steps resolve."""
@@ -211,6 +216,14 @@ class Integration:
 
     def expand(self, prepared: Prepared) -> str:
         """Prepare Taylor's method; return why there are no power series, if there are none."""
+        found = self.series_program(prepared)
+        if isinstance(found, str):
+            return found
+        self.core.use_series(found)
+        return ""
+
+    def series_program(self, prepared: Prepared) -> SeriesProgram | str:
+        """Return the program of the power series, or why there is none."""
         from lagcli.engine.taylor.expansion import NotAnalytic
         from lagcli.engine.taylor.series import depending_on_time, expand
         from lagcli.engine.taylor.series_nodes import order_for
@@ -229,10 +242,9 @@ class Integration:
 
             system, tape = in_one_tape(system, prepared.elimination)
         try:
-            self.core.use_series(expand(system, tape, order_for(self.settings.rtol), working))
+            return expand(system, tape, order_for(self.settings.rtol), working)
         except NotAnalytic:
             return "functions with kinks or jumps have no power series"
-        return ""
 
     def reorder(self) -> None:
         """Find an order that also suits the end of the failed step; otherwise solve densely.

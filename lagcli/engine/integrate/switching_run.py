@@ -149,26 +149,36 @@ class SwitchingIntegration(Integration):
         """Return the program of the functions of time that steps resolve, with those of rows."""
         return explicit_time(self.split_system.system)
 
-    def integrator(self, constraint: Program, settings: dict[str, Any]) -> SwitchingIntegrator:
-        """Return a core whose rows switch."""
-        chosen, changes = self.settings, self.start_changes()
-        settings = settings | {"extra": len(self.split_system.rows)}
-        if changes is not None:
-            y = np.concatenate([settings["y"], np.ravel(changes)])
-            settings |= {"y": y, "directions": len(changes)}
+    def core_settings(self) -> dict[str, Any]:
+        """Return the settings of the core, with the multipliers of rows in samples."""
+        settings = super().core_settings() | {"extra": len(self.split_system.rows)}
+        changes = self.start_changes()
+        if changes is None:
+            return settings
+        y = np.concatenate([settings["y"], np.ravel(changes)])
+        return settings | {"y": y, "directions": len(changes)}
+
+    def rules(self) -> dict[str, Any]:
+        """Return what switches, as for `SwitchingIntegrator`; note a clock that cannot tick."""
         state, switching = self.request.state, self.split_system.switching
-        clocks, span = clocks_of(switching, state.p), (state.t, chosen.t_end)
+        clocks, span = clocks_of(switching, state.p), (state.t, self.settings.t_end)
         self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
         ticks = [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
+        return {
+            "impacts": _IMPACTS.index(self.settings.impacts),
+            "closed": self.settings.closed,
+            "clocks": ticks,
+        }
+
+    def integrator(self, constraint: Program, settings: dict[str, Any]) -> SwitchingIntegrator:
+        """Return a core whose rows switch."""
         return SwitchingIntegrator(
             self.split_system,
             self.frozen,
             constraint,
             settings,
-            impacts=_IMPACTS.index(chosen.impacts),
-            closed=chosen.closed,
             log_rows=_LOG_ROWS,
-            clocks=ticks,
+            **self.rules(),
         )
 
     @property
@@ -332,7 +342,9 @@ class SwitchingIntegration(Integration):
             return
         (k, work), self.engaging = self.engaging, None
         state, entry = self.core.state, self.log[k]
-        others = sum(e.supplied - e.loss + e.work for e in self.log[k + 1 :])
+        others = 0.0
+        for e in self.log[k + 1 :]:
+            others += e.supplied - e.loss + e.work
         self.log[k] = entry._replace(
             work=entry.work + float(state[-1]) - work - others, after=state[self.nq : -1].copy()
         )
@@ -521,6 +533,9 @@ class Actions:
                 (q if what == "q" else v)[index] = value
                 self.fixed[int(what == "v"), index] = True
         core, count = self.core, len(self.system.constraints)
+        if not rule.displaces(self.system.constraining):
+            self.rows = HeldRows((), (), {})
+            return after, np.zeros(count)
         self.rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
         try:
             adjustment = adjusted(self.evaluator, core.t, q, v, self.fixed, self.rows)

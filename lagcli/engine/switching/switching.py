@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from enum import IntEnum
 from fractions import Fraction
@@ -124,6 +124,16 @@ class EventRule(NamedTuple):
     stop: bool = False
     record: tuple[str, ...] | None = None
     clock: int | None = None
+
+    def displaces(self, constraining: Set[int]) -> bool:
+        """Return whether values that it sets may violate constraints.
+
+        Parameters
+        ----------
+        constraining : set of int
+            The parameters on which constraints depend.
+        """
+        return any(what != "p" or index in constraining for what, index in self.targets)
 
 
 @dataclass(frozen=True, eq=False)

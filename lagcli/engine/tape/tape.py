@@ -80,6 +80,14 @@ class Tape(NamedTuple):
             functions=self.functions,
         )
 
+    @property
+    def read(self) -> set[int]:
+        """The inputs on which the outputs depend."""
+        found = set(self.outputs)
+        for op, _, *operands in _needed(self, self.outputs):
+            found.update(operands[: ARITY[op]])
+        return {i for i in found if i < self.inputs}
+
 
 def _needed(tape: Tape, registers: Iterable[int]) -> list[tuple[int, int, int, int, int]]:
     """Return the operations of a tape on which some of its registers depend."""
