@@ -22,10 +22,13 @@ from lagcli.engine.core.structures import (
     address,
     lag_elimination,
     lag_equations,
+    lag_jacobians,
     lag_program,
+    lag_series_program,
     lag_settings,
     order_fields,
 )
+from lagcli.engine.core.switching import lag_switching_rules
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.program.program import assemble
 from lagcli.engine.tape.tape import Tape
@@ -56,8 +59,16 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
     "lag_part_coefficients": (None, c_void_p, c_void_p),
     "lag_read_model": (c_int, c_void_p, ctypes.c_int64, c_void_p),
-    "lag_run_model": (c_int, c_void_p, c_void_p, c_void_p),
     "lag_check_program": (c_int, c_void_p),
+    "lag_make_simulation": (c_int, *[c_void_p] * 4),
+    "lag_destroy_simulation": (None, c_void_p),
+    "lag_run_of": (c_void_p, c_void_p),
+    "lag_simulate": (c_int, c_void_p, ctypes.c_int64),
+    "lag_stopped_by": (c_int, c_void_p),
+    "lag_log_of": (Doubles, c_void_p, c_void_p, c_void_p),
+    "lag_simulation_size": (ctypes.c_size_t, c_void_p),
+    "lag_save_simulation": (None, c_void_p, c_void_p),
+    "lag_restore_simulation": (c_int, c_void_p, c_void_p),
 }
 for name, (result, *arguments) in SIGNATURES.items():
     getattr(parts, name).restype, getattr(parts, name).argtypes = result, arguments
@@ -66,10 +77,19 @@ for name, (result, *arguments) in SIGNATURES.items():
 class lag_model(Structure):
     _fields_ = (
         ("equations", lag_equations),
-        ("dynamics", lag_program),
-        ("solution", c_int),
-        ("elimination", lag_elimination),
         ("settings", lag_settings),
+        ("contents", c_int),
+        ("unroll_after", ctypes.c_int64),
+        ("breaks", Doubles),
+        ("break_count", ctypes.c_int64),
+        *((name, c_int) for name in ("function_count", "pivots_count", "event_count")),
+        *((name, c_void_p) for name in ("functions", "pivots", "events")),
+        *((name, lag_program) for name in ("dynamics", "unrolled", "explicit_time")),
+        ("elimination", lag_elimination),
+        ("series", lag_series_program),
+        ("jacobians", lag_jacobians),
+        ("rules", lag_switching_rules),
+        *((name, lag_program) for name in ("actions", "energy")),
     )
 
 

@@ -1,4 +1,4 @@
-"""Runs of the core by its binding, and what they are made from."""
+"""Runs of the core by its binding, and models as data."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from lowered import lowered
 
 import lagcli
 from lagcli.engine.contract import IntegrationRequest
-from lagcli.engine.core.model_data import model_data
-from lagcli.engine.core.run import Integrator
-from lagcli.engine.integrate.prepared import prepare
+from lagcli.engine.integrate.model_data import model_data
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.system import State
+from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import SettingsOverrides, resolve
+from lagcli.simulations.simulation import Simulation, prepare
 
 MODELS = Path(__file__).parents[2] / "models"
 
 
-def pendulum() -> Recorded:
+def pendulum() -> Integration:
     """Return an integration that has not begun, to t = 5 s with 51 samples."""
     what = lowered(lagcli.load(MODELS / "pendulum_cartesian.yaml"))
     start = State(0.0, np.array([0.0, -1.0]), np.array([1.5, 0.0]), what.p)
@@ -32,30 +32,21 @@ def pendulum() -> Recorded:
         times=np.linspace(0.0, 5.0, 51),
         atol=1e-12,
     )
-    return Recorded(what.system, request, lambda block: None, None)
+    return Integration(what.system, request, lambda block: None, None)
 
 
-class Recorded(Integration):
-    """An integration that keeps what its core is made from."""
+def data_of(name: str, methods: tuple[str, ...] = tuple(METHODS), **settings: Any) -> bytes:
+    """Return a shipped model as data; with other settings than its own.
 
-    def integrator(self, constraint: Any, settings: dict[str, Any]) -> Integrator:
-        self.constraint, self.given = constraint, settings
-        return super().integrator(constraint, settings)
+    Parameters
+    ----------
+    name : str
+        Of its file, from ``models`` on.
+    """
+    simulation = prepared(name, **settings)
+    return model_data(simulation.system, simulation.request, methods)
 
 
-def data_of(integration: Recorded, solution: str) -> bytes:
-    """Return the model of an integration as data; solved "densely", "unrolled" or "in a loop"."""
-    system, used = integration.system, integration.in_use
-    if solution == "unrolled":
-        assert used.unrolled
-        return model_data(
-            system,
-            integration.constraint,
-            used.dynamics,
-            integration.given,
-            used.elimination,
-            unrolled=True,
-        )
-    plain = prepare(system, None, None)
-    plan = used.elimination if solution == "in a loop" else None
-    return model_data(system, plain.constraint, plain.dynamics, integration.given, plan)
+def prepared(name: str, **settings: Any) -> Simulation:
+    """Return a shipped model's simulation."""
+    return prepare(lagcli.load(MODELS / f"{name}.yaml"), SettingsOverrides(**settings))

@@ -26,12 +26,17 @@ static void take_piece(const lag_function *f, double t, double *piece)
     memcpy(piece + 1, f->coefficients + low * (f->degree + 1), (size_t)(f->degree + 1) * sizeof(double));
 }
 
-/* Set the pieces of the functions from the current time on in all tapes. */
-static void take_pieces(lag_run *run)
+void lag_pieces_at(const lag_run *run, double t, double *parameters)
 {
     const lag_breaks *b = &run->breaks;
     for (int i = 0; i < b->function_count; ++i)
-        take_piece(b->functions + i, run->step.t, run->parameters + b->functions[i].first);
+        take_piece(b->functions + i, t, parameters + b->functions[i].first);
+}
+
+/* Set the pieces of the functions from the current time on in all tapes. */
+static void take_pieces(lag_run *run)
+{
+    lag_pieces_at(run, run->step.t, run->parameters);
     lag_renew_tapes(run);
 }
 

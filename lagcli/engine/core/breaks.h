@@ -14,4 +14,7 @@ int lag_at_break(const lag_run *run);
  * Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_pass_break(lag_run *run);
 
+/* Write the pieces of the functions from a time on to where they are among the parameters. */
+void lag_pieces_at(const lag_run *run, double t, double *parameters);
+
 #endif

@@ -164,6 +164,22 @@ typedef struct {
     const double *coefficients;        /* count rows of degree + 1 */
     double period;                     /* 0: none */
 } lag_function;
+
+/* Kinds of entries of the log: of rows; and of a model's events, which lagmodel.h adds. */
+enum lag_occurrence {
+    LAG_CLOSES,
+    LAG_OPENS,
+    LAG_SLIPS,
+    LAG_STICKS,
+    LAG_IMPACT,
+    LAG_REST,                          /* a sequence of impacts that has a limit in time has ended */
+    LAG_NOT_UNIQUE,                    /* an impact has more than one solution */
+    LAG_REDUNDANT,                     /* from here on, a force is not unique */
+    LAG_EVENT,
+    LAG_RELEASES,
+    LAG_ENGAGES,
+};
+
 /* Rows of constraints that do not always hold, beside those of lag_equations, and what else switches:
  * core/switching/switching.h and engine/switching/switching.py. Numbers of constraints are among all, those of
  * lag_equations and the rows, nc of them. */

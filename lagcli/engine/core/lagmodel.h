@@ -1,21 +1,24 @@
 /*
- * A model as data: the equations, the dynamics, how their linear system is solved, and a start, in one block of
- * memory that can be stored and sent. It is checked when it is read: whatever the data, a run made from it stays
- * within its memory and ends with a status.
+ * A model as data, and simulations of it: all that a run needs, in one block of memory that can be stored and sent. It
+ * is checked when it is read: whatever the data, a simulation of it stays within its memory and ends with a status.
  *
  * The block is a sequence of words of 8 bytes, in the processor's byte order, aligned as numbers:
  *
  *   LAG_MODEL_MAGIC, LAG_MODEL_VERSION, the number of words
- *   nq, nc, nh, np, nm, nb, rank; a lag_model_solution
- *   integers: holonomic, mass_row, mass_column, jacobian_row, jacobian_column, unit, kind
- *   numbers: t_start, y, parameters, sizes, lengths, plain_lengths
- *   the program of the constraint, the program of the dynamics
- *   with LAG_MODEL_ELIMINATION, integers: order, paired, start, row, left_start, left_column, left_entry,
- *   mass_targets, jacobian_targets
+ *   a sum of lag_model_contents; the number of steps after which an elimination in a loop is replaced by the unrolled one
+ *   lag_equations; lag_settings; the times of breaks; the number of known functions, each a lag_function
+ *   with LAG_MODEL_PLAIN, the program of the dynamics; also with LAG_MODEL_LOOP, lag_elimination
+ *   with LAG_MODEL_UNROLLED, the program of the dynamics with the unrolled elimination
+ *   with LAG_MODEL_TIME, the program of the functions for lag_use_explicit_time
+ *   with LAG_MODEL_SERIES, lag_series_program
+ *   with LAG_MODEL_JACOBIANS, lag_jacobians; the number of orders of pivots, each the number of a method and lag_pivots
+ *   with LAG_MODEL_SWITCHING, lag_switching_rules; the program of what actions set, the program of T and V, both of
+ *   (t, q, v, a, lambda, p); the number of events, each a lag_event
  *
- * Integers and numbers are preceded by their count, also single ones; two integers take a word, the last one alone
- * with a zero. A program is the number of its inputs; the integers of prelude, main, three deferred streams, two
- * streams for subsets of outputs, each empty if there is none, and outputs; and the numbers of its registers.
+ * A structure is its fields in the order of lagcore.h: an integer or a number is a word. What a pointer refers to is
+ * preceded by its count, 0 for NULL; two integers take a word, the last one alone with a zero. A program is its streams
+ * (prelude, main, three deferred ones, two of subsets of outputs, each empty if there is none), the number of its
+ * inputs, its registers and its outputs. A lag_block is its places.
  */
 #ifndef LAGMODEL_H
 #define LAGMODEL_H
@@ -27,12 +30,21 @@
 #endif
 
 #define LAG_MODEL_MAGIC 0x6c65646f6d67616c /* "lagmodel" where the lowest byte is the first */
-#define LAG_MODEL_VERSION 1
-#define LAG_MODEL_LARGEST 32768 /* nq + 2 nc at most */
+#define LAG_MODEL_VERSION 2
+#define LAG_MODEL_LARGEST 32768 /* nq + 2 nc, and rows, at most */
 
-enum lag_model_solution { LAG_MODEL_DENSE, LAG_MODEL_UNROLLED, LAG_MODEL_ELIMINATION };
+/* How a and lambda may be found, densely if neither in a loop nor unrolled; and what else there is. */
+enum lag_model_contents {
+    LAG_MODEL_PLAIN = 1,
+    LAG_MODEL_LOOP = 2,
+    LAG_MODEL_UNROLLED = 4,
+    LAG_MODEL_TIME = 8,
+    LAG_MODEL_SERIES = 16,
+    LAG_MODEL_JACOBIANS = 32,
+    LAG_MODEL_SWITCHING = 64,
+};
 
-/* Why a model is rejected. */
+/* Why a model is rejected, or a simulation of it. */
 enum lag_model_status {
     LAG_MODEL_READ,        /* it is not */
     LAG_MODEL_FORMAT,      /* no model, of another version or byte order, or not aligned */
@@ -41,30 +53,84 @@ enum lag_model_status {
     LAG_MODEL_INDEX,       /* an index beyond what it counts */
     LAG_MODEL_PROGRAM,     /* a program with an unknown operation, a register that it does not have, or no end */
     LAG_MODEL_OUTPUTS,     /* a program without the inputs or outputs that it must have */
-    LAG_MODEL_NUMBER,      /* a start, or a size, that is not finite */
+    LAG_MODEL_NUMBER,      /* a number that is not finite, or beyond its range */
+    LAG_MODEL_METHOD,      /* the data lack what the method needs */
     LAG_MODEL_MEMORY,      /* no memory to make a run */
 };
 
-/* What has been read: it points into the data, which must live as long. `settings` has the start, and what belongs
- * to the model; the caller adds times, tolerances and the block before a run is made. */
+/* An event of the model. Its actions are performed in this order. */
+typedef struct {
+    int condition, clock;              /* what triggers it; -1 */
+    int constraint;                    /* or a change of a constraint: its number among all, -1; ... */
+    int change;                        /* ... closes, opens, slips, sticks, impacts: as lag_switching_rules.reported */
+    int times;                         /* it happens so often at most; 0: without a limit */
+    int first;                         /* first output for it of the program of actions: values to set, impulses */
+    int target_count;
+    const int32_t *kind, *target;      /* what is set: 0, a coordinate; 1, a velocity; 2, a parameter; which */
+    int displaces;                     /* whether that may violate constraints */
+    int impulse_count;
+    const int32_t *impulse;            /* the coordinates of a generalized impulse */
+    int release_count, engage_count;
+    const int32_t *release, *engage;   /* rows */
+    int stops;                         /* whether it ends the run */
+} lag_event;
+
+/* What has been read: it points into the data, which must live as long as it and its simulations. The settings are
+ * those of the simulation that the data were written for; times, tolerances and so on may be changed before a
+ * simulation is made. The breaks are those up to t_end; without LAG_MODEL_SWITCHING, `rules` is empty. */
 typedef struct {
     lag_equations equations;
-    lag_program dynamics;
-    int solution;                      /* a lag_model_solution */
-    lag_elimination elimination;       /* with LAG_MODEL_ELIMINATION */
     lag_settings settings;
+    int contents;                      /* a sum of lag_model_contents */
+    int64_t unroll_after;
+    const double *breaks;
+    int64_t break_count;
+    int function_count, pivots_count, event_count;
+    const void *functions, *pivots, *events; /* where they are in the data */
+    lag_program dynamics, unrolled, explicit_time;
+    lag_elimination elimination;
+    lag_series_program series;
+    lag_jacobians jacobians;
+    lag_switching_rules rules;
+    lag_program actions, energy;
 } lag_model;
 
 /* Read and check a model. Returns a lag_model_status. */
 int lag_read_model(const void *data, int64_t bytes, lag_model *model);
 
-/* Check the settings that the caller has added; make a run from a model that has been read, ready for lag_start.
- * Returns a lag_model_status; the run only with LAG_MODEL_READ. */
-int lag_run_model(const lag_memory *memory, const lag_model *model, lag_run **run);
-
 /* Check that a program stays within its registers: LAG_MODEL_READ or LAG_MODEL_PROGRAM. Its deferred streams may be
  * empty. */
 int lag_check_program(const lag_program *program);
+
+/* A simulation of a model: a run that does what lagcli does where a run returns to its caller. */
+typedef struct lag_simulation lag_simulation;
+
+/* Make a simulation by a method, "DOP853" for instance: see lag_method_name. Samples go to settings.block. Returns a
+ * lag_model_status; the simulation only with LAG_MODEL_READ. */
+int lag_make_simulation(const lag_memory *memory, const lag_model *model, const char *method,
+                        lag_simulation **simulation);
+void lag_destroy_simulation(lag_simulation *simulation);
+
+/* Its run: for lag_take, lag_report_of, lag_dense and the like. */
+lag_run *lag_run_of(lag_simulation *simulation);
+
+/* Take at most this number of steps. Returns a lag_status. The simulation goes on after LAG_RUNNING; after
+ * LAG_BLOCK_FULL, once the samples are taken; after LAG_NEAR, LAG_OVER, LAG_CONTRADICTED and LAG_STIFF, if the caller
+ * accepts that. Any other status is its last. */
+int lag_simulate(lag_simulation *simulation, int64_t steps);
+
+/* The event that has ended it, or -1. */
+int lag_stopped_by(const lag_simulation *simulation);
+
+/* The log so far, *count entries of *width numbers: time, lag_occurrence, what (a constraint's number, or an event's),
+ * loss, supplied, work, the modes of exported rows after the instant, q, v before and after, impulses of all
+ * constraints. It is valid until the simulation goes on. */
+const double *lag_log_of(const lag_simulation *simulation, int64_t *count, int *width);
+
+/* Save and restore it, as lag_save and lag_restore do with a run; the log is cut back. */
+size_t lag_simulation_size(const lag_simulation *simulation);
+void lag_save_simulation(const lag_simulation *simulation, void *to);
+int lag_restore_simulation(lag_simulation *simulation, const void *from);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

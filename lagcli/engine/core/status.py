@@ -46,6 +46,8 @@ class Status(_Described):
     FORKED = "more than one motion leaves a surface at which forces jump"
     CORNER = "a constraint has a corner, at which the velocities jump"
     UNRESOLVED = "the sign of a watched function cannot be determined in the last step"
+    DISPLACED = "an action needs other coordinates or velocities to follow, which only lagcli finds"
+    NO_MEMORY = "there is no memory"
 
 
 class LaneStatus(_Described):

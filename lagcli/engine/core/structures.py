@@ -161,6 +161,20 @@ class lag_function(Structure):
     ]
 
 
+class lag_event(Structure):
+    """An event of a model, of lagmodel.h."""
+
+    _fields_ = [
+        *each(c_int, "condition clock constraint change times first target_count"),
+        *each(Integers, "kind target"),
+        *each(c_int, "displaces impulse_count"),
+        ("impulse", Integers),
+        *each(c_int, "release_count engage_count"),
+        *each(Integers, "release engage"),
+        ("stops", c_int),
+    ]
+
+
 class lag_report(Structure):
     """The state of a run."""
 

@@ -49,6 +49,7 @@ from lagcli.engine.tape.interpreter import ScalarTape
 _LOG_ROWS = 512
 _OCCURRENCES: tuple[Occurrence, ...] = (
     *("closes", "opens", "slips", "sticks", "impact", "rest", "not unique", "redundant"),
+    *("event", "releases", "engages"),
 )
 #: Statuses of model events.
 _OF_EVENTS: tuple[Occurrence, ...] = ("event", "releases", "engages")

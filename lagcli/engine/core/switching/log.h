@@ -4,9 +4,6 @@
 
 #include "run.h"
 
-/* Kinds of entries, in the order of Occurrence in engine/contract.py. */
-enum lag_occurrence { LAG_CLOSES, LAG_OPENS, LAG_SLIPS, LAG_STICKS, LAG_IMPACT, LAG_REST, LAG_NOT_UNIQUE, LAG_REDUNDANT };
-
 /* Whether the log has space for one round of an instant. */
 int lag_log_has_room(const lag_run *run);
 

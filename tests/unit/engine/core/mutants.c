@@ -1,9 +1,8 @@
 /*
  * Read models whose data have been damaged, and run those that are accepted for some steps: whatever they are, the
- * core must stay within its memory. Arguments: the file of a model, and the number of mutants. Prints how many were
- * rejected by each status.
+ * core must stay within its memory. Arguments: the file of a model, a method, the number of mutants, and a seed. Prints
+ * how many were rejected by each status.
  */
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,50 +37,40 @@ static void damage(char *data, size_t bytes)
     }
 }
 
-/* Run a model for some steps. Returns a lag_model_status. */
-static int run(lag_model *model)
+/* Simulate a model for some steps. Returns a lag_model_status. */
+static int run(lag_model *model, const char *method)
 {
     static const double times[] = {0.1, 0.2};
-    const int nq = model->equations.nq, n = 2 * nq + 1, width = 1 + 3 * nq + model->equations.nc + 1;
-    double *atol = malloc((size_t)n * sizeof *atol), *block = malloc(2 * (size_t)width * sizeof *block);
     lag_settings *s = &model->settings;
-    lag_run *made;
-    for (int i = 0; i < n; ++i)
-        atol[i] = 0.0;
+    const int width = 2 + 3 * model->equations.nq + model->equations.nc + s->extra;
+    double *block = malloc(2 * (size_t)width * sizeof *block);
+    lag_simulation *made;
     s->t_end = s->t_start + 1.0;
-    s->h_max = INFINITY;
-    s->rtol = 1e-6;
-    s->atol = atol;
-    s->projecting = 1;
-    s->watching = LAG_PASS;
-    s->alpha = s->beta = -1.0;
-    s->detecting = 1;
-    s->refinable = 1;
     s->times = times;
     s->times_count = 2;
     s->block = block;
     s->block_rows = 2;
-    int status = lag_run_model(NULL, model, &made);
+    const int status = lag_make_simulation(NULL, model, method, &made);
     if (status == LAG_MODEL_READ) {
-        const size_t bytes = lag_state_size(made);
-        void *saved = malloc(bytes);
-        lag_start(made);
-        lag_save(made, saved);
-        lag_advance(made, 20);
-        lag_take(made);
-        if (lag_restore(made, saved) == 0)
-            lag_advance(made, 5);
+        lag_simulate(made, 3);
+        void *saved = malloc(lag_simulation_size(made));
+        lag_save_simulation(made, saved);
+        for (int i = 0; i < 4; ++i) {
+            lag_simulate(made, 5);
+            lag_take(lag_run_of(made));
+        }
+        if (lag_restore_simulation(made, saved) == 0)
+            lag_simulate(made, 5);
         free(saved);
-        lag_destroy(made);
+        lag_destroy_simulation(made);
     }
-    free(atol);
     free(block);
     return status;
 }
 
 int main(int argc, char **argv)
 {
-    FILE *file = argc == 3 ? fopen(argv[1], "rb") : NULL;
+    FILE *file = argc == 5 ? fopen(argv[1], "rb") : NULL;
     if (!file)
         return 2;
     fseek(file, 0, SEEK_END);
@@ -94,9 +83,10 @@ int main(int argc, char **argv)
     long results[LAG_MODEL_MEMORY + 1] = {0};
     lag_model model;
     memcpy(data, given, bytes);
-    if (lag_read_model(data, (int64_t)bytes, &model) != LAG_MODEL_READ || run(&model) != LAG_MODEL_READ)
+    if (lag_read_model(data, (int64_t)bytes, &model) != LAG_MODEL_READ || run(&model, argv[2]) != LAG_MODEL_READ)
         return 3;
-    for (long k = strtol(argv[2], NULL, 10); k > 0; --k) {
+    state ^= (uint64_t)strtol(argv[4], NULL, 10) << 32;
+    for (long k = strtol(argv[3], NULL, 10); k > 0; --k) {
         memcpy(data, given, bytes);
         damage(data, bytes);
         /* sometimes a part alone, in memory of its own, so that what is beyond is noticed */
@@ -105,7 +95,7 @@ int main(int argc, char **argv)
         memcpy(alone, data, part);
         int status = lag_read_model(alone, (int64_t)part, &model);
         if (status == LAG_MODEL_READ)
-            status = run(&model);
+            status = run(&model, argv[2]);
         ++results[status];
         free(alone);
     }

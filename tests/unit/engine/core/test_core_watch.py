@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 from core_parts import parts
-from core_runs import Recorded
 from known_events import METHODS
 from scipy.linalg import qr
 
@@ -17,6 +16,7 @@ import lagcli
 from lagcli.arrays import Array
 from lagcli.engine.core.structures import Arguments
 from lagcli.engine.integrate.prepared import prepare
+from lagcli.engine.integrate.run import Integration
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation
@@ -62,7 +62,7 @@ def prepared(text: str, sensitivity: tuple[str, ...]) -> Simulation:
     return prepare_run(lagcli.load_text(text), settings)
 
 
-class Watched(Recorded):
+class Watched(Integration):
     """An integration that has started, at (0, q, v), and solves for a and λ in one way."""
 
     def __init__(self, text: str, solution: str, sensitivity: tuple[str, ...] = ()):

@@ -1,0 +1,313 @@
+/* Simulations of models as data: what lagcli does where a run returns to its caller. */
+#include "model/simulation.h"
+
+#include <float.h>
+#include <math.h>
+
+#include "methods/method.h"
+#include "model/reader.h"
+
+#define LOG_ROWS 512     /* entries of the run's log, at least */
+#define RETRIES 16       /* at one time: beyond it, dense solutions are no help */
+#define LEAST_PERIOD (64.0 * DBL_EPSILON) /* of a clock, relative to times: shorter ones are rounding errors */
+
+/* Whether the settings can be used, which the caller may have changed. */
+static int are_settings(const lag_model *model)
+{
+    const lag_settings *s = &model->settings;
+    const lag_switching_rules *r = &model->rules;
+    const int n = 2 * model->equations.nq + 1;
+    if (!s->atol || s->times_count < 0 || (s->times_count && (!s->times || !s->block)) || s->block_rows < 1
+        || s->extra != r->rows || s->directions || !(s->rtol >= 0.0) || !isfinite(s->rtol) || !isfinite(s->t_start)
+        || !isfinite(s->t_end) || !(s->t_end >= s->t_start) || !(s->h_max > 0.0) || isnan(s->alpha) || isnan(s->beta))
+        return 0;
+    for (int i = 0; i < n; ++i)
+        if (!(s->atol[i] >= 0.0))
+            return 0;
+    for (int64_t i = 0; i < s->times_count; ++i)
+        if (!isfinite(s->times[i]) || (i && !(s->times[i] > s->times[i - 1])))
+            return 0;
+    for (int i = 0; i < r->clocks; ++i) {
+        const double first = r->ticks[3 * i], step = r->ticks[3 * i + 1], per = r->ticks[3 * i + 2];
+        const double largest = fmax(fabs(first / per), fmax(fabs(s->t_start), fabs(s->t_end)));
+        if (!(per > 0.0) || !(step > 0.0) || !(step / per >= LEAST_PERIOD * largest) || !isfinite(step / per))
+            return 0;
+    }
+    return 1;
+}
+
+/* The number of a method by its name; -1. */
+static int number_of(const char *name)
+{
+    for (int i = 0; lag_method_at(i); ++i) {
+        const char *a = lag_method_name(lag_method_at(i)), *b = name;
+        while (*a && *a == *b)
+            ++a, ++b;
+        if (*a == *b)
+            return i;
+    }
+    return -1;
+}
+
+/* The methods that need more than the equations. */
+static int is_missing(const lag_model *model, const lag_method *method)
+{
+    if (method == &lag_taylor)
+        return !(model->contents & LAG_MODEL_SERIES);
+    return method != &lag_dop853 && !(model->contents & LAG_MODEL_JACOBIANS);
+}
+
+static int use_functions(lag_simulation *s)
+{
+    const lag_model *m = &s->model;
+    lag_reader in = {.at = m->functions, .words = INT64_MAX, .status = LAG_MODEL_READ};
+    lag_function *functions = lag_get(&s->pool, (size_t)m->function_count, sizeof *functions);
+    if (!functions)
+        return 1;
+    for (int i = 0; i < m->function_count; ++i)
+        functions[i] = lag_read_function(&in, m->equations.np);
+    return m->function_count && lag_use_functions(s->run, functions, m->function_count);
+}
+
+static int use_switching(lag_simulation *s)
+{
+    lag_switching_rules rules = s->model.rules;
+    const int64_t least = 8 * (int64_t)rules.rows + 8;
+    if (!(s->model.contents & LAG_MODEL_SWITCHING))
+        return 0;
+    const int width = 6 + rules.exported + 3 * s->model.equations.nq + rules.nc;
+    rules.log_rows = least > LOG_ROWS ? least : LOG_ROWS;
+    rules.log = lag_doubles(&s->pool, rules.log_rows * width);
+    return !rules.log || lag_use_switching(s->run, &rules);
+}
+
+/* Use the unrolled elimination from here on. */
+static int unroll(lag_simulation *s)
+{
+    s->steps_to_unroll = INT64_MAX;
+    if (lag_use_unrolled(s->run, &s->model.unrolled))
+        return 1;
+    return lag_method_at(s->method) == &lag_taylor && lag_use_series(s->run, &s->model.series);
+}
+
+static int use_dynamics(lag_simulation *s)
+{
+    const lag_model *m = &s->model;
+    const int unrolled = m->contents & LAG_MODEL_UNROLLED;
+    if (!(m->contents & LAG_MODEL_PLAIN) || (unrolled && lag_method_at(s->method) == &lag_taylor))
+        return unroll(s);
+    s->steps_to_unroll = unrolled ? m->unroll_after : INT64_MAX;
+    return m->contents & LAG_MODEL_LOOP ? lag_use_elimination(s->run, &m->dynamics, &m->elimination)
+                                        : lag_use_dense(s->run, &m->dynamics);
+}
+
+/* Make the run. Returns 0, or 1 where there is no memory. */
+static int make_run(lag_simulation *s, const lag_memory *memory)
+{
+    const lag_model *m = &s->model;
+    const lag_method *method = lag_method_at(s->method);
+    s->run = lag_create(memory, &m->equations, &m->settings);
+    if (!s->run || use_functions(s) || use_switching(s) || use_dynamics(s))
+        return 1;
+    if (method != &lag_dop853) {
+        if (method != &lag_taylor && lag_use_jacobians(s->run, &m->jacobians))
+            return 1;
+        lag_switch(s->run, method);
+    }
+    return (m->contents & LAG_MODEL_TIME && lag_use_explicit_time(s->run, &m->explicit_time))
+           || (m->break_count && lag_use_breaks(s->run, m->breaks, m->break_count)) || lag_events_bind(s);
+}
+
+int lag_make_simulation(const lag_memory *memory, const lag_model *model, const char *method,
+                        lag_simulation **simulation)
+{
+    const int number = number_of(method);
+    *simulation = NULL;
+    if (!are_settings(model))
+        return LAG_MODEL_NUMBER;
+    if (number < 0 || is_missing(model, lag_method_at(number)))
+        return LAG_MODEL_METHOD;
+    lag_pool pool = lag_pool_of(memory);
+    lag_simulation *made = lag_get(&pool, 1, sizeof *made);
+    if (!made)
+        return LAG_MODEL_MEMORY;
+    made->pool = pool;
+    made->model = *model;
+    made->method = number;
+    made->retried = NAN;
+    lag_pool of_log = lag_pool_of(memory);
+    made->log = lag_get(&of_log, 1, sizeof *made->log);
+    if (made->log)
+        made->log->pool = of_log;
+    if (!made->log || make_run(made, memory)) {
+        lag_destroy_simulation(made);
+        return LAG_MODEL_MEMORY;
+    }
+    *simulation = made;
+    return LAG_MODEL_READ;
+}
+
+void lag_destroy_simulation(lag_simulation *s)
+{
+    if (s->run)
+        lag_destroy(s->run);
+    if (s->log) {
+        lag_pool of_log = s->log->pool; /* the log is allocated in it */
+        lag_release(&of_log);
+    }
+    lag_pool pool = s->pool; /* and the simulation in this one */
+    lag_release(&pool);
+}
+
+lag_run *lag_run_of(lag_simulation *s)
+{
+    return s->run;
+}
+
+int lag_stopped_by(const lag_simulation *s)
+{
+    return s->stopped;
+}
+
+const double *lag_log_of(const lag_simulation *s, int64_t *count, int *width)
+{
+    *count = s->used;
+    *width = s->width;
+    return s->log->rows;
+}
+
+static int end(lag_simulation *s, int status)
+{
+    s->phase = LAG_ENDED;
+    return s->status = status;
+}
+
+/* Use the next order of pivots for the method, or the dense solution where there is none. */
+static int use_pivots(lag_simulation *s)
+{
+    const lag_model *m = &s->model;
+    lag_reader in = {.at = m->pivots, .words = INT64_MAX, .status = LAG_MODEL_READ};
+    lag_pivots pivots = {0};
+    for (int i = 0, order = 0; i < m->pivots_count; ++i) {
+        int method;
+        const lag_pivots found = lag_read_pivots(&in, m, &method);
+        if (method == s->method && order++ == s->orders) {
+            pivots = found;
+            break;
+        }
+    }
+    ++s->orders;
+    return lag_use_pivots(s->run, &pivots);
+}
+
+/* Solve densely for a step, as the elimination fails. Returns whether that may help. */
+static int retry(lag_simulation *s)
+{
+    const double t = s->run->step.t;
+    s->retries = s->retried == t ? s->retries + 1 : 0;
+    s->retried = t;
+    return s->retries < RETRIES && !lag_allow_dense(s->run, 1) && lag_sizes_again(s->run) == LAG_RUNNING;
+}
+
+/* Whether the caller must take samples before anything else: the log has been taken. */
+static int is_full(const lag_simulation *s)
+{
+    return s->run->samples.used >= s->run->samples.rows;
+}
+
+int lag_simulate(lag_simulation *s, int64_t steps)
+{
+    lag_run *run = s->run;
+    for (;;) {
+        const int64_t before = run->step.steps, until = s->steps_to_unroll - before;
+        int status = LAG_RUNNING;
+        switch (s->phase) {
+        case LAG_AT_START: status = lag_start(run); break;
+        case LAG_UNDER_WAY:
+            if (steps <= 0)
+                return LAG_RUNNING;
+            status = lag_advance(run, steps < until ? steps : until);
+            steps -= run->step.steps > before ? run->step.steps - before : 1; /* what ends a slice early counts, too */
+            break;
+        case LAG_SETTLING: status = run->switching.begun ? lag_advance(run, 0) : lag_start(run); break;
+        case LAG_LAST_SAMPLE: status = lag_sample_until(run, run->step.t); break;
+        case LAG_ENDED: return s->status;
+        }
+        if (lag_events_collect(s))
+            return end(s, LAG_NO_MEMORY);
+        const int has_begun = run->switching.begun || !run->switching.used;
+        if (status == LAG_BLOCK_FULL) {
+            if (s->phase == LAG_AT_START && has_begun)
+                s->phase = LAG_UNDER_WAY;
+            if (is_full(s))
+                return LAG_BLOCK_FULL;
+            continue;
+        }
+        if (s->phase == LAG_LAST_SAMPLE)
+            return end(s, LAG_DONE);
+        if (s->phase == LAG_SETTLING) {
+            if (status != LAG_RUNNING && status != LAG_RESOLVED && status != LAG_HAPPENED)
+                return end(s, LAG_DONE);
+            lag_events_resolve(s);
+            s->phase = LAG_LAST_SAMPLE;
+            continue;
+        }
+        switch (status) {
+        case LAG_RUNNING:
+            if (s->phase == LAG_AT_START) {
+                s->phase = LAG_UNDER_WAY;
+                if (s->open)
+                    lag_events_resolve(s);
+            }
+            if (run->step.steps >= s->steps_to_unroll && unroll(s))
+                return end(s, LAG_NO_MEMORY);
+            break;
+        case LAG_HAPPENED:
+            status = lag_events_happen(s);
+            if (status != LAG_RUNNING)
+                return end(s, status);
+            s->phase = s->stopped >= 0 ? LAG_SETTLING : run->switching.begun ? LAG_UNDER_WAY : LAG_AT_START;
+            break;
+        case LAG_RESOLVED: lag_events_resolve(s); break;
+        case LAG_ORDER:
+            if (use_pivots(s))
+                return end(s, LAG_NO_MEMORY);
+            break;
+        case LAG_INACCURATE:
+            if (!retry(s))
+                return end(s, status);
+            break;
+        case LAG_UNDEFINED:
+            if (s->retried == run->step.t || !retry(s))
+                return end(s, status);
+            s->phase = LAG_AT_START;
+            break;
+        case LAG_NEAR:
+        case LAG_OVER:
+        case LAG_CONTRADICTED:
+        case LAG_STIFF:
+            s->phase = LAG_UNDER_WAY;
+            return status;
+        default: return end(s, status);
+        }
+    }
+}
+
+size_t lag_simulation_size(const lag_simulation *s)
+{
+    return lag_saved_size(&s->pool) + lag_state_size(s->run);
+}
+
+void lag_save_simulation(const lag_simulation *s, void *to)
+{
+    lag_save(s->run, lag_save_pool(&s->pool, to));
+}
+
+int lag_restore_simulation(lag_simulation *s, const void *from)
+{
+    const char *run = lag_saved_pool(&s->pool, from, 0);
+    if (!run || lag_restore(s->run, run))
+        return 1;
+    lag_saved_pool(&s->pool, from, 1);
+    return 0;
+}

@@ -1,0 +1,62 @@
+/* A simulation of a model as data: what it has, beside its run. */
+#ifndef LAGCLI_SIMULATION_H
+#define LAGCLI_SIMULATION_H
+
+#include "lagmodel.h"
+#include "memory.h"
+#include "run.h"
+#include "tape/tape.h"
+
+/* The log: it grows, and is cut back where a simulation is restored. */
+typedef struct {
+    lag_pool pool;
+    double *rows;
+    int64_t capacity;
+} lag_event_log;
+
+/* What follows: the start; steps; the instant at which an event has ended the motion; its sample. */
+enum lag_phase { LAG_AT_START, LAG_UNDER_WAY, LAG_SETTLING, LAG_LAST_SAMPLE, LAG_ENDED };
+
+struct lag_simulation {
+    lag_pool pool;
+    lag_model model;
+    lag_run *run;
+    enum lag_phase phase;
+    int status;                        /* its last, once it has ended */
+    int64_t steps_to_unroll;           /* steps after which the unrolled elimination is used */
+    int method;                        /* its number */
+    int orders;                        /* of pivots that have been requested */
+    double retried;                    /* time at which a solution was last replaced by the dense one ... */
+    int retries;                       /* ... how often there */
+
+    /* actions.c: events */
+    lag_event *events;
+    int64_t *happened;                 /* how often each has */
+    lag_tape actions, energy;
+    double *p, *held;                  /* parameters that events set; with branches and pieces of functions */
+    double *none;                      /* nq + nc zeros */
+    double *before, *after;            /* 2 nq + 1: scratch */
+    int stopped;                       /* the event that has ended it; -1 */
+    lag_event_log *log;
+    int width;                         /* of its entries */
+    int64_t used;                      /* entries */
+    int64_t seen;                      /* entries of rows that events have reacted to */
+    int open;                          /* whether an instant waits for its end ... */
+    int64_t first;                     /* ... the first entry at it */
+    int64_t engaging;                  /* the entry of an event that engages a row, whose velocities change; -1 */
+    double engaged_work, work_before;  /* the entry's work, and W, then */
+};
+
+/* Allocate what events need. Returns 0, or 1 where there is no memory. */
+int lag_events_bind(lag_simulation *s);
+
+/* Append the entries of the run's log. Returns 0, or 1 where there is no memory. */
+int lag_events_collect(lag_simulation *s);
+
+/* Perform the actions of the events that have happened. Returns LAG_RUNNING, or why the motion ends. */
+int lag_events_happen(lag_simulation *s);
+
+/* Complete the entries of a finished instant. */
+void lag_events_resolve(lag_simulation *s);
+
+#endif
