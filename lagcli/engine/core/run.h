@@ -125,7 +125,7 @@ typedef struct {
 typedef struct {
     int mode;                          /* a lag_watching */
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
-    long examined;                     /* number of states whose least pivot was computed */
+    int64_t examined;                  /* number of states whose least pivot was computed */
     double *combination;               /* nc: of rows, that inverse iteration found last */
     double *jacobian;                  /* 2 nb: B's entries where a step of Taylor's began and ends */
     lag_cancellation cancellation;
