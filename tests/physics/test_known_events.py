@@ -78,6 +78,33 @@ def test_a_block_slips_twice_per_period(force: float, method: str) -> None:
     assert run.q[-1, 0] == pytest.approx(0, abs=1e-7)
 
 
+def test_two_blocks_slip_as_each_does_alone() -> None:
+    """Functions of forces are sampled together, and their roots are found each by itself."""
+    text = """
+coordinates: {{x: m, y: m}}
+parameters: {{m: 1 kg, F: {f} N, H: {h} N, G: 1 N, w: 1 1/s, u: 1.7 1/s}}
+T: m/2*(x'^2 + y'^2)
+Q: {{x: F*sin(w*t), y: H*sin(u*t)}}
+constraints:
+  s: {{expr: x' = 0, limit: G}}
+  r: {{expr: y' = 0, limit: G}}
+initial: {{x: 0 m, x': 0 m/s, y: 0 m, y': 0 m/s}}
+simulation: {{t_end: 20, samples: 2}}
+"""
+
+    def slips(f: float, h: float, name: str) -> np.ndarray:
+        run = lagcli.simulate(lagcli.load_text(text.format(f=f, h=h)), rtol=1e-10)
+        assert run.events is not None
+        return run.events.instants(name, "slips")
+
+    for name, force, alone in (("s", 1.1, (1.1, 0.5)), ("r", 1.3, (0.5, 1.3))):
+        found, rate = slips(1.1, 1.3, name), {"s": 1.0, "r": 1.7}[name]
+        expected = slips(*alone, name)
+        assert len(expected) > 3
+        np.testing.assert_allclose(found, expected, atol=1e-8)
+        assert found[0] == pytest.approx(math.asin(1 / force) / rate, abs=1e-9)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_block_lifts_off_once_per_period(method: str) -> None:
     run = lagcli.simulate(load("lift_harmonic"), method=method)

@@ -102,16 +102,17 @@ def test_what_is_near_and_how_long_steps_are_is_relative_to_the_largest_value() 
     assert watch.largest_step() == math.inf
 
 
+@pytest.mark.parametrize("scale", [1, 1e5])
 @pytest.mark.parametrize(("e", "named"), [(0.08, "abc"), (0.065, "ac"), (-0.08, "abc")])
 def test_constraints_with_a_small_part_in_the_dependency_are_not_named(
-    e: float, named: str
+    e: float, named: str, scale: float
 ) -> None:
     """Below a twentieth: the combination is (1, e, -1)/√(2 + e²), but for the row's length."""
     system, p = lowered(
         lagcli.load_text(f"""
 coordinates: [x, y, z]
 T: (x'^2 + y'^2 + z'^2)/2
-constraints: {{a: x = 0, b: y = 0, c: x + {e}*y + z^2 = 0}}
+constraints: {{a: x = 0, b: y = 0, c: {scale}*(x + {e}*y + z^2) = 0}}
 initial: {{x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}}
 """)
     )
@@ -245,6 +246,21 @@ def test_a_step_may_end_next_to_the_configuration(last: float) -> None:
     crossing = Crossing(found, Projection(found.evaluator, 1), before, SINGULAR, guess)
     np.testing.assert_allclose(crossing.state[:4], crank_state(SINGULAR + last)[:4], atol=1e-8)
     assert crossing.state[4] == pytest.approx(2.5, rel=1e-12)
+
+
+def test_rounding_of_far_states_does_not_end_a_passage() -> None:
+    """Next to the configuration they have no effect: their distance is a million times larger."""
+    found = crank_motion()
+    project, calls = Projection(found.evaluator, 1), [0]
+
+    def rounded(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        calls[0] += 1
+        q, v = project(t, q, v)
+        return q, v + (1e-7 * math.sin(calls[0]) if abs(t - SINGULAR) > 1e-3 else 0.0)
+
+    before = [(t, crank_state(t)) for t in SINGULAR - np.array([0.012, 0.008, 0.006, 1e-8])]
+    crossing = Crossing(found, rounded, before, SINGULAR, guess)
+    np.testing.assert_allclose(crossing.state[:4], crank_state(SINGULAR)[:4], atol=1e-6)
 
 
 def test_where_states_beyond_do_not_settle_there_is_no_continuation() -> None:

@@ -199,10 +199,11 @@ def test_derivatives_do_not_change_the_least_pivot() -> None:
     assert watched.measured(*twice)[1] == pytest.approx(plain.measured(q, state.v)[1], rel=1e-12)
 
 
-@pytest.mark.parametrize("solution", SOLUTIONS[1:])
-def test_the_least_singular_value_of_many_rows(solution: str) -> None:
+@pytest.mark.parametrize(("solution", "unit"), [*zip(SOLUTIONS[1:], "11"), (SOLUTIONS[1], "1e-8")])
+def test_the_least_singular_value_of_many_rows(solution: str, unit: str) -> None:
     """By inverse iteration, from above: exact next to a singular configuration."""
-    watched = Watched(CHAIN.format(count=MANY), solution)
+    text = CHAIN.format(count=MANY).replace("T: ", f"T: {unit}*(").replace("/200", "/200)")
+    watched = Watched(text, solution)
     state, n = watched.request.state, MANY
     rng = np.random.default_rng(2)
     for near, short in [(1.0, 1), (1e-1, 0), (1e-2, 1), (1e-2, 0), (1e-3, 0), (1e-3, 1)]:
@@ -295,3 +296,10 @@ def test_long_steps_of_a_method_with_few_stages_are_examined() -> None:
         model = lagcli.load_text(TWO_ROWS.replace("w: 1,", f"w: {start!r},"))
         found = lagcli.simulate(model, t_end=4.0, samples=2, method="Radau", max_step=largest)
         assert "singular configuration" in found.message, (start, largest)
+
+
+def test_redundant_rows_are_examined_in_each_step() -> None:
+    """Their bordered matrix tells nothing; the rank still falls from 2 to 1."""
+    text = TWO_ROWS.replace("  two:", "  again: 2*x = 0\n  two:")
+    found = lagcli.simulate(lagcli.load_text(text), t_end=4.0, samples=2)
+    assert "singular configuration at t = 2.14159" in found.message

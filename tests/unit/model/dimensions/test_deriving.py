@@ -12,6 +12,7 @@ from lagcli.errors import ModelError
 from lagcli.model.dimensions.deriving import expression_unit, symbolic_unit
 from lagcli.model.expression.dimension import unit_of
 from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.units import read_unit
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model, multiplier
 from lagcli.model.result_units import result_units
@@ -88,6 +89,32 @@ def test_where_numbers_have_units_only_small_fractions_are_pure() -> None:
         assert symbolic_unit(model, other * x) is None
     plain = load_text(text("x: m", "m: 1 kg, k: 2 N/m", "Q: {x: -k*x}\n"))
     assert symbolic_unit(plain, se.RealDouble(0.3) * x) == "m"
+
+
+def test_a_parameter_with_an_expression_and_a_unit() -> None:
+    """A value in SI, or a number in that unit; numbers in it take what is due."""
+
+    def units(value: str, unit: str) -> list[str]:
+        parameters = f"m: 1 kg, l: 2 m, a: {{value: {value}, unit: {unit}}}"
+        found = load_text(text("x: m", parameters, "outputs: {a: a}\n")).units
+        assert found.of_output("a") == unit_of(read_unit(unit).dimension)
+        return [unit_of(x.dimension) for x in found.numbers]
+
+    assert units("2*l", "m") == []
+    assert units("l/l", "cm") == []
+    assert units("0.3*l", "N") == ["N/m"]
+    assert units("0.3*l", "kN") == ["1/m"]
+    for value, unit in (("2*l", "mm"), ("2*l", "N")):
+        with pytest.raises(ModelError) as caught:
+            units(value, unit)
+        assert {d.kind for d in caught.value.diagnostics} == {"units"}
+
+
+def test_each_entry_of_a_cross_product_has_its_unit() -> None:
+    more = "definitions: {r: 'cross([l, tau, m], 2*[l, tau, m])'}\n"
+    more += "outputs: {a: 'r[1]', b: 'r[2]', c: 'r[3]'}\n"
+    units = load_text(text("x: m", "m: 1 kg, l: 1 m, tau: 1 s", more)).units
+    assert [units.of_output(name) for name in "abc"] == ["kg*s", "kg*m", "m*s"]
 
 
 def test_coefficients_of_contacts_are_numbers() -> None:

@@ -137,6 +137,8 @@ def test_what_no_double_holds_is_rejected() -> None:
         ("-", "1"),
         ("mm/cm", "1"),
         ("kg*m^2/s^2", "kg*m^2/s^2"),
+        ("kg*(m/s)^2", "kg*(m/s)^2"),  # as it is written
+        ("s^-2*kg", "s^-2*kg"),
     ],
 )
 def test_si_notation_names_the_unit_of_the_converted_value(unit, si):
