@@ -36,7 +36,7 @@ constraints:
 initial: {x: 0, y: 0, w: 1, s: 1, x': 0, y': 0, w': 1, s': 0}
 """
 
-#: Particles on rods, heavy and light in turn; pivots of light ones are of order two.
+#: Particles on rods, heavy and light in turn.
 CHAIN = """
 parameters: {{N: {count}}}
 coordinates: [x[1..N], y[1..N], u]
@@ -159,7 +159,6 @@ def test_parts_of_factors(count: int, solution: str) -> None:
     """Beside a dense elimination in the same order."""
     watched = Watched(CHAIN.format(count=count), solution)
     assert watched.plan is not None
-    assert any(watched.plan.paired)
     rng = np.random.default_rng(count)
     state = watched.request.state
     lengths = np.linalg.norm(watched.matrices(state.q, state.v)[1], axis=1)
@@ -172,7 +171,7 @@ def test_parts_of_factors(count: int, solution: str) -> None:
         part, _ = watched.measured(q, state.v)
         assert part == pytest.approx(min(1.0, factors, shortest), rel=1e-6)
         by_factors += factors < min(1.0, shortest)
-    assert 5 < by_factors < 35
+    assert by_factors > 5
 
 
 @pytest.mark.parametrize("count", [3, MANY])
@@ -199,7 +198,9 @@ def test_derivatives_do_not_change_the_least_pivot() -> None:
     assert watched.measured(*twice)[1] == pytest.approx(plain.measured(q, state.v)[1], rel=1e-12)
 
 
-@pytest.mark.parametrize(("solution", "unit"), [*zip(SOLUTIONS[1:], "11"), (SOLUTIONS[1], "1e-8")])
+@pytest.mark.parametrize(
+    ("solution", "unit"), [("in a loop", "1"), ("densely", "1"), ("in a loop", "1e-8")]
+)
 def test_the_least_singular_value_of_many_rows(solution: str, unit: str) -> None:
     """By inverse iteration, from above: exact next to a singular configuration."""
     text = CHAIN.format(count=MANY).replace("T: ", f"T: {unit}*(").replace("/200", "/200)")
