@@ -25,7 +25,7 @@ MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES
 #: The rules that the documentation states: what each package may import of lagcli, beside itself.
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 TABLE = PAGE[PAGE.index("| package | may import |") :]
-ROOMS = {
+PACKAGES = {
     own: set(re.findall(r"`(\w+)`", known))
     for own, known in re.findall(r"^\| `(\w+)` \| ([^|]*) \|", TABLE, re.MULTILINE)
     if own != "cli"
@@ -98,7 +98,7 @@ HEAVY = {
         *("model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"),
     },
 }
-#: Packages whose modules beside the folders count as one folder in the search for circles.
+#: Packages whose modules beside the folders count as one folder in the search for cycles.
 WITH_TOP = {"analysis", "cli", "engine", "pictures", "play", "simulations"}
 #: Modules of HDF5 files, themselves imported where they are used.
 OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store", "lagcli.analysis.fit.file")
@@ -108,7 +108,7 @@ def folder_of(module: str) -> str:
     return module.rpartition(".")[0]
 
 
-def room(module: str) -> str:
+def package_of(module: str) -> str:
     parts = module.split(".")
     return parts[1] if len(parts) > 1 else "lagcli"
 
@@ -141,26 +141,30 @@ def imports(module: str, *, at_top: bool = False) -> tuple[str, ...]:
     return tuple(visit(tree(module)))
 
 
-def test_rooms_are_known() -> None:
-    found = {room(m) for m in MODULES} - {"__init__", "__main__", "cli"}
-    assert found == set(ROOMS), "docs/architecture.md says whom a new room may import"
+def test_packages_are_known() -> None:
+    found = {package_of(m) for m in MODULES} - {"__init__", "__main__", "cli"}
+    assert found == set(PACKAGES), "docs/architecture.md says whom a new package may import"
 
 
 def test_who_imports_whom() -> None:
     def forbidden(own: str, name: str) -> bool:
         top = name.split(".")[0]
-        return room(name) not in {own, *ROOMS[own]} if top == "lagcli" else top in FOREIGN[own]
+        return (
+            package_of(name) not in {own, *PACKAGES[own]}
+            if top == "lagcli"
+            else top in FOREIGN[own]
+        )
 
     assert [
         f"{module} imports {name}"
         for module in MODULES
-        if room(module) in ROOMS and module not in LOADERS
+        if package_of(module) in PACKAGES and module not in LOADERS
         for name in imports(module)
-        if forbidden(room(module), name)
+        if forbidden(package_of(module), name)
     ] == []
 
 
-def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+def cycles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Return the strongly connected parts of a graph that have more than one node."""
     found: list[list[str]] = []
     number: dict[str, int] = {}
@@ -187,26 +191,26 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     return found
 
 
-def test_circles_are_found() -> None:
+def test_cycles_are_found() -> None:
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
-    assert [sorted(part) for part in circles(graph)] == [["b", "c"]]
+    assert [sorted(part) for part in cycles(graph)] == [["b", "c"]]
 
 
 def test_no_module_imports_itself_by_way_of_others() -> None:
     named = {m.removesuffix(".__init__"): m for m in MODULES}
     graph = {m: {named[n] for n in imports(m) if n in named} - {m} for m in MODULES}
-    assert circles(graph) == []
+    assert cycles(graph) == []
 
 
-def test_no_room_imports_itself_by_way_of_others() -> None:
-    graph = {own: set(known) for own, known in ROOMS.items()}
-    assert circles(graph) == []
+def test_no_package_imports_itself_by_way_of_others() -> None:
+    graph = {own: set(known) for own, known in PACKAGES.items()}
+    assert cycles(graph) == []
 
 
 @pytest.mark.parametrize(
     "above", sorted({"model", "equations", "engine", "sweeps", "results", *WITH_TOP})
 )
-def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None:
+def test_no_folder_of_a_package_imports_itself_by_way_of_others(above: str) -> None:
     inside = {f for f in map(folder_of, MODULES) if f"{f}.".startswith(f"lagcli.{above}.")}
     if above not in WITH_TOP:
         inside -= {f"lagcli.{above}"}
@@ -215,7 +219,7 @@ def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None
         if (folder := folder_of(module)) in inside:
             named = (n if n in MODULES else f"{n}.__init__" for n in imports(module))
             graph[folder] |= inside.intersection(map(folder_of, named)) - {folder}
-    assert circles(graph) == []
+    assert cycles(graph) == []
 
 
 def test_no_class_name_occurs_twice() -> None:
@@ -229,7 +233,7 @@ def test_no_class_name_occurs_twice() -> None:
 
 def test_nothing_imports_the_command_line() -> None:
     for module in MODULES:
-        if room(module) != "cli" and module != "lagcli.__main__":
+        if package_of(module) != "cli" and module != "lagcli.__main__":
             assert not any(n.startswith("lagcli.cli") for n in imports(module)), module
 
 
@@ -250,7 +254,7 @@ def test_engine_uses_symbols_only_where_equations_are_lowered() -> None:
     assert [
         f"{module} imports {name}"
         for module in MODULES
-        if room(module) == "engine" and module not in SYMBOLIC
+        if package_of(module) == "engine" and module not in SYMBOLIC
         for name in imports(module)
         if name.startswith(("symengine", "lagcli.equations", "lagcli.model"))
     ] == []
@@ -258,7 +262,7 @@ def test_engine_uses_symbols_only_where_equations_are_lowered() -> None:
 
 def test_files_are_opened_by_the_loader_the_results_and_the_command_line_alone() -> None:
     for module in MODULES:
-        if room(module) in ("engine", "equations", "simulations", "trajectory", "settings"):
+        if package_of(module) in ("engine", "equations", "simulations", "trajectory", "settings"):
             for node in ast.walk(tree(module)):
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                     assert node.func.id != "open", f"{module}:{node.lineno}"
@@ -268,7 +272,7 @@ def test_heavy_packages_are_imported_where_they_are_used() -> None:
     def allowed(module: str, top: str) -> bool:
         return (
             top not in HEAVY
-            or room(module) in HEAVY[top]
+            or package_of(module) in HEAVY[top]
             or (top == "h5py" and module.startswith(OF_HDF5))
             # a renderer that prints by SymPy is itself imported inside the function that renders
             or module.startswith("lagcli.equations.render")
@@ -482,7 +486,7 @@ def test_no_file_of_the_core_includes_itself_by_way_of_others() -> None:
     for own in [name for names in graph.values() for name in names if name not in graph]:
         graph[own] = set()  # a header that the build writes
     assert {"run", "motion", "switching/instant", "batch/batch"} <= set(graph)
-    assert circles(graph) == []
+    assert cycles(graph) == []
 
 
 def test_the_core_counts_with_integers_of_one_size_on_every_platform() -> None:

@@ -149,8 +149,8 @@ def test_derivatives_in_result_files(folder: Path, command: Command, suffix: str
     expected = lagcli.simulate(model, samples=5, sensitivity=["l", "phi'"])
     for name in ("dq", "dv", "dmultipliers"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-    told = json.loads(command("info", path.name, "--json").stdout)
-    assert told["sensitivity"] == ["l", "phi'"]
+    description = json.loads(command("info", path.name, "--json").stdout)
+    assert description["sensitivity"] == ["l", "phi'"]
     if suffix == "csv":
         header = path.read_text().splitlines()[0].split(",")
         assert header[-2:] == ["dlambda.guide/dl", "dlambda.guide/dphi'"]

@@ -161,11 +161,11 @@ def test_modes_of_a_file_are_animated_as_those_of_the_model(
     assert run(["animate", file, "--mode", "4", "-o", str(tmp_path / "x.html")]) == 2
     assert "3 modes" in capsys.readouterr().err
     assert run(["animate", file, "-o", str(tmp_path / "x.html")]) == 2
-    told = capsys.readouterr().err
-    frequencies = [float(line.split()[-3]) for line in told.splitlines() if " Hz " in line]
+    printed = capsys.readouterr().err
+    frequencies = [float(line.split()[-3]) for line in printed.splitlines() if " Hz " in line]
     zeros = np.array([0.4157745568, 2.2942803603, 6.2899450829])  # of Laguerre's polynomial L_3
     # lengths of 1/3 m; six digits are printed
     np.testing.assert_allclose(frequencies, np.sqrt(3 * 9.81 * zeros) / (2 * np.pi), rtol=2e-6)
-    assert "--mode 1" in told
+    assert "--mode 1" in printed
     assert run(["animate", file, "--mode", "1", "--at", "1", "-o", str(tmp_path / "x.html")]) == 2
     assert "about one point" in capsys.readouterr().err

@@ -60,9 +60,11 @@ def test_small_currents_have_all_digits(method: str) -> None:
         j = (p["E"] - (p["s"] - x) * q / p["epsA"] - p["R"] * i) / p["L"]
         return [y[2], y[3], a * t0 * t0 / x0, j * t0 * t0 / q0]
 
-    twin = solve_ivp(rate, (0, 5), [0, 1, 0, 0], "LSODA", run.time / t0, rtol=1e-12, atol=1e-15)
+    scaled_run = solve_ivp(
+        rate, (0, 5), [0, 1, 0, 0], "LSODA", run.time / t0, rtol=1e-12, atol=1e-15
+    )
     scales = np.array([x0, q0, x0 / t0, q0 / t0])
-    assert difference(np.hstack([run.q, run.v]) / scales, twin.y.T) < DIGITS
+    assert difference(np.hstack([run.q, run.v]) / scales, scaled_run.y.T) < DIGITS
 
 
 def scaled(path: Path, length: float, mass: float, time: float) -> tuple[Model, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Contacts whose forces or motions are not unique, or do not exist: what is told and taken."""
+"""Contacts whose forces or motions are not unique, or do not exist: the notes, and the solution."""
 
 from __future__ import annotations
 
@@ -219,11 +219,11 @@ def test_impacts_with_more_than_one_motion() -> None:
         after = log.after[first.index("impact")]
         distances = [np.abs(rows @ after - y).max() for y in motions]
         assert min(distances) < 1e-8, (seed, run.message)
-        told = "not unique" in first
+        noted = "not unique" in first
         if first.count("impact") <= 2:  # one impact, of both contacts or one
-            assert told == (len(motions) > 1), (seed, motions)
-        counted[1 + told] += 1
-        if told:
+            assert noted == (len(motions) > 1), (seed, motions)
+        counted[1 + noted] += 1
+        if noted:
             assert any("more than one motion" in x for x in event_sentences(log.to_mapping()))
     assert counted[1] > 5
     assert counted[2] > 5

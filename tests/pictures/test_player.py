@@ -197,12 +197,12 @@ def test_words_for_those_who_cannot_see_it(slider_crank):
 
 
 def test_the_time_is_linked_both_ways(slider_crank):
-    slider_crank.evaluate("window.told = []; player.onTime = (t) => told.push(t); 0")
+    slider_crank.evaluate("window.reported = []; player.onTime = (t) => reported.push(t); 0")
     slider_crank.evaluate("player.setTime(1.25)")
-    assert slider_crank.evaluate("told") == []
+    assert slider_crank.evaluate("reported") == []
     slider_crank.locator("canvas").focus()
     slider_crank.keyboard.press("Home")
-    assert slider_crank.evaluate("told") == [0]
+    assert slider_crank.evaluate("reported") == [0]
 
 
 def test_another_scene_takes_the_place_of_one(slider_crank):

@@ -158,11 +158,11 @@ def test_of_three_quantities_each_map_has_one_value_of_the_third(
     for names in ([], ["l:m:peak"]):
         figure = figure_of(monkeypatch, tmp_path, "three.h5", *names)
         found = panels(figure)
-        told = sorted(ax.get_title(loc="right") for ax in found)
-        third = told[0].split(" = ")[0].strip("$")
+        titles = sorted(ax.get_title(loc="right") for ax in found)
+        third = titles[0].split(" = ")[0].strip("$")
         table = PlottedTable("three.h5")
         values = np.unique(table.find(third).values)
-        assert told == [f"${third}$ = {x:.4g} {table.find(third).unit}" for x in values]
+        assert titles == [f"${third}$ = {x:.4g} {table.find(third).unit}" for x in values]
         # one scale of colours for all
         assert len({ax.collections[0].get_clim() for ax in found}) == 1
         peak = table.find("peak").values

@@ -1,4 +1,4 @@
-"""What the page of `lagcli play` is told: the very numbers of `simulate`, or what is wrong."""
+"""Messages to the page of `lagcli play`: the numbers of `simulate`, or errors."""
 
 from __future__ import annotations
 
@@ -253,7 +253,7 @@ def test_frames_hold_what_was_put_in(text: str) -> None:
 
 
 class Answers:
-    """Collects what a client is told."""
+    """Collects the messages to a client."""
 
     def __init__(self, played: Played):
         self.got: list[dict[str, Any]] = []

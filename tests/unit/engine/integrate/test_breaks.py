@@ -30,7 +30,7 @@ def place(t: np.ndarray) -> np.ndarray:
 
 
 class Ended(NamedTuple):
-    """How a run ended, its samples, and the times that its progress told."""
+    """How a run ended, its samples, and the times reported to `progress`."""
 
     outcome: Outcome
     time: np.ndarray

@@ -1,4 +1,4 @@
-"""The choice of a method, with a core that only counts what it is told."""
+"""The choice of a method, with a core that only records its calls."""
 
 from __future__ import annotations
 

@@ -266,7 +266,7 @@ def left_sides(name: str) -> list[str]:
 
 
 def shape(text: str) -> str:
-    """Return a formula with its names and signs left out, which twins have in common."""
+    """Return a formula without its names and signs."""
     return re.sub(r"[−+]", "±", re.sub(r"[^\W\d]+[̈̇]?[₀₁₂₃]?", "x", text))
 
 

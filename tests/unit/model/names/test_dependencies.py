@@ -14,7 +14,7 @@ def test_each_comes_after_what_it_needs() -> None:
     assert cycles == []
 
 
-def test_circles_are_found() -> None:
+def test_cycles_are_found() -> None:
     _, cycles = topological_order({"a": ["b"], "b": ["c"], "c": ["b"], "d": ["d"]})
     assert cycles == [["b", "c"], ["d"]]
 

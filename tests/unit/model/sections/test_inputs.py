@@ -82,7 +82,7 @@ def test_data_at_hand_are_not_read_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("csv", "line", "told"),
+    ("csv", "line", "fragment"),
     [
         ("", 4, "is empty"),
         ("t,height\n", 1, "no row of numbers"),
@@ -103,10 +103,10 @@ def test_data_at_hand_are_not_read_again(tmp_path: Path) -> None:
         (b"\x89HDF\r\n\x1a\n\x00\x00", 4, "not text"),
     ],
 )
-def test_damaged_files(tmp_path: Path, csv: str | bytes, line: int, told: str) -> None:
+def test_damaged_files(tmp_path: Path, csv: str | bytes, line: int, fragment: str) -> None:
     """The message names the place in the file and in the model."""
     text = message(tmp_path, csv=csv)
-    assert told in text
+    assert fragment in text
     assert f"road.csv:{line}:" in text or f"m.yaml:{line}:" in text
     assert "m.yaml:4" in text
     assert "height" in text or "u" in text
@@ -121,7 +121,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "told"),
+    ("entry", "fragment"),
     [
         ("times: [0, 1], values: [1, 2], interpolation: cubik", "did you mean `cubic`"),
         ("times: [0, 1], values: [1, 2], extend: hold on", "`extend`"),
@@ -143,9 +143,9 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         ("times: [0, 1], values: [1, 2], extend: periodic", "its first value is 1 and its last 2"),
     ],
 )
-def test_wrong_entries(tmp_path: Path, entry: str, told: str) -> None:
+def test_wrong_entries(tmp_path: Path, entry: str, fragment: str) -> None:
     text = message(tmp_path, entry)
-    assert told in text
+    assert fragment in text
     assert "m.yaml:4:" in text
 
 
@@ -154,7 +154,7 @@ LINEAR = STEP.replace("step", "linear")
 
 
 @pytest.mark.parametrize(
-    ("entry", "old", "new", "told"),
+    ("entry", "old", "new", "fragment"),
     [
         (STEP, "", "", "`V` depends on `u`, which jumps"),
         (LINEAR, "T: m/2*y'^2", "T: m/2*(y' + u')^2", "`T` depends on `u`, which has kinks"),
@@ -171,11 +171,11 @@ LINEAR = STEP.replace("step", "linear")
     ],
 )
 def test_uses_that_need_more_than_there_is(
-    tmp_path: Path, entry: str, old: str, new: str, told: str
+    tmp_path: Path, entry: str, old: str, new: str, fragment: str
 ) -> None:
     text = message(tmp_path, entry, MODEL.replace(old, new) if old else MODEL)
-    assert told in text
-    if "constraint" in told or "`T`" in told:
+    assert fragment in text
+    if "constraint" in fragment or "`T`" in fragment:
         assert "`cubic`" in text
 
 

@@ -223,14 +223,14 @@ def test_vectors_of_one_unit_share_a_scale() -> None:
 def test_a_rare_peak_does_not_shrink_a_vector_and_nothing_is_nothing() -> None:
     peaked = np.ones(1000)
     peaked[3] = 1e6
-    calm, nothing = scaled(
+    small, nothing = scaled(
         [
             DrawnVector("f", "force", "P", (peaked * 0, peaked), "N"),
             DrawnVector("g", "vector", "P", (peaked * 0, peaked * np.nan), ""),
         ],
         [(0.0, 1.0), (0.0, 1.0)],
     )
-    assert calm.scale > 0.3 / 1e6 * 5
+    assert small.scale > 0.3 / 1e6 * 5
     assert nothing.scale == 1
 
 

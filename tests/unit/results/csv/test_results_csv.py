@@ -118,7 +118,7 @@ def test_names_are_quoted_where_needed(tmp_path: Path) -> None:
 def test_pandas_reads_the_same(tmp_path: Path) -> None:
     run = make(200, coordinates=("A[1,2]", "φ"))
     table = pd.read_csv(_written(tmp_path, run))
-    # before version 3, pandas errs in the last four digits unless told otherwise
+    # before version 3, pandas errs in the last four digits by default
     np.testing.assert_allclose(table["t"], run.time, rtol=1e-12)
     np.testing.assert_allclose(table["A[1,2]_ddot"], run.a[:, 0], rtol=1e-12)
     np.testing.assert_allclose(table["lambda.guide"], run.multipliers[:, 0], rtol=1e-12)
