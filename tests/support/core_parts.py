@@ -57,6 +57,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_watch": (c_int, c_void_p, c_double, *[c_void_p] * 3),
     "lag_part_steps_over": (c_int, c_void_p, c_double, c_void_p, c_void_p),
     "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
+    "lag_part_acceleration_terms": (Doubles, c_void_p),
     "lag_part_coefficients": (None, c_void_p, c_void_p),
     "lag_read_model": (c_int, c_void_p, ctypes.c_int64, c_void_p),
     "lag_check_program": (c_int, c_void_p),

@@ -50,6 +50,9 @@ int lag_part_watch(lag_run *run, double t, const double *y, double *part, double
 int lag_part_steps_over(lag_run *run, double h, const double *before, const double *after);
 int lag_part_approaches(lag_run *run, double t, const double *y);
 
+/* The sizes of what accelerations are made of, nq: A of sizes.h. */
+const double *lag_part_acceleration_terms(const lag_run *run);
+
 /* The coefficients of methods/rodas5p_tableau.h and methods/radau5_tableau.h. */
 typedef struct {
     double gamma, c[8], d[8], a[8][7], C[8][7], h[3][8];
