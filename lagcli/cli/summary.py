@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 import textwrap
@@ -105,6 +104,8 @@ def to_json(value: Mapping[str, Any]) -> str:
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
+    import json
+
     from lagcli.json_values import json_values
 
     return visible_json(json.dumps(json_values(value), indent=indent, ensure_ascii=False))

@@ -12,7 +12,7 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_rows, row_lengths
 from lagcli.engine.system import Pattern, State, System
-from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
+from lagcli.engine.tape.interpreter import ArrayTape, ScalarTape
 
 #: Powers of ten searched for the change of a constraint; beyond, its terms are rounding errors.
 _DECADES = 20
@@ -118,6 +118,12 @@ def _bound(system: System) -> _Bound:
         None if system.tangent is None else ScalarTape(system.tangent.tape),
         TapeMatrices(system),
     )
+
+
+@lru_cache(maxsize=12)
+def _on_arrays(system: System, tape: str) -> ArrayTape:
+    """Return a tape of a System for many states, which the blocks of a run share."""
+    return ArrayTape(getattr(system, tape))
 
 
 class Evaluator:
@@ -247,20 +253,19 @@ class Batch:
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""
-        s = self.system
-        out = run_arrays(s.dynamics, [*self._state, *self.p], self.count)
+        out = self._run("dynamics", [*self._state, *self.p])
         return self._matrices.dynamics(out, bool(np.isfinite(out).all()))
 
     def entries(self) -> Entries:
         """Return M, f, B and the constraints as their nonzero entries."""
-        s = self.system
         inputs = [*self._state, *self.p]
-        dynamics = self._matrices.of_dynamics.split(run_arrays(s.dynamics, inputs, self.count))
-        own = self._matrices.of_constraint.split(run_arrays(s.constraint, inputs, self.count))
+        dynamics = self._matrices.of_dynamics.split(self._run("dynamics", inputs))
+        own = self._matrices.of_constraint.split(self._run("constraint", inputs))
         return Entries(**{**own, **dynamics})
 
     def report(self, a: Array, multipliers: Array) -> Array:
         """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""
-        s = self.system
-        inputs = [*self._state, *a.T, *multipliers.T, *self.p]
-        return run_arrays(s.report, inputs, self.count)
+        return self._run("report", [*self._state, *a.T, *multipliers.T, *self.p])
+
+    def _run(self, tape: str, inputs: list[Array | float]) -> Array:
+        return _on_arrays(self.system, tape)(inputs, self.count)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import unicodedata
 from collections.abc import Iterable, Sequence
 
@@ -31,7 +30,9 @@ def nearest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
         pairs = _pairs(wanted)
         likely.sort(key=lambda k: len(pairs ^ _pairs(k)))  # number of differing letter pairs
         del likely[_LIKELY:]
-    close = difflib.get_close_matches(wanted, likely, n=count, cutoff=0.6)
+    from difflib import get_close_matches
+
+    close = get_close_matches(wanted, likely, n=count, cutoff=0.6)
     return [folded[c] for c in close]
 
 

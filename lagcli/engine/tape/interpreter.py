@@ -100,33 +100,66 @@ class ScalarTape:
         self._held = pieces
 
 
+class ArrayTape:
+    """A tape compiled to operations on arrays, one entry for each state."""
+
+    def __init__(self, tape: Tape):
+        self._tape = tape
+        used = {step[0] for step in tape.code}
+        self._operations = {op: (_on_arrays(op), ARITY[op]) for op in used}
+        given = tape.inputs + len(tape.constants)
+        needed = bytearray([1] * given + [0] * len(tape.code))  # later, or not to be dropped
+        for register in tape.outputs:
+            needed[register] = 1
+        self._last_uses: list[list[int]] = []
+        for _, _, *operands in reversed(tape.code):
+            done = []
+            for register in operands:
+                if not needed[register]:
+                    needed[register] = 1
+                    done.append(register)
+            self._last_uses.append(done)
+        self._last_uses.reverse()
+
+    def __call__(self, inputs: Iterable[Array | float], count: int) -> Array:
+        """Evaluate the tape at many states.
+
+        Parameters
+        ----------
+        inputs : iterable of (count,) arrays or numbers
+            Inputs without the pieces of known functions of time, which are those at t.
+        count : int
+            Number of states.
+
+        Returns
+        -------
+        (outputs, count) array
+        """
+        tape, operations = self._tape, self._operations
+        given = list(inputs)
+        if tape.functions.functions:
+            given += list(tape.functions.pieces(np.broadcast_to(given[0], count)).T)
+        r: list[Any] = [*given, *tape.constants, *([None] * len(tape.code))]
+        with np.errstate(all="ignore"):
+            for (op, to, a, b, c), done in zip(tape.code, self._last_uses, strict=True):
+                function, operands = operations[op]
+                if operands == 2:
+                    r[to] = function(r[a], r[b])
+                elif operands == 1:
+                    r[to] = function(r[a])
+                else:
+                    r[to] = function(r[a], r[b], r[c])
+                for register in done:  # its memory is in the cache: the next results take it
+                    r[register] = None
+        out = np.empty((len(tape.outputs), count))
+        for i, register in enumerate(tape.outputs):
+            out[i] = r[register]
+        return out
+
+
 def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array:
-    """Evaluate a tape at many states.
-
-    Parameters
-    ----------
-    tape : Tape
-    inputs : iterable of (count,) arrays or numbers
-        Inputs without the pieces of known functions of time, which are those at t.
-    count : int
-        Number of states.
-
-    Returns
-    -------
-    (outputs, count) array
-    """
-    given = list(inputs)
-    if tape.functions.functions:
-        given += list(tape.functions.pieces(np.broadcast_to(given[0], count)).T)
-    r: list[Any] = [*given, *tape.constants, *([None] * len(tape.code))]
-    with np.errstate(all="ignore"):
-        for op, to, a, b, c in tape.code:
-            operands = (r[a], r[b], r[c])[: ARITY[op]]
-            r[to] = _on_arrays(op)(*operands)
-    out = np.empty((len(tape.outputs), count))
-    for i, register in enumerate(tape.outputs):
-        out[i] = r[register]
-    return out
+    """Evaluate a tape at many states, once; see `ArrayTape`."""
+    return ArrayTape(tape)(inputs, count)
 
 
 def bounded(a: Array, domain: Domain) -> Array:

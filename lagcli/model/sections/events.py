@@ -587,7 +587,7 @@ class _EventReader:
             self.good = self.good and change is not None
         if self.clock is not None and clock is None:
             self.good = False
-        if condition is None or None in values.values() or not self.good:
+        if condition is None or any(x is None for x in values.values()) or not self.good:
             self.good = False
             return None
         return ModelEvent(

@@ -13,7 +13,7 @@ from tape_values import batch, value
 
 from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape import interpreter
-from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
+from lagcli.engine.tape.interpreter import ArrayTape, ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ROUNDING, Op
 from lagcli.engine.tape.tape import Tape
 
@@ -199,3 +199,20 @@ def test_clipped() -> None:
         interpreter.clipped(np.array([-1e-14, -1e-10, 2.0, np.nan]), np.full(4, 1.0)),
         [0.0, -1e-10, 2.0, np.nan],
     )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_results_are_kept_as_long_as_they_are_used(seed: int) -> None:
+    """Compare random tapes with operations on NumPy's arrays, all of whose results are kept."""
+    rng = random.Random(seed)
+    binary = {Op.ADD: np.add, Op.SUB: np.subtract, Op.MUL: np.multiply}
+    inputs = [np.array([rng.uniform(-1, 1) for _ in range(4)]) for _ in range(3)]
+    code, r = [], [*inputs, np.full(4, 0.5)]
+    for to in range(4, 60):
+        op, a, b = rng.choice([*binary]), rng.randrange(to), rng.randrange(to)
+        code.append((int(op), to, a, b, 0))
+        r.append(binary[op](r[a], r[b]))
+    outputs = tuple(rng.randrange(60) for _ in range(8))
+    run = ArrayTape(Tape(3, (0.5,), tuple(code), outputs))
+    for _ in range(2):  # blocks of a run share a tape
+        np.testing.assert_array_equal(run(inputs, 4), [r[i] for i in outputs])
