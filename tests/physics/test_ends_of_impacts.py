@@ -171,18 +171,19 @@ simulation: {{t_end: 8, samples: 9}}
 def test_a_constraint_that_moves_supplies_energy_in_impacts() -> None:
     """Its impulse times its velocity; what an impact loses is apart."""
     run, log = simulate("""
-coordinates: [x, y]
+coordinates: [x, y, z]
 parameters: {u: 0.7, g: 9.81}
-T: x'^2 + 3*y'^2/2
+T: 3*x'^2/4 + 3*y'^2/2 + z'^2
 V: 2*g*x
 constraints:
+  lever: z = 0.5*x
   drive: y - 0.3*x = u*t
   floor: {expr: x + 2*y >= 0, restitution: 0.4}
-initial: {x: 1, y: {guess: 0.3}, x': -4, y': {guess: 0}}
+initial: {x: 1, y: {guess: 0.3}, z: {guess: 0.5}, x': -4, y': {guess: 0}, z': {guess: 0}}
 simulation: {t_end: 1.0, samples: 41, rtol: 1e-11}
 """)
     assert log.kinds.count("impact") > 2
-    assert log.supplied == pytest.approx(0.7 * log.impulse[:, 0], rel=1e-12)
+    assert log.supplied == pytest.approx(0.7 * log.impulse[:, 1], rel=1e-12)
     kinetic = log.after[:, 0] ** 2 + 1.5 * log.after[:, 1] ** 2
     kinetic -= log.before[:, 0] ** 2 + 1.5 * log.before[:, 1] ** 2
     assert kinetic == pytest.approx(log.supplied - log.loss, rel=1e-10)

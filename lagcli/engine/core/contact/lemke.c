@@ -226,7 +226,8 @@ int lag_contact_lemke(lag_contact_work *w)
     if (!pairs(&l))
         return 0;
     l.tableau = w->room;
-    l.force = l.tableau + l.size * (2 * l.size + 2);
+    const int rows = 2 * l.size > n ? 2 * l.size : n; /* forces() has n rows in the tableau's place */
+    l.force = l.tableau + rows * (l.size + 1);
     forces(&l);
     fill(&l);
     const int solved = solve(&l);

@@ -283,11 +283,12 @@ def test_lemkes_method_solves_every_convex_problem(n: int) -> None:
     rng = np.random.default_rng(n)
     for _ in range(30):
         laws = rng.choice([UNILATERAL, LIMITED, FREE], n, p=[0.5, 0.3, 0.2])
+        size = 10.0 ** rng.uniform(-20, 20)
         given = problem(
             positive(rng, n, 1.0),
-            rng.normal(size=n) * 10.0 ** rng.uniform(-1, 1),
+            rng.normal(size=n) * size,
             laws,
-            limits=np.where(laws == LIMITED, rng.uniform(0.05, 1.0, n), 0.0),
+            limits=np.where(laws == LIMITED, rng.uniform(0.05, 1.0, n), 0.0) * size,
         )
         solved, right, modes = lemke_modes(given)
         assert solved
