@@ -30,7 +30,7 @@ from lagcli.engine.core.structures import (
 )
 from lagcli.engine.core.switching import lag_switching_rules
 from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.program.program import assemble
+from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.tape.tape import Tape
 
 parts = ctypes.PyDLL(str(LIBRARY))
@@ -39,6 +39,10 @@ _SCALAR_FUNCTION = ctypes.PYFUNCTYPE(c_double, c_void_p, c_double)
 _ROOT = _SCALAR_FUNCTION, c_void_p, *[c_double] * 5
 SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_run": (None, c_int, c_void_p, c_void_p),
+    "lag_part_code_create": (c_void_p, c_void_p, c_int, c_int),
+    "lag_part_code_destroy": (None, c_void_p),
+    "lag_part_code_run": (None, c_void_p, c_int, c_void_p, ctypes.c_int64),
+    "lag_part_code_size": (ctypes.c_int64, c_void_p, c_int),
     "lag_part_enclose": (c_int, c_void_p, c_void_p, c_double, c_int, c_void_p),
     "lag_part_ldl": (None, *[c_void_p] * 7),
     "lag_part_contact_memory": (ctypes.c_size_t, c_int),
@@ -181,6 +185,38 @@ def run_tape(
     for stream in (program.prelude, main, *program.deferred):
         parts.lag_part_run(KERNEL, address(stream), address(registers))
     return registers[program.outputs]
+
+
+class NativeProgram:
+    """A program whose routines become machine code, each after its first call.
+
+    Parameters
+    ----------
+    program : Program
+    lanes : int
+        1, or the lanes of a batch.
+    at_once : bool
+        Otherwise only after as many calls as are worth it.
+    """
+
+    def __init__(self, program: Program, lanes: int = 1, at_once: bool = True):
+        self._given = Arguments()
+        self._code = parts.lag_part_code_create(
+            byref(self._given.program(program)), lanes, int(at_once)
+        )
+        check(not self._code)
+
+    def __del__(self) -> None:
+        parts.lag_part_code_destroy(self._code)
+
+    def run(self, routine: int, registers: Array, times: int = 1) -> None:
+        """Run a routine: the main stream, the deferred ones, then those of subsets."""
+        parts.lag_part_code_run(self._code, routine, address(registers), times)
+
+    def size(self, routine: int) -> int:
+        """Return the bytes of a routine's machine code; 0 where it is interpreted."""
+        found: int = parts.lag_part_code_size(self._code, routine)
+        return found
 
 
 def enclosures(tape: Tape, inputs: ArrayLike, high: float, order: int) -> Array:

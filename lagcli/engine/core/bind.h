@@ -6,6 +6,9 @@
 
 const int32_t *lag_copy_stream(lag_pool *pool, const lag_stream *stream);
 
+/* Copy a program to a tape. */
+void lag_bind_program(lag_pool *pool, lag_tape *tape, const lag_program *program, int kernel);
+
 /* Bind a program to its own register file, with the run's parameters. Returns 0, or 1 if there
  * is no memory. */
 int lag_bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *program);

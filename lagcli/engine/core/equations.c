@@ -62,7 +62,7 @@ static void evaluate_tangent(const lag_system *s, double t, const double *y, con
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     memcpy(r + 1 + 2 * nq, x, (size_t)mq * sizeof(double));
     memcpy(r + 1 + 2 * nq + mq, x + nq, (size_t)mc * sizeof(double));
-    lag_tape_run(&s->tangent, s->tangent.stream);
+    lag_tape_run(&s->tangent, &s->tangent.stream);
 }
 
 /* The accelerations and multipliers of the derivatives, to x, with the last factors and those of the motion,

@@ -26,7 +26,7 @@ static int same(int n, const double *x, const double *y)
 void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const double *y, int part)
 {
     double *r = tape->registers;
-    if (part && !tape->output_subsets[part - 1])
+    if (part && !tape->output_subsets[part - 1].code)
         part = LAG_ALL;
     if (r[0] == t && same(2 * s->nq, r + 1, y)) {
         if (tape->held[0] == LAG_ALL || tape->held[0] == part)
@@ -37,7 +37,7 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     }
     tape->held[0] = part;
     tape->held[1] = LAG_NOT_FACTORED;
-    lag_tape_run(tape, part ? tape->output_subsets[part - 1] : tape->stream);
+    lag_tape_run(tape, part ? &tape->output_subsets[part - 1] : &tape->stream);
 }
 
 void lag_renew_tapes(lag_run *run)

@@ -14,7 +14,7 @@ from functools import partial
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
 from lagcli.engine.program.nodes import INDEXED, LONGEST, VECTOR
-from lagcli.engine.tape.operations import PLACES, Kind, Op
+from lagcli.engine.tape.operations import PLACES, ROUNDING, Kind, Op
 from lagcli.engine.taylor.series_nodes import LONGEST as MAX_LENGTH
 from lagcli.engine.taylor.series_nodes import MAX_ORDER, SeriesOp
 
@@ -79,6 +79,7 @@ def _tables() -> str:
     parts = [
         _enum("lag_op", "OP_", Op),
         _define("LAG_PLACES", _list(PLACES)),
+        _define("LAG_CLIPPED", f"{ROUNDING * ROUNDING!r} /* of the square, what CLIP ignores */"),
         _define("LAG_VECTOR", f"{VECTOR} /* added to an operation: on vectors */"),
         _define("LAG_LONGEST", f"{LONGEST} /* elements that a vector has at most */"),
         _define("LAG_INDEXED", f"({1 + INDEXED} - 1) /* the step of operands that are listed */"),

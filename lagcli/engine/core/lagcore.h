@@ -59,8 +59,9 @@ typedef struct {
     lag_program constraint;            /* of (t, q, v, p): phi, entries of B, b_0, scales of phi and psi, psi */
 } lag_equations;
 
-/* Versions of the core's loops, with equal results: for any processor, and for processors with AVX2. */
-enum lag_kernel { LAG_PORTABLE, LAG_AVX2 };
+/* Versions of the core's loops, with equal results: for any processor; for processors with AVX2; and the same with
+ * programs that run often as machine code, where the system allows it. */
+enum lag_kernel { LAG_PORTABLE, LAG_AVX2, LAG_NATIVE };
 
 /* The fastest version that this processor runs. Ask once: in a virtual machine the answer takes microseconds. */
 int lag_best_kernel(void);

@@ -7,6 +7,7 @@ numbering of operations may be others, and its numbers wrong.
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Mapping
 from ctypes import c_char_p, c_int
 from typing import Any, NoReturn
@@ -76,9 +77,12 @@ _core = Functions({"lag_fingerprint": (c_char_p,), "lag_best_kernel": (c_int,)})
 if not _is_current(_core.lag_fingerprint().decode()):
     _refuse(f"{LIBRARY} was compiled from other sources than those beside it")
 
-#: The version of the core's loops for this processor; the one for any.
+#: Versions of the core's loops: for any processor, for AVX2, and the same with machine code.
+PORTABLE, AVX2, NATIVE = range(3)
+#: The version for this processor. LAGCLI_NATIVE=0: without machine code.
 KERNEL: int = _core.lag_best_kernel()
-PORTABLE = 0
+if os.environ.get("LAGCLI_NATIVE") == "0":
+    KERNEL = min(KERNEL, AVX2)
 
 
 def check(failed: object) -> None:

@@ -1,5 +1,6 @@
 #include "memory.h"
 
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,6 +11,15 @@ typedef struct chunk {
     struct chunk *next;
     size_t bytes;                      /* after the header */
 } chunk;
+
+/* Header of what is not saved, aligned as malloc is. */
+typedef union owned {
+    struct {
+        union owned *next;
+        void (*end)(void *);
+    } is;
+    max_align_t aligned;
+} owned;
 
 static void *allocate(void *context, size_t bytes)
 {
@@ -72,8 +82,27 @@ int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, int64_t count)
     return lag_copy(pool, from, (size_t)count, sizeof(int32_t));
 }
 
+void *lag_own(lag_pool *pool, size_t size, void (*end)(void *))
+{
+    owned *made = pool->failed ? NULL : pool->from.allocate(pool->from.context, sizeof *made + size);
+    if (!made) {
+        pool->failed = 1;
+        return NULL;
+    }
+    made->is.next = pool->owned;
+    made->is.end = end;
+    pool->owned = made;
+    return memset(made + 1, 0, size);
+}
+
 void lag_release(lag_pool *pool)
 {
+    for (owned *this = pool->owned, *following; this; this = following) {
+        following = this->is.next;
+        this->is.end(this + 1);
+        pool->from.release(pool->from.context, this);
+    }
+    pool->owned = NULL;
     chunk *next = pool->last;
     while (next) {
         chunk *this = next;

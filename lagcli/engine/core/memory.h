@@ -7,6 +7,7 @@
 typedef struct {
     lag_memory from;
     void *last;                        /* the last allocation, which is linked to the others */
+    void *owned;                       /* the last of what is not saved, linked in the same way */
     int failed;                        /* whether an allocation has failed */
 } lag_pool;
 
@@ -23,6 +24,9 @@ void *lag_copy(lag_pool *pool, const void *from, size_t count, size_t size);
 double *lag_doubles(lag_pool *pool, int64_t count);
 double *lag_copy_doubles(lag_pool *pool, const double *from, int64_t count);
 int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, int64_t count);
+
+/* Zeros that are not part of what is saved. `end` is called with them before they are released. */
+void *lag_own(lag_pool *pool, size_t size, void (*end)(void *));
 
 /* Release all; the pool can be used again. */
 void lag_release(lag_pool *pool);

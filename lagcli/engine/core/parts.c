@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "batch/batch.h"
+#include "bind.h"
 #include "contact/modes.h"
 #include "linear/ldl.h"
 #include "methods/radau5_tableau.h"
@@ -15,6 +17,65 @@
 void lag_part_run(int kernel, const int32_t *stream, double *registers)
 {
     lag_vectors(kernel)->run(stream, registers);
+}
+
+struct lag_part_code {
+    lag_pool pool;
+    int lanes;
+    lag_tape one;
+    lag_batch_tape eight;
+};
+
+static lag_routine *routine_at(lag_part_code *code, int i)
+{
+    lag_routine *of_one[] = {&code->one.stream, code->one.deferred, code->one.deferred + 1, code->one.deferred + 2,
+                             code->one.output_subsets, code->one.output_subsets + 1};
+    lag_routine *of_eight[] = {&code->eight.stream, code->eight.deferred, code->eight.deferred + 1,
+                               code->eight.deferred + 2, code->eight.output_subsets, code->eight.output_subsets + 1};
+    return code->lanes > 1 ? of_eight[i] : of_one[i];
+}
+
+lag_part_code *lag_part_code_create(const lag_program *program, int lanes, int emit)
+{
+    lag_pool pool = lag_pool_of(NULL);
+    lag_part_code *made = lag_get(&pool, 1, sizeof *made);
+    if (!made)
+        return NULL;
+    made->pool = pool;
+    made->lanes = lanes;
+    if (lanes > 1)
+        lag_batch_bind(&made->pool, &made->eight, program, LAG_NATIVE);
+    else
+        lag_bind_program(&made->pool, &made->one, program, LAG_NATIVE);
+    for (int i = 0; emit && i < LAG_ROUTINES; ++i)
+        if (routine_at(made, i)->native)
+            routine_at(made, i)->native->wait = 1;
+    return made;
+}
+
+void lag_part_code_destroy(lag_part_code *code)
+{
+    lag_pool pool = code->pool; /* it is allocated in it */
+    lag_release(&pool);
+}
+
+void lag_part_code_run(lag_part_code *code, int i, double *registers, int64_t times)
+{
+    const lag_routine *routine = routine_at(code, i);
+    lag_tape one = code->one;
+    lag_batch_tape eight = code->eight;
+    one.registers = eight.registers = registers;
+    for (int64_t k = 0; k < times; ++k)
+        if (code->lanes > 1)
+            lag_batch_lanes(LAG_NATIVE)->run(&eight, routine);
+        else
+            lag_tape_run(&one, routine);
+}
+
+int64_t lag_part_code_size(lag_part_code *code, int i)
+{
+    const lag_native *native = routine_at(code, i)->native;
+    return native && native->run ? (int64_t)native->bytes : 0;
 }
 
 int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out)

@@ -16,6 +16,18 @@
 /* Run a stream on a register file by a lag_kernel. */
 void lag_part_run(int kernel, const int32_t *stream, double *registers);
 
+/* A program whose streams become machine code, for one lane or for eight. With `emit`, after the first call, which is
+ * interpreted; else where it is worth it. NULL where there is no memory. */
+typedef struct lag_part_code lag_part_code;
+lag_part_code *lag_part_code_create(const lag_program *program, int lanes, int emit);
+void lag_part_code_destroy(lag_part_code *code);
+
+/* Run routine i on a register file, `times` times. */
+void lag_part_code_run(lag_part_code *code, int i, double *registers, int64_t times);
+
+/* The bytes of routine i's machine code; 0: it is interpreted. */
+int64_t lag_part_code_size(lag_part_code *code, int i);
+
 int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out);
 
 /* Factor a sparse symmetric matrix and solve with it: see linear/ldl.h. */

@@ -167,6 +167,7 @@ typedef struct {
 struct lag_run {
     lag_pool pool;                     /* data that live as long as the run ... */
     lag_pool dynamics_pool;            /* ... and as long as its way of computing a and lambda */
+    int kernel;                        /* a lag_kernel */
     int np;
     double *parameters;                /* breaks.c changes the pieces of functions */
     lag_system system;

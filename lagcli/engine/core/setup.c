@@ -124,7 +124,8 @@ lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
         return NULL;
     run->pool = pool;
     run->dynamics_pool.from = pool.from;
-    run->system.vectors = lag_vectors(settings->kernel);
+    run->kernel = settings->kernel;
+    run->system.vectors = lag_vectors(run->kernel);
     run->np = equations->np;
     run->method = run->stepped = lag_method_at(0);
     copy_equations(run, equations);

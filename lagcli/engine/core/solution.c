@@ -208,7 +208,7 @@ static void substitute_block(lag_run *run, double *x)
     const double *f = run->factors.factors;
     if (run->solver.by == LAG_BY_TAPE) {
         memcpy(d->registers + run->solver.other_right, x, (size_t)n * sizeof(double));
-        lag_tape_run(d, d->deferred[1]);
+        lag_tape_run(d, &d->deferred[1]);
         d->vectors->pick(n, d->registers, d->outputs + first_other(run), x);
         const int nq = run->system.nq / run->system.blocks;
         lag_turn(x + nq, n - nq);
@@ -257,7 +257,7 @@ double lag_solve_tangent(lag_run *run, double *x)
     for (int k = 1; k < s->blocks; ++k) {
         const int32_t *right = w->outputs + (k - 1) * (nq + nc);
         vectors->pick(nq + nc, w->registers, right, d->registers + run->solver.other_right);
-        lag_tape_run(d, d->deferred[1]);
+        lag_tape_run(d, &d->deferred[1]);
         sum += vectors->pick(nq, d->registers, outputs, x + k * nq);
         sum += vectors->pick(nc, d->registers, outputs + nq, x + s->nq + k * nc);
     }
@@ -306,7 +306,7 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
         const int mq = nq / s->blocks, mc = nc / s->blocks; /* of one block */
         for (int k = 0; k < s->blocks; ++k) {
             memcpy(d->registers + run->solver.other_right + mq + mc, rhs + k * mc, (size_t)mc * sizeof(double));
-            lag_tape_run(d, d->deferred[2]);
+            lag_tape_run(d, &d->deferred[2]);
             sum += d->vectors->pick(mq, d->registers, d->outputs + first_other(run) + mq + mc, x + k * mq);
         }
         return sum;

@@ -65,7 +65,7 @@ static double least_part(lag_run *run)
         const int pivots = run->solver.cancellation_count - s->nc;
         const int32_t *places = d->outputs + lag_first_cancellation(s);
         const lag_vector_kernel *vectors = s->vectors;
-        lag_tape_run(d, d->deferred[0]);
+        lag_tape_run(d, &d->deferred[0]);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
                          vectors->least(s->nc, d->registers, places + pivots, run->rows.plain_lengths)));
     }

@@ -4,10 +4,10 @@
 
 #include "methods/method.h"
 
-static const lag_batch_kernel *lanes_kernel(int kernel)
+const lag_batch_kernel *lag_batch_lanes(int kernel)
 {
 #if defined(__x86_64__)
-    if (kernel == LAG_AVX2)
+    if (kernel >= LAG_AVX2)
         return &lag_batch_avx2;
 #endif
     (void)kernel;
@@ -33,14 +33,21 @@ static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
     return code;
 }
 
-static void bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *program)
+static lag_routine routine(lag_pool *pool, const lag_stream *stream, int kernel)
+{
+    return lag_routine_of(pool, stream->code ? copy_stream(pool, stream) : NULL, stream->length, kernel);
+}
+
+void lag_batch_bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *program, int kernel)
 {
     tape->prelude = copy_stream(pool, &program->prelude);
-    tape->stream = copy_stream(pool, &program->main);
+    tape->stream = routine(pool, &program->main, kernel);
     for (int i = 0; i < 3; ++i)
-        tape->deferred[i] = program->deferred[i].code ? copy_stream(pool, &program->deferred[i]) : NULL;
+        tape->deferred[i] = routine(pool, &program->deferred[i], kernel);
     for (int i = 0; i < 2; ++i)
-        tape->output_subsets[i] = program->output_subsets[i].code ? copy_stream(pool, &program->output_subsets[i]) : NULL;
+        tape->output_subsets[i] = routine(pool, &program->output_subsets[i], kernel);
+    tape->output_count = program->output_count;
+    tape->register_count = program->register_count;
     int32_t *outputs = lag_copy_integers(pool, program->outputs, program->output_count);
     tape->registers = lanes(pool, program->register_count);
     if (pool->failed)
@@ -54,14 +61,14 @@ static void bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *progra
 }
 
 static void bind_octet(lag_batch *s, lag_octet *o, const lag_program *dynamics,
-                       const lag_program *constraint)
+                       const lag_program *constraint, int kernel)
 {
     lag_pool *pool = &s->pool;
     const int nq = s->system->nq, nc = s->system->nc;
     o->system = s->system;
     o->single = s->single;
-    bind(pool, &o->dynamics, dynamics);
-    bind(pool, &o->constraint, constraint);
+    lag_batch_bind(pool, &o->dynamics, dynamics, kernel);
+    lag_batch_bind(pool, &o->constraint, constraint, kernel);
     o->scale_position = lanes(pool, s->system->nh);
     o->scale_velocity = lanes(pool, nc);
     o->right = lanes(pool, nq + nc);
@@ -100,7 +107,7 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
     if (!s)
         return NULL;
     s->pool = pool;
-    s->kernel = lanes_kernel(given->kernel);
+    s->kernel = lag_batch_lanes(given->kernel);
     s->single = single;
     s->system = &single->system;
     for (int i = 0; i < s->system->nq; ++i)
@@ -121,8 +128,8 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
     s->status = given->status;
     s->counts = given->counts;
     s->samples = given->samples;
-    bind_octet(s, &s->moving, dynamics, constraint);
-    bind_octet(s, &s->sampled, dynamics, constraint);
+    bind_octet(s, &s->moving, dynamics, constraint, given->kernel);
+    bind_octet(s, &s->sampled, dynamics, constraint, given->kernel);
     allocate(s, given->slots);
     if (s->pool.failed) {
         lag_batch_destroy(s);
@@ -170,6 +177,19 @@ void lag_batch_leave(lag_batch *s, int l)
     s->run[l] = -1;
 }
 
+void lag_batch_emit(const lag_batch_tape *tape, const lag_routine *routine, const lag_calls *calls)
+{
+    const lag_routine *deferred = tape->deferred, *subsets = tape->output_subsets;
+    const lag_source source = {
+        .routines = {&tape->stream, deferred, deferred + 1, deferred + 2, subsets, subsets + 1},
+        .outputs = tape->outputs,
+        .output_count = tape->output_count,
+        .register_count = tape->register_count,
+        .lanes = LAG_LANES,
+    };
+    lag_native_emit(&source, routine, calls);
+}
+
 struct lag_table {
     lag_pool pool;
     const lag_batch_kernel *kernel;
@@ -185,11 +205,11 @@ lag_table *lag_table_create(const lag_memory *memory, const lag_program *program
     if (!table)
         return NULL;
     table->pool = pool;
-    table->kernel = lanes_kernel(kernel);
+    table->kernel = lag_batch_lanes(kernel);
     table->columns = columns;
     table->np = np;
     table->outputs = (int)program->output_count;
-    bind(&table->pool, &table->tape, program);
+    lag_batch_bind(&table->pool, &table->tape, program, kernel);
     if (table->pool.failed) {
         lag_table_destroy(table);
         return NULL;
@@ -212,5 +232,5 @@ void lag_table_evaluate(const lag_table *table, const double *parameters, const 
 
 void lag_batch_sincos(const double *x, double *sine, double *cosine, int kernel)
 {
-    lanes_kernel(kernel)->sincos(x, sine, cosine);
+    lag_batch_lanes(kernel)->sincos(x, sine, cosine);
 }

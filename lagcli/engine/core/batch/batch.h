@@ -12,7 +12,9 @@
 
 /* A program of engine/program/program.py on eight register files. Each register takes LAG_LANES places. */
 typedef struct {
-    const int32_t *prelude, *stream, *deferred[3], *output_subsets[2], *outputs; /* as in tape.h */
+    const int32_t *prelude, *outputs;  /* as in tape.h */
+    lag_routine stream, deferred[3], output_subsets[2];
+    int64_t output_count, register_count;
     double *registers;                 /* of lanes */
 } lag_batch_tape;
 
@@ -75,6 +77,9 @@ struct lag_batch {
     lag_run *single;
 };
 
+/* Emit one of a tape's routines, with functions of four lanes. */
+void lag_batch_emit(const lag_batch_tape *tape, const lag_routine *routine, const lag_calls *calls);
+
 /* The functions for one instruction set. */
 typedef struct lag_batch_kernel {
     int (*advance)(lag_batch *lanes, int64_t attempts);
@@ -87,7 +92,16 @@ typedef struct lag_batch_kernel {
 
     /* sin and cos of eight numbers. */
     void (*sincos)(const double *x, double *sine, double *cosine);
+
+    /* Run one of a tape's routines. */
+    void (*run)(const lag_batch_tape *tape, const lag_routine *routine);
 } lag_batch_kernel;
+
+/* The functions of a lag_kernel. */
+const lag_batch_kernel *lag_batch_lanes(int kernel);
+
+/* Copy a program to a tape. */
+void lag_batch_bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *program, int kernel);
 
 extern const lag_batch_kernel lag_batch_default;
 #if defined(__x86_64__)

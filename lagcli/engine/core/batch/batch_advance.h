@@ -351,7 +351,7 @@ static void batch_table(const lag_batch_tape *tape, const double *parameters, in
             for (int i = 0; i < columns; ++i)
                 r[i * LAG_LANES + l] = row[i];
         }
-        batch_run(tape->stream, r);
+        batch_tape_run(tape, &tape->stream);
         for (int i = 0; i < outputs; ++i)
             for (int l = 0; l < count; ++l)
                 out[i * rows + first + l] = OUTPUT(tape, i)[l];

@@ -32,7 +32,7 @@ static void batch_stage(lag_batch *s, int stage, int end, const double *h)
         AT(d->registers + k) = READ(s->t + k) + c * READ(h + k);
     batch_add_stages(s->y, s->stages, end ? dop_b : dop_a[stage], stage, h, n, n - 1,
                      d->registers + LAG_LANES);
-    batch_run(d->stream, d->registers);
+    batch_tape_run(d, &d->stream);
     batch_derivative(&s->moving, s->stages + stage * n8);
 }
 

@@ -29,4 +29,4 @@
 
 #include "batch/batch_advance.h"
 
-const lag_batch_kernel NAME = {batch_advance, batch_table, batch_sincos};
+const lag_batch_kernel NAME = {batch_advance, batch_table, batch_sincos, batch_tape_run};

@@ -9,7 +9,7 @@ static void batch_evaluate(const lag_batch_tape *tape, const lag_system *s, cons
 {
     memcpy(tape->registers, t, LAG_LANES * sizeof(double));
     memcpy(tape->registers + LAG_LANES, y, 2 * (size_t)s->nq * LAG_LANES * sizeof(double));
-    batch_run(part ? tape->output_subsets[part - 1] : tape->stream, tape->registers);
+    batch_tape_run(tape, part ? &tape->output_subsets[part - 1] : &tape->stream);
 }
 
 /* y' (of lanes) at the state of the dynamics tape. */
@@ -32,7 +32,7 @@ static void batch_other(const lag_octet *o, int deferred, int input, int inputs,
 {
     const lag_batch_tape *d = &o->dynamics;
     memcpy(d->registers + input * LAG_LANES, x, (size_t)inputs * LAG_LANES * sizeof(double));
-    batch_run(d->deferred[deferred], d->registers);
+    batch_tape_run(d, &d->deferred[deferred]);
     for (int i = 0; i < count; ++i)
         memcpy(x + i * LAG_LANES, OUTPUT(d, output + i), LAG_LANES * sizeof(double));
 }

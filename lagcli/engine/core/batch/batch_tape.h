@@ -80,6 +80,68 @@ static void batch_run(const int32_t *p, double *r)
     }
 }
 
+/* The same of four lanes, for machine code. */
+#define FOUR_LANES 4
+#define OF_PARTS(op, width, value)                                                                \
+    static inline void lanes_##op(const double *a, const double *b, double *to)                          \
+    {                                                                                             \
+        (void)b;                                                                                  \
+        for (int k = 0; k < FOUR_LANES; k += VEC)                                                 \
+            AT(to + k) = (value);                                                                 \
+    }
+#define OF_LANES(op, width, value)                                                                \
+    static inline void lanes_##op(const double *a, const double *b, double *to)                          \
+    {                                                                                             \
+        (void)b;                                                                                  \
+        for (int l = 0; l < FOUR_LANES; ++l)                                                      \
+            to[l] = (value);                                                                      \
+    }
+#define A READ(a + k)
+#define B READ(b + k)
+#define C READ(b + k)
+LAG_BATCH_OPERATIONS(OF_PARTS)
+#undef A
+#undef B
+#undef C
+#define A a[l]
+#define B b[l]
+LAG_LIBRARY_OPERATIONS(OF_LANES)
+#undef A
+#undef B
+
+static void lanes_sincos(const double *angles, double *sines, double *cosines)
+{
+    for (int k = 0; k < FOUR_LANES; k += VEC) {
+        vec sine, cosine;
+        vec_sincos(READ(angles + k), &sine, &cosine);
+        AT(sines + k) = sine;
+        AT(cosines + k) = cosine;
+    }
+}
+
+#define CALL(op) [op] = (lag_called *)lanes_##op
+#define CALLED(op, width, value) CALL(op),
+static const lag_calls batch_calls = {
+    {LAG_LIBRARY_OPERATIONS(CALLED) CALL(OP_SIN), CALL(OP_COS), [OP_SINCOS] = (lag_called *)lanes_sincos}};
+
+/* Run one of a tape's routines. */
+static void batch_tape_run(const lag_batch_tape *tape, const lag_routine *routine)
+{
+    const lag_native *native = routine->native;
+    if (native && native->run) {
+        for (int l = 0; l < LAG_LANES; l += FOUR_LANES)
+            native->run(tape->registers + l, native->frame);
+        return;
+    }
+    batch_run(routine->code, tape->registers);
+    if (lag_native_due(routine))
+        lag_batch_emit(tape, routine, &batch_calls);
+}
+
+#undef OF_PARTS
+#undef OF_LANES
+#undef CALL
+#undef CALLED
 #undef RUN
 #undef RUN_SINGLY
 #undef RUN_RELATION

@@ -8,7 +8,7 @@ static void batch_watch_stage(lag_batch *s)
     const lag_batch_tape *d = &s->moving.dynamics;
     const int first = lag_first_cancellation(system);
     const int rows = first + s->single->solver.cancellation_count - system->nc;
-    batch_run(d->deferred[0], d->registers);
+    batch_tape_run(d, &d->deferred[0]);
     EACH_PART (k) {
         vec least = all(1.0);
         for (int i = first; i < rows + system->nc; ++i) {
@@ -39,7 +39,7 @@ static void single_parameters(const lag_batch_tape *from, const lag_tape *to, in
     for (int i = first; i < first + count; ++i)
         to->registers[i] = from->registers[i * LAG_LANES + l];
     to->registers[0] = NAN; /* no state yet */
-    lag_tape_run(to, to->prelude);
+    to->vectors->run(to->prelude, to->registers);
 }
 
 /* A single run with the parameters and the watch of a lane; y is its state. */

@@ -41,7 +41,7 @@ void lag_evaluate_along(const lag_run *run, const lag_tape *tape, double t, cons
     r = put(r, d.q, nq);
     r = put(r, d.v, nq);
     put(r, d.p, run->derivatives.np);
-    lag_tape_run(tape, tape->stream);
+    lag_tape_run(tape, &tape->stream);
 }
 
 void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
@@ -60,7 +60,7 @@ void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double 
     r = put(r, of_a, nq);
     lag_gather_multipliers(run, of_a + nq, of_z, r);
     put(r + nc, d.p, w->np);
-    lag_tape_run(tape, tape->stream);
+    lag_tape_run(tape, &tape->stream);
 }
 
 void lag_solve_square(int n, double *matrix, int *pivots, double *right, double *memory)
@@ -227,7 +227,7 @@ static double rate_of_surface(lag_run *run, double t, const double *y, lag_direc
     r = put(r, d.p, w->np);
     r = put(r, d.v, nq);
     put(r, of_a, nq);
-    lag_tape_run(rates, rates->stream);
+    lag_tape_run(rates, &rates->stream);
     *change = OUT(rates, run->switching.kinks.count + kink);
     return OUT(rates, kink);
 }

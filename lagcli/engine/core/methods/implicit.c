@@ -40,7 +40,7 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
     memcpy(r + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
     memcpy(r + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
     memcpy(r + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
-    lag_tape_run(w, w->stream);
+    lag_tape_run(w, &w->stream);
     const int outputs = m->power_velocity.first + m->power_velocity.count + nq + nc + 1;
     for (int i = 0; i < outputs; ++i) {
         /* if a derivative does not exist (sqrt at 0), error control limits the effect */

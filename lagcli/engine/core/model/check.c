@@ -1,87 +1,19 @@
 /* Checks of streams: known operations, an end, and no place beyond the registers. */
 #include "model/check.h"
 
+#include "tape/stream.h"
 #include "tape/tape.h"
-
-/* Whether places are registers. */
-static int are_registers(const int32_t *places, int64_t n, int64_t registers)
-{
-    for (int64_t i = 0; i < n; ++i)
-        if (places[i] < 0 || places[i] >= registers)
-            return 0;
-    return 1;
-}
-
-/* The number of words of a vector operation after the number of its elements, or 0 if it is invalid. */
-static int64_t vector_length(int op, int n, const int32_t *p, int64_t left, int64_t registers)
-{
-    int operands = 0;
-    switch (op) {
-#define OPERANDS(operation, places, value) \
-    case operation:                        \
-        operands = (places)-1;             \
-        break;
-        LAG_VECTOR_OPERATIONS(OPERANDS)
-#undef OPERANDS
-    default:
-        return 0;
-    }
-    if (n < 1 || n > LAG_LONGEST || left < 1 || p[0] < 0 || p[0] > registers - n)
-        return 0;
-    int64_t at = 1;
-    for (int i = 0; i < operands; ++i) {
-        if (left - at < 2)
-            return 0;
-        const int64_t first = p[at], step = p[at + 1], last = first + (n - 1) * step;
-        at += 2;
-        if (step == LAG_INDEXED) {
-            if (left - at < n || !are_registers(p + at, n, registers))
-                return 0;
-            at += n;
-        } else if (first < 0 || first >= registers || last < 0 || last >= registers) {
-            return 0;
-        }
-    }
-    return at;
-}
-
-/* Whether a stream has an end, known operations, and no place but registers. */
-static int is_stream(const lag_stream *s, int64_t registers)
-{
-    static const int places[] = LAG_PLACES;
-    int64_t at = 0;
-    while (s->length - at >= 2) {
-        const int32_t op = s->code[at], n = s->code[at + 1];
-        const int64_t left = s->length - at - 2;
-        const int32_t *p = s->code + at + 2;
-        if (op == OP_END)
-            return 1;
-        if (op < 0 || n < 0)
-            return 0;
-        if (op >= LAG_VECTOR) {
-            const int64_t length = vector_length(op - LAG_VECTOR, n, p, left, registers);
-            if (!length)
-                return 0;
-            at += 2 + length;
-        } else {
-            if (op > OP_END || (int64_t)places[op] * n > left || !are_registers(p, (int64_t)places[op] * n, registers))
-                return 0;
-            at += 2 + (int64_t)places[op] * n;
-        }
-    }
-    return 0;
-}
 
 int lag_check_program(const lag_program *p)
 {
     const int64_t registers = p->register_count;
     int valid = p->inputs >= 1 && p->inputs <= registers && p->output_count >= 0
-                && is_stream(&p->prelude, registers) && is_stream(&p->main, registers)
-                && are_registers(p->outputs, p->output_count, registers);
+                && lag_is_stream(&p->prelude, registers) && lag_is_stream(&p->main, registers)
+                && lag_are_registers(p->outputs, p->output_count, registers);
     for (int i = 0; i < 3; ++i)
-        valid = valid && (!p->deferred[i].length || is_stream(&p->deferred[i], registers));
+        valid = valid && (!p->deferred[i].length || lag_is_stream(&p->deferred[i], registers));
     for (int i = 0; i < 2; ++i)
-        valid = valid && (!p->output_subsets[i].length || is_stream(&p->output_subsets[i], registers));
+        valid = valid && (!p->output_subsets[i].length || lag_is_stream(&p->output_subsets[i], registers));
     return valid ? LAG_MODEL_READ : LAG_MODEL_PROGRAM;
 }
 
@@ -89,7 +21,7 @@ int lag_check_program(const lag_program *p)
 static int are_in(int64_t first, int64_t step, const int32_t *list, int64_t n, int64_t size)
 {
     if (step == LAG_INDEXED)
-        return are_registers(list, n, size);
+        return lag_are_registers(list, n, size);
     const int64_t last = first + (n - 1) * step;
     return first >= 0 && first < size && last >= 0 && last < size;
 }
@@ -216,5 +148,5 @@ int lag_series_is_valid(const lag_series_program *s, int nq)
         for (int i = 1; i < n; ++i)
             if (s->state[i] < s->state[i > nq ? 1 + nq : 1] || s->state[i] > s->state[n - 1])
                 return 0;
-    return are_registers(s->begins, s->begin_count, s->size) && is_series_stream(s);
+    return lag_are_registers(s->begins, s->begin_count, s->size) && is_series_stream(s);
 }

@@ -93,7 +93,7 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
     double *file = s->file, *now = file + s->origin, *next = now + s->layer, *r = s->values.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
-    lag_tape_run(&s->values, s->values.stream);
+    lag_tape_run(&s->values, &s->values.stream);
     memset(s->known, 0, (size_t)s->count * sizeof(double));
     s->values.vectors->pick(s->numbers - s->invariant, r, value, file + s->invariant);
     value += s->numbers - s->invariant;

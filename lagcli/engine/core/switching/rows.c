@@ -97,7 +97,7 @@ void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, con
     memcpy(r + 1, y, 2 * nq * sizeof(double));
     memcpy(r + 1 + 2 * nq, a, nq * sizeof(double));
     memcpy(r + 1 + 3 * nq, multipliers, nc * sizeof(double));
-    lag_tape_run(tape, tape->stream);
+    lag_tape_run(tape, &tape->stream);
 }
 
 void lag_gather_multipliers(const lag_run *run, const double *of_system, const double *z, double *out)

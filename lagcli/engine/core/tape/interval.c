@@ -638,7 +638,7 @@ void lag_jets_bind(lag_jet_tape *jets, lag_pool *pool, const lag_tape *tape, con
     jets->used = lag_get(pool, (size_t)jets->inputs, 1);
     if (pool->failed)
         return;
-    mark_inputs(tape->stream, jets->inputs, jets->used);
+    mark_inputs(tape->stream.code, jets->inputs, jets->used);
     for (int64_t i = 0; i < program->output_count; ++i)
         if (tape->outputs[i] < jets->inputs)
             jets->used[tape->outputs[i]] = 1;
@@ -660,7 +660,7 @@ void lag_jets_run(lag_jet_tape *jets, int order)
 {
     lag_interval *r = jets->registers, out[JET], other[JET];
     const size_t size = (size_t)(order + 1) * sizeof *out;
-    const int32_t *p = jets->tape->stream;
+    const int32_t *p = jets->tape->stream.code;
     jets->undefined = 0;
     for (;;) {
         int op = *p++;
@@ -702,14 +702,14 @@ int lag_enclose_program(const lag_memory *memory, const lag_program *program, co
     lag_pool pool = lag_pool_of(memory);
     lag_tape tape = {.vectors = lag_vectors(LAG_PORTABLE),
                      .registers = lag_copy_doubles(&pool, program->registers, program->register_count),
-                     .stream = program->main.code,
+                     .stream = {.code = program->main.code},
                      .outputs = program->outputs};
     lag_jet_tape jets;
     lag_jets_bind(&jets, &pool, &tape, program, 0);
     const int failed = pool.failed;
     if (!failed) {
         memcpy(tape.registers, inputs, (size_t)program->inputs * sizeof(double));
-        lag_tape_run(&tape, program->prelude.code);
+        tape.vectors->run(program->prelude.code, tape.registers);
         lag_jets_refresh(&jets);
         for (int i = 0; i < program->inputs; ++i)
             lag_jet_input(&jets, i)[0] = POINT(inputs[i]);

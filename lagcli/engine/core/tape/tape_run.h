@@ -3,17 +3,13 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "tape/sincos.h"
 #include "tape/tape.h"
 
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed only within this file */
 #endif
 
-#if defined(__GLIBC__)
-#define SINCOS(x, s, c) sincos(x, s, c)
-#else
-#define SINCOS(x, s, c) (*(s) = sin(x), *(c) = cos(x))
-#endif
 #if defined(__GNUC__)
 #define INLINE static inline __attribute__((always_inline))
 #else

@@ -22,7 +22,7 @@ int lag_best_kernel(void)
 {
 #if defined(__x86_64__)
     if (has_avx2())
-        return LAG_AVX2;
+        return LAG_NATIVE;
 #endif
     return LAG_PORTABLE;
 }
@@ -30,7 +30,7 @@ int lag_best_kernel(void)
 const lag_vector_kernel *lag_vectors(int kernel)
 {
 #if defined(__x86_64__)
-    if (kernel == LAG_AVX2)
+    if (kernel >= LAG_AVX2)
         return &lag_vectors_avx2;
 #endif
     (void)kernel;

@@ -114,8 +114,10 @@ def test_nothing_else_is_declared() -> None:
 
 def test_the_numbers_of_lanes_and_kernels_are_those_of_c() -> None:
     assert f"#define LAG_LANES {batch.LANES} " in (CORE / "lagbatch.h").read_text("utf-8")
-    assert "enum lag_kernel { LAG_PORTABLE, LAG_AVX2 };" in (CORE / "lagcore.h").read_text("utf-8")
-    assert library.PORTABLE == 0
+    assert "enum lag_kernel { LAG_PORTABLE, LAG_AVX2, LAG_NATIVE };" in (
+        CORE / "lagcore.h"
+    ).read_text("utf-8")
+    assert (library.PORTABLE, library.AVX2, library.NATIVE) == (0, 1, 2)
 
 
 def test_a_structure_is_filled_from_all_its_fields() -> None:
