@@ -21,6 +21,9 @@ Model files are YAML; \\fBlagcli new\\fR writes one with comments. Results are H
 .TP
 .B NO_COLOR
 No colours on the terminal.
+.TP
+.B LAGCLI_NATIVE
+0: interpret equations; do not translate them to machine code. The results are the same.
 """
 
 

@@ -272,7 +272,7 @@ static void call(emitter *e, const lag_node *x, lag_called *function)
     } else if (e->wide) {
         x86_address(&r->code, THIRD, lag_defined_in_memory(r, x->result[0], x->first[0]));
     }
-    x86_call(&r->code, (const void *)function);
+    x86_call(&r->code, (uint64_t)(uintptr_t)function);
     used(e, x);
     if (!e->wide && !both)
         defined(e, x, 0);

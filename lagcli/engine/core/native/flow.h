@@ -6,7 +6,7 @@
 #define LAGCLI_NATIVE_FLOW_H
 
 #include "memory.h"
-#include "native/native.h"
+#include "native/routine.h"
 
 enum { LAG_NO_VALUE = -1, LAG_NEVER = INT32_MAX };
 

@@ -7,7 +7,7 @@
 
 /* A stream is emitted once its interpretation has taken as long as emission takes, so that no run waits for code more
  * than twice the time that the better choice would have taken: CALLS calls, and FIXED words of a stream for what all
- * streams need. docs/decisions/native-code.md has the measurement. */
+ * streams need. docs/decisions/2026-11-native-code.md has the measurement. */
 #define CALLS 100
 #define FIXED 35000
 
@@ -63,8 +63,7 @@ void lag_native_emit(const lag_source *source, const lag_routine *routine, const
     own->native.wait = 0;
     if (!lag_flow_read(&flow, &pool, source, routine)) {
         const lag_code code = lag_emit(&flow, &pool, source->lanes > 1, calls);
-        if (code.bytes && !make_frame(own, code.frame) && !lag_pages_make(&own->pages, code.bytes, code.length))
-        {
+        if (code.bytes && !make_frame(own, code.frame) && !lag_pages_make(&own->pages, code.bytes, code.length)) {
             own->native.run = (lag_emitted *)(uintptr_t)own->pages.at;
             own->native.bytes = code.length;
         }

@@ -152,9 +152,9 @@ static inline void x86_sum(lag_x86 *x, int reg, int from, int32_t bytes)
     x86_address(x, reg, (lag_operand){.base = (int8_t)from, .bytes = bytes});
 }
 
-static inline void x86_call(lag_x86 *x, const void *function)
+/* Call the function at an address, by way of RAX. */
+static inline void x86_call(lag_x86 *x, uint64_t address)
 {
-    const uint64_t address = (uint64_t)(uintptr_t)function;
     x86_byte(x, 0x48);
     x86_byte(x, 0xB8 | X86_RAX);
     memcpy(x->at, &address, sizeof address);
