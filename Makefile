@@ -18,7 +18,7 @@ MUTANTS ?= 40
 
 #: What runs the core: its own tests and those of integrations.
 CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrate/test_engine.py tests/unit/engine/lowering/test_compiler.py \
-              tests/unit/engine/integrate/test_batch.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/program/test_vectorize.py \
+              tests/unit/engine/integrate/test_batch.py tests/unit/engine/core/test_native.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/program/test_vectorize.py \
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
@@ -125,6 +125,7 @@ bench: install $(BENCH)/.installed ## Run the long tests; measure beside other p
 	$(BIN)/python -m pytest -m slow --durations=0
 	$(BIN)/python tests/benchmark/shell_loop.py
 	$(BIN)/python tests/benchmark/sweep_rows.py
+	$(BIN)/python tests/benchmark/native_code.py
 	$(BIN)/python tests/benchmark/fitting.py
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
 	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison

@@ -1,5 +1,6 @@
 /*
- * The integrator's public interface: plain C11 that needs nothing but libm, malloc, free, memcpy and memset.
+ * The integrator's public interface: plain C11 that needs nothing but libm, malloc, free, memcpy and memset;
+ * for machine code, on x86-64, also the system's functions of executable memory.
  *
  * It integrates M a = f + B' lambda, B a = gamma, phi = 0, psi = 0 from a consistent state. A program
  * calls lag_create, one of the lag_use_... functions for the linear system, then lag_start and

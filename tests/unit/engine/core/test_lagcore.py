@@ -33,9 +33,10 @@ needs_compiler = pytest.mark.skipif(
     shutil.which(COMPILER[0]) is None, reason=f"no C compiler: {COMPILER[0]}"
 )
 
-#: What the core may need from outside: functions of libm and of memory, and what GCC finds the
-#: processor's instruction set with, for the versions of Taylor's loops.
+#: What the core may need from outside: functions of libm and of memory, executable memory too, and
+#: what GCC finds the processor's instruction set with, for the versions of Taylor's loops.
 ALLOWED = {
+    *("mmap", "mprotect", "munmap"),
     *(
         "acos",
         "acosh",
