@@ -102,7 +102,7 @@ def _dispatched(arguments: list[str]) -> int:
     if not arguments:
         _say(_help())
         return USAGE_STATUS
-    found = PROGRAM
+    requested = PROGRAM
     try:
         given, rest = split(arguments, (_VERSION, HELP), mixed=False)
         match next(iter(given), None):
@@ -117,28 +117,28 @@ def _dispatched(arguments: list[str]) -> int:
         name, *words = rest
         if name not in COMMANDS:
             raise _no_such_command(name)
-        found = command(name)
-        given, others = split(words, (*found.parameters, HELP))
+        requested = command(name)
+        given, others = split(words, (*requested.parameters, HELP))
         if HELP.name in given:
             from lagcli.cli.help import page
 
-            print(page(found))
+            print(page(requested))
             return 0
-        options = values(given, others, found.parameters)
+        options = values(given, others, requested.parameters)
     except CommandLineError as error:
         from lagcli.cli.help import misuse
 
-        _say(misuse(found, str(error)))
+        _say(misuse(requested, str(error)))
         return USAGE_STATUS
-    return _called(found, options)
+    return _called(requested, options)
 
 
-def _called(found: Command, options: dict[str, Any]) -> int:
+def _called(requested: Command, options: dict[str, Any]) -> int:
     """Call a command, and print errors as JSON with ``--json``."""
-    assert found.function is not None
+    assert requested.function is not None
     check_address_space()
     try:
-        return found.function(**options) or 0
+        return requested.function(**options) or 0
     except LagcliError as error:
         if options.get("json"):
             from lagcli.cli.summary import error_object, to_json

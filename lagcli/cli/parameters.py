@@ -155,18 +155,18 @@ def parameters_of(
     positional = names[: code.co_argcount]
     defaults = dict(zip(positional[len(positional) - len(given) :], given, strict=True))
     defaults.update(function.__kwdefaults__ or {})
-    found: list[CommandParameter] = []
+    parameters: list[CommandParameter] = []
     for name in names:
         if name in instead:
-            found += instead[name]
+            parameters += instead[name]
         else:
             annotated = function.__annotations__[name]
             declared = annotated.__metadata__[0]
             has_default = name in defaults
-            found.append(
+            parameters.append(
                 parameter(name, annotated.__origin__, declared, defaults.get(name), not has_default)
             )
-    return tuple(found)
+    return tuple(parameters)
 
 
 def parameter(

@@ -216,10 +216,10 @@ class Integration:
 
     def expand(self, prepared: Prepared) -> str:
         """Prepare Taylor's method; return why there are no power series, if there are none."""
-        found = self.series_program(prepared)
-        if isinstance(found, str):
-            return found
-        self.core.use_series(found)
+        program = self.series_program(prepared)
+        if isinstance(program, str):
+            return program
+        self.core.use_series(program)
         return ""
 
     def series_program(self, prepared: Prepared) -> SeriesProgram | str:

@@ -182,14 +182,18 @@ def order_at(
     inertia = np.zeros(len(system.coordinates))
     inertia[m[0][m[0] == m[1]]] = np.abs(mass[m[0] == m[1]]).max(axis=1)
     matrix = _Matrix(m, b, inertia, count, mass, jacobian)
-    found = matrix.order(matrix.scaled_by_inertias(system.inertia(inertia)), _INERTIAL_THRESHOLD)
-    if found is None or len(found.order) <= _FEW:
+    elimination = matrix.order(
+        matrix.scaled_by_inertias(system.inertia(inertia)), _INERTIAL_THRESHOLD
+    )
+    if elimination is None or len(elimination.order) <= _FEW:
         other = matrix.order(matrix.balanced(), THRESHOLD)
-        if found is None or (other is not None and found.updates > _FEWER * other.updates):
-            found = other
-    if found is None:
+        if elimination is None or (
+            other is not None and elimination.updates > _FEWER * other.updates
+        ):
+            elimination = other
+    if elimination is None:
         raise NoElimination
-    return found
+    return elimination
 
 
 def _places(pattern: Pattern) -> tuple[Indices, Indices]:

@@ -83,10 +83,10 @@ class Tape(NamedTuple):
     @property
     def read(self) -> set[int]:
         """The inputs on which the outputs depend."""
-        found = set(self.outputs)
+        registers = set(self.outputs)
         for op, _, *operands in _needed(self, self.outputs):
-            found.update(operands[: ARITY[op]])
-        return {i for i in found if i < self.inputs}
+            registers.update(operands[: ARITY[op]])
+        return {i for i in registers if i < self.inputs}
 
 
 def _needed(tape: Tape, registers: Iterable[int]) -> list[tuple[int, int, int, int, int]]:
