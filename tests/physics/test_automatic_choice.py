@@ -54,7 +54,7 @@ def test_a_short_run_prepares_nothing() -> None:
 
 
 def test_a_long_run_continues_with_taylor_and_stays_right() -> None:
-    found = completed(lagcli.load_text(PENDULUM), t_end=600, samples=2401)
+    found = completed(lagcli.load_text(PENDULUM), t_end=900, samples=2401)
     assert found.options["method"] == "DOP853, Taylor"
     assert "Taylor of order 17 from t = " in found.options["choice"]
     assert "smooth motion" in found.options["choice"]

@@ -21,8 +21,8 @@ _STEP = 600.0
 #: and the end, and in the middle if singular configurations are monitored.
 _STAGES = 12.3
 _ENDS, _WITH_MIDDLE = 2.0, 3.0
-#: An evaluation: each number of a program's stream, and of the state.
-_WORD, _ENTRY = 0.3, 8.0
+#: An evaluation, by machine code: each number of a program's stream, and of the state.
+_WORD, _ENTRY = 0.12, 8.0
 #: The same if the elimination is a loop: each operation, update and entry of L, and number of the
 #: state.
 _OPERATION, _UPDATE, _ENTRY_OF_LOOP = 0.8, 1.5, 13.0
