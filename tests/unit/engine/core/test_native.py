@@ -261,7 +261,8 @@ def test_where_memory_is_refused_the_interpreter_stays(tmp_path: Path) -> None:
     source.write_text(_REFUSING)
     subprocess.run(["cc", "-shared", "-fPIC", source, "-o", refusing, "-ldl"], check=True)
     size, kernel, *numbers = outcome(LAGCLI_NATIVE="1")
-    without, _, *others = outcome(LAGCLI_NATIVE="1", LD_PRELOAD=str(refusing))
+    preloaded = f"{os.environ.get('LD_PRELOAD', '')} {refusing}"  # that of sanitizers first
+    without, _, *others = outcome(LAGCLI_NATIVE="1", LD_PRELOAD=preloaded)
     assert int(size) > 0
     assert int(kernel) == NATIVE
     assert int(without) == 0
