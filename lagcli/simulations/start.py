@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -373,14 +372,11 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
     rank : int
         Rank of B at the state.
     """
-    d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
-    mass, nq = d.mass_matrix, len(state.q)
-    if not nq or not np.isfinite(mass).all():
+    evaluator = Evaluator(system, state.p)
+    entries = evaluator.entries(state.t, state.q, state.v)[system.dynamics_layout.mass_matrix]
+    if not np.isfinite(entries).all() or _resists(system, entries):
         return []
-    size = _own_sizes(mass)
-    with suppress(np.linalg.LinAlgError):
-        np.linalg.cholesky(mass * np.outer(size, size) + 1e-9 * np.eye(nq))
-        return []
+    d = evaluator.dynamics(state.t, state.q, state.v)
     values, directions = _free_inertia(d, system, rank)
     if not len(values) or values[0] > -1e-9:
         return []
@@ -389,6 +385,28 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
         f"the inertia of {', '.join(names[:6])}{', …' if len(names) > 6 else ''} is negative:"
         " `T` falls as the velocity grows; check the signs of masses and of `T`"
     ]
+
+
+def _resists(system: System, entries: Sequence[float]) -> bool:
+    """Return whether M ≥ 0 except for rounding: block by block of coordinates that it couples."""
+    rows: list[dict[int, float]] = [{} for _ in system.coordinates]
+    for (i, j), x in zip(system.mass_pattern, entries, strict=True):
+        rows[i][j] = x
+    left = set(range(len(rows)))
+    while left:
+        block, stack = set[int](), [left.pop()]
+        while stack:
+            i = stack.pop()
+            block.add(i)
+            stack.extend(rows[i].keys() - block)
+        left -= block
+        mass = np.array([[rows[i].get(j, 0.0) for j in block] for i in block])
+        size = _own_sizes(mass)
+        try:
+            np.linalg.cholesky(mass * np.outer(size, size) + 1e-9 * np.eye(len(block)))
+        except np.linalg.LinAlgError:
+            return False
+    return True
 
 
 def _vanishing_in(model: Model, coordinates: list[str]) -> list[str]:

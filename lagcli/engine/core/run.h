@@ -104,7 +104,8 @@ typedef struct {
                                         * inertia at the start; the unknowns are a over sizes */
     double *lengths;                   /* nc: largest length of each row of B times sizes so far */
     double *plain_lengths;             /* nc: the same of the rows of B alone */
-    double *scaled;                    /* nc * nq: the rows of B times sizes over their lengths */
+    double *scaled;                    /* nc * nq: the rows of B times sizes over their lengths; with many
+                                        * rows, this and what follows NULL until the dense solution is used */
     int *order;                        /* nc */
     double *components;                /* nc * nc */
     double *dependencies;              /* (nc - rank) * nc */

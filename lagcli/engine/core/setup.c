@@ -9,6 +9,7 @@
 #include "methods/method.h"
 #include "run.h"
 #include "tape/tape.h"
+#include "watch.h"
 
 static void copy_equations(lag_run *run, const lag_equations *given)
 {
@@ -77,6 +78,17 @@ static void copy_settings(lag_run *run, const lag_settings *given)
     run->samples.extra = given->extra;
 }
 
+/* What orthogonalizes the rows of B. */
+static void allocate_rows(lag_run *run)
+{
+    lag_pool *pool = &run->pool;
+    const int64_t nq = run->system.nq, nc = run->system.nc;
+    run->rows.scaled = lag_doubles(pool, nq * nc);
+    run->rows.order = lag_get(pool, (size_t)nc, sizeof(int));
+    run->rows.components = lag_doubles(pool, nc * nc);
+    run->rows.dependencies = lag_doubles(pool, (nc - run->rows.rank) * nc);
+}
+
 static void allocate(lag_run *run)
 {
     lag_pool *pool = &run->pool;
@@ -103,10 +115,8 @@ static void allocate(lag_run *run)
     run->solver.block = lag_doubles(pool, nq + nc);
     run->dense.weight = lag_doubles(pool, nc);
     run->dense.pivots = lag_get(pool, (size_t)size, sizeof(int));
-    run->rows.scaled = lag_doubles(pool, (int64_t)nq * nc);
-    run->rows.order = lag_get(pool, (size_t)nc, sizeof(int));
-    run->rows.components = lag_doubles(pool, (int64_t)nc * nc);
-    run->rows.dependencies = lag_doubles(pool, (int64_t)(nc - rank) * nc);
+    if (!lag_many_rows(run))
+        allocate_rows(run);
     run->watch.combination = lag_doubles(pool, nc);
     run->watch.jacobian = lag_doubles(pool, 2 * run->system.nb);
     run->samples.y = lag_doubles(pool, n);
@@ -210,6 +220,8 @@ int lag_allow_dense(lag_run *run, int64_t steps)
     if (!run->dense.matrix) {
         run->dense.matrix = lag_doubles(&run->pool, size * size);
         run->dense.lu = lag_doubles(&run->pool, size * size);
+        if (!run->rows.scaled)
+            allocate_rows(run);
     }
     return run->pool.failed;
 }
@@ -349,6 +361,8 @@ int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int co
 {
     run->system.blocks = blocks;
     run->system.complete = complete;
+    if (!run->rows.scaled && !lag_many_rows(run)) /* of the motion alone */
+        allocate_rows(run);
     return lag_bind(run, &run->pool, &run->system.tangent, tangent);
 }
 

@@ -136,8 +136,7 @@ static int by_factors(const lag_run *run)
     return whole || lag_solving_by(run) != LAG_BY_LU;
 }
 
-/* Whether B, of the motion, has too many rows to orthogonalize them. */
-static int large(const lag_run *run)
+int lag_many_rows(const lag_run *run)
 {
     const int nq = run->system.nq / run->system.blocks, nc = run->system.nc / run->system.blocks;
     return (double)nc * nc * nq > LARGE;
@@ -151,7 +150,7 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     if (run->rows.rank == 0)
         return 1.0;
     ++run->watch.examined;
-    if (by_factors(run) && large(run))
+    if (by_factors(run) && lag_many_rows(run))
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);
     if (lag_scaled_rows(run, 1, c, lag_constraint_jacobian(s)))
@@ -170,7 +169,7 @@ void lag_watch_stage(lag_run *run)
     double part = 0.0; /* every step is examined */
     if (lag_solving_by(run) != LAG_BY_LU)
         part = least_part(run);
-    else if (by_factors(run) && large(run))
+    else if (by_factors(run) && lag_many_rows(run))
         part = least_part_of_dense(run);
     lag_cancellation *c = &run->watch.cancellation;
     c->last = part;

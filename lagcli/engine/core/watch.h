@@ -7,6 +7,9 @@
 #define NEAR 0.3            /* of its largest value: smallest pivot near a singular configuration */
 #define STEADY 0.7          /* ratio of cancellation during a step below which it is examined more closely */
 
+/* Whether B, of the motion, has too many rows to orthogonalize them where factors tell as much. */
+int lag_many_rows(const lag_run *run);
+
 /* The least pivot of the row-scaled B, at most about 1, or its least singular value where B is large;
  * near 0 in a singular configuration. */
 double lag_least_pivot(lag_run *run, double t, const double *y);

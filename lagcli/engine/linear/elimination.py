@@ -59,8 +59,9 @@ _FEW = 60
 _FEWER = 0.8
 #: Smallest pivot if none reaches the threshold; the engine's check of residuals decides.
 _LEAST = 1e-6
-#: Number of updates above which the matrix is treated as dense.
-MOST_UPDATES = 60_000
+#: Number of updates, or their part of n³ if that is more, above which the matrix is treated as
+#: dense.
+MOST_UPDATES, _MOST_OF_DENSE = 60_000, 1 / 24
 
 
 class NoElimination(ArithmeticError):
@@ -354,7 +355,7 @@ def find_order(
         pivots = pivots or _fallback_pivot(rows, refused, threshold)
         neighbours = sorted({j for i in pivots for j in rows[i]} - set(pivots))
         updates += len(pivots) * len(neighbours) * (len(neighbours) + 1) // 2
-        if updates > MOST_UPDATES:
+        if updates > max(MOST_UPDATES, _MOST_OF_DENSE * size**3):
             raise NoElimination
         smallest = min(smallest, _pivot_size(rows, pivots))
         _eliminate(rows, pivots, neighbours)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from kkt_systems import hand_written
 
 import lagcli
+from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError, NumericalError
-from lagcli.simulations.start import ModelStart, degrees_of_freedom
+from lagcli.simulations.start import ModelStart, degrees_of_freedom, negative_inertia
 
 ROD = """name: a rod of length l
 coordinates: [x, y]
@@ -74,3 +77,19 @@ def test_without_a_start_the_rank_is_not_known() -> None:
     assert degrees_of_freedom(equations).rank is None
     with pytest.raises(ModelError):
         _ = ModelStart(equations).consistent
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_inertia_is_negative_where_an_eigenvalue_is(seed: int) -> None:
+    """Blocks of coupled coordinates in any order, some of them indefinite or without inertia."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 15))
+    block = rng.integers(0, 5, n)
+    root = rng.normal(size=(n, n)) * (block[:, None] == block)
+    mass = root @ np.diag(rng.choice([1.0, 2.0, 0.0, -0.5], n, p=[0.6, 0.25, 0.1, 0.05])) @ root.T
+    mass *= np.outer(*2 * [10.0 ** rng.integers(-3, 4, n)])  # in any units
+    system, p = hand_written(mass, np.empty((0, n)), np.zeros(n))
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(mass)), 1e-300))
+    least = np.linalg.eigvalsh(mass * np.outer(scale, scale))[0]
+    found = negative_inertia(system, State(0.0, np.zeros(n), np.zeros(n), tuple(p)), 0)
+    assert bool(found) == (least < -1e-9)
