@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array, Indices
+from lagcli.arrays import Array
+from lagcli.engine.event_entries import NO_ENTRIES, EventEntries
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import State, System
 from lagcli.settings.settings import Settings
@@ -17,80 +18,8 @@ from lagcli.settings.settings import Settings
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.linear.elimination import Elimination
-    from lagcli.engine.switching.switching import ContactChange
 
 Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
-
-
-#: Kinds of log entries. "rest" ends a sequence of impacts that has a limit in time; "not unique":
-#: an impact has more than one solution; "redundant": from here on, a force is not unique, since
-#: other rows can bear parts of it; "two motions", "no motion" and "jams" end a run; "event" is one
-#: of the model's events.
-Occurrence = Literal[
-    "closes",
-    "opens",
-    "slips",
-    "sticks",
-    "impact",
-    "rest",
-    "not unique",
-    "redundant",
-    "two motions",
-    "no motion",
-    "jams",
-    "releases",
-    "engages",
-    "event",
-]
-#: Kinds of log entries by the changes of a contact named in events.
-CHANGES: dict[Occurrence, ContactChange] = {
-    "closes": "closes",
-    "rest": "closes",
-    "opens": "opens",
-    "slips": "slips",
-    "sticks": "sticks",
-    "impact": "impacts",
-}
-
-
-class EventEntry(NamedTuple):
-    """Change of one row, or occurrence of one of the model's events, at an instant.
-
-    Parameters
-    ----------
-    time : float
-        s.
-    occurrence : Occurrence
-    which : int
-        An index in ``System.constraints``; for "event", in ``Switching.events``.
-    q : (nq,) array
-    before, after : (nq,) arrays
-        The velocities.
-    impulse : (nc,) array
-        Impulse of all constraints at that instant; 0 without an impact.
-    loss : float
-        Energy absorbed by this row's impulse, −Λ (γ⁻ + γ⁺)/2 including its friction; for "rest",
-        energy that the remaining impacts absorb; J.
-    supplied : float
-        Energy supplied by the impulses of moving constraints; J.
-    work : float
-        Work of the event's actions, and the energy lost by velocities when it engages a constraint;
-        J.
-    modes : (ns,) array of int
-        `RowMode` of each switched row after the instant.
-    """
-
-    time: float
-    occurrence: Occurrence
-    which: int
-    q: Array
-    before: Array
-    after: Array
-    impulse: Array
-    loss: float
-    supplied: float
-    work: float
-    modes: Indices
 
 
 class OneSidedLimits(NamedTuple):
@@ -220,9 +149,7 @@ class Outcome:
     1,). ``events`` are the log entries, in order, and ``modes`` the modes of the switched rows
     at the initial state: those at a sample are the modes after the last entry up to its time.
     ``limits`` are those of the model's events that record columns. ``kinks`` is the number of
-    changes of branches: `lagcli.engine.switching.kinks`. ``event_changes`` are derivatives of
-    the times of ``events`` with respect to n directions, (ne, n), if the run computes them, and
-    ``notes`` state where derivatives of the motion end.
+    changes of branches: `lagcli.engine.switching.kinks`. ``notes`` state where derivatives of the motion end.
     """
 
     status: Status
@@ -235,11 +162,10 @@ class Outcome:
     methods: tuple[str, ...] = ()
     choice: str = ""
     tolerances: Array | None = None
-    events: list[EventEntry] = field(default_factory=list)
+    events: EventEntries = NO_ENTRIES
     modes: tuple[int, ...] = ()
     limits: list[OneSidedLimits] = field(default_factory=list)
     kinks: int = 0
-    event_changes: Array | None = None
     notes: tuple[str, ...] = ()
 
     @property

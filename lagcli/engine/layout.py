@@ -36,7 +36,7 @@ class Layout:
 
     size: int
 
-    def __init__(self, counts: Counts):
+    def __init__(self, counts: NamedTuple):
         first = 0
         for name, part in self.parts().items():
             stop = first + sum(1 if count == "1" else getattr(counts, count) for count in part)

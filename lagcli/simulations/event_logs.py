@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import copy
-import itertools
 from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.columns import SAMPLED, column_names
-from lagcli.engine.contract import Block, EventEntry, OneSidedLimits, Outcome
+from lagcli.engine.contract import Block, OneSidedLimits, Outcome
+from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog, EventRecords
 from lagcli.trajectory.samples import Samples
+
+_EVENT, _REST = OCCURRENCES.index("event"), OCCURRENCES.index("rest")
 
 
 def event_log(
@@ -39,60 +41,44 @@ def event_log(
     switching = system.switching
     if switching is None:
         return None
+    entries = outcome.events
+    kinds, which = entries.integers("occurrence"), entries.integers("which")
     # a sequence of impacts ends slightly after the instant at which its limit is known
-    unordered = _ended_by_what_follows(outcome.events)
-    order = sorted(range(len(unordered)), key=lambda i: unordered[i].time)
-    entries, count = [unordered[i] for i in order], len(order)
-    latest = itertools.accumulate(order, max)
+    time = _ended_by_what_follows(entries.part("time"), kinds, which)
+    order = np.argsort(time, kind="stable")
     records = NOTHING_RECORDED
     if derived is not None and outcome.limits:
-        place = {entry: i for i, entry in enumerate(order)}
-        limits = [x._replace(entry=place[x.entry]) for x in outcome.limits]
-        rules = [switching.events[entries[x.entry].which] for x in limits]
+        place = np.argsort(order)
+        rules = [switching.events[which[x.entry]] for x in outcome.limits]
+        limits = [x._replace(entry=int(place[x.entry])) for x in outcome.limits]
         records = event_records(system, derived, limits, rules)
-    nq, nc, ns = len(system.coordinates), len(system.constraints), len(switching.rows)
+    named = [*system.constraints, *(rule.name for rule in switching.events)]
+    number = which + len(system.constraints) * (kinds == _EVENT)
+    vectors = ("q", "before", "after", "impulse", "loss", "supplied", "work")
     return EventLog(
         rows=tuple(system.constraints[row.row] for row in switching.rows),
-        start=np.array(outcome.modes, dtype=np.intp).reshape(ns),
-        time=np.array([e.time for e in entries], dtype=float),
-        names=tuple(
-            switching.events[e.which].name
-            if e.occurrence == "event"
-            else system.constraints[e.which]
-            for e in entries
-        ),
-        kinds=tuple(e.occurrence for e in entries),
-        q=np.array([e.q for e in entries], dtype=float).reshape(count, nq),
-        before=np.array([e.before for e in entries], dtype=float).reshape(count, nq),
-        after=np.array([e.after for e in entries], dtype=float).reshape(count, nq),
-        impulse=np.array([e.impulse for e in entries], dtype=float).reshape(count, nc),
-        loss=np.array([e.loss for e in entries], dtype=float),
-        supplied=np.array([e.supplied for e in entries], dtype=float),
-        work=np.array([e.work for e in entries], dtype=float),
-        modes=np.array([unordered[i].modes for i in latest], dtype=np.intp).reshape(count, ns),
+        start=np.array(outcome.modes, dtype=np.intp).reshape(len(switching.rows)),
+        time=time[order],
+        names=tuple(named[i] for i in number[order].tolist()),
+        kinds=tuple(OCCURRENCES[k] for k in kinds[order].tolist()),
+        modes=entries.integers("modes")[np.maximum.accumulate(order)],
         records=records,
         parameters=names,
-        dtime=_dtime(outcome, order) if names else np.empty((0, 0)),
+        dtime=entries.part("dtime")[order] if names else np.empty((0, 0)),
+        **{name: entries.part(name)[order] for name in vectors},
     )
 
 
-def _ended_by_what_follows(entries: Sequence[EventEntry]) -> list[EventEntry]:
-    """Return the entries, with no contact at rest later than at its next change."""
-    ended, following = list(entries), dict[int, float]()
-    for i in reversed(range(len(ended))):
-        entry = ended[i]
-        if entry.occurrence == "rest":
-            time = min(entry.time, following.get(entry.which, entry.time))
-            ended[i] = entry._replace(time=time)
-        if entry.occurrence != "event":
-            following[entry.which] = ended[i].time
+def _ended_by_what_follows(time: Array, kinds: Indices, which: Indices) -> Array:
+    """Return the times of entries, with no contact at rest later than at its next change."""
+    ended = time.copy()
+    of_rows = np.flatnonzero(kinds != _EVENT)
+    of_rows = of_rows[np.argsort(which[of_rows], kind="stable")]
+    rests = np.flatnonzero(kinds[of_rows[:-1]] == _REST)
+    for i, following in zip(of_rows[rests[::-1]], of_rows[rests[::-1] + 1], strict=True):
+        if which[i] == which[following]:
+            ended[i] = min(ended[i], ended[following])
     return ended
-
-
-def _dtime(outcome: Outcome, order: Sequence[int]) -> Array:
-    """Return derivatives of the times of entries, in a given order."""
-    assert outcome.event_changes is not None
-    return outcome.event_changes[np.array(order, dtype=np.intp)]
 
 
 def event_records(

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lagcli.arrays import Array
-from lagcli.engine.contract import Occurrence
+from lagcli.engine.event_entries import Occurrence
 from lagcli.pictures.style import PALETTE
 from tests.support.contact_cases import ContactRun, contact_model, read_case, run_contact
 

@@ -52,7 +52,7 @@ def test_grazing_impacts(depth: float) -> None:
     # the condition of the root is 1/(2 √depth)
     assert impact.time == pytest.approx(1 - root, abs=1e-14 / root + 1e-12)
     model = load_text(GRAZING, set={"depth": -depth})
-    assert run_contact(model).outcome.events == []
+    assert not run_contact(model).outcome.events
 
 
 def test_times_are_landed_on_exactly() -> None:

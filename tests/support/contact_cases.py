@@ -11,7 +11,8 @@ import numpy as np
 import yaml
 
 from lagcli.arrays import Array
-from lagcli.engine.contract import Block, EventEntry, Occurrence, Outcome
+from lagcli.engine.contract import Block, Outcome
+from lagcli.engine.event_entries import EventEntry, Occurrence
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.system import System
 from lagcli.model.loader import load_text

@@ -14,6 +14,7 @@ from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady_terms import Given, nearest_steady_state
 from lagcli.arrays import Indices
 from lagcli.engine.contract import Block, Interrupted, Outcome
+from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.system import State
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
@@ -181,17 +182,17 @@ def mode_in_run(model: Model, at: float | None) -> tuple[State, Indices]:
 
 def _first(run: Outcome, start: State) -> State:
     """Return the state after the impacts and events at the start."""
-    state = start
-    for entry in run.events:
-        if entry.time <= start.t:
-            state = state._replace(q=entry.q, v=entry.after)
-    return state
+    entry = _last(run, start.t)
+    return start if entry is None else start._replace(q=entry.q, v=entry.after)
 
 
 def _modes(run: Outcome, at: float) -> Indices:
     """Return the modes of the contacts after the changes at a time."""
-    modes = np.array(run.modes, dtype=int)
-    for entry in run.events:
-        if entry.time <= at:
-            modes = entry.modes
-    return modes
+    entry = _last(run, at)
+    return np.array(run.modes, dtype=int) if entry is None else entry.modes
+
+
+def _last(run: Outcome, at: float) -> EventEntry | None:
+    """Return the last entry of the log up to a time."""
+    until = np.flatnonzero(run.events.part("time") <= at)
+    return run.events[until[-1]] if len(until) else None

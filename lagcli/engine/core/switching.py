@@ -24,6 +24,7 @@ from lagcli.engine.core.structures import (
     lag_program,
     listed,
 )
+from lagcli.engine.event_entries import EntryCounts, entry_layout
 from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.tape.tape import Tape
 
@@ -295,14 +296,18 @@ class SwitchingIntegrator(Integrator):
         self._split, self._rows, self._clocks = split, fields["rows"], fields["clocks"]
         self._conditions = fields["conditions"] + fields["force_conditions"]
         self._kinks, self._first_branch = fields["kinks"], fields["first_branch"]
-        width = 6 + fields["exported"] + 3 * self._nq + fields["nc"] + self._directions
+        self.entry_counts = EntryCounts(
+            self._nq, fields["nc"], fields["exported"], self._directions
+        )
+        width = entry_layout(self.entry_counts).size
         self._log = np.empty((max(log_rows, 8 * self._rows + 8), width))
         record = given.filled(lag_switching_rules, **fields, log=self._log, log_rows=len(self._log))
         check(core.lag_use_switching(self._run, byref(record)))
 
     def take_log(self) -> Array:
-        """Return the entries of the log since the last call: core/switching/log.c."""
-        return self._log[: core.lag_take_log(self._run)].copy()
+        """Return the rows of the log since the last call, valid until the run continues:
+        `EntryLayout`."""
+        return self._log[: core.lag_take_log(self._run)]
 
     def happened(self) -> list[int]:
         """Return the conditions that have happened at this instant and were not asked for yet."""

@@ -20,11 +20,8 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.adjustment import HeldRows, adjusted, held_during, impulse_of
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart
 from lagcli.engine.contract import (
-    CHANGES,
     Block,
-    EventEntry,
     IntegrationRequest,
-    Occurrence,
     OneSidedLimits,
     Outcome,
     Stop,
@@ -33,6 +30,13 @@ from lagcli.engine.contract import (
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.switching import SwitchingIntegrator
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.event_entries import (
+    CHANGES,
+    OCCURRENCES,
+    EventEntries,
+    EventEntry,
+    Occurrence,
+)
 from lagcli.engine.integrate.prepared import Prepared, explicit_time, prepare
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.linear import dense
@@ -41,18 +45,14 @@ from lagcli.engine.program.program import Program
 from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.stops import contradicting_values
-from lagcli.engine.switching.switching import EventRule, clocks_of, ticks_of
+from lagcli.engine.switching.switching import ContactChange, EventRule, clocks_of, ticks_of
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 
 #: Capacity of the core's log.
 _LOG_ROWS = 512
-_OCCURRENCES: tuple[Occurrence, ...] = (
-    *("closes", "opens", "slips", "sticks", "impact", "rest", "not unique", "redundant"),
-    *("event", "releases", "engages"),
-)
-#: Statuses of model events.
-_OF_EVENTS: tuple[Occurrence, ...] = ("event", "releases", "engages")
+#: Kinds of entries of model events: "event", "releases", "engages".
+_OF_EVENTS = range(OCCURRENCES.index("event"), OCCURRENCES.index("engages") + 1)
 #: Statuses that end a run at a contact.
 _REFUSED = (
     Status.ENDLESS,
@@ -130,14 +130,15 @@ class SwitchingIntegration(Integration):
         if split.base != system.held_at_start:  # a rank of all rows says nothing here
             rank = rank_at(split.fixed, request.state)
             request = request._replace(rank=rank, elimination=None)
-        self.log: list[EventEntry] = []
-        self.waiting: list[EventEntry] = []
-        self.stopped, self.acted = "", False
+        self.stopped = ""
+        #: Entries of the log up to which the model's events have been asked for.
+        self.asked = 0
         #: The entry of an event that engages a constraint, and the work before the velocities
         #: change.
         self.engaging: tuple[int, float] | None = None
         self.core: SwitchingIntegrator
         super().__init__(split.fixed, request, sink, progress)
+        self.log = EventEntries(self.core.entry_counts)
         self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
 
@@ -200,7 +201,7 @@ class SwitchingIntegration(Integration):
         run.notes = (*run.notes, *self.actions.notes.values())
         run.modes = self.actions.first_modes
         run.kinks, slid = self.core.crossings
-        acted = any(run.modes) or self.acted or slid
+        acted = any(run.modes) or self.log.part("modes").any() or slid
         if acted or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
@@ -282,14 +283,13 @@ class SwitchingIntegration(Integration):
         """Handle events of the model; return whether the run is complete."""
         core = self.core
         self.collect()
-        since, self.waiting = self.waiting, []
-        changes = [(e.which, CHANGES[e.occurrence]) for e in since if e.occurrence in CHANGES]
+        changes = self.changes()
         if not self.instants.open:
             y, a, multipliers = core.motion
             if not core.begun:  # before the initial state is complete
                 a, multipliers = np.full_like(a, np.nan), np.full_like(multipliers, np.nan)
             left = np.concatenate([[core.t], y[:-1], a, multipliers, y[-1:]])
-            self.instants.begin(left, tuple(self.actions.p))
+            self.instants.begin(left, tuple(self.actions.p), len(self.log))
         p = list(self.actions.p)
         entries = self.actions.react(changes)
         if self.actions.p != p and self.request.on_parameters is not None:
@@ -299,7 +299,9 @@ class SwitchingIntegration(Integration):
             first = next(k for k, e in enumerate(entries) if e.occurrence == "engages")
             of_event = max(k for k in range(first) if entries[k].occurrence == "event")
             self.engaging = len(self.log) + of_event, float(core.state[-1])
-        self.log += entries
+        for entry in entries:
+            self.log.append(entry)
+        self.asked = len(self.log)
         self.stopped = self.actions.stopped
         if self.stopped:
             self.settle()
@@ -311,6 +313,12 @@ class SwitchingIntegration(Integration):
         if self.instants.open:
             self.resolve()
         return complete
+
+    def changes(self) -> list[tuple[int, ContactChange]]:
+        """Return the constraints that have changed since events were last asked for, and how."""
+        kinds, which = (self.log.integers(x, self.asked) for x in ("occurrence", "which"))
+        pairs = zip(which.tolist(), [OCCURRENCES[k] for k in kinds.tolist()], strict=True)
+        return [(row, CHANGES[kind]) for row, kind in pairs if kind in CHANGES]
 
     def settle(self) -> None:
         """Complete the instant at which the run stops, and sample it."""
@@ -329,9 +337,10 @@ class SwitchingIntegration(Integration):
         """Complete the entries of a finished instant."""
         self.collect()
         modes = np.array(self.core.modes[: len(self.split_system.switching.rows)], dtype=int)
-        for entry in range(self.instants.first, len(self.log)):
-            if self.log[entry].occurrence in _OF_EVENTS:
-                self.log[entry] = self.log[entry]._replace(modes=modes)
+        first = self.instants.first
+        kinds = self.log.integers("occurrence", first)
+        of_events = (kinds >= _OF_EVENTS.start) & (kinds < _OF_EVENTS.stop)
+        self.log.part("modes")[first:][of_events] = modes
         self.complete_engagement()
         status, row = self.core.sample_here()
         right = self.whole_rows(row[None])[0] if status == Status.RUNNING else None
@@ -343,9 +352,10 @@ class SwitchingIntegration(Integration):
             return
         (k, work), self.engaging = self.engaging, None
         state, entry = self.core.state, self.log[k]
+        supplied, loss, of_work = (self.log.part(x)[k + 1 :] for x in ("supplied", "loss", "work"))
         others = 0.0
-        for e in self.log[k + 1 :]:
-            others += e.supplied - e.loss + e.work
+        for change in (supplied - loss + of_work).tolist():
+            others += change
         self.log[k] = entry._replace(
             work=entry.work + float(state[-1]) - work - others, after=state[self.nq : -1].copy()
         )
@@ -354,30 +364,8 @@ class SwitchingIntegration(Integration):
 
     def collect(self) -> None:
         """Emit the samples in the core's block, and copy its log."""
-        entries = self.entries(self.core.take_log())
-        self.log += entries
-        self.waiting += entries
+        self.log.add(self.core.take_log())
         super().collect()
-
-    def entries(self, rows: Array) -> list[EventEntry]:
-        """Return entries of the core's log, one for each row."""
-        if not len(rows):
-            return []
-        ns, nq = len(self.split_system.switching.rows), self.nq
-        first = 6 + ns
-        places = [first, first + nq, first + 2 * nq, first + 3 * nq]
-        modes = rows[:, 6:first].astype(int)
-        self.acted = self.acted or bool(modes.any())
-        columns = (
-            rows[:, 0].tolist(),
-            [_OCCURRENCES[k] for k in rows[:, 1].astype(int).tolist()],
-            rows[:, 2].astype(int).tolist(),
-            *(rows[:, i : i + nq] for i in places[:3]),
-            rows[:, places[3] :],
-            *rows[:, 3:6].T.tolist(),
-            modes,
-        )
-        return [EventEntry._make(x) for x in zip(*columns, strict=True)]
 
     def emit(self, rows: Array) -> None:
         """Emit samples."""
@@ -661,7 +649,7 @@ class RecordedInstants:
     open : bool
         Whether an instant is in progress.
     first : int
-        Index of the first log entry of an event at this instant.
+        Index of the first log entry that actions of this instant may have added.
     """
 
     def __init__(self, rules: Sequence[EventRule]):
@@ -671,14 +659,12 @@ class RecordedInstants:
         self.open, self.first = False, 0
         self._entries: list[int] = []
 
-    def begin(self, left: Array, p: tuple[float, ...]) -> None:
+    def begin(self, left: Array, p: tuple[float, ...], first: int) -> None:
         """Begin an instant, with its limit from the left."""
-        self.open, self._left, self._p, self._entries = True, left, p, []
+        self.open, self._left, self._p, self.first, self._entries = True, left, p, first, []
 
     def add(self, count: int, entries: Sequence[EventEntry]) -> None:
         """Add entries to the first ``count`` ones of the log."""
-        if not self._entries:
-            self.first = count
         self._entries += [
             k
             for k, entry in enumerate(entries, count)

@@ -17,8 +17,9 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.constraints.adjustment import adjusted
 from lagcli.engine.constraints.initial import NoConsistentState
-from lagcli.engine.contract import Block, EventEntry, IntegrationRequest, Outcome
+from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.core.switching import SwitchingIntegrator
+from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.integrate.switching_run import Actions, SwitchingIntegration
 from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.sensitivity.integration import Derivatives, Sink
@@ -70,12 +71,10 @@ class DifferentiatedIntegration(SwitchingIntegration):
     ):
         self._start, self._parameters = start, parameters
         self._names, self._scales, self._emit_both = tuple(names), scales, sink
-        #: Derivatives of the times of the log's entries.
-        self._times: list[Array] = []
         request = request._replace(settings=request.settings.replace(method=METHOD))
         super().__init__(system, request, self._nowhere, progress)
         count = len(self.split_system.system.parameters)
-        self.actions = DifferentiatedActions(self.whole, request, self.core, count, self._times)
+        self.actions = DifferentiatedActions(self.whole, request, self.core, count)
 
     @staticmethod
     def _nowhere(block: Block) -> None:
@@ -97,8 +96,7 @@ class DifferentiatedIntegration(SwitchingIntegration):
     def run(self) -> Outcome:
         """Integrate, once."""
         outcome = super().run()
-        n = len(self._scales)
-        outcome.event_changes = np.array(self._times).reshape(len(self._times), n) / self._scales
+        self.log.part("dtime")[:] /= self._scales
         outcome.notes = (*outcome.notes, *self._notes())
         return outcome
 
@@ -132,19 +130,6 @@ class DifferentiatedIntegration(SwitchingIntegration):
         plain = rows.shape[1] - n * (3 * self.nq + len(self.whole.constraints))
         return super().whole_rows(rows[:, :plain])
 
-    def entries(self, rows: Array) -> list[EventEntry]:
-        """Return entries of the core's log, one for each row."""
-        if not len(rows):
-            return []
-        n = len(self._scales)
-        self._times += [*rows[:, -n:]]
-        return super().entries(rows[:, :-n])
-
-    def log_end(self, status: int) -> None:
-        """Add an entry on a run that ends at a contact; see the base class."""
-        super().log_end(status)
-        self._times += [np.full(len(self._scales), np.nan)] * (len(self.log) - len(self._times))
-
 
 class DifferentiatedActions(Actions):
     """Performs the actions of events, and differentiates them.
@@ -155,8 +140,6 @@ class DifferentiatedActions(Actions):
         See `Actions`.
     parameters : int
         Number of the core's parameters.
-    times : list of (n,) arrays
-        Receives the derivatives of the times of the entries.
     """
 
     def __init__(
@@ -165,10 +148,9 @@ class DifferentiatedActions(Actions):
         request: IntegrationRequest,
         core: Any,
         parameters: int,
-        times: list[Array],
     ):
         super().__init__(system, request, core)
-        self._parameters, self._times = parameters, times
+        self._parameters = parameters
         self._pushed: Array | None = None
 
     @cached_property
@@ -178,11 +160,11 @@ class DifferentiatedActions(Actions):
 
     def react(self, changes: Sequence[tuple[int, str]]) -> list[EventEntry]:
         """Perform the actions of the events triggered at this instant; see the base class."""
-        entries = super().react(changes)
-        for entry in entries:
+        entries = []
+        for entry in super().react(changes):
             is_event = entry.occurrence == "event"
             condition = self.switching.events[entry.which].condition if is_event else None
-            self._times.append(self.core.change_of_time(condition))
+            entries.append(entry._replace(dtime=self.core.change_of_time(condition)))
         return entries
 
     def set(self, rule: EventRule, y: Array, values: Sequence[float]) -> tuple[Array, Array]:

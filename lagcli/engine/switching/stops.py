@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagcli.engine.contract import CHANGES, EventEntry, Occurrence, Stop
+from lagcli.engine.contract import Stop
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.core.status import Status
+from lagcli.engine.event_entries import CHANGES, EventEntries, Occurrence
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.switching import EventRule, RowMode, SwitchedRow
 from lagcli.engine.system import System
@@ -284,9 +285,7 @@ def contradicting_values(
     )
 
 
-def endless(
-    t: float, system: System, entries: Sequence[EventEntry], unlogged: Sequence[str] = ()
-) -> Stop:
+def endless(t: float, system: System, entries: EventEntries, unlogged: Sequence[str] = ()) -> Stop:
     """Return the end of a run with an infinite sequence of events at one time.
 
     Parameters
@@ -294,16 +293,15 @@ def endless(
     t : float
         s.
     system : System
-    entries : sequence of EventEntry
+    entries : EventEntries
         The log.
     unlogged : sequence of str
         What may repeat without an entry in the log.
     """
     assert system.switching is not None
     listed = []
-    for entry in entries:
-        if entry.time < t - _SAME * abs(t):
-            continue
+    for k in np.flatnonzero(entries.part("time") >= t - _SAME * abs(t)).tolist():
+        entry = entries[k]
         if entry.occurrence == "event":
             listed.append(f"`{system.switching.events[entry.which].name}`")
         else:
@@ -349,7 +347,7 @@ def refusal(
     status: int,
     core: Any,
     impacts: str,
-    log: Sequence[EventEntry],
+    log: EventEntries,
     branches: Sequence[Sequence[str]] = (),
 ) -> Stop | None:
     """Return the end of a run at a contact; None if its steps become small for another reason.
@@ -362,7 +360,7 @@ def refusal(
     core : SwitchingIntegrator
     impacts : str
         The law of impacts.
-    log : sequence of EventEntry
+    log : EventEntries
     branches : sequence of sequences of str
         Names on which each branch depends that changes at the instant.
     """

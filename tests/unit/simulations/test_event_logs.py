@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.contract import EventEntry, OneSidedLimits, Outcome
+from lagcli.engine.contract import OneSidedLimits, Outcome
+from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.lowering.lower import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.settings.settings import SettingsOverrides
@@ -17,6 +18,7 @@ from lagcli.simulations.event_logs import event_log, event_records
 from lagcli.simulations.simulation import prepare
 from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog
 from lagcli.trajectory.trajectory import Trajectory
+from tests.support.event_logs import log_of
 from tests.support.switching_models import BALL
 
 
@@ -38,7 +40,7 @@ def test_entries_become_a_log() -> None:
     ]
     log = event_log(
         system,
-        Outcome("stopped-by-event", events=entries, modes=(0, 0)),
+        Outcome("stopped-by-event", events=log_of(system, entries), modes=(0, 0)),
         DerivedColumns(system, ()),
     )
     assert log is not None
@@ -62,7 +64,7 @@ def test_a_rest_ends_by_the_next_change_and_changes_no_later_modes() -> None:
         entry("sticks", 2, time=0.55, modes=[1, 1]),
         entry("opens", 1, time=0.6, modes=[0, 0]),
     ]
-    outcome = Outcome("completed", events=entries, modes=(0, 0))
+    outcome = Outcome("completed", events=log_of(system, entries), modes=(0, 0))
     log = event_log(system, outcome)
     assert log is not None
     log.check()
@@ -77,7 +79,7 @@ def test_entries_are_in_the_order_of_time() -> None:
     entries = [entry("impact", 1), entry("rest", 1, time=0.5 + 1e-9), entry("event", 0)]
     row = np.zeros(system.sample_layout.size)
     limits = [OneSidedLimits(2, row, row, (2.0, 9.81), (2.0, 9.81))]
-    outcome = Outcome("completed", events=entries, modes=(0, 0), limits=limits)
+    outcome = Outcome("completed", events=log_of(system, entries), modes=(0, 0), limits=limits)
     log = event_log(system, outcome, DerivedColumns(system, (2.0, 9.81)))
     assert log is not None
     log.check()
@@ -85,9 +87,42 @@ def test_entries_are_in_the_order_of_time() -> None:
     assert log.records.entry.tolist() == [1]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_random_logs(seed: int) -> None:
+    """Each rest ends by the next change of its row, and the log is in the order of time."""
+    random = np.random.default_rng(seed)
+    system = lower(derive(lagcli.load_text(BALL)))
+    entries = []
+    for time in np.cumsum(random.exponential(size=60)).tolist():
+        kind = str(random.choice(["impact", "rest", "rest", "opens", "event"]))
+        which = 0 if kind == "event" else int(random.integers(1, 3))
+        late = random.exponential(2.0) * (kind == "rest")
+        entries.append(entry(kind, which, time=time + late, modes=random.integers(0, 4, 2)))
+    log = event_log(system, Outcome("completed", events=log_of(system, entries), modes=(0, 0)))
+    assert log is not None
+    log.check()
+    ended = []
+    for i, x in enumerate(entries):
+        later = [
+            y.time
+            for y in entries[i + 1 :]
+            if (y.which, y.occurrence != "event") == (x.which, True)
+        ]
+        rests = x.occurrence == "rest"
+        ended.append(x._replace(time=min([x.time, *later])) if rests else x)
+    ordered = sorted(range(60), key=lambda i: ended[i].time)
+    names = (*system.constraints, "late")
+    assert log.time.tolist() == [ended[i].time for i in ordered]
+    assert log.kinds == tuple(entries[i].occurrence for i in ordered)
+    number = [3 if entries[i].occurrence == "event" else entries[i].which for i in ordered]
+    assert log.names == tuple(names[i] for i in number)
+    latest = [max(ordered[: k + 1]) for k in range(60)]
+    assert log.modes.tolist() == [entries[i].modes.tolist() for i in latest]
+
+
 def test_a_run_without_events_has_an_empty_log() -> None:
     system = lower(derive(lagcli.load_text(BALL)))
-    log = event_log(system, Outcome("completed", modes=(0, 0)))
+    log = event_log(system, Outcome("completed", events=log_of(system), modes=(0, 0)))
     assert log is not None
     assert (len(log), log.q.shape, log.impulse.shape, log.modes.shape) == (
         0,
@@ -216,6 +251,28 @@ def test_a_rod_that_is_cut() -> None:
     assert values(log, "x_dot", "cut")[1] == pytest.approx(vx, rel=1e-13)
     (cut,) = (i for i, name in enumerate(log.names) if name == "cut")
     assert log.modes[cut].tolist() == [0]  # right after the instant
+
+
+JUMP = """
+coordinates: {y: m}
+parameters: {m: 1 kg, g: 10 m/s^2, n: 0}
+T: m/2*y'^2
+V: m*g*y
+constraints:
+  floor: {expr: y >= 0, restitution: 0}
+events:
+  jump: {when: t >= 0.5, record: false, set: {y': 1}}
+  count: {when: floor opens, record: false, set: {n: n + 1}}
+initial: {y: 0, y': 0}
+simulation: {t_end: 0.6, samples: 3}
+"""
+
+
+def test_modes_of_an_event_are_those_after_all_that_its_instant_does() -> None:
+    """A contact opens by the first event, and the second one answers it at the same instant."""
+    _, log = run(JUMP)
+    assert log.names == ("jump", "floor", "count")
+    assert log.modes.tolist() == [[0], [0], [0]]
 
 
 def test_an_impact_at_the_start_has_no_forces_before() -> None:

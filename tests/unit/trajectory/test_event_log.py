@@ -15,7 +15,7 @@ from lagcli.trajectory.event_log import KINDS, MODES, EventLog, Rest, event_sent
 def test_modes_and_kinds_are_those_of_the_engine() -> None:
     from typing import get_args
 
-    from lagcli.engine.contract import Occurrence
+    from lagcli.engine.event_entries import Occurrence
 
     assert tuple(mode.name.lower() for mode in RowMode) == MODES
     assert set(KINDS) == set(get_args(Occurrence))

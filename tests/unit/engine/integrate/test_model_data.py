@@ -22,7 +22,8 @@ from lagcli.engine.core.structures import Arguments, lag_program, lag_stream
 from lagcli.engine.integrate import prepared as preparation
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.integrate.model_data import model_data
-from lagcli.engine.integrate.switching_run import _OCCURRENCES, SwitchingIntegration
+from lagcli.engine.event_entries import OCCURRENCES
+from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.tape.operations import Op
 from lagcli.simulations.simulation import Simulation
 
@@ -94,7 +95,7 @@ def expected(simulation: Simulation) -> Run:
     log = [
         np.concatenate(
             [
-                [e.time, _OCCURRENCES.index(e.occurrence), e.which, e.loss, e.supplied, e.work],
+                [e.time, OCCURRENCES.index(e.occurrence), e.which, e.loss, e.supplied, e.work],
                 *(e.modes, e.q, e.before, e.after, e.impulse),
             ]
         )
@@ -251,7 +252,7 @@ class Simulated:
         numbers = np.ctypeslib.as_array(
             (np.ctypeslib.ctypes.c_double * (count.value * width.value)).from_address(rows.value)
         ).reshape(count.value, width.value)
-        return [(row[0], _OCCURRENCES[int(row[1])]) for row in numbers]
+        return [(row[0], OCCURRENCES[int(row[1])]) for row in numbers]
 
     def __del__(self) -> None:
         if self.handle:

@@ -11,7 +11,8 @@ import pytest
 from integration_requests import changed
 
 import lagcli
-from lagcli.engine.contract import Block, EventEntry, Occurrence, Outcome, Stop
+from lagcli.engine.contract import Block, Outcome, Stop
+from lagcli.engine.event_entries import EventEntry, Occurrence
 from lagcli.engine.integrate.switching_run import Actions, RecordedInstants, SwitchingIntegration
 from lagcli.engine.switching.switching import EventRule, RowMode
 from lagcli.engine.system import System
@@ -486,8 +487,9 @@ def test_entries_of_one_instant_have_its_limits() -> None:
     instants = RecordedInstants([EventRule("all"), EventRule("none", record=())])
     assert instants.records
     assert not instants.open
-    instants.begin(LEFT, (1.0,))
+    instants.begin(LEFT, (1.0,), 4)
     assert instants.open
+    assert instants.first == 4
     instants.add(4, [entry("impact", 0), entry("event", 0), entry("event", 1)])
     instants.add(7, [entry("event", 0)])
     instants.end(RIGHT, (2.0,))
@@ -501,7 +503,7 @@ def test_entries_of_one_instant_have_its_limits() -> None:
 
 def test_an_instant_without_end_has_a_limit_from_the_left_alone() -> None:
     instants = RecordedInstants([EventRule("all")])
-    instants.begin(LEFT, ())
+    instants.begin(LEFT, (), 0)
     instants.add(0, [entry("event", 0)])
     instants.end(None, ())
     assert instants.limits[0].right[0] == 1.0

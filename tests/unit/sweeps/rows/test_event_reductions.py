@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.contract import EventEntry, Outcome
+from lagcli.engine.contract import Outcome
+from lagcli.engine.event_entries import EventEntry
 from lagcli.errors import NumericalError
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.variants import Variants
 from lagcli.sweeps.columns import measure_columns
 from lagcli.sweeps.rows.group import FinishedRuns, RowGroup
+from tests.support.event_logs import log_of
 
 MODEL = """\
 name: ball
@@ -52,7 +54,10 @@ def test_measures_of_logs() -> None:
         entry(0.6, "impact", 1, (-0.25, 2.0)),
         entry(0.9, "event", 0, (0.0, 0.0)),
     ]
-    runs = [Outcome("completed", events=events, modes=(0,)), NumericalError("no start")]
+    runs = [
+        Outcome("completed", events=log_of(variants.system, events), modes=(0,)),
+        NumericalError("no start"),
+    ]
     width = variants.system.sample_layout.size
     samples = np.zeros((2, 3, width))
     samples[:, :, 2] = [1.0, 7.0, 3.0]  # t, x, y
