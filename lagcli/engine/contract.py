@@ -149,7 +149,8 @@ class Outcome:
     1,). ``events`` are the log entries, in order, and ``modes`` the modes of the switched rows
     at the initial state: those at a sample are the modes after the last entry up to its time.
     ``limits`` are those of the model's events that record columns. ``kinks`` is the number of
-    changes of branches: `lagcli.engine.switching.kinks`. ``notes`` state where derivatives of the motion end.
+    changes of branches: `lagcli.engine.switching.kinks`. ``notes`` state where derivatives of
+    the motion end.
     """
 
     status: Status

@@ -141,6 +141,8 @@ class EventEntries(Sequence[EventEntry]):
 
     def add(self, rows: Array) -> None:
         """Append rows, which are copied."""
+        if not len(rows):
+            return
         count = self._count + len(rows)
         if count > len(self._rows):
             more = np.empty((max(count, 2 * len(self._rows), _FIRST_ROWS), self.layout.size))

@@ -83,10 +83,12 @@ class RankWatch:
     Parameters
     ----------
     motion : Index1
+    crossable : bool
+        Whether a run can continue through singular configurations.
     """
 
-    def __init__(self, motion: Index1):
-        self.motion, self.rank = motion, motion.rank
+    def __init__(self, motion: Index1, *, crossable: bool = True):
+        self.motion, self.rank, self.crossable = motion, motion.rank, crossable
         self.names = motion.evaluator.system.constraints
         self._nodes: list[_Node] = []
         self._usual = 0.0
@@ -179,8 +181,12 @@ class RankWatch:
         """Return the end of a run at a singular configuration."""
         why = _dependency(self._dependent(t, q, v), "become")
         return Stop(
-            f"singular configuration at t = {t:.9g} s: {why}"
-            " the motion; --through-singular continues through it"
+            f"singular configuration at t = {t:.9g} s: {why} the motion; --through-singular "
+            + (
+                "continues through it"
+                if self.crossable
+                else "is for models without contacts, limits and events"
+            )
         )
 
     def floor(self, t: float, y: Array, method: str, remark: str = "") -> Stop:

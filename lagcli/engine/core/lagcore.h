@@ -91,7 +91,7 @@ typedef struct {
     int64_t times_count;
     double *block;                     /* block_rows rows of t, q, v, a, lambda, W */
     int64_t block_rows;
-    int extra;                         /* numbers at the end of each row: the multipliers of rows that switch */
+    int extra;                         /* rows that switch: each sample has their multipliers among lambda */
     int directions;                    /* in which a motion that switches is differentiated: their changes of q and v
                                         * follow y, and those of q, v, a, lambda (of all constraints) each row */
     int kernel;                        /* a lag_kernel */

@@ -136,7 +136,7 @@ typedef struct {
 typedef struct {
     const double *times;
     int64_t count, next;               /* of times; the next one */
-    double *block;                     /* rows of t, q, v, a, lambda, W, and `extra` numbers */
+    double *block;                     /* rows of t, q, v, a, lambda (of all constraints), W */
     int64_t rows, used;
     int extra;                         /* multipliers of rows that switch */
     double *y;                         /* n: scratch */

@@ -11,6 +11,16 @@
 
 #define FINE 1e-5           /* of rtol: acceptable residual of the equations at samples */
 
+/* Write the multipliers of all constraints, with those of rows that switch. */
+static void write_multipliers(const lag_run *run, double *multipliers)
+{
+    const lag_switching *sw = &run->switching;
+    for (int i = 0; i < run->system.nc; ++i)
+        multipliers[sw->base[i]] = run->solver.multipliers[i];
+    for (int i = 0; i < sw->rows; ++i)
+        multipliers[sw->constraint[i]] = sw->mode[i] == LAG_OPEN ? 0.0 : sw->sign[i] * sw->force[i];
+}
+
 /* Write the consistent state next to y, with its a and lambda. */
 static int write_row(lag_run *run, double t, double *y, double *row)
 {
@@ -33,12 +43,11 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     row[0] = t;
     memcpy(row + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
     memcpy(row + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
-    memcpy(row + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
-    row[lag_sample_work(s)] = y[2 * nq];
-    for (int i = 0; i < run->samples.extra; ++i) { /* the multipliers of rows that switch */
-        const lag_switching *sw = &run->switching;
-        row[lag_sample_size(s) + i] = sw->mode[i] == LAG_OPEN ? 0.0 : sw->sign[i] * sw->force[i];
-    }
+    if (run->samples.extra)
+        write_multipliers(run, row + lag_sample_multipliers(s));
+    else
+        memcpy(row + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
+    row[lag_sample_work(s) + run->samples.extra] = y[2 * nq];
     if (run->derivatives.n && lag_write_changes(run, t, y, row + lag_sample_size(s) + run->samples.extra))
         return LAG_UNDEFINED;
     return LAG_RUNNING;

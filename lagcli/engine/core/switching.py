@@ -419,10 +419,11 @@ class SwitchingIntegrator(Integrator):
         return branches
 
     @property
-    def crossings(self) -> tuple[int, int]:
-        """How often a branch has changed, and how often sliding on a surface has begun."""
+    def course(self) -> tuple[list[int], int, int]:
+        """Modes of the rows at the start, how often a branch has changed, and how often sliding on
+        a surface has begun."""
         report = self._instant
-        return report.crossed, report.slid
+        return listed(report.first_mode, self._rows), report.crossed, report.slid
 
     @property
     def surfaces(self) -> list[int]:
@@ -497,11 +498,6 @@ class SwitchingIntegrator(Integrator):
     def begun(self) -> bool:
         """Whether the modes at the start have been determined."""
         return bool(self._instant.begun)
-
-    @property
-    def first_modes(self) -> list[int]:
-        """Modes of the rows at the start."""
-        return listed(self._instant.first_mode, self._rows)
 
     @property
     def motion(self) -> tuple[Array, Array, Array]:

@@ -141,7 +141,7 @@ class Integration:
             "baumgarte": self.settings.formulation == "baumgarte",
             "alpha": alpha,
             "beta": alpha if self.settings.beta is None else self.settings.beta,
-            "watching": 0 if not request.rank else 1 if self.settings.through_singular else 2,
+            "watching": 0 if not request.rank else 1 if self.crosses else 2,
             "detecting": self.settings.method == "auto" and system.variation is not None,
             "refinable": not self.for_batch,
             "times": request.times,
@@ -149,6 +149,16 @@ class Integration:
             "extra": 0,
             "directions": 0,
         }
+
+    @property
+    def crossable(self) -> bool:
+        """Whether the run can continue through singular configurations."""
+        return True
+
+    @property
+    def crosses(self) -> bool:
+        """Whether it does."""
+        return self.settings.through_singular and self.crossable
 
     def explicit_time(self) -> Program | None:
         """Return the program of the functions of time that steps resolve."""
@@ -288,7 +298,7 @@ class Integration:
         """The monitor of singular configurations."""
         from lagcli.engine.constraints.singular import RankWatch
 
-        watch = RankWatch(self.motion)
+        watch = RankWatch(self.motion, crossable=self.crossable)
         watch.add(self.request.state.t, self.request.state.y)
         return watch
 
@@ -403,7 +413,7 @@ class Integration:
         if ahead is None:
             core.limit(min(self.settings.max_step, watch.largest_step()))
             return False
-        if not self.settings.through_singular:
+        if not self.crosses:
             raise watch.stop(ahead.time, *ahead.path(ahead.time))
         from lagcli.engine.constraints.singular import Crossing
 

@@ -147,6 +147,12 @@ class SwitchingIntegration(Integration):
         self.common.prepared = prepare(self.system, order, self.common.prepared)
         return super().ready(order, self.common.prepared)
 
+    @property
+    def crossable(self) -> bool:
+        """Whether the run can continue through singular configurations: nothing is searched for on
+        the way."""
+        return not (self.split_system.rows or self.split_system.switching.events)
+
     def explicit_time(self) -> Program | None:
         """Return the program of the functions of time that steps resolve, with those of rows."""
         return explicit_time(self.split_system.system)
@@ -199,9 +205,9 @@ class SwitchingIntegration(Integration):
             run.status, run.message = "stopped-by-event", self.stopped
         run.events, run.limits = self.log, self.instants.limits
         run.notes = (*run.notes, *self.actions.notes.values())
-        run.modes = self.actions.first_modes
-        run.kinks, slid = self.core.crossings
-        acted = any(run.modes) or self.log.part("modes").any() or slid
+        first_modes, run.kinks, slid = self.core.course
+        run.modes = tuple(first_modes[: len(self.split_system.switching.rows)])
+        acted = any(run.modes) or slid or (self.log and self.log.part("modes").any())
         if acted or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
@@ -214,6 +220,8 @@ class SwitchingIntegration(Integration):
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
+        if status < Status.HAPPENED and status != Status.FLOOR and self.frozen is None:
+            return super().handle_status(status)
         core = self.core
         if self.frozen is not None:
             self.evaluator.p = (*self.actions.p, *core.branches)
@@ -343,7 +351,7 @@ class SwitchingIntegration(Integration):
         self.log.part("modes")[first:][of_events] = modes
         self.complete_engagement()
         status, row = self.core.sample_here()
-        right = self.whole_rows(row[None])[0] if status == Status.RUNNING else None
+        right = row[: self.whole.sample_layout.size] if status == Status.RUNNING else None
         self.instants.end(right, tuple(self.actions.p))
 
     def complete_engagement(self) -> None:
@@ -369,14 +377,7 @@ class SwitchingIntegration(Integration):
 
     def emit(self, rows: Array) -> None:
         """Emit samples."""
-        self.sink(Block.of_rows(self.whole_rows(rows), self.whole.sample_layout))
-
-    def whole_rows(self, rows: Array) -> Array:
-        """Return sample rows of the System, with λ of the core's constraints and of the switched
-        rows."""
-        if not self.split_system.rows:
-            return rows
-        return rows[:, self.split_system.sample_columns]
+        self.sink(Block.of_rows(rows, self.whole.sample_layout))
 
 
 #: Moves of coordinates below this part of the largest coordinate, by inertia, are not noted.
@@ -396,8 +397,6 @@ class Actions:
 
     Attributes
     ----------
-    first_modes : tuple of int
-        Modes of the switched rows at the start.
     stopped : str
         Name of the event that has stopped the run; empty if none has.
     notes : dict of str
@@ -436,11 +435,6 @@ class Actions:
     @cached_property
     def _equations(self) -> Evaluator:
         return Evaluator(self.system, tuple(self.p))
-
-    @property
-    def first_modes(self) -> tuple[int, ...]:
-        """Modes of the switched rows at the start."""
-        return tuple(self.core.first_modes[: len(self.switching.rows)])
 
     def react(self, changes: Sequence[tuple[int, str]]) -> list[EventEntry]:
         """Perform the actions of the events triggered at this instant, in the order of the file.

@@ -121,14 +121,8 @@ class DifferentiatedIntegration(SwitchingIntegration):
             rows[:, plain:].reshape(len(rows), n, 3 * nq + nc).transpose(0, 2, 1) / self._scales
         )
         parts = np.split(derivatives, [nq, 2 * nq, 3 * nq], axis=1)
-        block = Block.of_rows(self.whole_rows(rows), self.whole.sample_layout)
+        block = Block.of_rows(rows, self.whole.sample_layout)
         self._emit_both(block, Derivatives(*map(np.ascontiguousarray, parts)))
-
-    def whole_rows(self, rows: Array) -> Array:
-        """Return sample rows of the System; see the base class."""
-        n = len(self._scales)
-        plain = rows.shape[1] - n * (3 * self.nq + len(self.whole.constraints))
-        return super().whole_rows(rows[:, :plain])
 
 
 class DifferentiatedActions(Actions):

@@ -7,9 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from lagcli.arrays import Indices
 from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Builder, Tape
@@ -81,19 +78,6 @@ class SplitSystem:
         if id(tape) not in self._programs:  # the tape is kept, and with it its identity
             self._programs[id(tape)] = tape, assemble(tape)
         return self._programs[id(tape)][1]
-
-    @cached_property
-    def sample_columns(self) -> Indices:
-        """The column of the core's samples for each column of the System's.
-
-        The core has λ of the base before the work, and λ of the rows after it.
-        """
-        core, whole = self.fixed.sample_layout, self.system.sample_layout
-        places = range(core.size + len(self.rows))
-        multipliers = [*places[core.multipliers], *places[core.size :]]
-        column = dict(zip([*self.base, *self.rows], multipliers, strict=True))
-        own = [column[k] for k in range(len(column))]
-        return np.array([*range(whole.multipliers.start), *own, core.work.start])
 
     @property
     def pattern(self) -> list[tuple[int, int]]:

@@ -44,7 +44,7 @@ def test_the_ball_bounces_and_reports_its_contact(cores: list[SwitchingIntegrato
     assert problem.violation(motions[0].force, motions[0].motion) < 1e-12
     assert core.no_gap(0) > 0.0
     assert core.begun
-    assert core.first_modes == [0]
+    assert core.course == ([0], 0, 0)
     assert core.gain[0] == 0.0
     assert core.losses == []
     assert len(core.take_log()) == 0  # the run has taken all

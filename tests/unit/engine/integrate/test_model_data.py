@@ -106,19 +106,11 @@ def expected(simulation: Simulation) -> Run:
     return Run(Status.DONE, [*stopped, -1][0], np.concatenate(blocks), np.array(log))
 
 
-def in_order(simulation: Simulation, samples: Numbers) -> Numbers:
-    """Return sample rows with λ in the order of the constraints; see `SplitSystem`."""
-    if simulation.system.switching is None:
-        return samples
-    run = SwitchingIntegration(simulation.system, simulation.request, lambda block: None, None)
-    return samples[:, run.split_system.sample_columns]
-
-
 def check_equal(found: Run, simulation: Simulation) -> None:
     """Compare a run with lagcli's bit by bit."""
     wanted = expected(simulation)
     assert (found.status, found.event) == (wanted.status, wanted.event)
-    samples = in_order(simulation, found.samples)
+    samples = found.samples
     np.testing.assert_array_equal(samples, wanted.samples)
     if len(wanted.log) or len(found.log):
         np.testing.assert_array_equal(found.log, wanted.log)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
 from tests.support.switching_models import KANE
 
+MODELS = Path(__file__).parents[4] / "models"
 G = 9.81
 METHODS = ("DOP853", "Taylor", "Rodas5P", "Radau")
 
@@ -472,6 +474,29 @@ def test_rows_are_released_and_the_run_stops() -> None:
     assert [e.occurrence for e in doing.react([])] == ["event", "releases"]
     assert core.active == {0: False}
     assert doing.stopped == "`free` stopped the run at t = 0.5 s"
+
+
+@pytest.mark.parametrize(
+    ("key", "more", "crossed"),
+    [
+        ("constraints:\n", "  idle: x_1 >= -100*l\n", False),
+        ("initial:\n", "events: {idle: {when: t >= 100}}\n", False),
+        ("", "", True),
+    ],
+)
+def test_what_switches_is_not_searched_for_in_a_singular_configuration(
+    key: str, more: str, crossed: bool
+) -> None:
+    """The flat parallelogram: only a model without contacts and events continues through it."""
+    text = (MODELS / "parallelogram.yaml").read_text()
+    whole = more + key if key.startswith("initial") else key + more
+    model = lagcli.load_text(text.replace(key, whole, 1), set_initial={"alpha_1'": "6"})
+    run = lagcli.simulate(model, through_singular=True, t_end=1.0)
+    if crossed:
+        assert run.status == "completed"
+    else:
+        assert run.message.startswith("singular configuration at t = 0.")
+        assert "--through-singular is for models without contacts" in run.message
 
 
 LEFT, RIGHT = np.array([1.0, 2.0]), np.array([1.0, 3.0])
