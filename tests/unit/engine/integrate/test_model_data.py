@@ -19,11 +19,10 @@ from lagcli.engine.core.library import LIBRARY
 from lagcli.engine.core.run import METHODS, core
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.structures import Arguments, lag_program, lag_stream
+from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.integrate import prepared as preparation
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.integrate.model_data import model_data
-from lagcli.engine.event_entries import OCCURRENCES
-from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.tape.operations import Op
 from lagcli.simulations.simulation import Simulation
 
@@ -110,12 +109,11 @@ def check_equal(found: Run, simulation: Simulation) -> None:
     """Compare a run with lagcli's bit by bit."""
     wanted = expected(simulation)
     assert (found.status, found.event) == (wanted.status, wanted.event)
-    samples = found.samples
-    np.testing.assert_array_equal(samples, wanted.samples)
+    np.testing.assert_array_equal(found.samples, wanted.samples)
     if len(wanted.log) or len(found.log):
         np.testing.assert_array_equal(found.log, wanted.log)
     # zeros have signs
-    assert np.ascontiguousarray(samples).tobytes() == wanted.samples.tobytes()
+    assert np.ascontiguousarray(found.samples).tobytes() == wanted.samples.tobytes()
 
 
 def check_method(simulate: Callable[..., Run], name: str, method: str) -> None:
