@@ -50,7 +50,8 @@ static int reserve(emitter *e, size_t bytes)
     uint8_t *more = lag_get(e->pool, 2 * all + bytes, 1);
     if (!more)
         return 1;
-    memcpy(more, e->start, used);
+    if (used)
+        memcpy(more, e->start, used);
     e->start = more;
     e->end = more + 2 * all + bytes;
     e->r.code.at = more + used;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import itertools
+import mmap
 import os
 import shutil
 import subprocess
@@ -161,11 +162,15 @@ def test_nothing_is_emitted_before_it_is_worth_it() -> None:
     assert native.size(0)
 
 
-def executable() -> set[tuple[str, str]]:
-    """Return the addresses and permissions of mapped memory that is executable and has no file."""
-    lines = Path("/proc/self/maps").read_text("utf-8").splitlines()
-    fields = (line.split() for line in lines)
-    return {(at, may) for at, may, *rest in fields if "x" in may and len(rest) < 4}
+def executable() -> set[tuple[int, str]]:
+    """Return the pages, and their permissions, that are executable and have no file."""
+    pages = set()
+    for line in Path("/proc/self/maps").read_text("utf-8").splitlines():
+        at, may, *rest = line.split()
+        if "x" in may and len(rest) < 4:
+            first, end = (int(x, 16) for x in at.split("-"))
+            pages |= {(page, may) for page in range(first, end, mmap.PAGESIZE)}
+    return pages
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no list of mapped memory")
