@@ -15,8 +15,8 @@ from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape.operations import ARITY, Op
 
-#: What a step costs besides evaluations and series.
-_STEP = 600.0
+#: What a step of DOP853, and one of Taylor's method, costs besides evaluations and series.
+_STEP, _STEP_OF_SERIES = 600.0, 300.0
 #: Evaluations in a step of DOP853; those of Taylor's method without rejected steps: at the start
 #: and the end, and in the middle if singular configurations are monitored.
 _STAGES = 12.3
@@ -85,7 +85,7 @@ class Prices:
         """A step of Taylor's method."""
         products, sums = self._counts
         one = _PRODUCT * products + _SUM * sums + _ENTRY_OF_SERIES * self._size
-        return _STEP + self.order * one + self.usual * self.evaluation
+        return _STEP_OF_SERIES + self.order * one + self.usual * self.evaluation
 
     @cached_property
     def least_expanding(self) -> float:

@@ -181,7 +181,7 @@ def test_taylor_continues_if_it_pays() -> None:
     assert (found.running, core.switched) == ("Taylor", ["Taylor"])
     assert found.choice() == (
         "Taylor of order 17 from t = 0.032 s"
-        " (smooth motion: about 2.1 times cheaper per second than DOP853)"
+        " (smooth motion: about 2.5 times cheaper per second than DOP853)"
     )
     assert found.message() == ""
     reviewed(found, core, 500, 2e-3)
