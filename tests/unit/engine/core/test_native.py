@@ -164,6 +164,7 @@ def test_nothing_is_emitted_before_it_is_worth_it() -> None:
 
 def executable() -> set[tuple[int, str]]:
     """Return the pages, and their permissions, that are executable and have no file."""
+    gc.collect()  # runs of other tests release theirs when they are collected
     pages = set()
     for line in Path("/proc/self/maps").read_text("utf-8").splitlines():
         at, may, *rest = line.split()
