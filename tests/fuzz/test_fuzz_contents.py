@@ -21,7 +21,7 @@ from lagcli.errors import LagcliError
 from lagcli.results.hdf5 import seal
 
 #: Mutants of each file in the normal suite.
-FEW = 15
+FEW = 7
 
 SPRING = """
 name: spring

@@ -490,11 +490,11 @@ V: -(1 - mu)/r1 - mu/r2
 @pytest.mark.parametrize(
     ("mu", "x", "y"),
     [
-        (0.0121505856, 0.5, 0.5),
         (0.0121505856, 0.8, 0.1),  # next to the first point, beside the small mass
-        (0.0121505856, 0.0, 1.0),
-        (0.1, 1.2, 0.0),
-        (0.3, 0.48785, 0.866),
+        pytest.param(0.0121505856, 0.5, 0.5, marks=pytest.mark.slow),
+        pytest.param(0.0121505856, 0.0, 1.0, marks=pytest.mark.slow),
+        pytest.param(0.1, 1.2, 0.0, marks=pytest.mark.slow),
+        pytest.param(0.3, 0.48785, 0.866, marks=pytest.mark.slow),
     ],
 )
 def test_all_five_points_of_lagrange_are_found(mu: float, x: float, y: float) -> None:
