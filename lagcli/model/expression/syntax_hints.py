@@ -100,7 +100,8 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
         elif velocity and token.kind == "number":
             help_ = f"write a power as `{left}^{right}`, a product as `{left}*{right}`"
         elif before.kind == "number" and (unit := _unit_at(text, token.start)):
-            help_ = _without_unit(before.text, unit, help_)
+            of_names = f"if `{right}` is a name and not a unit, {help_}"
+            help_ = _without_unit(before.text, unit, of_names)
     return ExpressionError("syntax", message, before.start, token.end, help_)
 
 
