@@ -96,21 +96,21 @@ def with_releases(text: str, path: str, releases: Mapping[str, float]) -> str:
     Raises
     ------
     ModelError
-        The file is invalid, or has no constraint of such a name.
+        The file is not a mapping in YAML. The names of constraints are checked when the result is
+        loaded.
     """
-    model = load_text(text, path)
-    taken = {event.name for event in model.events}
     for constraint, time in releases.items():
+        source = Source(text, path)
+        root = compose(source)[0]
+        events = root.entries["events"][1] if "events" in root.entries else None
+        taken = events.entries if isinstance(events, MappingNode) else {}
         name = "cut_" + re.sub(r"\W+", "_", constraint).strip("_")
         while name in taken:
             name += "_"
-        taken.add(name)
-        source = Source(text, path)
-        writer = _Rewriter(source, compose(source)[0])
+        writer = _Rewriter(source, root)
         event = f"{{when: t >= {time!r}, release: {_quoted(constraint)}}}"
         writer.write_entry("events", name, event)
         text = writer.text()
-    load_text(text, path)
     return text
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from html import escape
 from typing import Any
 
@@ -49,8 +50,6 @@ class Balance:
     model : Model
     terms : dict of int to tuple of EquationTerm
         The terms of the remaining equations.
-    needs : tuple of str
-        The fields of `Samples` that `to_json` needs.
     """
 
     def __init__(self, formulas: Formulas, lines: Mapping[int, Line]):
@@ -59,7 +58,7 @@ class Balance:
         changed = {name for event in model.events for name in event.action.set}
         changed &= {*model.parameters}
         self.terms: dict[int, tuple[EquationTerm, ...]] = {}
-        expressions: list[Basic] = []
+        self._expressions: list[Basic] = []
         for i, line in lines.items():
             if line.span is not None or any(map(_indexed, line.sides)):
                 continue
@@ -67,10 +66,17 @@ class Balance:
             values = term_expressions(terms, model)
             if terms and not any(changed & {s.name for s in x.free_symbols} for x in values):
                 self.terms[i] = terms
-                expressions += values
-        self._evaluator = ColumnEvaluator(model, expressions)
-        self.needs = self._evaluator.needs
+                self._expressions += values
         self._text = TextFormula(Notation(model), written_decimals(model))
+
+    @cached_property
+    def _evaluator(self) -> ColumnEvaluator:
+        return ColumnEvaluator(self.model, self._expressions)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The fields of `Samples` that `to_json` needs."""
+        return self._evaluator.needs
 
     def to_json(
         self,

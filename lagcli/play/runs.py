@@ -139,7 +139,7 @@ class Played:
     """
 
     def __init__(self, model: Model, settings: SettingsOverrides | None = None):
-        self._started, self._text = model, model.text
+        self._started = model
         self._cuts: dict[str, float] = {}
         self._given = (settings or SettingsOverrides()).over(SettingsOverrides(timeout=TIMEOUT))
         self._take(model)
@@ -242,12 +242,12 @@ class Played:
             return
         for name, text in wanted.items():
             self._check_members(name, _number(text, name))
-        text = self._released(cuts) if cuts else started.text
+        text = self._released(cuts)
         self._take(load_text(text, started.path, given, started.set_initial, started.data))
-        self._text, self._cuts = text, cuts
+        self._cuts = cuts
 
     def _released(self, cuts: Mapping[str, float]) -> str:
-        """Return the model file with events that release constraints."""
+        """Return the model file, with events that release the cut constraints."""
         settings = resolve(self._given, self._started.settings)
         # an event whose condition holds at the start does not happen then
         first = settings.t_start + 1e-9 * (settings.t_end - settings.t_start)
@@ -358,11 +358,10 @@ class Played:
         UsageError
             The end time is not a number.
         """
-        self._adapt(request)
         started, request = self._started, self._fitting(request)
         end = self._settings(request.t_end).t_end
         return rewrite(
-            self._text,
+            self._released(request.cuts),
             started.path,
             {n: str(x) for n, x in {**started.set, **request.set}.items()},
             {n: str(x) for n, x in {**started.set_initial, **request.set_initial}.items()},

@@ -537,6 +537,22 @@ def test_a_cut_of_a_constraint_that_is_not_there() -> None:
         PlayRequest.parsed({"number": 1, "cuts": {"rod_1": "soon"}})
 
 
+def test_a_cut_of_a_member_beyond_those_of_the_file() -> None:
+    played = play("chain")
+    more = {"N": str(int(played.controls["N"].value) + 2)}
+    answer = run(played, ("multipliers",), set=more, cuts={f"rod[{more['N']}]": 0.5})
+    assert answer["status"] == "completed"
+
+
+def test_saving_leaves_the_model_of_the_page() -> None:
+    """It is read while another thread simulates it."""
+    played = play("double_pendulum_cartesian")
+    before = played.model
+    text = played.text(PlayRequest(1, cuts={"rod_2": 1.0}))
+    assert "release: rod_2" in text
+    assert played.model is before
+
+
 def test_terms_of_equations_come_when_asked_for() -> None:
     played = play("slider_crank")
     assert run(played)["balance"] is None

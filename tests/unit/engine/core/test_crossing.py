@@ -120,7 +120,7 @@ def test_a_change_after_a_touch_that_rounding_makes_negative_is_found(touch: flo
 
 
 def test_two_roots_next_to_each_other_are_one_short_bracket() -> None:
-    """Closer than 1e-10 of the interval they are not told apart."""
+    """Roots closer than 1e-10 of the interval are not separated."""
     p = Polynomial.fromroots([0.3, 0.3 + 1e-12])
     assert first_change(bernstein(p)) is None or np.ptp(first_change(bernstein(p))) < 1e-10
     p = Polynomial.fromroots([0.3, 0.3 + 1e-4])
