@@ -12,7 +12,7 @@ from lagcli.arrays import Array
 from lagcli.columns import read_column_name, read_dotted_name
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.inputs import NO_FUNCTIONS
-from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.engine.tape.interpreter import ArrayTape
 from lagcli.model.model import TIME, Model, acceleration, coordinate, multiplier, velocity
 from lagcli.trajectory.samples import Terms
 
@@ -40,7 +40,8 @@ class ColumnEvaluator:
         self._constant = [set(self._moving).isdisjoint(e.free_symbols) for e in expressions]
         functions = input_functions(model) if TIME in self._moving else NO_FUNCTIONS
         parameters = [se.Symbol(name) for name in model.parameters]
-        self._tape = compile_tape(expressions, self._moving, parameters, functions)
+        tape = compile_tape(expressions, self._moving, parameters, functions)
+        self._evaluate, self._registers = ArrayTape(tape), tape.registers
         names = [s.name for s in self._moving]
         quantities = {_quantity(name) for name in names}
         needed = {
@@ -70,11 +71,11 @@ class ColumnEvaluator:
         count = len(columns["time"])
         given = [float(parameters[name]) for name in self._model.parameters]
         values = np.empty((len(self._constant), count))
-        rows = max(1, _HELD // max(1, self._tape.registers))
+        rows = max(1, _HELD // max(1, self._registers))
         for start in range(0, count, rows):
             part = slice(start, min(count, start + rows))
             inputs = [self._column(columns, terms, s.name)[part] for s in self._moving]
-            values[:, part] = run_arrays(self._tape, [*inputs, *given], part.stop - start)
+            values[:, part] = self._evaluate([*inputs, *given], part.stop - start)
         return [
             row[:1] if constant else row
             for row, constant in zip(values, self._constant, strict=True)
