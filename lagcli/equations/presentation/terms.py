@@ -53,12 +53,15 @@ def equation_terms(line: Line) -> tuple[EquationTerm, ...]:
     return tuple(
         EquationTerm(side, sign, node, *_kind(side, node))
         for side, whole in enumerate(line.sides)
-        for sign, node in side_terms(whole)
+        for sign, node in _side_terms(whole)
     )
 
 
-def side_terms(side: Node) -> tuple[tuple[int, Node], ...]:
-    """Return the terms of one side of an equation with their signs; none if it is zero."""
+def _side_terms(side: Node) -> tuple[tuple[int, Node], ...]:
+    """Return the terms of one side of an equation with their signs; none if it is zero.
+
+    `FormulaWriter.term_tokens` divides a side in the same way.
+    """
     if side == ZERO:
         return ()
     return side.terms if isinstance(side, Sum) else (signed(side),)

@@ -90,6 +90,20 @@ class Focus {
     this.#tell();
   }
 
+  /** Emphasize the arrows of a scene with all else, and all else with them. */
+  attach(scene) {
+    scene.onPoint = (names) => this.point(...names.map(Focus.constraint));
+    this.onChange(() => scene.highlight((name) => this.has(Focus.constraint(name))));
+  }
+
+  /** Return a curve with its subject, its constraint's; in a plot of λ, in the constraint's colour. */
+  static curve(series, { by_constraint }, colors) {
+    const { constraint } = series;
+    if (!constraint) return series;
+    const key = Focus.constraint(constraint);
+    return by_constraint ? { ...series, key, color: colors[constraint] } : { ...series, key };
+  }
+
   #tell() {
     const pinned = this.pinned ? [this.pinned] : [];
     this.keys = [this.pointed, this.focused, pinned].find((keys) => keys.length) ?? [];

@@ -27,10 +27,8 @@
   const places = [...document.querySelectorAll(".place figure")];
   const plots = data.plots.map((plot, i) => {
     const series = plot.series.map((s) => ({
-      ...s,
+      ...Focus.curve(s, plot, data.colors),
       values: arrays[s.values],
-      key: s.constraint && Focus.constraint(s.constraint),
-      color: plot.by_constraint ? data.colors[s.constraint] : undefined,
     }));
     const whole = { ...plot, time: arrays[plot.time], marks: data.marks, series };
     return new TimePlot(places[i], whole, { link, focus, palette: data.palette, height: plot.height });
@@ -74,10 +72,7 @@
     sign.addEventListener("pointerleave", () => focus.point());
     focus.onChange(() => sign.classList.toggle("lit", focus.has(key)));
   }
-  if (player) {
-    player.stage.onPoint = (names) => focus.point(...names.map(Focus.constraint));
-    focus.onChange(() => player.stage.highlight((name) => focus.has(Focus.constraint(name))));
-  }
+  if (player) focus.attach(player.stage);
 
   // a motion that plays is not carried off by a mouse that passes over a plot
   if (player) Object.defineProperty(link, "free", { get: () => !player.playing });

@@ -28,9 +28,6 @@ class Pictures {
     [this.stage, this.name, this.palette, this.drag] = [stage, name, palette, drag];
     this.link = new TimeLink();
     this.focus = new Focus();
-    this.focus.onChange(() =>
-      this.player?.stage.highlight((name) => this.focus.has(Focus.constraint(name))),
-    );
     this.colors = {}; // of constraints
     this.player = null;
     const usual = Pictures.USUAL.map((group) => (group in groups ? group : Pictures.INSTEAD));
@@ -110,7 +107,7 @@ class Pictures {
       const onTime = (time) => this.link.setTime(time, this.player);
       const options = { label: this.name, onTime, speed, autoplay: true };
       this.player = new Player(this.stage, scene, options);
-      this.player.stage.onPoint = (names) => this.focus.point(...names.map(Focus.constraint));
+      this.focus.attach(this.player.stage);
       this.#makeDraggable();
     }
     if (this.dragging) this.dragging.points = this.draggable;
@@ -128,7 +125,7 @@ class Pictures {
     const { link, palette, focus } = this;
     const none = whole.series.some(({ unit }) => unit) ? "1" : ""; // of a number beside quantities
     for (let number = 0; number < count; number++) {
-      const series = compared.series.filter(({ panel }) => panel === number).map((x) => this.#keyed(x, whole));
+      const series = compared.series.filter(({ panel }) => panel === number).map((x) => Focus.curve(x, whole, this.colors));
       const ghosts = series.map((x) => ("ghostOf" in x ? { ...x, ghostOf: series.findIndex(({ name }) => name === compared.series[x.ghostOf].name) } : x));
       const unit = whole.log ? "" : series[0]?.unit || none;
       const data = { ...compared, unit, series: ghosts };
@@ -149,13 +146,6 @@ class Pictures {
     }
     const drawn = whole.series.length;
     slot.more.textContent = whole.of > drawn ? `${drawn} of ${whole.of} curves` : "";
-  }
-
-  /** Return a curve of a constraint with its subject, and λ in the colour of the constraint. */
-  #keyed(series, { by_constraint }) {
-    if (!series.constraint) return series;
-    const key = Focus.constraint(series.constraint);
-    return by_constraint ? { ...series, key, color: this.colors[series.constraint] } : { ...series, key };
   }
 
   /** Show the start alone, seen from where the run was, its arrows at the same scale. */
