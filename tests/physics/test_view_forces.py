@@ -58,8 +58,9 @@ def test_a_hanging_mass_is_held_by_its_weight() -> None:
     scene = drawn(trajectory)
     # lambda = -m g/(2 l), the force 2 lambda (x, y): the weight, upwards
     np.testing.assert_allclose(vector(scene, "rod"), [[0] * 3, [2 * 9.81] * 3], atol=1e-12)
-    # a fixed point bears no force in the model, and none is drawn
-    assert [v.at for v in scene.vectors if v.name == "both"] == ["P"]
+    # the same force acts on the fixed point, downwards
+    np.testing.assert_allclose(vector(scene, "both", "P"), vector(scene, "rod"), atol=1e-12)
+    np.testing.assert_allclose(vector(scene, "both", "O"), -vector(scene, "rod"), atol=1e-12)
 
 
 def test_the_rod_of_a_pendulum_pulls_with_its_tension() -> None:
@@ -112,8 +113,8 @@ def test_forces_of_a_family() -> None:
     model = lagcli.load_text(f"{text}\nview:\n{view}", set={"N": 5})
     trajectory = lagcli.simulate(model, t_end=0.5, samples=21)
     scene = drawn(trajectory)
-    assert len(scene.vectors) == 9  # the first rod pulls at the fixed point too, undrawn
-    for i in range(2, 6):
+    assert len(scene.vectors) == 10
+    for i in range(1, 6):
         up, down = (vector(scene, f"rod[{i}]", f"P[{j}]") for j in (i, i - 1))
         tension = trajectory.outputs[f"tension[{i}]"]
         np.testing.assert_allclose(np.hypot(*up), np.abs(tension), rtol=1e-9)
@@ -152,15 +153,18 @@ def test_a_force_that_cannot_stand_is_an_error(points: str, at: str, why: str) -
     assert "components" in str(caught.value)
 
 
-def test_a_joint_of_minimal_coordinates_requires_components() -> None:
+def test_the_force_of_a_joint_of_minimal_coordinates_is_that_on_both_bodies() -> None:
     view = (
         "  points:\n"
         "    C: [a*cos(theta_1) + b*cos(theta_2), a*sin(theta_1) + b*sin(theta_2)]\n"
         "    C_2: [d + c*cos(theta_3), c*sin(theta_3)]\n"
         "  vectors: {joint: {at: [C, C_2], force: joint_x}}\n"
     )
-    with pytest.raises(UsageError, match="is not unique"):
-        run("four_bar", view, t_end=0.2, samples=21)
+    trajectory, scene = run("four_bar", view, t_end=0.2, samples=21)
+    force = np.stack((trajectory.multipliers[:, 0], np.zeros(21)))
+    size = np.abs(force).max()
+    np.testing.assert_allclose(vector(scene, "joint", "C"), force, atol=1e-6 * size)
+    np.testing.assert_allclose(vector(scene, "joint", "C_2"), -force, atol=1e-6 * size)
 
 
 JOINT = """

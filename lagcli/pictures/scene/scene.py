@@ -328,8 +328,8 @@ def _flashes(scene: Scene, log: EventLog, constraints: Sequence[str]) -> tuple[D
     first, last = float(scene.time[0]), float(scene.time[-1])
     places: dict[str, list[str]] = {}
     for vector in scene.vectors:
-        if vector.constraint is not None:
-            places.setdefault(vector.constraint, []).append(vector.at)
+        for constraint in vector.parts:
+            places.setdefault(constraint, []).append(vector.at)
     seen = [
         i
         for i, (name, kind, t) in enumerate(

@@ -159,7 +159,7 @@ class ViewEvaluator:
                     constraint=arrow.constraint,
                     parts=arrow.parts,
                 )
-                for at, components in drawn.at(work, [values[i] for i in slots])
+                for at, components in drawn.at(work, [values[i] for i in slots], points)
             ]
         names = Notation(model)
         labels = {at: names.text(at) if t is None else t for at, t in view.labels.items()}
@@ -193,7 +193,7 @@ def _multipliers_in(components: Sequence[Basic], model: Model) -> tuple[str, ...
     return tuple(name for name in model.constraint_names if multiplier(name) in free)
 
 
-#: Largest residual of Jᵀ F − λ b, relative to the largest λ b along the run.
+#: Largest residual of the equations for F, relative to the largest force along the run.
 _LEFT = 1e-6
 #: Directions in which the points move less than this, relatively, count as fixed.
 _SINGULAR, _NEVER = 1e-9, 1e-6
@@ -203,26 +203,29 @@ _SINGULAR, _NEVER = 1e-9, 1e-6
 class PointForce:
     """The force of a constraint at points, from their derivatives with respect to the coordinates.
 
+    Jᵀ F = λ b determines the forces if the points can move in every direction. Otherwise, forces at
+    several points follow if they are balanced: a constraint that acts at these points alone exerts
+    forces whose sum and whose moment are 0.
+
     Parameters
     ----------
     model : Model
     arrow : Arrow
         A force.
-    rows : list of (str, int)
-        Point and axis of each row of J: the directions in which the points can move.
     columns : list of int
         Coordinates of the columns of J: those on which the points depend.
     entries : list of expressions
-        Entries of J, by rows.
+        Entries of J, by rows: points in the order of the arrow, and the axes of each.
     """
 
     model: Model
     arrow: Arrow
-    rows: list[tuple[str, int]]
     columns: list[int]
     entries: list[Basic]
 
-    def at(self, work: Array, entries: Sequence[Array]) -> Iterator[tuple[str, tuple[Array, ...]]]:
+    def at(
+        self, work: Array, entries: Sequence[Array], points: dict[str, tuple[Array, ...]]
+    ) -> Iterator[tuple[str, tuple[Array, ...]]]:
         """Yield the points and the components of the force at each.
 
         Parameters
@@ -231,78 +234,135 @@ class PointForce:
             λ b of the constraint.
         entries : sequence of (nt,) or (1,) arrays
             Values of ``entries``.
+        points : dict of str to tuples of (nt,) or (1,) arrays
+            Positions of all points of the view, by name and axis.
 
         Raises
         ------
         UsageError
             No force at these points, or more than one, does the work of the constraint.
         """
-        count, shape = len(work), (len(self.columns), len(self.rows))
-        jacobian = np.empty((count, *shape))  # transposed
-        for place, values in enumerate(entries):
-            row, column = divmod(place, len(self.columns))
+        names = list(dict.fromkeys(self.arrow.points))
+        count, dimension = len(work), len(points[names[0]])
+        place = np.stack([np.broadcast_to(x, (count,)) for n in names for x in points[n]], axis=-1)
+        jacobian = np.empty((count, len(self.columns), place.shape[1]))  # transposed
+        for i, values in enumerate(entries):
+            row, column = divmod(i, len(self.columns))
             jacobian[:, column, row] = values
+        work = work[:, self.columns]
         finite = np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(work).all(axis=1)
-        force = np.full((count, len(self.rows)), np.nan)
-        force[finite] = self._solved(jacobian[finite], work[finite])
-        dimension = len(self.model.view.points[self.arrow.points[0]]) if self.model.view else 0
-        for point in dict.fromkeys(name for name, _ in self.rows):
-            components = [np.zeros(1)] * dimension
-            for place, (name, axis) in enumerate(self.rows):
-                if name == point:
-                    components[axis] = force[:, place]
-            yield point, tuple(components)
+        finite &= np.isfinite(place).all(axis=1)
+        force = np.full(place.shape, np.nan)
+        # lengths relative to the whole view: points of a joint differ by rounding only
+        extent = extent_of(points, ())
+        place /= max((high - low for low, high in extent), default=0.0) or 1.0
+        force[finite] = self._solved(jacobian[finite], work[finite], place[finite], dimension)
+        for i, name in enumerate(names):
+            yield name, tuple(force[:, i * dimension : (i + 1) * dimension].T)
 
-    def _solved(self, jacobian: Array, work: Array) -> Array:
-        """Return F with Jᵀ F = λ b, of least norm if J is singular."""
-        q = work[:, self.columns]
-        if not len(q):
-            return np.empty((0, len(self.rows)))
-        u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-        largest = s[:, :1]
-        if len(self.rows) > len(self.columns) or not (s[:, -1:] > _NEVER * largest).any():
-            raise self._error(
-                "is not unique there: the points cannot move in every direction, and components of"
-                " the force along the other directions do not appear in λ b"
-            )
-        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > _SINGULAR * largest)
-        force = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nij,ni->nj", u, q))
-        left = np.einsum("nij,nj->ni", jacobian, force) - q
-        if np.abs(left).max(initial=0.0) > _LEFT * np.abs(work).max(initial=0.0):
+    def _solved(self, jacobian: Array, work: Array, place: Array, dimension: int) -> Array:
+        """Return F with Jᵀ F = λ b, of least norm where points are momentarily at a dead point."""
+        if not len(work):
+            return np.empty(place.shape)
+        size = np.sqrt((jacobian**2).sum(axis=2)).max(axis=0, initial=0.0)
+        size[size == 0] = 1.0
+        # each equation in the unit of a force
+        matrix, right = jacobian / size[:, None], work / size
+        force, left, unique = _least_norm(matrix, right)
+        if left > _LEFT:
             raise self._error(
                 "cannot produce λ b (no F satisfies Jᵀ F = λ b): the points are written using the"
                 " constraint, or the constraint also acts at other points"
             )
-        return np.asarray(force)
+        if unique:
+            return force
+        if place.shape[1] > dimension:
+            balance = _resultants(place, dimension)
+            zero = np.zeros(balance.shape[:2])
+            force, left, unique = _least_norm(
+                np.concatenate((matrix, balance), axis=1), np.concatenate((right, zero), axis=1)
+            )
+            if unique and left <= _LEFT:
+                return force
+        raise self._error(
+            "is not unique there: the points cannot move in every direction, and components of"
+            " the force along the other directions do not appear in λ b"
+            + (
+                "; forces at these points whose sum and moment are 0 do not produce λ b either"
+                if unique
+                else ""
+            )
+        )
 
     def _error(self, why: str) -> UsageError:
         at = " and ".join(f"`{name}`" for name in self.arrow.points)
         places = ExpressionLocations(self.model)
+        view = self.model.view
+        dimension = len(view.points[self.arrow.points[0]]) if view is not None else 2
+        first = ", ".join([f"lambda.{self.arrow.parts[0]}", *["0"] * (dimension - 1)])
         return UsageError(
             Diagnostic(
                 "force-at-point",
                 f"vector `{self.arrow.name}` of the view: the force of `{self.arrow.constraint}` at"
                 f" {at} {why}",
                 places.location(places.inside("view", "vectors", self.arrow.name)),
-                f"give the vector by `components`, for instance [lambda.{self.arrow.constraint}, 0]"
-                " (docs/view.md),\nand draw the result with the corrected model file: --model FILE",
+                "name all points between which the constraint acts, fixed ones too, as in"
+                " `at: [O, A]`, or give the vector\nby `components`, for instance"
+                f" [{first}] (docs/view.md); draw the result with the corrected model file:"
+                " --model FILE",
             )
         )
+
+
+def _least_norm(matrix: Array, right: Array) -> tuple[Array, float, bool]:
+    """Return x with A x = b for each sample, its largest relative residual, and if it is unique.
+
+    It is unique if A has full rank at any of the samples; elsewhere, x has the least norm.
+    """
+    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+    largest = s[:, :1]
+    rows, columns = matrix.shape[1:]
+    unique = rows >= columns and bool((s[:, -1:] > _NEVER * largest).any())
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > _SINGULAR * largest)
+    x = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nij,ni->nj", u, right))
+    residual = np.abs(np.einsum("nij,nj->ni", matrix, x) - right).max(initial=0.0)
+    scale = np.abs(right).max(initial=0.0)
+    return x, float(residual / scale) if scale > 0 else 0.0, unique
+
+
+def _resultants(place: Array, dimension: int) -> Array:
+    """Return the matrices that give the sum and the moment of forces at points.
+
+    The moment is about the middle of the points.
+
+    Parameters
+    ----------
+    place : (nt, npoints dimension) array
+        Positions, by point and axis.
+    dimension : int
+        2 or 3.
+
+    Returns
+    -------
+    (nt, 3 or 6, npoints dimension) array
+    """
+    count, size = place.shape
+    arms = place.reshape(count, -1, dimension)
+    arms = arms - arms.mean(axis=1, keepdims=True)
+    total = np.broadcast_to(np.tile(np.eye(dimension), size // dimension), (count, dimension, size))
+    turns = [(0, 1)] if dimension == 2 else [(1, 2), (2, 0), (0, 1)]
+    moment = np.zeros((count, len(turns), *arms.shape[1:]))
+    for row, (i, j) in enumerate(turns):
+        moment[:, row, :, j], moment[:, row, :, i] = arms[:, :, i], -arms[:, :, j]
+    return np.concatenate((total, moment.reshape(count, len(turns), size)), axis=1)
 
 
 def point_force(model: Model, arrow: Arrow) -> PointForce:
     """Return the force of an arrow, with the derivatives of its points."""
     assert model.view is not None
-    points = [(name, model.view.points[name]) for name in dict.fromkeys(arrow.points)]
+    components = [x for name in dict.fromkeys(arrow.points) for x in model.view.points[name]]
     names = model.coordinate_names
-    free = {s.name for _, place in points for x in place for s in x.free_symbols}
+    free = {s.name for x in components for s in x.free_symbols}
     columns = [j for j, name in enumerate(names) if name in free]
-    symbols = [coordinate(names[j]) for j in columns]
-    rows: list[tuple[str, int]] = []
-    entries: list[Basic] = []
-    for name, place in points:
-        for axis, x in enumerate(place):
-            if not x.free_symbols.isdisjoint(symbols):
-                rows.append((name, axis))
-                entries += [derivative(x, s) for s in symbols]
-    return PointForce(model, arrow, rows, columns, entries)
+    entries = [derivative(x, coordinate(names[j])) for x in components for j in columns]
+    return PointForce(model, arrow, columns, entries)
