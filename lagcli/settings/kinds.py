@@ -44,6 +44,8 @@ class Setting(Generic[T]):
         Check of the range of numbers.
     choices : tuple of str
         Allowed words.
+    core : bool
+        Whether the core uses the setting: it is a field of `lag_settings` then.
     """
 
     name: str
@@ -58,10 +60,11 @@ class Setting(Generic[T]):
         metavar: str | None = None,
         check: Check | None = None,
         choices: tuple[str, ...] = (),
+        core: bool = False,
     ):
         self.help = help.format(unit=unit)
         self.default, self.unit, self.metavar = default, unit, metavar
-        self.check, self.choices = check, choices
+        self.check, self.choices, self.core = check, choices, core
         shown = default is not None and default is not False and default != math.inf
         self.stated = stated or (plain(default) if shown else "")
 

@@ -33,7 +33,7 @@ MAX_SAMPLES = 10**8
 
 class _Declared:
     t_start = RealNumber[float]("Start time, {unit}.", 0.0, unit="s")
-    t_end = RealNumber[float]("End time, {unit}.", 10.0, unit="s")
+    t_end = RealNumber[float]("End time, {unit}.", 10.0, unit="s", core=True)
     samples = WholeNumber[int | None](
         "Number of samples, both ends included.", 1001, check=between(1, float(MAX_SAMPLES))
     )
@@ -45,6 +45,7 @@ class _Declared:
         "Relative tolerance.",
         1e-9,
         check=between(1e-13, 0.1, "doubles cannot resolve less than 1e-13", "1e-9 is usual"),
+        core=True,
     )
     atol = Tolerances(
         "Absolute tolerance, for all coordinates and velocities.",
@@ -62,15 +63,18 @@ class _Declared:
         " stabilization, or not at all (index1), which shows the drift.",
         "projection",
         choices=FORMULATIONS,
+        core=True,
     )
     alpha = RealNumber[float | None](
-        "Baumgarte's α, {unit}.", unit="1/s", stated="from the step", check=not_negative
+        "Baumgarte's α, {unit}.", unit="1/s", stated="from the step", check=not_negative, core=True
     )
     beta = RealNumber[float | None](
-        "Baumgarte's β, {unit}.", unit="1/s", stated="α", check=not_negative
+        "Baumgarte's β, {unit}.", unit="1/s", stated="α", check=not_negative, core=True
     )
-    max_step = RealNumber[float]("Largest step, {unit}.", math.inf, unit="s", check=positive)
-    max_steps = WholeNumber[int]("Maximum number of steps.", 10_000_000, check=positive)
+    max_step = RealNumber[float](
+        "Largest step, {unit}.", math.inf, unit="s", check=positive, core=True
+    )
+    max_steps = WholeNumber[int]("Maximum number of steps.", 10_000_000, check=positive, core=True)
     timeout = RealNumber[float](
         "Time limit of a run, seconds of wall time.", math.inf, unit="s", check=positive
     )
@@ -78,11 +82,13 @@ class _Declared:
         "Law of impacts: Poisson's, Newton's, or one contact at a time (sequential).",
         "poisson",
         choices=("poisson", "newton", "sequential"),
+        core=True,
     )
     closed = RealNumber[float](
         "Gap below which a contact counts as closed, of the size of its terms.",
         1e-9,
         check=between(1e-13, 1e-3),
+        core=True,
     )
     through_singular = Flag("Continue through singular configurations.", False)
     sensitivity = Names(

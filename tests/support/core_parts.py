@@ -23,9 +23,9 @@ from lagcli.engine.core.structures import (
     lag_elimination,
     lag_equations,
     lag_jacobians,
+    lag_problem,
     lag_program,
     lag_series_program,
-    lag_settings,
     order_fields,
 )
 from lagcli.engine.core.switching import lag_switching_rules
@@ -82,7 +82,7 @@ for name, (result, *arguments) in SIGNATURES.items():
 class lag_model(Structure):
     _fields_ = (
         ("equations", lag_equations),
-        ("settings", lag_settings),
+        ("problem", lag_problem),
         ("contents", c_int),
         ("unroll_after", ctypes.c_int64),
         ("breaks", Doubles),

@@ -30,10 +30,10 @@
 /* Set the damping of the next step, and update the derivative. */
 static int damp(lag_run *run)
 {
-    if (!run->baumgarte.alpha_from_step)
+    if (run->settings.formulation != LAG_BAUMGARTE || !isnan(run->settings.alpha))
         return LAG_RUNNING;
     run->baumgarte.alpha = BAUMGARTE_STEP / run->step.h;
-    if (run->baumgarte.beta_from_alpha)
+    if (isnan(run->settings.beta))
         run->baumgarte.beta = run->baumgarte.alpha;
     return lag_derivative(run, run->step.t, run->step.y, run->step.f) ? LAG_UNDEFINED : LAG_RUNNING;
 }
@@ -53,7 +53,7 @@ int lag_switch(lag_run *run, const lag_method *method)
 
 int lag_start(lag_run *run)
 {
-    if (run->projection.active) {
+    if (lag_projects(run)) {
         const int status = lag_project(run, run->step.t, run->step.y);
         if (status != LAG_RUNNING)
             return status;
@@ -105,7 +105,7 @@ static int finish(lag_run *run)
         if (damped != LAG_RUNNING)
             return damped;
     }
-    if (run->projection.active && (run->system.nc || run->switching.acting)) {
+    if (lag_projects(run) && (run->system.nc || run->switching.acting)) {
         const int off = lag_return(run, run->step.t, run->step.y);
         if (off != LAG_RUNNING)
             return off;
@@ -147,7 +147,7 @@ static double tolerated_inaccuracy(const lag_run *run)
     double least = INFINITY;
     for (int i = 0; i < nq / run->system.blocks; ++i) {
         const double change = run->step.h_old * tolerances->acceleration_terms[i];
-        const double tolerance = tolerances->atol[nq + i] + tolerances->rtol * fabs(run->step.y_new[nq + i]);
+        const double tolerance = tolerances->atol[nq + i] + run->settings.rtol * fabs(run->step.y_new[nq + i]);
         least = change > 0.0 ? fmin(least, tolerance / change) : least;
     }
     return fmax(least, EXACT);
@@ -204,7 +204,7 @@ int lag_advance(lag_run *run, int64_t slice)
                 return LAG_NEAR;
             if (run->rows.contradicted)
                 return LAG_CONTRADICTED;
-            if (run->stiffness.stiff >= STIFF && run->step.t < run->step.t_end && !run->switching.acting) {
+            if (run->stiffness.stiff >= STIFF && run->step.t < run->settings.t_end && !run->switching.acting) {
                 run->stiffness.stiff = 0;
                 return LAG_STIFF;
             }
@@ -218,7 +218,7 @@ int lag_advance(lag_run *run, int64_t slice)
             status = lag_sample_until(run, run->step.t);
         if (status != LAG_RUNNING)
             return status;
-        if (run->step.t >= run->step.t_end)
+        if (run->step.t >= run->settings.t_end)
             return LAG_DONE;
         if (slice-- <= 0)
             return LAG_RUNNING;
@@ -237,7 +237,7 @@ int lag_advance(lag_run *run, int64_t slice)
                 continue;
             return LAG_INACCURATE;
         }
-        run->rows.contradicted = run->projection.active
+        run->rows.contradicted = lag_projects(run)
                             && lag_contradiction(run, run->step.t, run->step.y_new) > CONTRADICTION;
         const int over = run->watch.mode && lag_stepped_over(run);
         if (over && run->watch.mode == 1) {

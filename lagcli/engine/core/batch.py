@@ -29,7 +29,7 @@ class lag_batch_settings(Structure):
 
     _fields_ = (
         ("times", Doubles),
-        *each(c_int64, "times_count max_steps runs"),
+        *each(c_int64, "times_count runs"),
         *each(Doubles, "parameters states"),
         ("slots", c_int64),
         ("kernel", c_int),
@@ -78,7 +78,6 @@ class BatchIntegrator:
     dynamics, constraint : Program
         As the single one has them.
     times : (nt,) array
-    max_steps : int
     parameters : (n, np) array
     states : (n, 2 nq) array
         q and v at the start.
@@ -104,7 +103,6 @@ class BatchIntegrator:
         dynamics: Program,
         constraint: Program,
         times: ArrayLike,
-        max_steps: int,
         parameters: Array,
         states: Array,
         slots: int,
@@ -120,7 +118,6 @@ class BatchIntegrator:
             lag_batch_settings,
             times=times,
             times_count=count,
-            max_steps=max_steps,
             runs=runs,
             parameters=parameters,
             states=states,

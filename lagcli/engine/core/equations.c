@@ -24,7 +24,7 @@ static void right_side(lag_run *run)
     double *right = run->solver.right;
     d->vectors->pick(nq, d->registers, d->outputs + lag_first_forcing(s), right);
     d->vectors->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
-    if (!run->baumgarte.active)
+    if (!lag_stabilizes(run))
         return;
     const double alpha = run->baumgarte.alpha, beta = run->baumgarte.beta;
     const int psi = lag_constraint_velocity(s), psi_scale = lag_constraint_velocity_scale(s);
@@ -73,7 +73,7 @@ static double accelerate_derivatives(lag_run *run, double t, const double *y, in
     const int nq = s->nq, nc = s->nc, mc = nc / s->blocks;
     double sum = 0.0;
     evaluate_tangent(s, t, y, x);
-    if (lag_solving_by(run) == LAG_BY_TAPE && !refined && !run->baumgarte.active)
+    if (lag_solving_by(run) == LAG_BY_TAPE && !refined && !lag_stabilizes(run))
         return lag_solve_tangent(run, x);
     right_side(run);
     add_derivatives_side(run);
@@ -95,11 +95,11 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
     ++run->step.evaluations;
     if (s->blocks > 1)
         memset(x, 0, (size_t)n * sizeof(double)); /* the motion's are computed first */
-    if (run->baumgarte.active)
+    if (lag_stabilizes(run))
         lag_evaluate(&s->constraint, s, t, y, LAG_ALL);
     lag_evaluate(d, s, t, y, LAG_ALL);
     /* the unrolled tape computes a, lambda and their power, for its own right side */
-    const int own = lag_solving_by(run) == LAG_BY_TAPE && !run->baumgarte.active;
+    const int own = lag_solving_by(run) == LAG_BY_TAPE && !lag_stabilizes(run);
     bad = own ? !isfinite(d->vectors->pick(n, d->registers, d->outputs + lag_first_solution(s), x))
               : lag_factor(run, t, y);
     if (!bad && (refined || !own)) {
@@ -189,7 +189,7 @@ double lag_contradiction(lag_run *run, double t, const double *y)
 
 double lag_allowed_inaccuracy(const lag_run *run)
 {
-    return fmin(fmax(ACCURATE * run->tolerances.rtol, MOST_ACCURATE), LEAST_ACCURATE);
+    return fmin(fmax(ACCURATE * run->settings.rtol, MOST_ACCURATE), LEAST_ACCURATE);
 }
 
 int lag_is_accurate(lag_run *run, double t, const double *y)

@@ -18,7 +18,7 @@ CORE = Path(__file__).parent
 _PACKAGE = CORE.parents[1]
 
 #: Headers that `lagcli.engine.core.headers` generates: the modules that it reads are sources.
-GENERATED = ("tables.h", "layout.h")
+GENERATED = ("tables.h", "layout.h", "settings.h")
 
 
 def library_in(folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""The headers ``tables.h`` and ``layout.h`` of the core, generated from Python modules.
+"""Headers of the core that are generated from Python modules.
 
 The build writes them before it compiles the core, so this module imports only the standard
 library.
@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from enum import IntEnum
 from functools import partial
 
+from lagcli.engine.core.settings import CORE_SETTINGS, c_type
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
 from lagcli.engine.program.nodes import INDEXED, LONGEST, VECTOR
@@ -41,6 +42,19 @@ _LAYOUT = """\
 {parts}
 #endif
 """
+_SETTINGS = """\
+ * The settings that the core uses. Choices are enumerations; a number that is not given is NaN.
+ *
+ * They are listed as LAG_SETTINGS(REAL, COUNT, CHOICE) by their kinds: REAL(name), COUNT(name), and
+ * CHOICE(name, how many there are). */
+#ifndef LAGCLI_SETTINGS_H
+#define LAGCLI_SETTINGS_H
+
+#include <stdint.h>
+
+{parts}
+#endif
+"""
 #: Prefixes of the functions of layouts.
 _PREFIXES: dict[str, type[Layout]] = {
     "lag_sample_": SampleLayout,
@@ -55,7 +69,25 @@ def headers() -> dict[str, str]:
         "tables.h": _WRITTEN.format("the tables that lagcli/engine/core/headers.py reads")
         + _tables(),
         "layout.h": _WRITTEN.format("lagcli/engine/layout.py") + _layouts(),
+        "settings.h": _WRITTEN.format("lagcli/settings/settings.py") + _settings(),
     }
+
+
+def _settings() -> str:
+    parts, rows, fields = [], [], []
+    for name, setting in CORE_SETTINGS.items():
+        kind = c_type(setting)
+        fields.append(f"    {kind} {name}; /* {setting.help} */")
+        if kind == "int":
+            rows.append(f"    CHOICE({name}, {len(setting.choices) or 2})")
+        else:
+            rows.append(f"    {'REAL' if kind == 'double' else 'COUNT'}({name})")
+        if setting.choices:
+            words = ", ".join(f"LAG_{word.upper()}" for word in setting.choices)
+            parts.append(f"enum lag_{name} {{ {words} }};\n")
+    parts.append("\n".join(["typedef struct {", *fields, "} lag_settings;\n"]))
+    parts.append(" \\\n".join(["#define LAG_SETTINGS(REAL, COUNT, CHOICE)", *rows]) + "\n")
+    return _SETTINGS.format(parts="\n".join(parts))
 
 
 def _layouts() -> str:

@@ -16,7 +16,6 @@
 typedef struct {
     const double *times;               /* sample times, increasing, s */
     int64_t times_count;
-    int64_t max_steps;                 /* of each run */
     int64_t runs;
     const double *parameters;          /* by run, np */
     const double *states;              /* by run, q and v at the start, consistent */
@@ -31,7 +30,7 @@ typedef struct {
 typedef struct lag_batch lag_batch;
 
 /*
- * Make runs ready. `single` has the settings of all, and an unrolled elimination; the batch uses it, so it
+ * Make runs ready. `single` has the settings of each, and an unrolled elimination; the batch uses it, so it
  * must live as long. The programs are those of its dynamics and of its constraints. NULL where there is
  * no memory.
  */

@@ -5,7 +5,7 @@
  * It integrates M a = f + B' lambda, B a = gamma, phi = 0, psi = 0 from a consistent state. A program
  * calls lag_create, one of the lag_use_... functions for the linear system, then lag_start and
  * lag_advance until that returns LAG_DONE. The arrays of the structures below are copied; those that
- * the core writes to, lag_settings.block, stay the caller's. nq is the number of coordinates, nc of
+ * the core writes to, lag_problem.block, stay the caller's. nq is the number of coordinates, nc of
  * constraints, nh of holonomic ones; n = 2 nq + 1 that of the state y = (q, v, W), W the work done on
  * the system. SI units throughout. docs/developer/core.md has an example.
  */
@@ -15,6 +15,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "settings.h" /* lag_settings */
 #include "tables.h" /* lag_status */
 
 /* The library exports what this header declares, and nothing else. */
@@ -70,20 +71,18 @@ int lag_best_kernel(void);
 /* Handling of singular configurations. */
 enum lag_watching { LAG_IGNORE, LAG_PASS, LAG_STOP };
 
+/* An initial value problem: how to solve it, where it begins, and where its samples go. */
 typedef struct {
-    double t_start, t_end, h_max;      /* s */
-    const double *y;                   /* n: initial state at t_start, consistent */
+    lag_settings settings;
+    double t;                          /* the initial time, s */
+    const double *y;                   /* n: the initial state, consistent */
     const double *parameters;          /* np */
-    double rtol;
     const double *atol;                /* n: absolute tolerances; 0 if they follow the entry's size */
     const int32_t *kind;               /* nq: coordinates of one kind have the same number, from 0 */
     int rank;                          /* rank of B at the initial state */
     const double *sizes;               /* nq: comparable changes of the coordinates */
     const double *lengths;             /* nc: of the rows of B times sizes, at the initial state */
     const double *plain_lengths;       /* nc: of the rows of B */
-    int projecting;                    /* project each state onto the constraints */
-    int baumgarte;                     /* stabilize by alpha and beta; negative: by the step, as alpha */
-    double alpha, beta;                /* 1/s */
     int watching;                      /* a lag_watching */
     int detecting;                     /* detect stiffness */
     int refinable;                     /* solutions may be refined before another elimination is requested */
@@ -95,7 +94,7 @@ typedef struct {
     int directions;                    /* in which a motion that switches is differentiated: their changes of q and v
                                         * follow y, and those of q, v, a, lambda (of all constraints) each row */
     int kernel;                        /* a lag_kernel */
-} lag_settings;
+} lag_problem;
 
 /* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
  * numbers in that order. */
@@ -218,8 +217,6 @@ typedef struct {
     int kinks, first_branch;           /* branches of the equations; where they are among the parameters */
     const int32_t *whole, *of_time;    /* kinks: whether whole parts (1: floor, -1: ceil); depend on t alone */
     lag_program kink_functions;        /* of (t, q, v, p): what the branches follow, and its sizes */
-    int law_of_impact;                 /* of core/contact/contact.h */
-    double closed;                     /* of the size of phi: tolerance of a closed gap */
     double *log;                       /* log_rows entries: core/switching/log.c */
     int64_t log_rows;
 } lag_switching_rules;
@@ -280,8 +277,7 @@ const lag_method *lag_method_at(int i);
 const char *lag_method_name(const lag_method *method);
 
 /* Create a run, with DOP853. Without `memory` it uses malloc and free. NULL if there is no memory. */
-lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
-                    const lag_settings *settings);
+lag_run *lag_create(const lag_memory *memory, const lag_equations *equations, const lag_problem *problem);
 void lag_destroy(lag_run *run);
 
 /*
@@ -407,8 +403,8 @@ int64_t lag_take(lag_run *run);
 /* The last step's dense output, n values. */
 void lag_dense(lag_run *run, double t, double *y);
 
-/* Set the largest step. */
-void lag_limit(lag_run *run, double h_max);
+/* Limit steps further than the settings do, from here on; INFINITY: no further. */
+void lag_limit(lag_run *run, double step);
 
 /* Continue from another state; lag_start must follow. */
 void lag_move(lag_run *run, double t, const double *y, int64_t times_next);

@@ -6,7 +6,7 @@
  *
  *   LAG_MODEL_MAGIC, LAG_MODEL_VERSION, the number of words
  *   a sum of lag_model_contents; the number of steps after which an elimination in a loop is replaced by the unrolled one
- *   lag_equations; lag_settings; the times of breaks; the number of known functions, each a lag_function
+ *   lag_equations; lag_problem; the times of breaks; the number of known functions, each a lag_function
  *   with LAG_MODEL_PLAIN, the program of the dynamics; also with LAG_MODEL_LOOP, lag_elimination
  *   with LAG_MODEL_UNROLLED, the program of the dynamics with the unrolled elimination
  *   with LAG_MODEL_TIME, the program of the functions for lag_use_explicit_time
@@ -15,7 +15,7 @@
  *   with LAG_MODEL_SWITCHING, lag_switching_rules; the program of what actions set, the program of T and V, both of
  *   (t, q, v, a, lambda, p); the number of events, each a lag_event
  *
- * A structure is its fields in the order of lagcore.h: an integer or a number is a word. What a pointer refers to is
+ * A structure is its fields in the order of lagcore.h, those of lag_settings in that of settings.h: an integer or a number is a word. What a pointer refers to is
  * preceded by its count, 0 for NULL; two integers take a word, the last one alone with a zero. A program is its streams
  * (prelude, main, three deferred ones, two of subsets of outputs, each empty if there is none), the number of its
  * inputs, its registers and its outputs. A lag_block is its places.
@@ -30,7 +30,7 @@
 #endif
 
 #define LAG_MODEL_MAGIC 0x6c65646f6d67616c /* "lagmodel" where the lowest byte is the first */
-#define LAG_MODEL_VERSION 2
+#define LAG_MODEL_VERSION 3
 #define LAG_MODEL_LARGEST 32768 /* nq + 2 nc, and rows, at most */
 
 /* How a and lambda may be found, densely if neither in a loop nor unrolled; and what else there is. */
@@ -75,12 +75,12 @@ typedef struct {
     int stops;                         /* whether it ends the run */
 } lag_event;
 
-/* What has been read: it points into the data, which must live as long as it and its simulations. The settings are
- * those of the simulation that the data were written for; times, tolerances and so on may be changed before a
+/* What has been read: it points into the data, which must live as long as it and its simulations. The problem is
+ * that of the simulation that the data were written for; times, tolerances and so on may be changed before a
  * simulation is made. The breaks are those up to t_end; without LAG_MODEL_SWITCHING, `rules` is empty. */
 typedef struct {
     lag_equations equations;
-    lag_settings settings;
+    lag_problem problem;
     int contents;                      /* a sum of lag_model_contents */
     int64_t unroll_after;
     const double *breaks;
@@ -105,7 +105,7 @@ int lag_check_program(const lag_program *program);
 /* A simulation of a model: a run that does what lagcli does where a run returns to its caller. */
 typedef struct lag_simulation lag_simulation;
 
-/* Make a simulation by a method, "DOP853" for instance: see lag_method_name. Samples go to settings.block. Returns a
+/* Make a simulation by a method, "DOP853" for instance: see lag_method_name. Samples go to problem.block. Returns a
  * lag_model_status; the simulation only with LAG_MODEL_READ. */
 int lag_make_simulation(const lag_memory *memory, const lag_model *model, const char *method,
                         lag_simulation **simulation);

@@ -20,7 +20,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
-    if (lag_solving_by(run) != LAG_BY_TAPE || run->baumgarte.active || run->solver.refining
+    if (lag_solving_by(run) != LAG_BY_TAPE || lag_stabilizes(run) || run->solver.refining
         || run->switching.acting || (s->blocks > 1 && !s->complete) || run->derivatives.n) {
         if (lag_accelerate(run, t, y, run->solver.refining, f + 2 * nq))
             return 1;
@@ -37,7 +37,6 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)
 {
-    const lag_tolerances *tolerances = &run->tolerances;
     const int n = lag_size(&run->system);
-    return sqrt(run->system.vectors->scaled_square(n, x, y, z, tolerances->atol, tolerances->rtol));
+    return sqrt(run->system.vectors->scaled_square(n, x, y, z, run->tolerances.atol, run->settings.rtol));
 }

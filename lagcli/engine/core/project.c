@@ -29,7 +29,7 @@ int lag_return(lag_run *run, double t, double *y)
     for (int i = 0; i < nq; ++i) {
         const double moved = fabs(y[i] - run->failure.y[i]);
         if (moved > FAR_ROUNDING * most * sizes[i]
-            && moved > FAR * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]))
+            && moved > FAR * (run->tolerances.atol[i] + run->settings.rtol * fabs(y[i]))
             && moved > FAR_PART * run->tolerances.largest[run->tolerances.kind[i]])
             return LAG_JUMPED;
     }

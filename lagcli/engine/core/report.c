@@ -1,4 +1,5 @@
 /* Access to a run between its steps. */
+#include <math.h>
 #include <string.h>
 
 #include "methods/implicit.h"
@@ -16,11 +17,11 @@ int64_t lag_take(lag_run *run)
     return used;
 }
 
-void lag_limit(lag_run *run, double h_max)
+void lag_limit(lag_run *run, double step)
 {
-    run->step.h_max = h_max;
-    if (run->step.h > h_max)
-        run->step.h = h_max;
+    run->step.h_max = fmin(step, run->settings.max_step);
+    if (run->step.h > run->step.h_max)
+        run->step.h = run->step.h_max;
 }
 
 void lag_move(lag_run *run, double t, const double *y, int64_t times_next)

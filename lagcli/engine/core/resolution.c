@@ -40,7 +40,7 @@ static void measure(lag_run *run)
 {
     lag_resolution *r = &run->resolution;
     lag_jets_refresh(&r->jets);
-    enclose(run, run->step.t, run->step.t_end, 0);
+    enclose(run, run->step.t, run->settings.t_end, 0);
     for (int i = 0; i < r->count; ++i) {
         const double size = lag_interval_size(*lag_jet_output(&r->jets, i));
         r->scale[i] = isfinite(size) ? size : 0.0;
@@ -73,7 +73,7 @@ double lag_resolved_step(lag_run *run, double h)
         return h;
     for (int i = 0; i < HALVINGS; ++i, h *= 0.5)
         for (double steps = AHEAD; steps >= 1.0; steps /= NEARER) {
-            const double end = fmin(t + steps * h, run->step.t_end);
+            const double end = fmin(t + steps * h, run->settings.t_end);
             const double allowed = resolved_between(run, t, end, i >= SINGULAR);
             if (allowed < h)
                 continue;

@@ -15,8 +15,8 @@
 
 /* step.c, and the methods: the state and the last step. */
 typedef struct {
-    double t_start, t, t_end;
-    double t_stop;                     /* next break, tick of a clock, or t_end: breaks.c */
+    double t_start, t;
+    double t_stop;                     /* next break, tick of a clock, or the end: breaks.c */
     double h, h_max;                   /* of the next step */
     double error_old;                  /* error of the last step, for step size control */
     double *y, *f;                     /* n: the state and its derivative */
@@ -36,7 +36,6 @@ typedef struct {
 
 /* sizes.c: the absolute tolerances. */
 typedef struct {
-    double rtol;
     double *atol;                      /* n: of the next step */
     const double *given;               /* n: given tolerances; 0 if they follow the size */
     double *size, *acceleration_terms, *future_acceleration;      /* n, nq, nq: S, A and R of sizes.h */
@@ -52,16 +51,13 @@ typedef struct {
     int stiff, not_stiff;              /* consecutive steps that were so */
 } lag_stiffness;
 
-/* equations.c: Baumgarte's stabilization. */
+/* advance.c: the damping of Baumgarte's stabilization, given or by the step. */
 typedef struct {
-    int active;
     double alpha, beta;
-    int alpha_from_step, beta_from_alpha;
 } lag_baumgarte;
 
 /* project_system.c: the projection. */
 typedef struct {
-    int active;
     double *scale_position, *scale_velocity;   /* nh, nc */
 } lag_projection;
 
@@ -169,6 +165,7 @@ struct lag_run {
     lag_pool pool;                     /* data that live as long as the run ... */
     lag_pool dynamics_pool;            /* ... and as long as its way of computing a and lambda */
     int kernel;                        /* a lag_kernel */
+    lag_settings settings;
     int np;
     double *parameters;                /* breaks.c changes the pieces of functions */
     lag_system system;
@@ -192,5 +189,16 @@ struct lag_run {
     struct lag_implicit *implicit;     /* data of implicit methods; NULL until they are allowed */
     lag_failure failure;
 };
+
+/* Whether each state is projected onto the constraints; or their residuals are damped. */
+static inline int lag_projects(const lag_run *run)
+{
+    return run->settings.formulation == LAG_PROJECTION;
+}
+
+static inline int lag_stabilizes(const lag_run *run)
+{
+    return run->settings.formulation == LAG_BAUMGARTE;
+}
 
 #endif

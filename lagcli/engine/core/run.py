@@ -33,9 +33,9 @@ from lagcli.engine.core.structures import (
     lag_function,
     lag_jacobians,
     lag_pivots,
+    lag_problem,
     lag_report,
     lag_series_program,
-    lag_settings,
     pivot_fields,
     series_fields,
 )
@@ -106,8 +106,8 @@ class Integrator:
     system : System
     constraint : Program
         Of ``system.constraint``.
-    settings : dict
-        The fields of `lag_settings`, by their names there. ``parameters`` are the values of all
+    problem : dict
+        The fields of `lag_problem`, by their names there. ``parameters`` are the values of all
         parameters of the System; after q, v and W, ``y`` has the derivatives of q and v in
         ``directions``. The number of times, the block and the kernel are added here.
 
@@ -121,23 +121,23 @@ class Integrator:
 
     _run: int | None = None
 
-    def __init__(self, system: System, constraint: Program, settings: dict[str, Any]):
+    def __init__(self, system: System, constraint: Program, problem: dict[str, Any]):
         given = Arguments()
         equations = given.filled(lag_equations, **equations_fields(system, constraint))
         self._system = system
         self._nq, self._nc = equations.nq, equations.nc
         self._n = 2 * self._nq + 1
-        width = SampleLayout(Counts(self._nq, self._nc)).size + settings["extra"]
-        width += settings["directions"] * (3 * self._nq + self._nc + settings["extra"])
-        self.block = np.empty((settings["block_rows"], width))
-        values = settings | {
-            "parameters": system.held_at(settings["t_start"], settings["parameters"]),
-            "times_count": np.size(settings["times"]),
+        width = SampleLayout(Counts(self._nq, self._nc)).size + problem["extra"]
+        width += problem["directions"] * (3 * self._nq + self._nc + problem["extra"])
+        self.block = np.empty((problem["block_rows"], width))
+        values = problem | {
+            "parameters": system.held_at(problem["t"], problem["parameters"]),
+            "times_count": np.size(problem["times"]),
             "block": self.block,
             "kernel": KERNEL,
         }
         self._times: int = values["times_count"]
-        record = given.filled(lag_settings, **values)
+        record = given.filled(lag_problem, **values)
         self._run = core.lag_create(None, byref(equations), byref(record))
         check(not self._run)
         self.orders: list[PivotOrder] = []
@@ -291,9 +291,9 @@ class Integrator:
         rows = self.block[: core.lag_take(self._run)]
         return rows.copy() if self.times_next < self._times else rows  # more are to come
 
-    def limit(self, h_max: float) -> None:
-        """Set the largest step, s."""
-        core.lag_limit(self._run, h_max)
+    def limit(self, step: float) -> None:
+        """Limit the next steps further than the settings do, s; infinity: no further."""
+        core.lag_limit(self._run, step)
 
     def move(self, t: float, y: ArrayLike, times_next: int) -> None:
         """Go on from another state; `start` must follow."""

@@ -27,7 +27,7 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     const lag_system *s = &run->system;
     const int nq = s->nq, nc = s->nc;
     double power;
-    if (run->projection.active) {
+    if (lag_projects(run)) {
         const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
             return status;
@@ -35,7 +35,7 @@ static int write_row(lag_run *run, double t, double *y, double *row)
     if (run->derivatives.n && lag_project_changes(run, t, y))
         return LAG_UNDEFINED;
     const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU
-                        || run->solver.inaccuracy > FINE * run->tolerances.rtol;
+                        || run->solver.inaccuracy > FINE * run->settings.rtol;
     if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
     if (run->switching.acting && run->switching.redundant)

@@ -39,17 +39,17 @@ static void copy_equations(lag_run *run, const lag_equations *given)
     s->mass_diagonal = diagonal;
 }
 
-static void copy_settings(lag_run *run, const lag_settings *given)
+static void copy_problem(lag_run *run, const lag_problem *given)
 {
     lag_pool *pool = &run->pool;
     const int nq = run->system.nq, nc = run->system.nc, n = 2 * nq + 1;
+    run->settings = given->settings;
     run->system.carried = 2 * nq * given->directions;
     run->parameters = lag_copy_doubles(pool, given->parameters, run->np);
-    run->step.t = run->step.t_start = given->t_start;
-    run->step.t_end = run->step.t_stop = given->t_end;
-    run->step.h_max = given->h_max;
+    run->step.t = run->step.t_start = given->t;
+    run->step.t_stop = given->settings.t_end;
+    run->step.h_max = given->settings.max_step;
     run->step.y = lag_copy_doubles(pool, given->y, lag_size(&run->system));
-    run->tolerances.rtol = given->rtol;
     run->tolerances.given = lag_copy_doubles(pool, given->atol, n);
     run->tolerances.atol = lag_doubles(pool, lag_size(&run->system));
     if (!pool->failed)
@@ -62,12 +62,8 @@ static void copy_settings(lag_run *run, const lag_settings *given)
     run->rows.sizes = lag_copy_doubles(pool, given->sizes, nq);
     run->rows.lengths = lag_copy_doubles(pool, given->lengths, nc);
     run->rows.plain_lengths = lag_copy_doubles(pool, given->plain_lengths, nc);
-    run->projection.active = given->projecting;
-    run->baumgarte.active = given->baumgarte;
-    run->baumgarte.alpha = fmax(given->alpha, 0.0);
-    run->baumgarte.beta = fmax(given->beta, 0.0);
-    run->baumgarte.alpha_from_step = given->baumgarte && given->alpha < 0.0;
-    run->baumgarte.beta_from_alpha = given->beta < 0.0;
+    run->baumgarte.alpha = isnan(given->settings.alpha) ? 0.0 : given->settings.alpha; /* 0 until there is a step */
+    run->baumgarte.beta = isnan(given->settings.beta) ? run->baumgarte.alpha : given->settings.beta;
     run->watch.mode = given->watching;
     run->stiffness.detecting = given->detecting;
     run->solver.refinable = given->refinable;
@@ -125,8 +121,7 @@ static void allocate(lag_run *run)
         run->solver.multipliers = run->solver.a + nq;
 }
 
-lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
-                    const lag_settings *settings)
+lag_run *lag_create(const lag_memory *memory, const lag_equations *equations, const lag_problem *problem)
 {
     lag_pool pool = lag_pool_of(memory);
     lag_run *run = lag_get(&pool, 1, sizeof *run);
@@ -134,12 +129,12 @@ lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
         return NULL;
     run->pool = pool;
     run->dynamics_pool.from = pool.from;
-    run->kernel = settings->kernel;
+    run->kernel = problem->kernel;
     run->system.vectors = lag_vectors(run->kernel);
     run->np = equations->np;
     run->method = run->stepped = lag_method_at(0);
     copy_equations(run, equations);
-    copy_settings(run, settings);
+    copy_problem(run, problem);
     allocate(run);
     if (run->pool.failed
         || lag_bind(run, &run->pool, &run->system.constraint, &equations->constraint)) {

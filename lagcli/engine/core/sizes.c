@@ -34,7 +34,7 @@ static void look_ahead(lag_run *run)
 {
     const int nq = run->system.nq;
     const double *y = run->step.y, *a = run->step.f + nq;
-    double *f = run->step.f_new, length = run->step.t_end - run->step.t;
+    double *f = run->step.f_new, length = run->settings.t_end - run->step.t;
     int at_rest = 0;
     for (int i = 0; i < nq; ++i)
         at_rest |= y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0;
@@ -149,7 +149,7 @@ static void sizes_of_changes(lag_run *run)
                 largest = fmax(largest, size[i]);
             }
             for (int i = 0; i < nq; ++i)
-                atol[i] = OF_DERIVATIVES * tolerances->rtol * size[i] + ROUNDING * largest
+                atol[i] = OF_DERIVATIVES * run->settings.rtol * size[i] + ROUNDING * largest
                           + h * tolerances->acceleration_terms[i] * (part ? 1.0 : run->step.h) + NO_SIZE;
         }
 }
@@ -157,7 +157,7 @@ static void sizes_of_changes(lag_run *run)
 void lag_sizes_update(lag_run *run)
 {
     const int nq = run->system.nq, motion = nq / run->system.blocks;
-    const double h = SUMMING * run->step.h, length = TIMING * (run->step.t_end - run->step.t_start);
+    const double h = SUMMING * run->step.h, length = TIMING * (run->settings.t_end - run->step.t_start);
     double *size = run->tolerances.size, *largest = run->tolerances.largest;
     memset(largest, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
     for (int part = 0; part < 2; ++part)
@@ -175,12 +175,12 @@ void lag_sizes_update(lag_run *run)
             const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
             run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
                                ? run->tolerances.given[m]
-                               : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->tolerances.rtol * size[m]
+                               : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->settings.rtol * size[m]
                                          + ROUNDING * all + noise + NO_SIZE;
         }
     size[2 * nq] = fmax(size[2 * nq], fabs(run->step.y[2 * nq]));
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
-                                                 : FOLLOWING * run->tolerances.rtol * size[2 * nq] + NO_SIZE;
+                                                 : FOLLOWING * run->settings.rtol * size[2 * nq] + NO_SIZE;
     if (run->derivatives.n)
         sizes_of_changes(run);
 }
@@ -195,7 +195,7 @@ void lag_first_step(lag_run *run, double order)
         .acceleration_terms = run->tolerances.acceleration_terms,
         .future_acceleration = run->tolerances.future_acceleration, .largest = run->tolerances.largest,
         .weight = run->step.trial,
-        .length = run->step.t_end - run->step.t, .h_max = run->step.h_max,
+        .length = run->settings.t_end - run->step.t, .h_max = run->step.h_max,
     };
     lag_sizes_update(run);
     const double h = lag_trial_step(&rule);
@@ -206,7 +206,7 @@ void lag_first_step(lag_run *run, double order)
     } else {
         for (int i = 0; i < n; ++i)
             change[i] -= f[i];
-        run->step.h = lag_chosen_step(&rule, change, h, run->tolerances.rtol, order);
+        run->step.h = lag_chosen_step(&rule, change, h, run->settings.rtol, order);
     }
     /* M at the initial state, where velocities may be zero: use those after the step */
     lag_evaluate(&run->system.dynamics, &run->system, run->step.t, y, LAG_ALL);

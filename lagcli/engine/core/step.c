@@ -25,7 +25,7 @@ double lag_step_size(lag_run *run)
         return 0.0;
     if (run->step.t + 1.01 * h >= run->step.t_stop)
         return run->step.t_stop - run->step.t;
-    return lag_exact_step(run->step.t, h, run->step.t_start, run->step.t_end);
+    return lag_exact_step(run->step.t, h, run->step.t_start, run->settings.t_end);
 }
 
 void lag_accept(lag_run *run, double h, double factor)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.core.settings import CORE_SETTINGS, c_type
 from lagcli.engine.program.program import Program, assemble
 
 if TYPE_CHECKING:
@@ -79,19 +80,25 @@ class lag_equations(Structure):
     ]
 
 
+_TYPES: dict[str, Any] = {"double": c_double, "int64_t": c_int64, "int": c_int}
+
+
 class lag_settings(Structure):
-    """The settings of a run."""
+    """The settings that the core uses."""
+
+    _fields_ = [(name, _TYPES[c_type(setting)]) for name, setting in CORE_SETTINGS.items()]
+
+
+class lag_problem(Structure):
+    """An initial value problem."""
 
     _fields_ = [
-        *each(c_double, "t_start t_end h_max"),
-        *each(Doubles, "y parameters"),
-        ("rtol", c_double),
-        ("atol", Doubles),
+        ("settings", lag_settings),
+        ("t", c_double),
+        *each(Doubles, "y parameters atol"),
         ("kind", Integers),
         ("rank", c_int),
         *each(Doubles, "sizes lengths plain_lengths"),
-        *each(c_int, "projecting baumgarte"),
-        *each(c_double, "alpha beta"),
         *each(c_int, "watching detecting refinable"),
         ("times", Doubles),
         ("times_count", c_int64),
@@ -273,6 +280,8 @@ class Arguments:
                 value = self.stream(value)
             elif of is lag_block:
                 value = lag_block(len(value), self.integers(value))
+            elif of is lag_settings:
+                value = of(**value)
             setattr(made, name, value)
         if values:
             raise TypeError(f"{structure.__name__} has no {', '.join(values)}")

@@ -63,8 +63,6 @@ class lag_switching_rules(Structure):
         *each(c_int, "kinks first_branch"),
         *each(Integers, "whole of_time"),
         ("kink_functions", lag_program),
-        ("law_of_impact", c_int),
-        ("closed", c_double),
         ("log", Doubles),
         ("log_rows", c_int64),
     )
@@ -163,15 +161,13 @@ def _nothing(inputs: int, held: int) -> Program:
 def rules_fields(
     split: SplitSystem,
     frozen: FrozenSystem | None,
-    impacts: int,
-    closed: float,
     clocks: Sequence[tuple[Ticks, int]],
 ) -> dict[str, Any]:
     """Return what switches, `lag_switching_rules` without the log.
 
     Parameters
     ----------
-    split, frozen, impacts, closed, clocks
+    split, frozen, clocks
         Of `SwitchingIntegrator`.
     """
     system, switching, pattern = split.system, split.switching, split.pattern
@@ -253,8 +249,6 @@ def rules_fields(
         "whole": [x.whole for x in kinks],
         "of_time": [x.timed for x in kinks],
         "kink_functions": program(frozen.functions if frozen else None),
-        "law_of_impact": impacts,
-        "closed": closed,
     }
 
 
@@ -266,12 +260,8 @@ class SwitchingIntegrator(Integrator):
     split : SplitSystem
     frozen : FrozenSystem or None
         Where the System has kinks: what ``split`` is of.
-    constraint, settings
+    constraint, problem
         Of `Integrator`, for ``split.fixed``, with the rows of ``split`` as extra numbers.
-    impacts : int
-        The law of impacts, counted as in core/contact/contact.h.
-    closed : float
-        The gap that counts as none.
     log_rows : int
         Entries of the log that are kept before they are passed on.
     clocks : sequence of (Ticks, int)
@@ -283,16 +273,14 @@ class SwitchingIntegrator(Integrator):
         split: SplitSystem,
         frozen: FrozenSystem | None,
         constraint: Program,
-        settings: dict[str, Any],
+        problem: dict[str, Any],
         *,
-        impacts: int,
-        closed: float,
         log_rows: int,
         clocks: Sequence[tuple[Ticks, int]],
     ):
-        super().__init__(split.fixed, constraint, settings)
-        self._directions = settings["directions"]
-        given, fields = Arguments(), rules_fields(split, frozen, impacts, closed, clocks)
+        super().__init__(split.fixed, constraint, problem)
+        self._directions = problem["directions"]
+        given, fields = Arguments(), rules_fields(split, frozen, clocks)
         self._split, self._rows, self._clocks = split, fields["rows"], fields["clocks"]
         self._conditions = fields["conditions"] + fields["force_conditions"]
         self._kinks, self._first_branch = fields["kinks"], fields["first_branch"]

@@ -160,7 +160,6 @@ class _BatchRuns:
             prepared.dynamics,
             prepared.constraint,
             request.times,
-            request.settings.max_steps,
             parameters,
             np.hstack([q, v]),
             LANES + held,

@@ -29,6 +29,7 @@ from lagcli.engine.core.structures import (
     lag_function,
     lag_jacobians,
     lag_pivots,
+    lag_problem,
     lag_program,
     lag_series_program,
     lag_settings,
@@ -47,7 +48,7 @@ from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
 
-_MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 2
+_MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 3
 #: lag_model_contents.
 _PLAIN, _LOOP, _UNROLLED, _TIME, _SERIES, _JACOBIANS, _SWITCHING = (1 << i for i in range(7))
 _KINDS = ("q", "v", "p")
@@ -78,7 +79,7 @@ def model_data(
         contents |= bit
         parts.extend(data)
 
-    settings = run.core_settings() | {
+    problem = run.problem() | {
         "detecting": 0,
         "parameters": run.system.held_at(request.state.t, run.request.state.p),
         "times_count": np.size(request.times),
@@ -89,7 +90,7 @@ def model_data(
     add(
         0,
         _structure(lag_equations, equations_fields(run.system, prepared.constraint)),
-        _structure(lag_settings, settings),
+        _structure(lag_problem, problem),
         _numbers(breaks_of(run.system, run.request)),
         _word(len(functions)),
         *(_structure(lag_function, fields) for fields in functions),
@@ -145,7 +146,7 @@ def _jacobians(
 
 def _switching(run: SwitchingIntegration) -> Iterator[bytes]:
     split = run.split_system
-    rules = rules_fields(split, run.frozen, **run.rules())
+    rules = rules_fields(split, run.frozen, run.ticks())
     yield _structure(lag_switching_rules, rules | {"log": None, "log_rows": 0})
     actions, report = split.switching.actions, split.system.report
     yield _program(split.program(actions if actions else report.selected(())))
@@ -197,6 +198,8 @@ def _field(of: Any, value: Any) -> bytes:
         return _numbers(value)
     if of is lag_program:
         return _program(value)
+    if of is lag_settings:
+        return _structure(of, value)
     assert of in (Integers, lag_stream, lag_block)
     return _integers(value)
 

@@ -28,6 +28,7 @@ from lagcli.engine.contract import (
     outcome,
 )
 from lagcli.engine.core.run import Integrator
+from lagcli.engine.core.settings import core_values
 from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.methods import Methods
@@ -98,7 +99,7 @@ class Integration:
         self.states: list[State] = [request.state]
         self._priced: Prices | None = None
         prepared = self.prepared()
-        self.core = self.integrator(prepared.constraint, self.core_settings())
+        self.core = self.integrator(prepared.constraint, self.problem())
         if system.tangent is not None:
             assert prepared.tangent is not None
             blocks, complete = system.tangent.blocks, system.tangent.complete
@@ -114,21 +115,17 @@ class Integration:
         if len(breaks):
             self.core.end_steps_at(breaks)
 
-    def core_settings(self) -> dict[str, Any]:
-        """Return the settings of the core, as for `Integrator`."""
+    def problem(self) -> dict[str, Any]:
+        """Return the initial value problem, as for `Integrator`."""
         request, system = self.request, self.system
         start = request.state
         c = self.evaluator.constraints(start.t, start.q, start.v)
         sizes = self.evaluator.sizes(start.t, start.q, start.v)
-        # a negative damping asks the core for that of the step
-        alpha = -1.0 if self.settings.alpha is None else self.settings.alpha
         return {
-            "t_start": start.t,
-            "t_end": self.settings.t_end,
-            "h_max": self.settings.max_step,
+            "settings": core_values(self.settings),
+            "t": start.t,
             "y": start.y,
             "parameters": start.p,
-            "rtol": self.settings.rtol,
             "atol": request.tolerances,
             "kind": request.kind_of,
             "rank": request.rank,
@@ -137,10 +134,6 @@ class Integration:
             "plain_lengths": self.evaluator.row_lengths(
                 start.t, start.q, start.v, c, np.ones(self.nq)
             ),
-            "projecting": self.settings.formulation == "projection",
-            "baumgarte": self.settings.formulation == "baumgarte",
-            "alpha": alpha,
-            "beta": alpha if self.settings.beta is None else self.settings.beta,
             "watching": 0 if not request.rank else 1 if self.crosses else 2,
             "detecting": self.settings.method == "auto" and system.variation is not None,
             "refinable": not self.for_batch,
@@ -164,9 +157,9 @@ class Integration:
         """Return the program of the functions of time that steps resolve."""
         return explicit_time(self.system)
 
-    def integrator(self, constraint: Program, settings: dict[str, Any]) -> Integrator:
+    def integrator(self, constraint: Program, problem: dict[str, Any]) -> Integrator:
         """Return the core of the run."""
-        return Integrator(self.system, constraint, settings)
+        return Integrator(self.system, constraint, problem)
 
     def prepared(self) -> Prepared:
         """Return the initial programs; there is no order of elimination for redundant
@@ -392,7 +385,7 @@ class Integration:
             self.methods.stiff()
         elif status == Status.ORDER:
             self.methods.order()
-        core.limit(self.settings.max_step)
+        core.limit(math.inf)
         return bool(status == Status.DONE)
 
     def check_ahead(self) -> bool:
@@ -411,7 +404,7 @@ class Integration:
         watch.add(t, y)
         ahead = watch.ahead()
         if ahead is None:
-            core.limit(min(self.settings.max_step, watch.largest_step()))
+            core.limit(watch.largest_step())
             return False
         if not self.crosses:
             raise watch.stop(ahead.time, *ahead.path(ahead.time))
@@ -430,7 +423,7 @@ class Integration:
             self.emit(np.array(rows))
             self.progress(float(rows[-1][0]))
         watch.restart()
-        core.limit(self.settings.max_step)
+        core.limit(math.inf)
         core.move(crossing.end, crossing.state, upto)
         return crossing.end >= self.settings.t_end or self.handle_status(core.start())
 

@@ -45,7 +45,13 @@ from lagcli.engine.program.program import Program
 from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.stops import contradicting_values
-from lagcli.engine.switching.switching import ContactChange, EventRule, clocks_of, ticks_of
+from lagcli.engine.switching.switching import (
+    ContactChange,
+    EventRule,
+    Ticks,
+    clocks_of,
+    ticks_of,
+)
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 
@@ -66,7 +72,6 @@ _REFUSED = (
 #: The method that takes the steps while a row holds or slips, or a force depends on λ.
 _ACTING = "DOP853"
 _AT_SURFACES = (Status.SURFACES, Status.FORKED, Status.CORNER)
-_IMPACTS = ("poisson", "newton", "sequential")
 
 
 def rank_at(system: System, state: State) -> int:
@@ -157,36 +162,31 @@ class SwitchingIntegration(Integration):
         """Return the program of the functions of time that steps resolve, with those of rows."""
         return explicit_time(self.split_system.system)
 
-    def core_settings(self) -> dict[str, Any]:
-        """Return the settings of the core, with the multipliers of rows in samples."""
-        settings = super().core_settings() | {"extra": len(self.split_system.rows)}
+    def problem(self) -> dict[str, Any]:
+        """Return the initial value problem, with the multipliers of rows in samples."""
+        problem = super().problem() | {"extra": len(self.split_system.rows)}
         changes = self.start_changes()
         if changes is None:
-            return settings
-        y = np.concatenate([settings["y"], np.ravel(changes)])
-        return settings | {"y": y, "directions": len(changes)}
+            return problem
+        y = np.concatenate([problem["y"], np.ravel(changes)])
+        return problem | {"y": y, "directions": len(changes)}
 
-    def rules(self) -> dict[str, Any]:
-        """Return what switches, as for `SwitchingIntegrator`; note a clock that cannot tick."""
+    def ticks(self) -> list[tuple[Ticks, int]]:
+        """Return the clocks, as for `SwitchingIntegrator`; note one that cannot tick."""
         state, switching = self.request.state, self.split_system.switching
         clocks, span = clocks_of(switching, state.p), (state.t, self.settings.t_end)
         self.fault = next(filter(None, (clock.fault(span) for clock in clocks)), "")
-        ticks = [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
-        return {
-            "impacts": _IMPACTS.index(self.settings.impacts),
-            "closed": self.settings.closed,
-            "clocks": ticks,
-        }
+        return [] if self.fault else [(ticks_of(x.period, x.offset), x.most) for x in clocks]
 
-    def integrator(self, constraint: Program, settings: dict[str, Any]) -> SwitchingIntegrator:
+    def integrator(self, constraint: Program, problem: dict[str, Any]) -> SwitchingIntegrator:
         """Return a core whose rows switch."""
         return SwitchingIntegrator(
             self.split_system,
             self.frozen,
             constraint,
-            settings,
+            problem,
             log_rows=_LOG_ROWS,
-            **self.rules(),
+            clocks=self.ticks(),
         )
 
     @property

@@ -112,13 +112,10 @@ lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag
     s->system = &single->system;
     for (int i = 0; i < s->system->nq; ++i)
         single->rows.sizes[i] = 1.0; /* each lane has its own parameters, and so its own inertia */
+    s->settings = &single->settings;
     s->t_start = single->step.t;
-    s->t_end = single->step.t_end;
-    s->h_max = single->step.h_max;
-    s->rtol = single->tolerances.rtol;
     s->watching = single->watch.mode;
     s->detecting = single->stiffness.detecting;
-    s->max_steps = given->max_steps;
     s->times = lag_copy_doubles(&s->pool, given->times, given->times_count);
     s->times_count = given->times_count;
     s->runs = given->runs;

@@ -32,9 +32,9 @@ struct lag_batch {
     lag_pool pool;
     const struct lag_batch_kernel *kernel;
     const lag_system *system;
-    double t_start, t_end, h_max, rtol;
+    const lag_settings *settings;
+    double t_start;
     int watching, detecting;
-    int64_t max_steps;
     const double *times;               /* sample times */
     int64_t times_count;
 

@@ -154,7 +154,8 @@ static double batch_step_size(const lag_batch *s, int l)
     const double t = s->t[l], h = s->h[l];
     if (!(h > 10.0 * DBL_EPSILON * fabs(t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
-    return t + 1.01 * h >= s->t_end ? s->t_end - t : lag_exact_step(t, h, s->t_start, s->t_end);
+    const double t_end = s->settings->t_end;
+    return t + 1.01 * h >= t_end ? t_end - t : lag_exact_step(t, h, s->t_start, t_end);
 }
 
 /* Determine the accepted steps and the sizes of the next ones; return the lanes that continue. */
@@ -171,7 +172,7 @@ static int batch_judge(lag_batch *s, int lanes, const double *h, const double *e
                 lag_pi_factor(error[l], s->error_old[l], order, s->after_rejection[l]);
             s->error_old[l] = fmax(error[l], LEAST_ERROR);
             s->after_rejection[l] = 0;
-            s->h[l] = fmin(h[l] * factor, s->h_max);
+            s->h[l] = fmin(h[l] * factor, s->settings->max_step);
             ++s->counts[3 * s->run[l]];
             accepted |= 1 << l;
         } else {
@@ -201,7 +202,7 @@ static int batch_stiff(lag_batch *s, int lanes, const double *h)
         }
         if (s->stiff[l] >= STIFF) {
             s->stiff[l] = 0;
-            if (s->t_end - s->t[l] > WORTH * h[l])
+            if (s->settings->t_end - s->t[l] > WORTH * h[l])
                 which |= 1 << l;
         }
     }
@@ -217,7 +218,7 @@ static int batch_moved(const lag_batch *s)
         vec sum = all(0.0);
         for (int m = k; m < n8; m += LAG_LANES) {
             const vec y = READ(s->projected + m);
-            const vec e = (y - READ(s->y_new + m)) / (READ(s->atol + m) + s->rtol * magnitude(y));
+            const vec e = (y - READ(s->y_new + m)) / (READ(s->atol + m) + s->settings->rtol * magnitude(y));
             sum += e * e;
         }
         which |= set_of(sum > NEGLIGIBLE * NEGLIGIBLE, k);
@@ -234,7 +235,7 @@ static int batch_jumped(const lag_batch *s)
             const int m = i * LAG_LANES + k;
             const vec y = READ(s->projected + m), moved = magnitude(y - READ(s->y_new + m));
             const vec largest = READ(s->largest + s->single->tolerances.kind[i] * LAG_LANES + k);
-            which |= set_of((moved > FAR * (READ(s->atol + m) + s->rtol * magnitude(y)))
+            which |= set_of((moved > FAR * (READ(s->atol + m) + s->settings->rtol * magnitude(y)))
                                 & (moved > FAR_PART * largest), k);
         }
     return which;
@@ -245,9 +246,10 @@ static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
 {
     const lag_system *system = s->system;
     const int n8 = lag_size(system) * LAG_LANES;
+    const double t_end = s->settings->t_end;
     EACH_LANE (l)
-        end[l] = h[l] == s->t_end - s->t[l] ? s->t_end : s->t[l] + h[l];
-    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->rtol));
+        end[l] = h[l] == t_end - s->t[l] ? t_end : s->t[l] + h[l];
+    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->settings->rtol));
     batch_sizes_energy(s, lanes, s->y_new, NULL);
     if (s->detecting)
         lanes = batch_leave_all(s, lanes, batch_stiff(s, lanes, h));
@@ -309,9 +311,9 @@ static void batch_attempt(lag_batch *s, int lanes)
     EACH_LANE (l) {
         if (!HAS(lanes, l))
             continue;
-        if (s->t[l] >= s->t_end)
+        if (s->t[l] >= s->settings->t_end)
             batch_finish(s, l);
-        else if (s->counts[3 * s->run[l]] >= s->max_steps || batch_complete_samples(s, l, 0))
+        else if (s->counts[3 * s->run[l]] >= s->settings->max_steps || batch_complete_samples(s, l, 0))
             lag_batch_leave(s, l);
     }
 }

@@ -74,7 +74,7 @@ static void batch_errors(const lag_batch *s, const double *h, double *error)
                 x3 += dop_e3[i] * stage;
             }
             const vec size = larger(magnitude(READ(s->y + m)), magnitude(READ(s->y_new + m)));
-            const vec scale = 1.0 / (READ(s->atol + m) + s->rtol * size);
+            const vec scale = 1.0 / (READ(s->atol + m) + s->settings->rtol * size);
             x5 *= scale;
             x3 *= scale;
             e5 += x5 * x5;
@@ -99,7 +99,7 @@ static void batch_stiffness(const lag_batch *s, const double *h, double *product
             const vec df = READ(last + m) - READ(k_before + m);
             const vec dy = READ(s->y_new + m) - READ(s->before + m);
             const vec size = larger(magnitude(READ(s->y + m)), magnitude(READ(s->y_new + m)));
-            const vec scale = 1.0 / (READ(s->atol + m) + s->rtol * size);
+            const vec scale = 1.0 / (READ(s->atol + m) + s->settings->rtol * size);
             rise += df * scale * (df * scale);
             length += dy * scale * (dy * scale);
         }

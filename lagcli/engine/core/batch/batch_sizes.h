@@ -56,7 +56,7 @@ static void batch_sizes_update(lag_batch *s, int lanes)
 {
     const lag_run *single = s->single;
     const int nq = s->system->nq, kinds = single->tolerances.kinds;
-    const double length = TIMING * (s->t_end - s->t_start), following = FOLLOWING * s->rtol;
+    const double length = TIMING * (s->settings->t_end - s->t_start), following = FOLLOWING * s->settings->rtol;
     EACH_PART (k) {
         const mask chosen = lanes_of(lanes, k);
         for (int i = 0; i < 2 * kinds; ++i)
@@ -107,7 +107,7 @@ static void batch_first_steps(lag_batch *s, int lanes)
                 .acceleration_terms = s->acceleration_terms + l,
                 .future_acceleration = s->future_acceleration + l,
                 .largest = s->largest + l, .weight = s->before + l,
-                .length = s->t_end - s->t[l], .h_max = s->h_max,
+                .length = s->settings->t_end - s->t[l], .h_max = s->settings->max_step,
             };
             h[l] = lag_trial_step(&rule[l]);
         }
@@ -123,7 +123,7 @@ static void batch_first_steps(lag_batch *s, int lanes)
             AT(change + m) -= READ(f + m);
     EACH_LANE (l)
         if (HAS(lanes, l))
-            s->h[l] = lag_chosen_step(&rule[l], change + l, h[l], s->rtol, lag_dop853.order);
+            s->h[l] = lag_chosen_step(&rule[l], change + l, h[l], s->settings->rtol, lag_dop853.order);
     batch_evaluate(&s->moving.dynamics, s->system, s->t, s->y, LAG_ALL);
     batch_sizes_energy(s, lanes, s->y, s->h);
     batch_sizes_update(s, lanes);

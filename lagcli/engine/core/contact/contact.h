@@ -71,9 +71,6 @@ int lag_share_contacts(
 
 size_t lag_contact_memory(int n);
 
-/* Laws of impact. */
-enum { LAG_POISSON, LAG_NEWTON, LAG_SEQUENTIAL };
-
 /* Phases of an impact. */
 enum { LAG_COMPRESSION, LAG_EXPANSION, LAG_NEWTON_PHASE };
 

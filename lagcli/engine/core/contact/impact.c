@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "contact/contact.h"
+#include "settings.h"
 
 #define APPROACH 1e-12 /* of the first approach: slower ones end a sequence */
 #define ROUNDING 1e-14 /* of the terms of a velocity */

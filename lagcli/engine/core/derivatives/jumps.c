@@ -60,7 +60,7 @@ static int is_shared(const lag_run *run, const lag_watched_function *f)
 static double size_of(const lag_run *run, const lag_watched_function *f)
 {
     const lag_switching *sw = &run->switching;
-    const double span = run->step.t_end - run->step.t_start;
+    const double span = run->settings.t_end - run->step.t_start;
     switch (f->what) {
     case LAG_WATCH_GAP:
         return sw->speed[f->which] * span;
@@ -148,7 +148,7 @@ static void find_times(lag_run *run, int count, const int *which)
 {
     lag_derivatives *w = &run->derivatives;
     const lag_switching *sw = &run->switching;
-    const double span = run->step.t_end - run->step.t_start;
+    const double span = run->settings.t_end - run->step.t_start;
     int first = -1, decisive = 0;
     for (int i = 0; i < sw->watched_count; ++i) {
         const lag_watched_function *f = sw->watched + i;

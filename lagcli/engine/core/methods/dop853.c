@@ -35,7 +35,7 @@ static void look_for_stiffness(lag_run *run, double h, const double *before, int
     /* over the tolerances: coordinates and velocities of different units are comparable */
     const lag_vector_kernel *v = run->system.vectors;
     const double *y = run->step.y, *z = run->step.y_new;
-    const double *atol = run->tolerances.atol, rtol = run->tolerances.rtol;
+    const double *atol = run->tolerances.atol, rtol = run->settings.rtol;
     const double rise = v->scaled_square(moving, df, y, z, atol, rtol);
     const double length = v->scaled_square(moving, dy, y, z, atol, rtol);
     run->stiffness.rate = length > 0.0 ? sqrt(rise / length) : 0.0;
@@ -71,7 +71,7 @@ static double error_by(lag_run *run, const double *weight)
     memset(error, 0, (size_t)n * sizeof(double));
     add_stages(run, error, run->step.stages, weight, DOP_STAGES + 1, 1.0, error);
     return run->system.vectors->scaled_square(n, error, run->step.y, run->step.y_new,
-                                        run->tolerances.atol, run->tolerances.rtol);
+                                        run->tolerances.atol, run->settings.rtol);
 }
 
 static int step(lag_run *run)

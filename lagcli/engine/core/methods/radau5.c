@@ -23,7 +23,7 @@
 /* The error estimate is of order 3: tolerance for the requested error. */
 static double looseness(const lag_run *run)
 {
-    return 0.1 * pow(run->tolerances.rtol, -1.0 / 3.0);
+    return 0.1 * pow(run->settings.rtol, -1.0 / 3.0);
 }
 
 /* A norm against the estimate's own tolerance; y_new is near the step's end. */
@@ -87,7 +87,7 @@ enum newton { CONVERGED, DIVERGED, NOT_DEFINED };
 static enum newton solve_stages(lag_run *run, double h, double *z, int *iterations, double *factor)
 {
     const int n = lag_size(&run->system);
-    const double tolerance = looseness(run) * run->tolerances.rtol;
+    const double tolerance = looseness(run) * run->settings.rtol;
     const double enough = fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
     double *w = run->step.stages + 3 * n, *r = run->step.stages + 6 * n;
     double change = 0.0, before = 0.0, rate = 0.0;

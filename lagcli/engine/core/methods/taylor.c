@@ -56,7 +56,7 @@ static int is_off(lag_run *run, double h)
     for (int i = 0; i <= nq; ++i)
         slope[i] = h * (slope[i] - run->step.f_new[nq + i]);
     const double square = run->system.vectors->scaled_square(nq + 1, slope, run->step.y + nq, run->step.y_new + nq,
-                                                       run->tolerances.atol + nq, run->tolerances.rtol);
+                                                       run->tolerances.atol + nq, run->settings.rtol);
     return !(square <= DEFECT * DEFECT);
 }
 

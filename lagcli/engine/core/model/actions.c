@@ -34,7 +34,7 @@ int lag_events_bind(lag_simulation *s)
     s->width = HEAD + m->rules.exported + 3 * nq + m->rules.nc;
     s->events = lag_get(&s->pool, (size_t)m->event_count, sizeof *s->events);
     s->happened = lag_get(&s->pool, (size_t)m->event_count, sizeof *s->happened);
-    s->p = lag_copy_doubles(&s->pool, m->settings.parameters, m->rules.first_branch);
+    s->p = lag_copy_doubles(&s->pool, m->problem.parameters, m->rules.first_branch);
     s->held = lag_doubles(&s->pool, m->equations.np);
     s->none = lag_doubles(&s->pool, nq + m->rules.nc);
     s->before = lag_doubles(&s->pool, 2 * nq + 1);

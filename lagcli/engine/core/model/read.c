@@ -33,37 +33,44 @@ static lag_equations equations(lag_reader *in)
     return e;
 }
 
-static lag_settings settings(lag_reader *in, const lag_equations *e)
+static lag_settings settings(lag_reader *in)
 {
     lag_settings s = {0};
-    s.t_start = lag_read_number(in);
-    s.t_end = lag_read_number(in);
-    s.h_max = lag_read_number(in);
-    s.y = lag_read_finite(in, 2 * (int64_t)e->nq + 1);
-    s.parameters = lag_read_finite(in, e->np);
-    s.rtol = lag_read_number(in);
-    s.atol = lag_read_finite(in, 2 * (int64_t)e->nq + 1);
-    s.kind = lag_read_integers(in, e->nq, 0, e->nq);
-    s.rank = lag_read_int(in, 0, e->nc < e->nq ? e->nc : e->nq);
-    s.sizes = lag_read_finite(in, e->nq);
-    s.lengths = lag_read_finite(in, e->nc);
-    s.plain_lengths = lag_read_finite(in, e->nc);
-    s.projecting = lag_read_int(in, 0, 1);
-    s.baumgarte = lag_read_int(in, 0, 1);
-    s.alpha = lag_read_number(in);
-    s.beta = lag_read_number(in);
-    s.watching = lag_read_int(in, LAG_IGNORE, LAG_STOP);
-    s.detecting = lag_read_int(in, 0, 1);
-    s.refinable = lag_read_int(in, 0, 1);
-    s.times = lag_read_numbers(in, &s.times_count);
-    if (lag_read_word(in) != s.times_count)
+#define REAL(name) s.name = lag_read_number(in);
+#define COUNT(name) s.name = lag_read_word(in);
+#define CHOICE(name, choices) s.name = lag_read_int(in, 0, choices - 1);
+    LAG_SETTINGS(REAL, COUNT, CHOICE)
+#undef REAL
+#undef COUNT
+#undef CHOICE
+    return s;
+}
+
+static lag_problem problem(lag_reader *in, const lag_equations *e)
+{
+    lag_problem p = {0};
+    p.settings = settings(in);
+    p.t = lag_read_number(in);
+    p.y = lag_read_finite(in, 2 * (int64_t)e->nq + 1);
+    p.parameters = lag_read_finite(in, e->np);
+    p.atol = lag_read_finite(in, 2 * (int64_t)e->nq + 1);
+    p.kind = lag_read_integers(in, e->nq, 0, e->nq);
+    p.rank = lag_read_int(in, 0, e->nc < e->nq ? e->nc : e->nq);
+    p.sizes = lag_read_finite(in, e->nq);
+    p.lengths = lag_read_finite(in, e->nc);
+    p.plain_lengths = lag_read_finite(in, e->nc);
+    p.watching = lag_read_int(in, LAG_IGNORE, LAG_STOP);
+    p.detecting = lag_read_int(in, 0, 1);
+    p.refinable = lag_read_int(in, 0, 1);
+    p.times = lag_read_numbers(in, &p.times_count);
+    if (lag_read_word(in) != p.times_count)
         lag_reject(in, LAG_MODEL_SIZES);
     lag_read_nothing(in); /* the block is the caller's */
-    s.block_rows = lag_read_int(in, 0, INT32_MAX);
-    s.extra = lag_read_count(in);
-    s.directions = lag_read_int(in, 0, 0);
-    s.kernel = lag_read_int(in, LAG_PORTABLE, LAG_PORTABLE);
-    return s;
+    p.block_rows = lag_read_int(in, 0, INT32_MAX);
+    p.extra = lag_read_count(in);
+    p.directions = lag_read_int(in, 0, 0);
+    p.kernel = lag_read_int(in, LAG_PORTABLE, LAG_PORTABLE);
+    return p;
 }
 
 /* Whether numbers increase, or do not decrease. */
@@ -295,8 +302,6 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
     r.whole = lag_read_integers(in, r.kinks, -1, 2);
     r.of_time = lag_read_integers(in, r.kinks, 0, 2);
     r.kink_functions = lag_read_program(in, state, 2 * (int64_t)r.kinks);
-    r.law_of_impact = lag_read_int(in, 0, 2);
-    r.closed = lag_read_one(in);
     lag_read_nothing(in); /* the log */
     lag_read_nothing(in);
     if (in->status != LAG_MODEL_READ)
@@ -312,8 +317,6 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
             || (limited && r.friction[i] < 0) || (unilateral && r.restitution[i] < 0) || r.normal[i] == i)
             lag_reject(in, LAG_MODEL_INDEX);
     }
-    if (!(r.closed >= 0.0))
-        lag_reject(in, LAG_MODEL_NUMBER);
     return r;
 }
 
@@ -356,8 +359,8 @@ static void read_parts(lag_reader *in, lag_model *m)
     const lag_equations *e = &m->equations;
     m->unroll_after = lag_read_word(in);
     m->equations = equations(in);
-    m->settings = settings(in, e);
-    const int redundant = m->settings.rank < e->nc;
+    m->problem = problem(in, e);
+    const int redundant = m->problem.rank < e->nc;
     if (!(has & (LAG_MODEL_PLAIN | LAG_MODEL_UNROLLED)) || (has & LAG_MODEL_LOOP && !(has & LAG_MODEL_PLAIN))
         || (has & LAG_MODEL_SERIES && !(has & LAG_MODEL_UNROLLED)) || m->unroll_after < 0
         || (redundant && has & (LAG_MODEL_LOOP | LAG_MODEL_UNROLLED)))
@@ -381,7 +384,7 @@ static void read_parts(lag_reader *in, lag_model *m)
         m->series = series(in, e);
     if (has & LAG_MODEL_JACOBIANS) {
         int method;
-        m->jacobians = jacobians(in, e, m->settings.rank);
+        m->jacobians = jacobians(in, e, m->problem.rank);
         m->pivots_count = lag_read_count(in);
         m->pivots = in->at;
         for (int i = 0; in->status == LAG_MODEL_READ && i < m->pivots_count; ++i)
@@ -397,7 +400,7 @@ static void read_parts(lag_reader *in, lag_model *m)
         for (int i = 0; in->status == LAG_MODEL_READ && i < m->event_count; ++i)
             lag_read_event(in, m);
     }
-    if (m->settings.extra != m->rules.rows)
+    if (m->problem.extra != m->rules.rows)
         lag_reject(in, LAG_MODEL_SIZES);
 }
 

@@ -11,25 +11,32 @@
 #define RETRIES 16       /* at one time: beyond it, dense solutions are no help */
 #define LEAST_PERIOD (64.0 * DBL_EPSILON) /* of a clock, relative to times: shorter ones are rounding errors */
 
-/* Whether the settings can be used, which the caller may have changed. */
-static int are_settings(const lag_model *model)
+/* Whether the settings are in their ranges; NaN is within none but of what may be left out. */
+static int are_settings(const lag_settings *s)
 {
-    const lag_settings *s = &model->settings;
+    return isfinite(s->t_end) && s->rtol >= 0.0 && isfinite(s->rtol) && !(s->alpha < 0.0) && !(s->beta < 0.0)
+           && s->max_step > 0.0 && s->closed >= 0.0 && isfinite(s->closed);
+}
+
+/* Whether the problem can be solved, which the caller may have changed. */
+static int is_problem(const lag_model *model)
+{
+    const lag_problem *p = &model->problem;
     const lag_switching_rules *r = &model->rules;
     const int n = 2 * model->equations.nq + 1;
-    if (!s->atol || s->times_count < 0 || (s->times_count && (!s->times || !s->block)) || s->block_rows < 1
-        || s->extra != r->rows || s->directions || !(s->rtol >= 0.0) || !isfinite(s->rtol) || !isfinite(s->t_start)
-        || !isfinite(s->t_end) || !(s->t_end >= s->t_start) || !(s->h_max > 0.0) || isnan(s->alpha) || isnan(s->beta))
+    if (!p->atol || p->times_count < 0 || (p->times_count && (!p->times || !p->block)) || p->block_rows < 1
+        || p->extra != r->rows || p->directions || !isfinite(p->t) || !are_settings(&p->settings)
+        || !(p->settings.t_end >= p->t))
         return 0;
     for (int i = 0; i < n; ++i)
-        if (!(s->atol[i] >= 0.0))
+        if (!(p->atol[i] >= 0.0))
             return 0;
-    for (int64_t i = 0; i < s->times_count; ++i)
-        if (!isfinite(s->times[i]) || (i && !(s->times[i] > s->times[i - 1])))
+    for (int64_t i = 0; i < p->times_count; ++i)
+        if (!isfinite(p->times[i]) || (i && !(p->times[i] > p->times[i - 1])))
             return 0;
     for (int i = 0; i < r->clocks; ++i) {
         const double first = r->ticks[3 * i], step = r->ticks[3 * i + 1], per = r->ticks[3 * i + 2];
-        const double largest = fmax(fabs(first / per), fmax(fabs(s->t_start), fabs(s->t_end)));
+        const double largest = fmax(fabs(first / per), fmax(fabs(p->t), fabs(p->settings.t_end)));
         if (!(per > 0.0) || !(step > 0.0) || !(step / per >= LEAST_PERIOD * largest) || !isfinite(step / per))
             return 0;
     }
@@ -106,7 +113,7 @@ static int make_run(lag_simulation *s, const lag_memory *memory)
 {
     const lag_model *m = &s->model;
     const lag_method *method = lag_method_at(s->method);
-    s->run = lag_create(memory, &m->equations, &m->settings);
+    s->run = lag_create(memory, &m->equations, &m->problem);
     if (!s->run || use_functions(s) || use_switching(s) || use_dynamics(s))
         return 1;
     if (method != &lag_dop853) {
@@ -123,7 +130,7 @@ int lag_make_simulation(const lag_memory *memory, const lag_model *model, const 
 {
     const int number = number_of(method);
     *simulation = NULL;
-    if (!are_settings(model))
+    if (!is_problem(model))
         return LAG_MODEL_NUMBER;
     if (number < 0 || is_missing(model, lag_method_at(number)))
         return LAG_MODEL_METHOD;

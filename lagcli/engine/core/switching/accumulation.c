@@ -51,9 +51,10 @@ int64_t lag_accumulation_integers(int64_t rows)
     return 6 * rows;
 }
 
-static patch prepare(const lag_switching *sw)
+static patch prepare(const lag_run *run)
 {
-    patch p = {.memory = sw->memory, .law_of_impact = sw->law_of_impact};
+    const lag_switching *sw = &run->switching;
+    patch p = {.memory = sw->memory, .law_of_impact = run->settings.impacts};
     const int n = sw->rows;
     double *next = sw->accumulation;
     double **const square[] = {&p.matrix,        &p.friction,      &p.slope[0],      &p.slope[1],
@@ -75,13 +76,14 @@ static patch prepare(const lag_switching *sw)
 }
 
 /* Rows that may act: contacts that are closed or come to rest, their friction, and other rows. */
-static int may_act(const lag_switching *sw, int i, const int *rests)
+static int may_act(const lag_run *run, int i, const int *rests)
 {
+    const lag_switching *sw = &run->switching;
     if (!sw->active[i])
         return 0;
     if (sw->law[i] == LAG_UNILATERAL)
-        return rests[i] || lag_meets(sw, i);
-    return sw->law[i] == LAG_FREE || sw->normal[i] < 0 || may_act(sw, sw->normal[i], rests);
+        return rests[i] || lag_meets(run, i);
+    return sw->law[i] == LAG_FREE || sw->normal[i] < 0 || may_act(run, sw->normal[i], rests);
 }
 
 /* List the rows that move `row`, and each other; with all rows' A in p->part_matrix. Returns how many. */
@@ -92,7 +94,7 @@ static int gather(lag_run *run, patch *p, int row, const int *rests, int *member
     int *all = p->part;
     for (int i = 0; i < sw->rows; ++i) {
         member[i] = i == row;
-        if (may_act(sw, i, rests))
+        if (may_act(run, i, rests))
             all[n++] = i;
     }
     lag_matrix_of(run, n, all, p->part_matrix);
@@ -315,7 +317,7 @@ static int similar(const patch *p, const double *other, double now)
 
 double lag_end_of_impacts(lag_run *run, double t, const double *y, int row, const int *rests, int *member)
 {
-    patch whole = prepare(&run->switching), *p = &whole;
+    patch whole = prepare(run), *p = &whole;
     if (fill(run, t, y, row, rests, member, p))
         return NAN;
     const int n = p->n, width = 2 * n + 2;

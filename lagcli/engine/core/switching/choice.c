@@ -14,7 +14,7 @@ void lag_states_of(const lag_run *run, int *state)
     for (int i = 0; i < sw->rows; ++i) {
         state[i] = LAG_AT_REST;
         if (sw->law[i] == LAG_UNILATERAL && (sw->ended[i] == FORCE_ENDED || sw->psi[i] > lag_no_speed(sw, i)
-                                             || (sw->phi[i] > lag_no_gap(sw, i) && sw->mode[i] != LAG_HOLDS)))
+                                             || (sw->phi[i] > lag_no_gap(run, i) && sw->mode[i] != LAG_HOLDS)))
             state[i] = LAG_APART;
         if (sw->ended[i] == STICKING_ENDED_FORWARD)
             state[i] = LAG_GOES_FORWARD;

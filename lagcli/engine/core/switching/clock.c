@@ -38,7 +38,7 @@ void lag_set_stop(lag_run *run)
 {
     const lag_breaks *b = &run->breaks;
     const double tick = lag_next_tick(run);
-    const double stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
+    const double stop = b->next < b->count ? fmin(b->times[b->next], run->settings.t_end) : run->settings.t_end;
     run->step.t_stop = tick < stop - lag_coincidence(stop) ? tick : stop;
 }
 

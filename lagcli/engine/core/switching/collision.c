@@ -22,7 +22,7 @@ int lag_collides(const lag_run *run)
         const double speed = lag_no_speed(sw, i);
         if (!sw->active[i])
             continue;
-        if (sw->law[i] == LAG_UNILATERAL && (sw->phi[i] <= lag_no_gap(sw, i) || sw->mode[i] == LAG_HOLDS)
+        if (sw->law[i] == LAG_UNILATERAL && (sw->phi[i] <= lag_no_gap(run, i) || sw->mode[i] == LAG_HOLDS)
             && sw->psi[i] < -speed)
             return 1;
         if (sw->law[i] == LAG_FREE && fabs(sw->psi[i]) > speed)
@@ -49,7 +49,7 @@ static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
             || sw->psi[i] <= lag_no_speed(sw, i))
             continue;
         const double a = lag_along(run, i, sw->acceleration) - sw->gamma[i];
-        rests[i] = a < 0.0 && sw->psi[i] * sw->psi[i] <= 2.0 * -a * lag_no_gap(sw, i);
+        rests[i] = a < 0.0 && sw->psi[i] * sw->psi[i] <= 2.0 * -a * lag_no_gap(run, i);
         any |= rests[i];
     }
     return any;

@@ -219,7 +219,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
         if (k >= sw->rows || lag_row_slips(sw, k))
             continue;
         offset[i] = lag_along(run, k, free) - sw->gamma[k];
-        if (run->baumgarte.active) {
+        if (lag_stabilizes(run)) {
             const double beta = run->baumgarte.beta;
             offset[i] += run->baumgarte.alpha * sw->psi[k] + beta * beta * sw->phi[k];
         }

@@ -12,14 +12,16 @@
 #define LEAST_GAIN 1e-13    /* of the energy of the largest velocities so far: likewise */
 #define ROUNDING_ERROR 4e-15 /* of the largest velocity of a row so far */
 
-int lag_is_closed(const lag_switching *sw, int row)
+int lag_is_closed(const lag_run *run, int row)
 {
-    return sw->active[row] && (sw->phi[row] <= lag_no_gap(sw, row) || sw->mode[row] == LAG_HOLDS);
+    const lag_switching *sw = &run->switching;
+    return sw->active[row] && (sw->phi[row] <= lag_no_gap(run, row) || sw->mode[row] == LAG_HOLDS);
 }
 
-int lag_meets(const lag_switching *sw, int row)
+int lag_meets(const lag_run *run, int row)
 {
-    return lag_is_closed(sw, row) && sw->psi[row] <= lag_no_speed(sw, row);
+    const lag_switching *sw = &run->switching;
+    return lag_is_closed(run, row) && sw->psi[row] <= lag_no_speed(sw, row);
 }
 
 /* Apply impulses of n listed rows, whose responses are known, to the velocities and the work in y; `added` (nq + nc)
@@ -86,11 +88,11 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     if (evaluate(run, t, y))
         return -1;
     for (int i = 0; i < sw->rows; ++i) /* sequences that lose no energy do not end */
-        report->together &= sw->law[i] != LAG_UNILATERAL || !lag_is_closed(sw, i) || restitution_of(sw, i) < 1.0;
+        report->together &= sw->law[i] != LAG_UNILATERAL || !lag_is_closed(run, i) || restitution_of(sw, i) < 1.0;
     for (int i = 0; i < sw->rows; ++i) {
         report->impulse[i] = report->loss[i] = 0.0;
         if (sw->law[i] == LAG_UNILATERAL)
-            report->takes_part[i] = report->together ? lag_is_closed(sw, i) : lag_meets(sw, i);
+            report->takes_part[i] = report->together ? lag_is_closed(run, i) : lag_meets(run, i);
         else
             report->takes_part[i] = sw->active[i] && (sw->law[i] == LAG_FREE || friction_of(sw, i) > 0.0);
     }
@@ -128,7 +130,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
         impact.context = run;
     }
     lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};
-    const int law = report->together ? LAG_POISSON : sw->law_of_impact;
+    const int law = report->together ? LAG_POISSON : run->settings.impacts;
     const int motions = lag_solve_impact(&impact, law, sw->memory, &result);
     if (motions == LAG_NO_MOTION)
         return motions;
@@ -159,11 +161,11 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, doubl
         return -1;
     for (int i = 0; i < sw->rows; ++i) {
         const int normal = sw->normal[i];
-        if (sw->law[i] == LAG_UNILATERAL ? !rests[i] && !lag_meets(sw, i) : !sw->active[i])
+        if (sw->law[i] == LAG_UNILATERAL ? !rests[i] && !lag_meets(run, i) : !sw->active[i])
             continue;
         if (sw->law[i] == LAG_LIMITED
             && (!(friction_of(sw, i) > 0.0) || !(fabs(sw->psi[i]) <= lag_no_speed(sw, i)) || !sw->active[normal]
-                || (sw->law[normal] == LAG_UNILATERAL && !rests[normal] && !lag_meets(sw, normal))))
+                || (sw->law[normal] == LAG_UNILATERAL && !rests[normal] && !lag_meets(run, normal))))
             continue;
         p.law[n] = sw->law[i] == LAG_UNILATERAL && !rests[i] ? LAG_UNILATERAL : LAG_FREE;
         p.offset[n] = sw->psi[i];

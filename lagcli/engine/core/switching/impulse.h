@@ -18,8 +18,8 @@ typedef struct {
 } lag_impact_report;
 
 /* Whether a contact is closed; and does not open, so that it takes part in an impact. */
-int lag_is_closed(const lag_switching *sw, int row);
-int lag_meets(const lag_switching *sw, int row);
+int lag_is_closed(const lag_run *run, int row);
+int lag_meets(const lag_run *run, int row);
 
 /* The impact at (t, y) of rows that take part. Changes the velocities in y. Returns what lag_solve_contacts does, or
  * -1 where something is undefined. */

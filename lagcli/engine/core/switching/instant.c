@@ -107,7 +107,7 @@ int lag_look_for_instant(lag_run *run)
     if (!lag_is_accurate(run, sw->instant, sw->before) /* a power series cannot wait for another elimination */
         && !(run->stepped->uses_series && !lag_allow_dense(run, 1)))
         return LAG_INACCURATE;
-    if (run->projection.active && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
+    if (lag_projects(run) && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
         return status;
     if (lag_all_forces(run, sw->instant, sw->before)) /* as the mode ends */
         return LAG_UNDEFINED;
@@ -118,7 +118,7 @@ int lag_look_for_instant(lag_run *run)
     run->step.t = sw->instant;
     memcpy(run->step.y, sw->before, n * sizeof(double));
     for (int i = 0; i < sw->rows; ++i) /* psi is that of lag_all_forces */
-        sw->stray[i] = !run->projection.active && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
+        sw->stray[i] = !lag_projects(run) && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
         sw->condition[c].happened = 0;
         sw->condition[c].value = lag_condition_value(run, c, sw->instant, sw->before);
@@ -145,7 +145,7 @@ static int violated(const lag_run *run)
 {
     const lag_switching *sw = &run->switching;
     for (int i = 0; i < sw->rows; ++i)
-        if (sw->active[i] && sw->law[i] == LAG_UNILATERAL && sw->phi[i] < -BEYOND * lag_no_gap(sw, i))
+        if (sw->active[i] && sw->law[i] == LAG_UNILATERAL && sw->phi[i] < -BEYOND * lag_no_gap(run, i))
             return 1;
     return 0;
 }
@@ -155,7 +155,7 @@ static void leave_surfaces(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     for (int i = 0; i < sw->rows; ++i)
-        if (sw->law[i] == LAG_UNILATERAL && sw->mode[i] == LAG_HOLDS && sw->phi[i] > BEYOND * lag_no_gap(sw, i))
+        if (sw->law[i] == LAG_UNILATERAL && sw->mode[i] == LAG_HOLDS && sw->phi[i] > BEYOND * lag_no_gap(run, i))
             sw->mode[i] = LAG_OPEN;
 }
 
@@ -168,7 +168,7 @@ static void log_changes(lag_run *run)
     for (int i = 0; i < sw->exported; ++i) {
         const int now = sw->mode[i], old = sw->mode_before[i];
         const int stays = sw->came_to_rest[i] && now == LAG_HOLDS;
-        const int rests = stays && sw->rest_time[i] <= run->step.t_end; /* else the run ends in these impacts */
+        const int rests = stays && sw->rest_time[i] <= run->settings.t_end; /* else the run ends in these impacts */
         int what = -1;
         if (sw->law[i] == LAG_FREE || (now == old && !rests))
             continue;
@@ -255,7 +255,7 @@ static int restart(lag_run *run)
         lag_sizes_start(run);
         begins = 1;
     }
-    if (begins && run->step.t < run->step.t_end)
+    if (begins && run->step.t < run->settings.t_end)
         lag_first_step(run, run->method->order);
     const int status = lag_watch_modes(run, run->step.t, run->step.y, run->step.f);
     if (status == LAG_RUNNING)
@@ -272,7 +272,7 @@ static int turns(lag_run *run)
     for (int i = nq; i < 2 * nq; ++i)
         change[i] = run->step.y[i] - run->switching.start[i];
     const double moved = lag_scaled_norm(run, change, run->step.y, run->step.y);
-    return moved > TURNS && moved * run->tolerances.rtol > TURNS_PART;
+    return moved > TURNS && moved * run->settings.rtol > TURNS_PART;
 }
 
 int lag_do_instant(lag_run *run)
@@ -314,7 +314,7 @@ int lag_do_instant(lag_run *run)
                 status = lag_choose_modes(run);
         }
         memcpy(sw->start, y, (size_t)lag_size(&run->system) * sizeof(double));
-        if (status == LAG_RUNNING && run->projection.active)
+        if (status == LAG_RUNNING && lag_projects(run))
             status = sw->kinks.undecided ? lag_return(run, t, y) : lag_project(run, t, y);
         if (status == LAG_RUNNING && sw->kinks.undecided && turns(run))
             status = LAG_CORNER;

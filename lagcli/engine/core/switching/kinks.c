@@ -117,8 +117,8 @@ static void look_ahead(lag_run *run, const double *a)
 {
     lag_kinks *k = &run->switching.kinks;
     const double t = run->step.t, *y = run->step.y;
-    const double d = AHEAD * (run->step.h > 0.0 ? fmin(run->step.h, run->step.t_end - run->step.t_start)
-                                                : run->step.t_end - run->step.t_start);
+    const double d = AHEAD * (run->step.h > 0.0 ? fmin(run->step.h, run->settings.t_end - run->step.t_start)
+                                                : run->settings.t_end - run->step.t_start);
     evaluate_ahead(run, d, a, run->tolerances.acceleration_terms);
     for (int i = 0; i < k->count; ++i)
         k->rounding[i] = OUT(&k->tape, i);

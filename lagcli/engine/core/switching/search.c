@@ -531,7 +531,7 @@ int lag_find_instant(lag_run *run)
         if (sampled && lag_watched_ends(run, LAG_SAMPLED, t, y, f, values, slopes))
             return -1;
     }
-    if ((t >= run->step.t_end || lag_ticks_at(run, t)) && happens_at_end(run)) {
+    if ((t >= run->settings.t_end || lag_ticks_at(run, t)) && happens_at_end(run)) {
         sw->instant = t;
         return 1;
     }

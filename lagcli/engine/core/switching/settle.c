@@ -13,9 +13,9 @@
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
 #define FORCE_EXACT 1e-13
 
-double lag_no_gap(const lag_switching *sw, int row)
+double lag_no_gap(const lag_run *run, int row)
 {
-    return sw->closed * sw->size[row];
+    return run->settings.closed * run->switching.size[row];
 }
 
 double lag_no_speed(const lag_switching *sw, int row)
@@ -113,7 +113,7 @@ static void measure_speeds(lag_run *run, const double *a)
 {
     lag_switching *sw = &run->switching;
     const int nq = run->system.nq;
-    const double time = HORIZON * (run->step.t_end - run->step.t_start);
+    const double time = HORIZON * (run->settings.t_end - run->step.t_start);
     for (int i = 0; i < sw->rows; ++i) {
         double terms = 0.0;
         for (int j = 0; j < nq; ++j)

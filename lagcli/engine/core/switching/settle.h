@@ -39,7 +39,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
 void lag_share_forces(lag_run *run, double t, const double *y);
 
 /* Tolerances of zero for the gap and the velocity of a row. */
-double lag_no_gap(const lag_switching *sw, int row);
+double lag_no_gap(const lag_run *run, int row);
 double lag_no_speed(const lag_switching *sw, int row);
 
 #endif

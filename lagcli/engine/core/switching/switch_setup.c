@@ -106,8 +106,6 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
                   .whole = lag_copy_integers(pool, given->whole, given->kinks),
                   .time = lag_copy_integers(pool, given->of_time, given->kinks),
                   .slides = -1},
-        .law_of_impact = given->law_of_impact,
-        .closed = given->closed,
         .chosen = run->method,
         .log = given->log,
         .log_rows = given->log_rows,
@@ -228,7 +226,7 @@ int lag_condition_holds(const lag_run *run, int which)
 
 double lag_gap_of_none(const lag_run *run, int row)
 {
-    return lag_no_gap(&run->switching, row);
+    return lag_no_gap(run, row);
 }
 
 int64_t lag_take_log(lag_run *run)

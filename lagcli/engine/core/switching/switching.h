@@ -133,8 +133,6 @@ typedef struct {
     const int32_t *reported;           /* 5 rows: whether to report a change of a row */
     lag_kinks kinks;
     int used;                          /* whether anything switches or is watched */
-    int law_of_impact;
-    double closed;                     /* of the size of phi: tolerance of a closed gap */
 
     /* modes */
     int *mode, *active;                /* rows */

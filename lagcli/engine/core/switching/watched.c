@@ -342,7 +342,7 @@ static double error_of_gap(const lag_run *run, int row, const double *y)
         return 0.0;
     for (int i = 0; i < run->system.nq; ++i)
         sum += fabs(sw->jacobian[row * run->system.nq + i])
-               * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]));
+               * (run->tolerances.atol[i] + run->settings.rtol * fabs(y[i]));
     return LOOSE * sum;
 }
 

@@ -41,15 +41,15 @@ static void damage(char *data, size_t bytes)
 static int run(lag_model *model, const char *method)
 {
     static const double times[] = {0.1, 0.2};
-    lag_settings *s = &model->settings;
-    const int width = 2 + 3 * model->equations.nq + model->equations.nc + s->extra;
+    lag_problem *p = &model->problem;
+    const int width = 2 + 3 * model->equations.nq + model->equations.nc + p->extra;
     double *block = malloc(2 * (size_t)width * sizeof *block);
     lag_simulation *made;
-    s->t_end = s->t_start + 1.0;
-    s->times = times;
-    s->times_count = 2;
-    s->block = block;
-    s->block_rows = 2;
+    p->settings.t_end = p->t + 1.0;
+    p->times = times;
+    p->times_count = 2;
+    p->block = block;
+    p->block_rows = 2;
     const int status = lag_make_simulation(NULL, model, method, &made);
     if (status == LAG_MODEL_READ) {
         lag_simulate(made, 3);

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "lagcore.h"
-#include "pendulum.h" /* equations, dynamics and settings of the model */
+#include "pendulum.h" /* equations, dynamics and start of the model */
 
 static long allocations; /* that are not released */
 
@@ -23,10 +23,10 @@ int main(void)
 {
     const lag_memory memory = {allocate, release, &allocations};
     static double block[SAMPLES * WIDTH];
-    settings.block = block;
-    settings.block_rows = SAMPLES;
+    problem.block = block;
+    problem.block_rows = SAMPLES;
 
-    lag_run *run = lag_create(&memory, &equations, &settings);
+    lag_run *run = lag_create(&memory, &equations, &problem);
     if (!run || lag_use_unrolled(run, &dynamics))
         return 1;
     int status = lag_start(run);

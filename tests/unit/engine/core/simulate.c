@@ -93,27 +93,27 @@ int main(int argc, char **argv)
     if (status != LAG_MODEL_READ)
         return 10 + status;
     const lag_equations *e = &model.equations;
-    width = 1 + 3 * e->nq + e->nc + 1 + model.settings.extra;
+    width = 1 + 3 * e->nq + e->nc + 1 + model.problem.extra;
     if (atoi(argv[3]))
-        model.settings.block_rows = atoi(argv[3]);
-    model.settings.block = malloc((size_t)(model.settings.block_rows * width) * sizeof(double));
+        model.problem.block_rows = atoi(argv[3]);
+    model.problem.block = malloc((size_t)(model.problem.block_rows * width) * sizeof(double));
     status = lag_make_simulation(&memory, &model, argv[2], &simulation);
     if (status != LAG_MODEL_READ)
         return 20 + status;
 
     const int steps = atoi(argv[4]);
     if (steps > 0) {
-        go_on(simulation, model.settings.block, steps);
+        go_on(simulation, model.problem.block, steps);
         const long long before = rows;
         void *saved = malloc(lag_simulation_size(simulation));
         lag_save_simulation(simulation, saved);
-        go_on(simulation, model.settings.block, 50);
+        go_on(simulation, model.problem.block, 50);
         if (lag_restore_simulation(simulation, saved))
             return 3;
         free(saved);
         rows = before;
     }
-    status = go_on(simulation, model.settings.block, -1);
+    status = go_on(simulation, model.problem.block, -1);
 
     int64_t count;
     int each;
@@ -122,7 +122,7 @@ int main(int argc, char **argv)
     const double *log = lag_log_of(simulation, &count, &each);
     print(log, count, each);
     lag_destroy_simulation(simulation);
-    free(model.settings.block);
+    free(model.problem.block);
     free(samples);
     free(data);
     return allocations ? 4 : 0;

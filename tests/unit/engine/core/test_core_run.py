@@ -83,7 +83,7 @@ def test_a_run_of_other_equations_does_not_go_back() -> None:
         other.restore(saved + bytes(len(other.save())))
 
 
-def settings_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, Any]]:
+def parts_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, Any]]:
     """Return what a run is made from."""
     made: list[Any] = []
     original = Integrator.__init__
@@ -95,24 +95,23 @@ def settings_of(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Any, dict[str, An
     monkeypatch.setattr(Integrator, "__init__", kept)
     pendulum()
     monkeypatch.undo()
-    system, constraint, settings = made[0]
-    return system, constraint, settings
+    return made[0]
 
 
-def test_settings_are_those_of_the_core_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, constraint, settings = settings_of(monkeypatch)
-    without = {name: x for name, x in settings.items() if name != "rtol"}
-    with pytest.raises(KeyError, match="rtol"):
+def test_a_problem_has_the_fields_of_the_core_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, constraint, problem = parts_of(monkeypatch)
+    without = {name: x for name, x in problem.items() if name != "rank"}
+    with pytest.raises(KeyError, match="rank"):
         Integrator(system, constraint, without)
-    with pytest.raises(TypeError, match="lag_settings has no rtoll"):
-        Integrator(system, constraint, {**settings, "rtoll": 1.0})
+    with pytest.raises(TypeError, match="lag_problem has no rang"):
+        Integrator(system, constraint, {**problem, "rang": 1})
 
 
 def test_without_memory_python_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, constraint, settings = settings_of(monkeypatch)
+    system, constraint, problem = parts_of(monkeypatch)
     monkeypatch.setattr(run.core, "lag_create", lambda *_: None)
     with pytest.raises(MemoryError):
-        Integrator(system, constraint, settings)
+        Integrator(system, constraint, problem)
 
 
 def test_every_run_is_destroyed_once(monkeypatch: pytest.MonkeyPatch) -> None:

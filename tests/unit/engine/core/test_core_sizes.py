@@ -98,7 +98,7 @@ def size_by(library: Any, data: bytes) -> float:
     memory = np.frombuffer(data, dtype=np.int64).copy()
     model, made, block = lag_model(), c_void_p(), np.empty((4, 5))
     assert library.lag_read_model(memory.ctypes.data, len(data), byref(model)) == 0
-    model.settings.block, model.settings.block_rows = block.ctypes.data, len(block)
+    model.problem.block, model.problem.block_rows = block.ctypes.data, len(block)
     assert library.lag_make_simulation(None, byref(model), b"DOP853", byref(made)) == 0
     library.lag_simulate(made, 0)
     run = library.lag_run_of(made)

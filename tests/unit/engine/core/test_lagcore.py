@@ -91,6 +91,13 @@ def objects(tmp_path_factory: pytest.TempPathFactory, headers_written: None) -> 
     return found
 
 
+def number(value: float) -> str:
+    """Return a number in C."""
+    if isinstance(value, int):
+        return str(value)
+    return value.hex() if math.isfinite(value) else "NAN" if math.isnan(value) else "INFINITY"
+
+
 class Emitter:
     """Writes a System's programs and settings as C."""
 
@@ -155,17 +162,15 @@ class Emitter:
             }
         )
 
-    def settings(self, given: dict[str, Any]) -> str:
-        """Write the settings that the binding's Integrator is given."""
+    def problem(self, given: dict[str, Any]) -> str:
+        """Write the problem that the binding's Integrator is given."""
         given = given | {"times_count": len(given["times"])}
         del given["block_rows"]
         for name in ("y", "times", "sizes", "lengths", "plain_lengths", "atol", "parameters"):
             given[name] = self.doubles(name, given[name])
         given["kind"] = self.integers("kind", given["kind"])
-        for name in ("t_start", "t_end", "rtol", "alpha", "beta"):
-            given[name] = float(given[name]).hex()
-        assert given["h_max"] == math.inf
-        given["h_max"] = "INFINITY"
+        given["t"] = float(given["t"]).hex()
+        given["settings"] = self.structure({k: number(x) for k, x in given["settings"].items()})
         return self.structure(
             {k: int(x) if x is True or x is False else x for k, x in given.items()}
         )
@@ -205,7 +210,7 @@ def test_a_c_program_integrates_as_the_binding_does(
     constants = {
         "lag_equations equations": emitter.equations(system, made[0][1]),
         "lag_program dynamics": emitter.program("dynamics", integration.in_use.dynamics),
-        "lag_settings settings": emitter.settings(made[0][2]),
+        "lag_problem problem": emitter.problem(made[0][2]),
     }
     text = "#include <math.h>\n\n" + emitter.text
     text += "".join(f"static {name} = {value};\n" for name, value in constants.items())

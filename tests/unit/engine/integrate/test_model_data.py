@@ -56,7 +56,7 @@ def simulate(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Run]:
     made, file = folder / "simulate", folder / "model"
     flags = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1"]
     # no header but the public ones, and what they include
-    for name in ("lagmodel.h", "lagcore.h", "tables.h"):
+    for name in ("lagmodel.h", "lagcore.h", "settings.h", "tables.h"):
         shutil.copy(LIBRARY.parent / name, folder)
     subprocess.run(
         [*COMPILER, *flags, f"-I{folder}", PROGRAM, LIBRARY, "-lm", "-o", made], check=True
@@ -221,12 +221,12 @@ class Simulated:
 
     def __init__(self, data: bytes, method: str, **settings: float):
         self.model = lag_model_of(data)
-        s = self.model.settings
+        problem = self.model.problem
         for name, value in settings.items():
-            setattr(s, name, value)
+            setattr(problem if hasattr(problem, name) else problem.settings, name, value)
         e = self.model.equations
-        self.block = np.empty((max(s.times_count, 1), 2 + 3 * e.nq + e.nc + s.extra))
-        s.block, s.block_rows = self.block.ctypes.data, len(self.block)
+        self.block = np.empty((max(problem.times_count, 1), 2 + 3 * e.nq + e.nc + problem.extra))
+        problem.block, problem.block_rows = self.block.ctypes.data, len(self.block)
         self.handle = c_void_p()
         self.status = STATUSES[
             parts.lag_make_simulation(None, byref(self.model), method.encode(), byref(self.handle))
@@ -263,8 +263,14 @@ def test_the_caller_may_change_settings() -> None:
     [
         ("DOP853", {"rtol": -1.0}, "number"),
         ("DOP853", {"t_end": -1.0}, "number"),
-        ("DOP853", {"h_max": 0.0}, "number"),
+        ("DOP853", {"max_step": 0.0}, "number"),
         ("DOP853", {"t_end": np.inf}, "number"),
+        ("DOP853", {"t": np.nan}, "number"),
+        ("DOP853", {"rtol": np.nan}, "number"),
+        ("DOP853", {"alpha": -1.0}, "number"),
+        ("DOP853", {"beta": -1.0}, "number"),
+        ("DOP853", {"closed": -1e-9}, "number"),
+        ("DOP853", {"alpha": np.nan, "beta": 2.0}, "read"),  # alpha from the step
         ("DOP853", {"extra": 1}, "number"),
         ("Euler", {}, "method"),
         ("Taylor", {}, "method"),  # not among the methods that the data were written for
@@ -285,9 +291,8 @@ def test_a_clock_must_have_a_period_beyond_rounding() -> None:
         (np.ctypeslib.ctypes.c_double * 3).from_address(made.model.rules.ticks.value)
     )
     ticks[1] = 1e-18
-    s = made.model.settings
     handle = c_void_p()
-    assert s.block_rows
+    assert made.model.problem.block_rows
     status = parts.lag_make_simulation(None, byref(made.model), b"DOP853", byref(handle))
     assert STATUSES[status] == "number"
 
