@@ -57,12 +57,12 @@ def steps_of(path: Path, derivation: bool = False, numeric: bool = False) -> tup
 def pages_of(path: Path) -> tuple[tuple[Step, ...], ...]:
     """Return the steps of every page that `derive` prints for a model."""
     e = equations_of(path)
-    asked = [Contents(), Contents(steps=True)]
+    asked = []
     with contextlib.suppress(UsageError):
         p = partition(e)
         asked += [Contents(("maggi",), p), Contents(("first",), p, solve=True)]
         asked += [Contents(("second",), p), Contents(("first", "second"), p, steps=True)]
-    found = []
+    found = [steps_of(path), steps_of(path, True)]
     for contents in asked:
         with contextlib.suppress(UsageError):  # the second kind needs holonomic constraints
             found.append(shown_steps(Formulas(e), contents))
