@@ -93,10 +93,12 @@ def refuse_same_file(model: str, output: str | None) -> None:
             raise UsageError(f"{output} is the model itself; choose another name for the result")
 
 
-Command = Callable[..., int | None]
+CommandFunction = Callable[..., int | None]
 
 
-def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Command], Command]:
+def with_settings(
+    *names: str, without: tuple[str, ...] = ()
+) -> Callable[[CommandFunction], CommandFunction]:
     """Decorate a command with options that form its keyword parameter ``settings``.
 
     The command receives a `SettingsOverrides`.
@@ -111,7 +113,7 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
     declared = SettingsOverrides.DECLARED
     options = tuple(_option(declared[name]) for name in names or declared if name not in without)
 
-    def decorate(function: Command) -> Command:
+    def decorate(function: CommandFunction) -> CommandFunction:
         @functools.wraps(function)
         def command(**arguments: Any) -> int | None:
             given = {option.name: arguments.pop(option.name) for option in options}

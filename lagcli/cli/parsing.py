@@ -110,10 +110,10 @@ def values(
     known = {p.name: p for p in parameters}
     ordered = [known[name] for name in given] + [p for p in parameters if not p.flags]
     ordered += [p for p in parameters if p not in ordered]
-    options = {p.name: _value(p, texts.get(p.name)) for p in ordered}
+    results = {p.name: _value(p, texts.get(p.name)) for p in ordered}
     if rest:
         raise CommandLineError(f"Got unexpected extra argument(s) ({' '.join(rest)})")
-    return options
+    return results
 
 
 def _value(parameter: CommandParameter, texts: list[str] | None) -> Any:
