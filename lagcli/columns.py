@@ -355,6 +355,14 @@ def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
     return None if "{" in quantity.unit else quantity.unit
 
 
+def impulse_unit(multiplier_unit: str | None) -> str | None:
+    """Return the unit of the impulse of a constraint: that of its multiplier, times s."""
+    if not multiplier_unit or multiplier_unit == "1":
+        return "s" if multiplier_unit == "1" else multiplier_unit
+    numerator, slash, denominator = multiplier_unit.partition("/")
+    return f"{numerator}*s{slash}{denominator}"
+
+
 def column_names(
     quantity: ResultQuantity,
     coordinates: Sequence[str],

@@ -190,4 +190,6 @@ def _rendered(error: LagcliError) -> str:
 
 
 def _say(text: str) -> None:
-    print(text, file=sys.stderr)
+    from lagcli.cli.styles import print_problem
+
+    print_problem(text)

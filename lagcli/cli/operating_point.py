@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from lagcli.cli.options import assignments, refuse_same_file
 from lagcli.cli.parameters import Option
-from lagcli.cli.streams import print_text, tell
+from lagcli.cli.streams import tell
+from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ def print_analysis(
     if json:
         print(to_json(content))
     elif written is None:
-        print_text(text)
+        print_listing(text)
     elif not quiet:
         tell(f"{text}\n  written  {written}")
 

@@ -1,4 +1,4 @@
-"""Standard streams: closed or full ones, escape sequences, line width, colour."""
+"""Standard streams: closed or full ones, escape sequences, line width."""
 
 from __future__ import annotations
 
@@ -10,19 +10,12 @@ import sys
 import unicodedata
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from enum import IntEnum
 from typing import Any, TextIO
 
 from lagcli.errors import FileError
 
 #: Width of text without a terminal, and smallest and largest width on a terminal.
 WIDTH, NARROWEST, WIDEST = 100, 60, 120
-
-
-class Colour(IntEnum):
-    """Text colours, by their codes in escape sequences."""
-
-    DEFAULT, RED, GREEN = 0, 31, 32
 
 
 #: Characters that a terminal interprets or hides: control characters, marks of text direction, line
@@ -177,30 +170,6 @@ def fitted(text: str, width: int) -> str:
         else:
             lines += wrapped(line[below:], width, label[0], " " * below)
     return "\n".join(lines)
-
-
-def print_text(text: str) -> None:
-    """Print text, fitted to the terminal if it goes to one."""
-    print(fitted(text, text_width()) if sys.stdout.isatty() else text)
-
-
-def print_coloured(text: str, word: str, colour: Colour, stream: TextIO) -> None:
-    """Print text with the first occurrence of a word in a colour.
-
-    Escape sequences in the text itself are shown, not interpreted.
-    """
-    before, coloured, after = text.partition(word)
-    print(before, end="", file=stream)
-    _command(stream, colour)
-    print(coloured, end="", file=stream)
-    _command(stream, Colour.DEFAULT)
-    print(after, file=stream)
-
-
-def _command(stream: TextIO, colour: Colour) -> None:
-    """Write an escape sequence without escaping it."""
-    stream.flush()
-    os.write(stream.fileno(), f"\x1b[{colour}m".encode())
 
 
 def has_colour(stream: TextIO, refused: bool = False) -> bool:

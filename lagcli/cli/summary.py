@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any
@@ -12,14 +11,16 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.cli.streams import visible_json
-from lagcli.columns import RESIDUALS, ColumnName, unit_of_column
+from lagcli.cli.streams import visible, visible_json
+from lagcli.columns import RESIDUALS, ColumnName, impulse_unit, unit_of_column
 from lagcli.errors import LagcliError
 from lagcli.model.model import Model
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
 
-_LISTED = 20  # largest number of multipliers in a summary
+_LISTED = 20  # largest number of names and of lines of a list in a summary
+#: Columns of the labels of a summary.
+LABEL = 14
 
 
 def summarize(
@@ -72,6 +73,15 @@ def summarize(
             }
             for name, extreme in extremes.multipliers.items()
             if known(extreme.low) is not None
+        },
+        "impulses": {}
+        if record.events is None
+        else {
+            name: {
+                **impulses,
+                "unit": impulse_unit(unit_of_column(ColumnName("multipliers", name), record.units)),
+            }
+            for name, impulses in record.events.impulses(tuple(extremes.multipliers)).items()
         },
         "events": None if record.events is None else record.events.to_mapping(),
         "parameters": record.parameters,
@@ -144,98 +154,112 @@ def _absolute(summary: Mapping[str, Any]) -> str:
     return f"{listed}{', …' if len(given) > 4 else ''}, others by their size{between}"
 
 
-def format_summary(summary: Mapping[str, Any], model: Model) -> str:
-    """Return the summary as text of at most 100 columns."""
-    s = summary
-    end = f" to {s['t_end']:.6g} s" if s["t_end"] is not None else ""
-    method = f"  {'method':<12}{s['method']} with {s['formulation']}:"
-    counts = f"{s['steps']} steps, {s['rejected']} rejected, {s['evaluations']} evaluations"
-    fits = len(method) + 1 + len(counts) <= 100
-    lines = [
-        f"{model.name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
-        *([f"{method} {counts}"] if fits else [method, f"  {'':<12}{counts}"]),
-    ]
-    if s["choice"]:
-        wrapped = textwrap.wrap(s["choice"], 86, break_on_hyphens=False)
-        lines += [f"  {'':<12}{line}" for line in wrapped]
-    lines += [f"  {'warning':<12}{warning}" for warning in s["warnings"]]
-    lines.append(f"  {'tolerance':<12}rtol {s['rtol']:g}, atol {_absolute(s)}")
-    if s["status"] in ENDED and s["message"]:
-        lines.append(f"  {'':<12}{s['message']}")
-    moved = s["initial_correction"]
-    if moved:
-        from lagcli.results.listing import told_apart
+def format_summary(summary: Mapping[str, Any], model: Model, columns: int = 100) -> str:
+    """Return the summary as text.
 
-        lines.append(f"  {'start':<12}adjusted to satisfy the constraints:")
-        width = max(map(len, moved))
-        lines += [
-            f"    {k:<{width}}  {' → '.join(told_apart(before, after, 10))}"
-            for k, (before, after) in moved.items()
-        ]
+    Parameters
+    ----------
+    summary : mapping
+        Result of `summarize`.
+    model : Model
+    columns : int
+        Length of the longest line.
+    """
+    from lagcli.results.listing import entry
+
+    s = summary
+
+    def said(label: str, text: str) -> None:
+        lines.extend(entry(f"  {label}" if label else "", visible(text), LABEL, columns))
+
+    end = f" to {s['t_end']:.6g} s" if s["t_end"] is not None else ""
+    span = f"t = {s['t_start']:.6g}{end}, {s['samples']} samples"
+    lines = entry("", f"{visible(model.name)}: {s['status']}, {span}", 0, columns)
+    said(
+        "method",
+        f"{s['method']} with {s['formulation']}: {s['steps']} steps, {s['rejected']} rejected,"
+        f" {s['evaluations']} evaluations",
+    )
+    said("", s["choice"] or "")
+    for warning in s["warnings"]:
+        said("warning", warning)
+    said("tolerance", f"rtol {s['rtol']:g}, atol {_absolute(s)}")
+    if s["status"] in ENDED:
+        said("", s["message"])
+    lines += _start(s["initial_correction"], columns)
     if s["redundant"]:
-        lines += _redundancy(s, model)
+        said("constraints", _redundancy(s, model))
     if s["nonlinear"]:
         names = ", ".join(s["nonlinear"][:_LISTED]) + ", …" * (len(s["nonlinear"]) > _LISTED)
-        lines.append(f"  {'postulate':<12}Chetaev's rule: the force of {names} is along ∂ψ/∂q̇")
+        said("postulate", f"Chetaev's rule: the force of {names} is along ∂ψ/∂q̇")
     residuals = [f"{q.label} {s[q.name]:.1e}" for q in RESIDUALS if s[q.name] is not None]
     if residuals:
-        lines.append(
-            f"  {'residuals':<12}{', '.join(residuals)} (largest, relative to each constraint's"
-            " scale)"
-        )
+        worst = f"{', '.join(residuals)} (largest, relative to each constraint's scale)"
+        said("residuals", worst)
     scale = s["energy_scale"]
     relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""
-    lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
+    said("energy", f"balance within {s['energy_balance']:.1e} J{relative}")
     if s["conserved"]:
-        lines += _conserved(s["conserved"])
+        said("conserved", _conserved(s["conserved"]))
     if s.get("kinks"):
         times = "once" if s["kinks"] == 1 else f"{s['kinks']} times, each"
-        lines.append(f"  {'kinks':<12}crossed {times} at the end of a step")
+        said("kinks", f"crossed {times} at the end of a step")
     if s["events"] is not None:
-        lines += _events(s["events"])
-    if s["multipliers"]:
-        listed = dict(islice(s["multipliers"].items(), _LISTED))
-        labels = {
-            n: f"lambda.{n} [{m['unit']}]" if m["unit"] else f"lambda.{n}"
-            for n, m in listed.items()
-        }
-        width = max(map(len, labels.values()))
-        lines.append("  multipliers")
-        for n, m in listed.items():
-            lines.append(
-                f"    {labels[n]:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"
-                f"  max {m['max']:>13.6g} at t = {m['t_max']:.4g}"
-            )
-        if len(s["multipliers"]) > _LISTED:
-            where = f"lagcli info {s['output']}" if s["output"] not in (None, "-") else "--json"
-            lines.append(f"    … {len(s['multipliers']) - _LISTED} more ({where})")
+        from lagcli.trajectory.event_log import event_sentences
+
+        for i, sentence in enumerate(event_sentences(s["events"])):
+            said("" if i else "events", sentence)
+    lines += _forces(s, columns)
     if s["sensitivity"]:
         of = "q, v and λ" if s["events"] is None else "q, v, λ and times of events"
-        lines.append(f"  {'derivatives':<12}of {of} with respect to {', '.join(s['sensitivity'])}")
+        said("derivatives", f"of {of} with respect to {', '.join(s['sensitivity'])}")
     total = s["seconds"]["total"]
-    lines.append(
-        f"  {'time':<12}{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s"
-    )
+    said("time", f"{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s")
     if s["output"]:
-        lines.append(f"  {'written':<12}{'standard output' if s['output'] == '-' else s['output']}")
+        said("written", "standard output" if s["output"] == "-" else s["output"])
     else:
-        lines.append(f"  {'written':<12}nothing (-o run.h5 keeps the trajectory)")
+        said("written", "nothing (-o run.h5 keeps the trajectory)")
     return "\n".join(lines)
 
 
-def _events(log: Mapping[str, Any]) -> list[str]:
-    """Return the lines on contacts and events."""
-    from lagcli.trajectory.event_log import event_sentences
+def _start(moved: Mapping[str, Sequence[float]], columns: int) -> list[str]:
+    """Return the lines on initial values that were adjusted."""
+    if not moved:
+        return []
+    from lagcli.results.listing import entry, told_apart
 
-    lines = [
-        line
-        for sentence in event_sentences(log)
-        for line in textwrap.wrap(sentence, 86, break_on_hyphens=False)
+    lines = entry("  start", "adjusted to satisfy the constraints:", LABEL, columns)
+    listed = dict(islice(moved.items(), _LISTED))
+    width = max(map(len, listed))
+    lines += [
+        f"    {name:<{width}}  {' → '.join(told_apart(before, after, 10))}"
+        for name, (before, after) in listed.items()
     ]
-    return [f"  {'events' if not i else '':<12}{line}" for i, line in enumerate(lines)]
+    if len(moved) > _LISTED:
+        lines.append(f"    … {len(moved) - _LISTED} more (--json)")
+    return lines
 
 
-def _conserved(drifts: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _forces(summary: Mapping[str, Any], columns: int) -> list[str]:
+    """Return the lines on multipliers and impulses: smallest and largest values, and where."""
+    multipliers = {f"lambda.{n}": x for n, x in summary["multipliers"].items()}
+    impulses = {f"impulse.{n}": x for n, x in summary["impulses"].items()}
+    if not multipliers:
+        return []
+    from lagcli.results.ranges import range_lines, ranges_of
+
+    units = {n: x["unit"] for n, x in (multipliers | impulses).items()}
+    forces, strokes = ranges_of(multipliers, units), ranges_of(impulses, units)
+    lines = range_lines([*forces[:_LISTED], *strokes[:_LISTED]], columns, 4)
+    hidden = max(0, len(forces) - _LISTED) + max(0, len(strokes) - _LISTED)
+    if hidden:
+        output = summary["output"]
+        where = f"lagcli info {output}" if output not in (None, "-") else "--json"
+        lines.append(f"    … {hidden} more ({where})")
+    return ["  multipliers", *lines]
+
+
+def _conserved(drifts: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the drift of the monitored conserved quantities."""
     shown = [
         f"{name} = {x['first']:.6g} within {x['drift']:.1e}"
@@ -243,13 +267,13 @@ def _conserved(drifts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     ]
     if len(drifts) > _LISTED:
         shown.append(f"and {len(drifts) - _LISTED} more (--json lists all)")
-    first, *rest = textwrap.wrap("; ".join(shown), 86, break_on_hyphens=False)
-    return [f"  {'conserved':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]
+    return "; ".join(shown)
 
 
-def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
-    """Return the line on redundant constraints."""
+def _redundancy(summary: Mapping[str, Any], model: Model) -> str:
+    """Return the sentence on redundant constraints."""
     from lagcli.model.locations import lines_of
+    from lagcli.results.listing import folded
 
     surplus = sum(x["surplus"] for x in summary["redundant"])
     freedom = summary["degrees_of_freedom"]
@@ -259,8 +283,9 @@ def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
     )
     sets = []
     for redundant in summary["redundant"]:
-        names = ", ".join(redundant["constraints"][:_LISTED])
-        more = len(redundant["constraints"]) - _LISTED
+        named = folded((name, "") for name in redundant["constraints"])
+        names = ", ".join(named[:_LISTED])
+        more = len(named) - _LISTED
         names += f" and {more} more" if more > 0 else ""
         follow = "follows" if redundant["surplus"] == 1 else "follow"
         where = lines_of(model, redundant["constraints"])
@@ -268,9 +293,11 @@ def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
             f"{redundant['surplus']} of {names}{f' ({where})' if where else ''} {follow} from the"
             " others"
         )
-    text += "; ".join(sets) + (
-        "; their multipliers are not unique, the constraint forces are; remove redundant"
-        " constraints for unique multipliers"
+    return (
+        text
+        + "; ".join(sets)
+        + (
+            "; their multipliers are not unique, the constraint forces are; remove redundant"
+            " constraints for unique multipliers"
+        )
     )
-    first, *rest = textwrap.wrap(text, 86)
-    return [f"  {'constraints':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]

@@ -6,19 +6,22 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import RESIDUALS, ColumnName
+from lagcli.columns import RESIDUALS, ColumnName, impulse_unit
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import WIDTH, entry, folded, number, pairs, told_apart
 from lagcli.results.metadata import KIND, model_name, to_metadata
+from lagcli.results.ranges import ValueRange, by_family, range_lines, ranges_of
 from lagcli.trajectory.event_log import event_sentences
 from lagcli.trajectory.extremes import Extremes, known
 
-_LABEL = 20
+#: Columns of the labels.
+LABEL = 20
+_TIMES = {"t_min": "time_min", "t_max": "time_max"}
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -44,7 +47,8 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         the constraint's own scale), of ``residual_equation``, and of ``energy_balance``
         (``max``, and ``relative`` to the largest \\|T\\| + \\|V\\|); ``conserved`` quantities by
         name (``formula``, ``first`` value and largest ``drift`` from it); ``multipliers`` by
-        constraint (``min``, ``max``, ``time_min``, ``time_max``). What the file does not
+        constraint (``min``, ``max``, ``time_min``, ``time_max``); ``impulses`` of those that have
+        some, with their ``sum`` and ``count`` too. What the file does not
         say is None, or empty.
 
     Raises
@@ -93,6 +97,12 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         },
         "sensitivity": list(file.sensitivity),
         "events": None if file.record.events is None else file.record.events.to_mapping(),
+        "impulses": {}
+        if file.record.events is None
+        else {
+            name: {_TIMES.get(k, k): x for k, x in impulses.items()}
+            for name, impulses in file.record.events.impulses(file.constraints).items()
+        },
         "time": {"first": known(extremes.first), "last": known(extremes.last)},
         **{
             q.name: _residuals(
@@ -137,7 +147,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     str
         Lines without a final newline.
     """
-    _entry = partial(entry, width=_LABEL, columns=columns)
+    _entry = partial(entry, width=LABEL, columns=columns)
     _table = partial(table, columns=columns)
     sizes, time, units = info["sizes"], info["time"], info["units"]
     balance = info["energy_balance"]
@@ -196,27 +206,54 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
             },
         )
     if info["constraints"]:
+        residuals = _residual_rows(info)
         lines += _table(
-            ("constraint residual", "position", "scaled", "velocity", "scaled"),
-            {
-                _with_unit(name, units.get(str(ColumnName("residual_position", name)))): [
-                    number(info[field][name][key], 3)
-                    for field in (q.name for q in RESIDUALS)
-                    for key in ("max", "scaled")
-                ]
-                for name in info["constraints"]
-            },
+            ("constraint residual", "position", "scaled", "velocity", "scaled"), residuals
         )
-        lines += _table(
-            ("multiplier", "min", "at time", "max", "at time"),
-            {
-                _with_unit(name, units.get(str(ColumnName("multipliers", name)))): [
-                    number(extreme[k]) for k in ("min", "time_min", "max", "time_max")
-                ]
-                for name, extreme in info["multipliers"].items()
-            },
-        )
+        lines += ["", "multiplier: min … max", *range_lines(_forces(info), columns)]
     return "\n".join(lines)
+
+
+class _Residual(NamedTuple):
+    """The largest residuals of a constraint: position, scaled, velocity, scaled."""
+
+    name: str
+    unit: str
+    values: list[float | None]
+
+
+def _residual_rows(info: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return the largest residuals of each constraint, or of each family of constraints."""
+    rows = [
+        _Residual(
+            name,
+            info["units"].get(str(ColumnName("residual_position", name))) or "",
+            [info[q.name][name][key] for q in RESIDUALS for key in ("max", "scaled")],
+        )
+        for name in info["constraints"]
+    ]
+    shown = {}
+    for name, members in by_family(rows):
+        columns = zip(*(x.values for x in members), strict=True)
+        worst = (max((x for x in column if x is not None), default=None) for column in columns)
+        shown[_with_unit(name, members[0].unit)] = [number(x, 3) for x in worst]
+    return shown
+
+
+def _forces(info: Mapping[str, Any]) -> list[ValueRange]:
+    """Return the ranges of the multipliers, and of the impulses of contacts."""
+    units = {
+        name: info["units"].get(str(ColumnName("multipliers", name)))
+        for name in info["constraints"]
+    }
+    back = {new: old for old, new in _TIMES.items()}
+    multipliers, impulses = (
+        {name: {back.get(k, k): x for k, x in one.items()} for name, one in info[kind].items()}
+        for kind in ("multipliers", "impulses")
+    )
+    strokes = {f"impulse.{name}": x for name, x in impulses.items()}
+    stroke_units = {f"impulse.{name}": impulse_unit(units[name]) for name in impulses}
+    return ranges_of(multipliers, units) + ranges_of(strokes, stroke_units)
 
 
 def _table_of(table: Mapping[str, Any]) -> str:

@@ -60,13 +60,30 @@ def cause(message: str) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
-class RowStatus:
-    """The status of each row of a sweep, and the causes of failures.
+class MeasureRange(NamedTuple):
+    """Smallest and largest value of a measure, and the first rows that have them.
 
     Parameters
     ----------
-    length : int
-        The number of rows.
+    low : float
+    low_row : int
+    high : float
+    high_row : int
+    """
+
+    low: float
+    low_row: int
+    high: float
+    high_row: int
+
+
+class RowStatus:
+    """The status of each row of a sweep, the causes of failures, and the ranges of measures.
+
+    Parameters
+    ----------
+    length, measures : int
+        The numbers of rows and of measures.
 
     Attributes
     ----------
@@ -74,7 +91,8 @@ class RowStatus:
         As in `lagcli.sweeps.row_results.Results`.
     """
 
-    def __init__(self, length: int):
+    def __init__(self, length: int, measures: int = 0):
+        self._ranges: list[MeasureRange | None] = [None] * measures
         self.status = np.full(length, MISSING, dtype=np.int8)
         self._cause = np.zeros(length, dtype=np.int16)
         self._causes = {"": 0}
@@ -83,6 +101,8 @@ class RowStatus:
         """Record results; later ones of a row replace earlier ones."""
         self.status[results.numbers] = results.status
         self._cause[results.numbers] = 0
+        columns = zip(self._ranges, results.measures.T, strict=bool(self._ranges))
+        self._ranges = [_widened(so_far, column, results.numbers) for so_far, column in columns]
         warned = np.array([text.startswith(WARNING) for text in results.messages], dtype=bool)
         for i in np.flatnonzero((results.status != COMPLETED) | warned):
             text = cause(results.messages[i])
@@ -105,6 +125,10 @@ class RowStatus:
         """Return the number of rows of a status."""
         return int(np.count_nonzero(self.status == status))
 
+    def ranges(self) -> list[MeasureRange | None]:
+        """Return the range of each measure over the completed rows; None without a value."""
+        return list(self._ranges)
+
     def failures(self) -> dict[str, int]:
         """Return the numbers of rows that failed, by cause, the most frequent first."""
         return self._counted(self._cause[self.status != COMPLETED])
@@ -122,6 +146,23 @@ class RowStatus:
     def statuses(self) -> dict[str, int]:
         """Return the numbers of rows by status."""
         return {name: self.count(i) for i, name in enumerate(STATUSES) if self.count(i)}
+
+
+def _widened(so_far: MeasureRange | None, values: Array, rows: Numbers) -> MeasureRange | None:
+    """Return a range that includes more values; NaN is none."""
+    (known,) = np.nonzero(~np.isnan(values))
+    if not len(known):
+        return so_far
+    low, high = known[values[known].argmin()], known[values[known].argmax()]
+    new = MeasureRange(float(values[low]), int(rows[low]), float(values[high]), int(rows[high]))
+    if so_far is None:
+        return new
+    return MeasureRange(*min(so_far[:2], new[:2]), *_larger(so_far[2:], new[2:]))
+
+
+def _larger(one: tuple[float, int], other: tuple[float, int]) -> tuple[float, int]:
+    """Return the larger of two values with their rows; of equal ones, that of the first row."""
+    return min(one, other, key=lambda x: (-x[0], x[1]))
 
 
 class MissingRows:

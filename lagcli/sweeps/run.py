@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lagcli.column_units import NOT_STATED
 from lagcli.engine.contract import Interrupted
 from lagcli.errors import FileError
 from lagcli.model.model import Model
@@ -55,6 +56,9 @@ class Summary:
     seconds : float
     keep : str
     measures : list of str
+    ranges : dict of str to dict
+        Of the measures that have values: ``min``, ``max``, the rows ``row_min`` and ``row_max`` of
+        these, and the ``unit``, None if it is not known.
     notes : list of str
         Problems of the journal of a resumed sweep.
     """
@@ -71,6 +75,7 @@ class Summary:
     seconds: float
     keep: str
     measures: list[str]
+    ranges: dict[str, dict[str, Any]]
     notes: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -235,6 +240,17 @@ class _Sweep:
             seconds=seconds,
             keep=spec.keep,
             measures=[name for name, _ in spec.measures],
+            ranges={
+                column.name: {
+                    "min": known.low,
+                    "row_min": known.low_row,
+                    "max": known.high,
+                    "row_max": known.high_row,
+                    "unit": None if column.unit == NOT_STATED else column.unit,
+                }
+                for column, known in zip(self.prepared.measures, row_status.ranges(), strict=True)
+                if known is not None
+            },
             notes=self.state.notes,
         )
 

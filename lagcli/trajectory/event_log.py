@@ -294,10 +294,46 @@ class EventLog:
 
         All entries of one impact contain its impulses, which are counted once.
         """
-        again = np.zeros(len(self), dtype=bool)
+        return np.asarray(self.impulse[self._impacts()].sum(axis=0))
+
+    def _impacts(self) -> Array:
+        """Return a mask of the first entry of each impact."""
+        first = np.ones(len(self), dtype=bool)
         same = (self.impulse[1:] == self.impulse[:-1]).all(axis=1)
-        again[1:] = same & (self.time[1:] == self.time[:-1])
-        return np.asarray(self.impulse[~again].sum(axis=0))
+        first[1:] = ~(same & (self.time[1:] == self.time[:-1]))
+        return first
+
+    def impulses(self, constraints: Sequence[str]) -> dict[str, dict[str, float]]:
+        """Return the ranges of the impulses of the constraints that have some.
+
+        Parameters
+        ----------
+        constraints : sequence of nc str
+            Names, in the model's order.
+
+        Returns
+        -------
+        dict of str to dict
+            ``min``, ``max`` and their times ``t_min``, ``t_max``, s; ``sum``, and the ``count``
+            of impulses other than zero.
+        """
+        first = self._impacts()
+        time, impulses = self.time[first], self.impulse[first]
+        ranges = {}
+        for name, column in zip(constraints, impulses.T, strict=True):
+            (struck,) = np.nonzero(column)
+            if len(struck):
+                values = column[struck]
+                low, high = int(values.argmin()), int(values.argmax())
+                ranges[name] = {
+                    "min": float(values[low]),
+                    "t_min": float(time[struck[low]]),
+                    "max": float(values[high]),
+                    "t_max": float(time[struck[high]]),
+                    "sum": float(values.sum()),
+                    "count": len(struck),
+                }
+        return ranges
 
     def to_mapping(self) -> dict[str, Any]:
         """Return a summary of the log as JSON values.

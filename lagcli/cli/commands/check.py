@@ -1,6 +1,5 @@
 """`lagcli check`: analysis of a model at its initial state."""
 
-import sys
 from typing import Annotated
 
 from lagcli.cli.options import Json, ModelPath, SetInitial, SetParameter, assignments
@@ -46,5 +45,6 @@ def check(
         return
     from lagcli.analysis.check.description import page
     from lagcli.cli.streams import text_width
+    from lagcli.cli.styles import print_page
 
-    sys.stdout.write(page(result, width or min(80, text_width())))
+    print_page(page(result, width or min(80, text_width())))

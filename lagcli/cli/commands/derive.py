@@ -139,7 +139,12 @@ def derive(
     if not text.endswith("\n"):
         text += "\n"
     if target is None:
-        sys.stdout.write(visible_json(text) if json or format == Format.json else text)
+        if json or format != Format.text:
+            sys.stdout.write(visible_json(text) if json or format == Format.json else text)
+        else:
+            from lagcli.cli.styles import print_page
+
+            print_page(text)
         return
     with whole_file(target, force) as file:
         file.write(text.encode())

@@ -56,7 +56,7 @@ def fit(
     from lagcli.analysis.fit.file import check_written, write_fit, write_model
     from lagcli.analysis.fit.fit import fit as run_fit
     from lagcli.analysis.fit.result import format_fit
-    from lagcli.cli.streams import print_text
+    from lagcli.cli.styles import print_listing
     from lagcli.cli.summary import to_json
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable
@@ -89,7 +89,7 @@ def fit(
         described = result.as_dict()
         print(to_json({"command": "fit", **described, "output": output, "written": write}))
     elif not quiet:
-        print_text(format_fit(result))
+        print_listing(format_fit(result))
         for label, path in (("written", output), ("model", write)):
             if path:
                 print(f"  {label:<12}{path}")

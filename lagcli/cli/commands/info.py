@@ -17,18 +17,19 @@ def info(
     json: Json = False,
 ) -> None:
     """Describe a result file: status, residuals, λ, provenance."""
-    from lagcli.cli.streams import print_text
+    from lagcli.cli.styles import print_listing
 
-    description, text = _described(file)
+    description, text, column = _described(file)
     if json:
         from lagcli.cli.summary import to_json
 
         print(to_json(description))
     else:
-        print_text(text)
+        print_listing(text, column)
 
 
-def _described(file: str) -> tuple[dict[str, Any], str]:
+def _described(file: str) -> tuple[dict[str, Any], str, int | None]:
+    """Return the content of a file, its text, and the columns of the text's labels."""
     from lagcli.cli.streams import text_width
     from lagcli.results.formats import format_read
 
@@ -37,16 +38,16 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
         from lagcli.sweeps.file.store import is_sweep
 
         if analysis_kind(file):
-            return _analysis(file)
+            return *_analysis(file), None
         if is_sweep(file):
-            from lagcli.sweeps.file.description import describe_sweep, format_sweep
+            from lagcli.sweeps.file.description import LABEL, describe_sweep, format_sweep
 
             content = describe_sweep(file)
-            return content, format_sweep(content, text_width())
-    from lagcli.results.info import describe, format_info
+            return content, format_sweep(content, text_width()), LABEL
+    from lagcli.results.info import LABEL, describe, format_info
 
     content = describe(file)
-    return content, format_info(content, text_width())
+    return content, format_info(content, text_width()), LABEL
 
 
 def _analysis(file: str) -> tuple[dict[str, Any], str]:

@@ -21,14 +21,8 @@ from lagcli.cli.options import (
     with_settings,
 )
 from lagcli.cli.parameters import Option
-from lagcli.cli.streams import (
-    Colour,
-    fitted,
-    has_colour,
-    print_coloured,
-    tell,
-    text_width,
-)
+from lagcli.cli.streams import text_width
+from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
@@ -129,16 +123,8 @@ def simulate(
         print(summary.to_json(result))
     elif not quiet:
         stream = sys.stderr if output == "-" else sys.stdout
-        text = fitted(summary.format_summary(result, loaded), text_width(stream))
-        if has_colour(stream, no_color):
-            colour = Colour.GREEN if record.status in ENDED else Colour.RED
-            print_coloured(text, record.status, colour, stream)
-        elif output == "-":
-            print(text, file=sys.stderr)
-        elif written:
-            tell(text)
-        else:
-            print(text)
+        text = summary.format_summary(result, loaded, text_width(stream))
+        print_listing(text, summary.LABEL, stream, plain=no_color, lost=bool(written))
     if record.status in ENDED:
         for warning in record.warnings:
             print(f"{'error' if strict else 'warning'}: {warning}", file=sys.stderr)

@@ -21,11 +21,13 @@ from lagcli.cli.options import (
     with_settings,
 )
 from lagcli.cli.parameters import Option
-from lagcli.cli.streams import print_notes, tell, visible
+from lagcli.cli.streams import print_notes, text_width, visible
+from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
-_CAUSES = 10  # largest number of causes of failure in the summary
+_CAUSES, _MEASURES = 10, 20  # largest numbers of causes and measures in the summary
+_LABEL = 12  # columns of its labels
 
 
 class Keep(StrEnum):
@@ -163,7 +165,7 @@ def sweep(
 
         print(to_json(summary.as_dict()))
     elif not quiet:
-        tell(_text(summary))
+        print_listing(_text(summary, text_width()), _LABEL, plain=no_color, lost=True)
     for warning, count in summary.warnings.items():
         print(f"warning: {count} of {summary.rows} rows: {visible(warning)}", file=sys.stderr)
     if summary.status == "interrupted":
@@ -206,22 +208,39 @@ def _kept(summary: Any) -> str:
     )
 
 
-def _text(summary: Any) -> str:
-    """Return the summary as text of at most 100 columns."""
+def _text(summary: Any, columns: int) -> str:
+    """Return the summary as text."""
+    from lagcli.results.listing import entry
+    from lagcli.results.ranges import ValueRange, families_of, range_lines
+
     s = summary
     lines = [f"{s.status}: {s.done} of {s.rows} rows, {s.ok} good"]
+
+    def said(label: str, text: str) -> None:
+        lines.extend(entry(f"  {label}", text, _LABEL, columns))
+
     if s.done > s.run:
-        lines.append(f"  {'found':<10}{s.done - s.run} rows done before, {s.run} run now")
+        said("found", f"{s.done - s.run} rows done before, {s.run} run now")
     causes = list(s.failed.items())
     for i, (cause, count) in enumerate(causes[:_CAUSES]):
-        text = cause if len(cause) <= 75 else cause[:74] + "…"
-        lines.append(f"  {'failed' if not i else '':<10}{count:>7}  {text}")
+        said("" if i else "failed", f"{count}: {cause}")
     if len(causes) > _CAUSES:
-        lines.append(f"  {'':<10}and {len(causes) - _CAUSES} more causes (--json lists all)")
+        said("", f"and {len(causes) - _CAUSES} more causes (--json lists all)")
+    ranges = [
+        ValueRange(
+            name, x["unit"] or "", x["min"], f"run {x['row_min']}", x["max"], f"run {x['row_max']}"
+        )
+        for name, x in s.ranges.items()
+    ]
+    if ranges:
+        shown = families_of(ranges)
+        lines += ["  measures", *range_lines(shown[:_MEASURES], columns, 4)]
+        if len(shown) > _MEASURES:
+            lines.append(f"    … {len(shown) - _MEASURES} more (lagcli info {s.output})")
     speed = f", {s.rows_per_second:.4g} rows per second" if s.run else ""
-    lines.append(f"  {'time':<10}{s.seconds:.2f} s{speed}")
+    said("time", f"{s.seconds:.2f} s{speed}")
     count = len(s.measures)
     kept = "trajectories" if s.keep == "trajectories" else f"{count} measure{'s' * (count != 1)}"
     if s.status == "completed":
-        lines.append(f"  {'written':<10}{s.output}: {kept} of each row")
+        said("written", f"{s.output}: {kept} of each row")
     return "\n".join(lines)

@@ -219,13 +219,14 @@ class ConsistentSearch:
         """Return the adjusted values by name, as in `ConsistentState`."""
         names = self.system.coordinates
         moved = dict[str, tuple[float, float]]()
-        for name, x, y in zip(names, q.tolist(), new_q.tolist(), strict=True):
-            if x != y:
-                moved[name] = x, y
-        turning = {place for spin in self.spins for place in spin.places}
-        for i, (x, y) in enumerate(zip(v.tolist(), new_v.tolist(), strict=True)):
-            if x != y and i not in turning:
-                moved[f"{names[i]}'"] = x, y
+        if (q != new_q).any() or (v != new_v).any():
+            noise, noise_of_rates = self.noise(new_q, new_v)
+            for i in np.flatnonzero(np.abs(new_q - q) > noise):
+                moved[names[i]] = float(q[i]), float(new_q[i])
+            turning = {place for spin in self.spins for place in spin.places}
+            for i in np.flatnonzero(np.abs(new_v - v) > noise_of_rates):
+                if i not in turning:
+                    moved[f"{names[i]}'"] = float(v[i]), float(new_v[i])
         for spin in self.spins:
             places = list(spin.places)
             if not q[places].any():
@@ -236,6 +237,17 @@ class ConsistentSearch:
                 if abs(x - y) > rounding:
                     moved[label] = x, y
         return moved
+
+    def noise(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return bounds of the rounding errors of coordinates and of velocities, (nq,) each.
+
+        The search leaves such errors, also of values that are 0: relative to what counts as equal
+        among the other coordinates, and for velocities to the coordinates per second.
+        """
+        sizes = self.evaluator.sizes(self.t, q, v)
+        reach = _reach(q, sizes)
+        rates = np.maximum(np.abs(v), largest(v, sizes) * sizes)
+        return _ROUNDING * reach, _ROUNDING * np.maximum(rates, reach)
 
     def elimination(self, q: Array, v: Array) -> Elimination | None:
         """Return a sparse elimination that proves a large system to be regular, or None.
@@ -633,9 +645,12 @@ _PART = 0.05
 
 def coordinate_reach(evaluator: Evaluator, state: State) -> Array:
     """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate."""
-    sizes = evaluator.sizes(state.t, state.q, state.v)
-    most = largest(state.q, sizes) or 1.0
-    return np.maximum(np.abs(state.q), np.minimum(most * sizes, 1.0))
+    return _reach(state.q, evaluator.sizes(state.t, state.q, state.v))
+
+
+def _reach(q: Array, sizes: Array) -> Array:
+    most = largest(q, sizes) or 1.0
+    return np.maximum(np.abs(q), np.minimum(most * sizes, 1.0))
 
 
 def almost_dependent(system: System, state: State, rank: int) -> tuple[str, ...]:

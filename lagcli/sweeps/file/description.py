@@ -14,7 +14,8 @@ from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
-_LABEL = 14
+#: Columns of the labels.
+LABEL = 14
 _LONGEST = 120  # largest number of characters of the description of one varied quantity
 
 
@@ -73,7 +74,7 @@ def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
 
 def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     """Return the text that ``lagcli info`` prints for a sweep file, with a given line width."""
-    _entry = partial(entry, width=_LABEL, columns=columns)
+    _entry = partial(entry, width=LABEL, columns=columns)
     rows = info["rows"]
     lines = _entry(
         "file",

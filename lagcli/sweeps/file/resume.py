@@ -32,7 +32,7 @@ def opened(
     if retry_failed and not resume:
         raise UsageError("--retry-failed requires --resume")
     journal_path = journal_of(path)
-    row_status = RowStatus(prepared.spec.plan.length)
+    row_status = RowStatus(*prepared.spec.size)
     described = prepared.spec.described()
     if resume and not os.path.exists(journal_path) and os.path.exists(path):
         yield OpenedSweep(_reopened(prepared, path, row_status, retry_failed), row_status, True, [])

@@ -76,6 +76,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "initial_correction": {"psi": [0.1, 0.16057], "psi_dot": [0.0, 2.9]},
         "freedom": {},
         "events": None,
+        "impulses": {},
         "tolerances": {"phi": 1e-9},
         "warnings": ["the energy balance has an error"],
         "residual_position": {
@@ -173,9 +174,9 @@ constraint residual       position         scaled       velocity         scaled
 guide                        4e-12          2e-12              0              0
 knife                            -              -              6              2
 
-multiplier            min        at time            max        at time
-guide                  -4            1.5            2.5              2
-knife                   -              -              -              -"""
+multiplier: min … max
+guide  -4 (1.5 s) … 2.5 (2 s)
+knife  -"""
     )
 
 
@@ -194,7 +195,7 @@ def test_the_text_is_narrow_and_harmless_whatever_the_names(tmp_path: Path) -> N
     text = format_info(describe(tmp_path / f"{'long' * 50}.h5"))
     assert max(map(len, text.split("\n"))) <= 100
     assert "\x1b" not in text
-    assert re.search(r"^x+…  +-1.23457e-300 ", text, re.MULTILINE)
+    assert re.search(r"^x+…?\d*  min -1.23457e-300 ", text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "-"])

@@ -1,0 +1,176 @@
+"""Text on a terminal: bold headings, dim units, colours of success and failure.
+
+Text is laid out without styles. Here they are added on a terminal, by the place of words in the
+layout: a listing has labels in front of a fixed column, a page has headings at the left margin.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from enum import IntEnum
+from typing import NamedTuple, TextIO
+
+from lagcli.cli.streams import fitted, has_colour, tell, text_width, visible
+
+
+class Style(IntEnum):
+    """Styles, by their codes in escape sequences."""
+
+    BOLD, DIM, RED, GREEN = 1, 2, 31, 32
+
+
+class StyledSpan(NamedTuple):
+    """Characters of a line with a style."""
+
+    start: int
+    end: int
+    style: Style
+
+
+#: Matches the unit of a name in a listing: rod [N/m]; units of coordinates and values on a page.
+_UNIT = re.compile(r"(?<=\S )\[[^\[\]\s=]+\](?=$|[ ,;])")
+_VALUE = re.compile(r"^  \S+ = [−\d.,e+\-…]+ ([^\s=]\S*)(?=  |$)")
+_SUCCESS = r"completed|stopped-by-event"
+_STATUS = re.compile(rf"^(?:\S+: )?(?:({_SUCCESS})|failed|interrupted)(?=[,:])|^ *failed(?=  )")
+_PROBLEM = re.compile(r"^(?:\S.*?: )? *(error|warning|interrupted)(?:\[[\w-]+\])?(?=:|$)")
+_EXCERPT = re.compile(r" *\d* \| ")
+
+
+def print_listing(
+    text: str,
+    column: int | None = None,
+    stream: TextIO | None = None,
+    plain: bool = False,
+    lost: bool = False,
+) -> None:
+    """Print a listing: labels in front of a column, tables after an empty line.
+
+    Parameters
+    ----------
+    text : str
+    column : int, optional
+        Columns in front of the text of labels. By default the text is that of an analysis: a
+        heading, and lines of 80 columns, which a narrower terminal wraps.
+    stream : text stream, optional
+        Standard output by default.
+    plain : bool
+        Whether styles are disabled.
+    lost : bool
+        Whether the loss of the text is acceptable, because a file has the same.
+    """
+    stream = stream or sys.stdout
+    if column is None and stream.isatty():
+        text = fitted(text, text_width(stream))
+    if has_colour(stream, plain):
+        lines = text.split("\n")
+        spans = [_of_listing(*pair, column) for pair in zip(lines, ["-", *lines], strict=False)]
+        if column is None:
+            spans[0] = [StyledSpan(0, len(lines[0]), Style.BOLD)]
+        _write(lines, spans, stream)
+    elif lost and stream is sys.stdout:
+        tell(text)
+    else:
+        print(text, file=stream)
+
+
+def print_page(text: str) -> None:
+    """Print a page with headings at the left margin."""
+    if not has_colour(sys.stdout):
+        sys.stdout.write(text)
+        return
+    lines = text.removesuffix("\n").split("\n")
+    _write(lines, [list(_of_page(line)) for line in lines], sys.stdout)
+
+
+def print_problem(text: str) -> None:
+    """Print an error or a warning on standard error, wrapped between words on a terminal."""
+    stream = sys.stderr
+    if not stream.isatty():
+        print(text, file=stream)
+        return
+    lines = _wrapped_problem(text.split("\n"), text_width(stream))
+    spans = [list(_of_problem(line)) if has_colour(stream) else [] for line in lines]
+    _write(lines, spans, stream)
+
+
+def _of_listing(line: str, before: str, column: int | None) -> list[StyledSpan]:
+    """Return the spans of a line of a listing, given the line before it."""
+    status = _STATUS.search(line)
+    if status:
+        words = status[0].rsplit(": ", 1)[-1]
+        start = status.end() - len(words.lstrip())
+        return [StyledSpan(start, status.end(), Style.GREEN if status[1] else Style.RED)]
+    units = [StyledSpan(*x.span(), Style.DIM) for x in _UNIT.finditer(line)]
+    if column is None:
+        return units
+    label, text = line[:column], line[column:]
+    margin = len(line) - len(line.lstrip())
+    if not before:
+        return [StyledSpan(0, len(line), Style.BOLD)]
+    if margin > 2 or not label.strip():
+        return units
+    if (text[:1].strip() and label[-1] == " ") or (not text and "  " not in label.strip()):
+        return [StyledSpan(margin, len(label.rstrip()), Style.BOLD), *units]
+    return units
+
+
+def _of_page(line: str) -> Iterator[StyledSpan]:
+    if line[:1].strip():
+        yield StyledSpan(0, len(line), Style.BOLD)
+        return
+    for unit in _UNIT.finditer(line):
+        if unit.end() == len(line):
+            yield StyledSpan(*unit.span(), Style.DIM)
+    if value := _VALUE.match(line):
+        yield StyledSpan(*value.span(1), Style.DIM)
+
+
+def _of_problem(line: str) -> Iterator[StyledSpan]:
+    if found := _PROBLEM.match(line):
+        yield StyledSpan(
+            found.start(1), found.end(), Style.BOLD if found[1] == "warning" else Style.RED
+        )
+
+
+def _wrapped_problem(lines: list[str], width: int) -> list[str]:
+    """Return the lines of a message, wrapped; of a line of a file, the part around the marks."""
+    from lagcli.results.listing import wrapped
+
+    shown, start = list[str](), 0  # the first character shown of an excerpt
+    for line, below in zip(lines, [*lines[1:], ""], strict=True):
+        if excerpt := _EXCERPT.match(line):
+            front = excerpt.end()
+            if line[:front].strip() != "|":  # the marks are on the line below
+                longest = max(len(line), len(below))
+                centred = below.find("^") - (width - front) // 2
+                start = max(front, min(centred, longest - width + front))
+            shown.append(line[:front] + line[start : start + width - front].rstrip())
+        elif len(line) <= width:
+            shown.append(line)
+        else:
+            margin = " " * (len(line) - len(line.lstrip()))
+            following = " " * 9 if margin else " " * 3
+            shown += wrapped(line.strip(), width, margin, following)
+    return shown
+
+
+def _write(lines: list[str], spans: list[list[StyledSpan]], stream: TextIO) -> None:
+    """Write lines with their spans; escape sequences in the text itself are shown."""
+    parts = list[str]()
+    for line, styles in zip(lines, spans, strict=True):
+        end = 0
+        for span in sorted(styles):
+            parts += [visible(line[end : span.start]), f"\x1b[{span.style}m"]
+            parts += [visible(line[span.start : span.end]), "\x1b[0m"]
+            end = span.end
+        parts += [visible(line[end:]), "\n"]
+    text = "".join(parts)
+    buffer = getattr(stream, "buffer", None)
+    if buffer is None:
+        stream.write(text)
+        return
+    stream.flush()
+    buffer.write(text.encode(stream.encoding, stream.errors or "strict"))
+    buffer.flush()
