@@ -344,3 +344,20 @@ def test_the_reach_of_coordinates_is_theirs_or_that_of_the_largest() -> None:
     found = simulation.prepare(lagcli.load_text(text))
     reach = coordinate_reach(Evaluator(found.system, ()), found.start.state)
     assert reach == pytest.approx([4, 0.4])
+
+
+def test_rounding_errors_are_no_adjustments() -> None:
+    model = lagcli.load_text(
+        "coordinates: [x, y, s, f]\nT: (x'^2 + y'^2 + s'^2 + f'^2)/2\nconstraints:\n"
+        "  left: y - 0.2*sin(s) = 0\n  right: y + 0.2*sin(s) = 0\n"
+        "  rod: (x - 0.3*cos(f))^2 + (y - 0.3*sin(f))^2 = 1\n"
+        "initial: {f: 0.5, f': 3, x: {guess: 1.2}, x': {guess: 0}, y: {guess: 0}, y': {guess: 0},"
+        " s: {guess: 0}, s': {guess: 0}}\n"
+    )
+    found = lagcli.check(model).start
+    assert set(found.moved) == {"x", "x'"}  # not s, from 0 to some 1e-44
+    tiny = lagcli.load_text(
+        "coordinates: [x]\nT: x'^2/2\nconstraints: {at: x = 1e-12}\n"
+        "initial: {x: {guess: 0}, x': {guess: 0}}\n"
+    )
+    assert set(lagcli.check(tiny).start.moved) == {"x"}
