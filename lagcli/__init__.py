@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from lagcli.analysis.opening import open
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
+    from lagcli.export.dynamics import dynamics
+    from lagcli.export.formats import code
     from lagcli.model.loader import load, load_text
     from lagcli.pictures.animation.animate import animate
     from lagcli.pictures.plots.plot import plot
@@ -39,10 +41,12 @@ __all__ = [
     "__version__",
     "animate",
     "check",
+    "code",
     "compare",
     "compare_models",
     "degrees_of_freedom",
     "derive",
+    "dynamics",
     "equilibrium",
     "fit",
     "follow_equilibria",
@@ -65,10 +69,12 @@ __all__ = [
 _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "check": "lagcli.analysis.check.check",
+    "code": "lagcli.export.formats",
     "compare": "lagcli.analysis.compare.comparison",
     "compare_models": "lagcli.analysis.compare.two_models",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
+    "dynamics": "lagcli.export.dynamics",
     "equilibrium": "lagcli.analysis.equilibria.equilibrium",
     "follow_equilibria": "lagcli.analysis.equilibria.diagram",
     "linearize": "lagcli.analysis.linear.linear_model",

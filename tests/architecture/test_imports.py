@@ -51,6 +51,7 @@ FOREIGN = {
     "results": {"scipy", "symengine", "sympy", "yaml"},
     "sweeps": {"yaml", "sympy", "rich"},
     "analysis": {"yaml", "rich", "matplotlib"},
+    "export": {"yaml", "scipy", "sympy", "symengine", "h5py", "rich", "matplotlib"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "rich"},
     "play": {"yaml", "sympy", "h5py", "rich", "scipy", "symengine"},
 }
@@ -93,7 +94,7 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("arrays", "engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
-        *("analysis", "play", "cli"),
+        *("analysis", "export", "play", "cli"),
     },
     "symengine": {
         *("model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"),

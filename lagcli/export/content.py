@@ -1,0 +1,228 @@
+"""What code of a model contains: its tapes, names, units, values and state, in no language yet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.prepared import with_rates
+from lagcli.engine.layout import RatesLayout
+from lagcli.engine.linear.dense import row_scale
+from lagcli.engine.system import System
+from lagcli.engine.tape.inputs import PiecewiseFunction
+from lagcli.engine.tape.tape import Tape
+from lagcli.equations.derivation.column_expressions import REPORTED
+from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+from lagcli.settings.settings import Settings
+from lagcli.simulations.contacts import refuse_switching
+from lagcli.simulations.simulation import Simulation, prepare
+from lagcli.version import __version__
+
+#: Largest number of accelerations and multipliers: code solves for them densely.
+MOST_UNKNOWNS = 400
+#: Part of a row of B, over its length, that must be independent of the rows before it.
+_INDEPENDENT = 1e-6
+
+#: What every file says of its use.
+LICENCE = "This file may be used, changed and passed on without any condition."
+SIGN = (
+    "Bᵀλ is the constraint forces on the right side. b is the gradient of phi of a holonomic"
+    " constraint, or of psi with respect to the velocities; of an equation lhs = rhs, phi or psi"
+    " is lhs - rhs."
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Content:
+    """The parts of a model that code contains.
+
+    Parameters
+    ----------
+    model : Model
+    equations : Equations
+    system : System
+    start : ConsistentState
+    settings : Settings
+    tolerances : (2 nq,) array
+        Absolute tolerances of q and v in a run by lagcli.
+    """
+
+    model: Model
+    equations: Equations
+    system: System
+    start: ConsistentState
+    settings: Settings
+    tolerances: Array
+
+    @cached_property
+    def dynamics(self) -> Tape:
+        """(t, q, v, p) → (M entries, f, B entries, γ)."""
+        tape = self.system.dynamics
+        return tape.selected(range(len(tape.outputs) - 1))
+
+    @cached_property
+    def constraints(self) -> Tape:
+        """(t, q, v, p) → (φ, ψ)."""
+        layout = RatesLayout(self.system.counts)
+        tape = with_rates(self.system)
+        places = range(len(tape.outputs))
+        return tape.selected([*places[layout.position], *places[layout.velocity]])
+
+    @cached_property
+    def report(self) -> Tape:
+        """(t, q, v, a, λ, p) → the columns of `columns`."""
+        return self.system.report
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the energies, the powers and the outputs of the model."""
+        return *REPORTED, *self.system.outputs
+
+    @property
+    def functions(self) -> tuple[PiecewiseFunction, ...]:
+        """The tables."""
+        return self.system.functions.functions
+
+    @cached_property
+    def rows(self) -> tuple[int, ...]:
+        """Constraints whose rows of B are independent and span all, holonomic ones first."""
+        state, holonomic = self.start.state, list(self.system.holonomic)
+        if self.start.rank == len(self.system.constraints):
+            return tuple(range(self.start.rank))
+        d = Evaluator(self.system, state.p).dynamics(state.t, state.q, state.v)
+        others = [i for i in range(len(d.rhs)) if i not in holonomic]
+        kept = independent_rows(d.jacobian, [*holonomic, *others])
+        if len(kept) != self.start.rank:
+            raise UsageError(
+                f"{self.model.name} cannot be written as code: which of its redundant constraints"
+                " are independent is not clear at the initial state"
+            )
+        return kept
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """The constraints that follow from the others."""
+        return tuple(x for i, x in enumerate(self.system.constraints) if i not in self.rows)
+
+    def described(self, entry: str = "{0}[{1}]", first: int = 0) -> list[str]:
+        """Return the lines that introduce the code.
+
+        Parameters
+        ----------
+        entry : str
+            Format of an entry of an array; empty if quantities have variables of their own.
+        first : int
+            Index of the first entry of an array.
+        """
+        model = self.model
+        lines = [
+            f"{model.title}: Lagrange's equations of the first kind.",
+            "",
+            f"Written by lagcli {__version__} from the model {model.name}, SHA-256",
+            f"{model.sha256}.",
+            LICENCE,
+            "",
+            "  M a = f + Bᵀλ,   B a = gamma,   phi = 0,   psi = B v + b_0 = 0",
+            "",
+            *wrapped(SIGN),
+        ]
+        if self.redundant:
+            text = (
+                f"The constraints are redundant: {', '.join(self.redundant)} follow from the"
+                " others. lambda is the solution of least norm."
+            )
+            lines += ["", *wrapped(text)]
+        if not entry:
+            return lines
+        return [*lines, "", "Quantities, in SI units:", "", *self._table(entry, first)]
+
+    def _table(self, entry: str, first: int) -> list[str]:
+        """Return the names, units and descriptions of all quantities, by array."""
+        units, model = self.model.units, self.model
+        rows = [("q", c.name, units.of(c.name), c.description) for c in model.coordinates]
+        rows += [("p", p.name, units.of(p.name), p.description) for p in model.parameters.values()]
+        rows += [
+            ("lambda", c.name, units.of_multiplier(c.name), c.description)
+            for c in model.constraints
+        ]
+        rows += [("out", name, units.of_output(name), None) for name in self.system.outputs]
+        counts: dict[str, int] = {"out": len(REPORTED)}
+        lines = []
+        width = max([len(name) for _, name, _, _ in rows], default=0)
+        for array, name, unit, text in rows:
+            place = counts.setdefault(array, 0)
+            counts[array] += 1
+            what = f"  {text}" if text else ""
+            own = entry.format(array, place + first)
+            lines.append(f"  {own:<11} {name:<{width}}  [{unit or '?'}]{what}")
+        return [line.rstrip() for line in lines]
+
+
+def content_of(model: Model) -> Content:
+    """Derive what code of a model contains.
+
+    Raises
+    ------
+    UsageError
+        The model switches, or it has too many unknowns.
+    ModelError, NumericalError
+        There is no consistent initial state.
+    """
+    refuse_switching(derive(model), "code and functions of the dynamics")
+    simulation = prepare(model)
+    system, unknowns = simulation.system, simulation.system.counts.unknowns
+    if unknowns > MOST_UNKNOWNS:
+        raise UsageError(
+            f"{model.name} has {unknowns} accelerations and multipliers; code solves for them"
+            f" densely, and is written for at most {MOST_UNKNOWNS}"
+        )
+    return Content(
+        simulation.model,
+        simulation.equations,
+        system,
+        simulation.start,
+        simulation.settings,
+        _tolerances(simulation),
+    )
+
+
+def _tolerances(simulation: Simulation) -> Array:
+    """Return the absolute tolerances that a run has, which follow the sizes of the motion."""
+    record = simulation.run(lambda samples: None)
+    known = record.tolerances or dict.fromkeys(simulation.initial, simulation.settings.rtol)
+    return np.array([known[name] for name in simulation.initial])
+
+
+def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:
+    """Return rows of a matrix that are independent of those before them, by Gram and Schmidt."""
+    scaled = jacobian / row_scale(jacobian)[:, None]
+    basis: list[Array] = []
+    kept = []
+    for i in order:
+        rest = scaled[i].copy()
+        for _ in range(2):
+            for direction in basis:
+                rest -= (direction @ rest) * direction
+        size = float(np.linalg.norm(rest))
+        if size > _INDEPENDENT:
+            basis.append(rest / size)
+            kept.append(i)
+    return tuple(sorted(kept))
+
+
+def wrapped(text: str, width: int = 92) -> list[str]:
+    """Return a text in lines."""
+    lines = [""]
+    for word in text.split():
+        if len(lines[-1]) + len(word) >= width and lines[-1]:
+            lines.append("")
+        lines[-1] += f" {word}" if lines[-1] else word
+    return lines

@@ -1,0 +1,158 @@
+"""The functions of exported code: a tape with the names of its inputs in a language."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
+from lagcli.export.content import Content
+from lagcli.export.expressions import (
+    AppliedOperation,
+    Assignments,
+    Expression,
+    Syntax,
+    Variable,
+    assignments,
+)
+from lagcli.export.names import Identifiers
+
+
+class LocalVariable(NamedTuple):
+    """A local variable and the entry of an array that it names."""
+
+    name: str
+    array: str
+    place: int
+
+
+class CodeSection(NamedTuple):
+    """A function of a state.
+
+    Parameters
+    ----------
+    variables : tuple of LocalVariable
+        The inputs that the function reads, apart from t; not those of tables.
+    pieces : tuple of (str, int)
+        The tables that it reads: the array of a piece, and the number of the table.
+    assigned : Assignments
+    """
+
+    variables: tuple[LocalVariable, ...]
+    pieces: tuple[tuple[str, int], ...]
+    assigned: Assignments
+
+    @property
+    def arrays(self) -> frozenset[str]:
+        """The arrays that the function reads, and ``t``."""
+        timed = {"t"} if "t" in self.assigned.read or self.pieces else set[str]()
+        return frozenset({variable.array for variable in self.variables} | timed)
+
+    def renamed(self, names: Mapping[str, str]) -> CodeSection:
+        """Return the function with other names of its intermediate variables."""
+
+        def other(e: Expression) -> Expression:
+            if isinstance(e, AppliedOperation):
+                return AppliedOperation(e.op, tuple(map(other, e.operands)))
+            return Variable(names.get(e.name, e.name)) if isinstance(e, Variable) else e
+
+        own = self.assigned
+        steps = tuple((names[name], other(x)) for name, x in own.steps)
+        assigned = own._replace(steps=steps, outputs=tuple(map(other, own.outputs)))
+        return self._replace(assigned=assigned)
+
+
+class Sections(NamedTuple):
+    """The three functions of code: M, f, B, γ; φ, ψ; energies, powers and outputs."""
+
+    dynamics: CodeSection
+    constraints: CodeSection
+    report: CodeSection
+
+    @property
+    def used(self) -> frozenset[Op]:
+        """The operations that code needs."""
+        return frozenset(op for section in self for op in section.assigned.used)
+
+    @property
+    def pieces(self) -> frozenset[int]:
+        """The tables that code needs."""
+        return frozenset(number for section in self for _, number in section.pieces)
+
+
+class CodeWriter:
+    """Writes the functions of a model in a language.
+
+    Parameters
+    ----------
+    content : Content
+    syntax : Syntax
+    entry : str
+        Format of an entry of an array: ``{0}[{1}]``.
+    first : int
+        Index of the first entry of an array.
+    reserved : iterable of str
+        Words that are no names of variables.
+    """
+
+    def __init__(
+        self,
+        content: Content,
+        syntax: Syntax,
+        entry: str,
+        reserved: Iterable[str],
+        first: int = 0,
+    ):
+        self.content, self.syntax, self.entry, self.first = content, syntax, entry, first
+        names = Identifiers({"t", "q", "v", "p", "a", "multipliers", *reserved})
+        system = content.system
+        self.q = [names.of(name) for name in system.coordinates]
+        self.p = [names.of(name) for name in system.parameters]
+        self.v = [names.of(f"{name}'") for name in system.coordinates]
+        self.a = [names.of(f"{name}''") for name in system.coordinates]
+        self.multipliers = [names.of(f"lambda_{name}") for name in system.constraints]
+        self.tables = [names.of(f"{f.name}_piece") for f in content.functions]
+        self.names = names
+        state = [*self._of("q", self.q), *self._of("v", self.v)]
+        forces = [*self._of("a", self.a), *self._of("multipliers", self.multipliers)]
+        self.sections = Sections(
+            self._section(content.dynamics, state),
+            self._section(content.constraints, state),
+            self._section(content.report, [*state, *forces]),
+        )
+
+    def _of(self, array: str, names: Sequence[str]) -> list[LocalVariable]:
+        return [LocalVariable(name, array, i) for i, name in enumerate(names)]
+
+    def _section(self, tape: Tape, inputs: Sequence[LocalVariable]) -> CodeSection:
+        functions = self.content.functions
+        pieces = [
+            (self.place(name, k), name, number)
+            for number, (name, f) in enumerate(zip(self.tables, functions, strict=True))
+            for k in range(f.size)
+        ]
+        variables = [*inputs, *self._of("p", self.p)]
+        names = ["t", *(x.name for x in variables), *(place for place, _, _ in pieces)]
+        assert len(names) == tape.inputs
+        assigned = assignments(tape, names)
+        return CodeSection(
+            tuple(x for x in variables if x.name in assigned.read),
+            tuple(dict.fromkeys((name, i) for place, name, i in pieces if place in assigned.read)),
+            assigned,
+        )
+
+    def place(self, array: str, index: int) -> str:
+        """Return an entry of an array."""
+        return self.entry.format(array, index + self.first)
+
+    def matrix(
+        self, pattern: Sequence[tuple[int, int]], outputs: Sequence[Expression]
+    ) -> list[tuple[int, int, str]]:
+        """Return the nonzero entries of a matrix: row, column, text."""
+        pairs = zip(pattern, outputs, strict=True)
+        return [(i + self.first, j + self.first, self.syntax.text(x)) for (i, j), x in pairs]
+
+    def vector(self, outputs: Sequence[Expression]) -> list[str]:
+        """Return the entries of a vector as text."""
+        return [self.syntax.text(x) for x in outputs]

@@ -1,0 +1,43 @@
+"""`lagcli export`: formats, files, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lagcli.cli.app import run
+
+
+def test_a_file_has_the_format_of_its_suffix(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "crank.c"
+    assert run(["export", "slider_crank", "-o", str(target), "--set", "m=2"]) == 0
+    text = target.read_text("utf-8")
+    assert "int main(void)" in text
+    assert "SHA-256" in text
+    assert "slider_crank_parameters[NP + 1] = {2.0," in text
+    assert "written:" in capsys.readouterr().err
+    assert run(["export", "slider_crank", "-o", str(target)]) == 4
+
+
+def test_code_is_printed_without_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "slider_crank", "--to", "jax"]) == 0
+    assert "import jax" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["slider_crank"], "name a format"),
+        (["slider_crank", "-o", "x.txt"], "a file of code ends in"),
+        (["bouncing_ball", "--to", "c"], "`floor` does not"),
+        (["slider_crank", "--to", "rust"], "rust"),
+    ],
+)
+def test_a_mistake_has_status_2_and_a_remedy(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["export", *arguments]) == 2
+    assert message in capsys.readouterr().err

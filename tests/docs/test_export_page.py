@@ -1,0 +1,74 @@
+"""The examples of docs/export.md are run as they stand."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import lagcli
+from lagcli.export.formats import FORMATS, code
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
+
+
+def indented(first: str) -> str:
+    """Return the indented block that begins with a line."""
+    block = re.search(rf"^    {re.escape(first)}\n(?:    .*\n)*", PAGE, re.M)
+    assert block is not None
+    return re.sub(r"^    ", "", block[0], flags=re.M)
+
+
+def test_the_examples_in_python_print_what_the_page_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    examples = re.findall(r"```python\n([^`]*)```\n\n((?:    .*\n)+)", PAGE)
+    assert len(examples) == PAGE.count("```python")
+    for text, expected in examples:
+        printed = StringIO()
+        with redirect_stdout(printed):
+            exec(text, names)
+        assert printed.getvalue() == re.sub(r"^    ", "", expected, flags=re.M)
+
+
+def test_the_table_has_every_format() -> None:
+    rows = re.findall(r"^\| `(\w+)` \| `(\.\w+)` \|", PAGE, re.M)
+    assert rows == [(row.name, row.suffix) for row in FORMATS.values()]
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_the_program_in_c_is_compiled_and_run_as_shown(tmp_path: Path) -> None:
+    source = code(lagcli.load("slider_crank"), "c")
+    (tmp_path / "slider_crank.c").write_text(source, "utf-8")
+    command = re.search(r"^    (cc .*)$", PAGE, re.M)
+    assert command is not None
+    subprocess.run(command[1], shell=True, cwd=tmp_path, check=True)
+    assert len((tmp_path / "run.csv").read_text().splitlines()) == 602
+
+
+def test_the_example_in_casadi_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("casadi")
+    crank = ModuleType("crank")
+    exec(code(lagcli.load("slider_crank"), "casadi"), crank.__dict__)
+    monkeypatch.setitem(sys.modules, "crank", crank)
+    exec(indented("import casadi as ca, crank"), {})
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("octave") is None, reason="Octave is not installed")
+def test_the_example_in_octave_runs(tmp_path: Path) -> None:
+    source = code(lagcli.load("slider_crank"), "matlab")
+    (tmp_path / "slider_crank.m").write_text(source, "utf-8")
+    example = indented("m = slider_crank();") + "disp(size(multipliers));"
+    (tmp_path / "drive.m").write_text(example, "utf-8")
+    command = ["octave", "--no-gui", "--quiet", "drive.m"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["601", "1"]

@@ -1,0 +1,240 @@
+"""Exported code has the values of the engine."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import subprocess
+from ctypes import c_double
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported import close, compiled, exported, module, pointers, points
+from shipped import PATHS, every_model
+
+import lagcli
+from lagcli.errors import UsageError
+from lagcli.export.content import content_of, independent_rows
+from lagcli.export.formats import FORMATS, code, format_of
+
+MODELS = every_model(smooth=True)
+NEEDS_CC = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+#: A choice, a minimum, arguments beyond a domain by rounding, a root of a sum, powers, a table.
+FUNCTIONS = """
+name: functions
+coordinates: {x: m, M: m, lambda: m}
+parameters: {m: 1 kg, k: 100 N/m, d: 1 m, w1: 2 1/s, f: 1 N}
+inputs:
+  u: {times: [0, 1, 2, 3], values: [0, 1, 0.5, 0], interpolation: cubic, extend: periodic}
+T: m/2*(x'^2 + M'^2 + lambda'^2)
+V: k/2*min(x, M)^2 + k*d^2*acos(x/(2*d + abs(x)))^2 + k*d^2*(2 + sin(M/d))^(x/d)
+Q: {x: f*u*sin(w1*t), M: "-f*sign(M')*erf(x/d)", lambda: f*atan2(x, M)*if(x > M and x > 0, 1, 2)}
+constraints: {c: x^2 + M^2 = lambda*d}
+initial: {x: 0.3, M: {guess: 0.4}, lambda: 0.25, x': 0.1, M': {guess: 0}, lambda': {guess: 0}}
+simulation: {t_end: 0.5, samples: 6, rtol: 1e-9}
+"""
+
+
+@NEEDS_CC
+@pytest.mark.parametrize("name", MODELS)
+def test_a_file_of_c_compiles_in_silence_and_has_the_values_of_the_engine(
+    name: str, tmp_path: Path
+) -> None:
+    content = exported(name)
+    library = compiled(FORMATS["c"].write(content), tmp_path, "-O0")
+    counts = content.system.counts
+    for point in points(name):
+        state = [c_double(point.t), *pointers(*map(np.ascontiguousarray, point.state[1:]))]
+        expected = [point.mass, point.force, point.jacobian, point.rhs]
+        found = [np.zeros(max(1, x.size)) for x in expected]
+        library[f"{name}_equations"](*state, *pointers(*found))
+        for x, own in zip(found, expected, strict=True):
+            assert np.array_equal(x[: own.size], own.ravel())
+        a, multipliers = np.zeros(counts.nq), np.zeros(counts.nc + 1)
+        assert library[f"{name}_dynamics"](*state, *pointers(a, multipliers)) == 0
+        assert close(a, point.a)
+        assert close(multipliers[: counts.nc], point.multipliers)
+        position, velocity = np.zeros(counts.nh + 1), np.zeros(counts.nc + 1)
+        library[f"{name}_constraints"](*state, *pointers(position, velocity))
+        assert np.array_equal(position[: counts.nh], point.position)
+        assert np.array_equal(velocity[: counts.nc], point.velocity)
+        out = np.zeros(len(content.columns))
+        a, multipliers = point.a.copy(), np.append(point.multipliers, 0.0)
+        arguments = [*state[:3], *pointers(a, multipliers), state[3], *pointers(out)]
+        library[f"{name}_outputs"](*arguments)
+        assert np.array_equal(out, point.outputs)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_module_for_numpy_has_the_values_of_the_engine(name: str) -> None:
+    own = module(FORMATS["python"].write(exported(name)), name)
+    for point in points(name):
+        found = own.equations(*point.state)
+        expected = point.mass, point.force, point.jacobian, point.rhs
+        assert all(map(close, found, expected))
+        assert all(map(close, own.dynamics(*point.state), (point.a, point.multipliers)))
+        assert all(map(close, own.constraints(*point.state), (point.position, point.velocity)))
+        out = own.outputs(*point.state[:3], point.a, point.multipliers, point.p)
+        assert close(out, point.outputs)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_module_for_casadi_has_the_values_of_the_engine(name: str) -> None:
+    ca = pytest.importorskip("casadi")
+    own = module(FORMATS["casadi"].write(exported(name)), name)
+    dynamics, dae = own.dynamics(), own.dae()
+    defect = ca.Function("defect", [dae[k] for k in ("t", "x", "z", "p")], [dae["alg"]])
+    for point in points(name):
+        assert all(map(close, dynamics(*point.state), (point.a, point.multipliers)))
+        x, z = np.append(point.q, point.v), np.append(point.a, point.multipliers)
+        size = max(1.0, np.abs(point.force).max(), np.abs(point.mass).max() * np.abs(z).max())
+        assert float(ca.norm_inf(defect(point.t, x, z, point.p))) <= 1e-12 * size
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_module_for_jax_has_the_values_and_derivatives_of_the_engine(name: str) -> None:
+    jax = pytest.importorskip("jax")
+    own = module(FORMATS["jax"].write(exported(name)), name)
+    states = [np.array(x) for x in zip(*(point.state for point in points(name)), strict=True)]
+    a, multipliers = jax.jit(jax.vmap(own.dynamics))(*states)
+    assert close(a, [point.a for point in points(name)])
+    assert close(multipliers, [point.multipliers for point in points(name)])
+    if exported(name).redundant:
+        return
+    model = exported(name).model
+    expected = lagcli.dynamics(model).derivatives(*states)
+    found = jax.jit(jax.vmap(jax.jacobian(own.dynamics, (0, 1, 2, 3))))(*states)
+    for by, expected_by in zip([x for own_ in found for x in own_], expected, strict=True):
+        size = np.abs(expected_by).max(initial=0.0)
+        assert np.abs(by - expected_by).max(initial=0.0) <= 1e-9 * size + 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("octave") is None, reason="Octave is not installed")
+@pytest.mark.parametrize("name", PATHS)
+def test_octave_has_the_values_of_the_engine(name: str, tmp_path: Path) -> None:
+    if name not in [model.values[0] for model in MODELS]:
+        pytest.skip("it switches")
+    (tmp_path / f"{name}.m").write_text(FORMATS["matlab"].write(exported(name)), "utf-8")
+
+    def column(values: np.ndarray) -> str:
+        return f"[{'; '.join(map(repr, np.asarray(values).tolist()))}]"
+
+    lines = [f"m = {name}();"]
+    for point in points(name):
+        t, *rest = point.state
+        lines += [
+            f"t = {t!r}; q = {column(rest[0])}; v = {column(rest[1])}; p = {column(rest[2])};",
+            "[a, l] = m.dynamics(t, q, v, p); o = m.outputs(t, q, v, a, l, p);",
+            "[x, y] = m.residuals(t, q, v, p); printf('%.17g ', [a; l; x; y; o]); disp('');",
+        ]
+    (tmp_path / "drive.m").write_text("\n".join(lines), "utf-8")
+    command = ["octave", "--no-gui", "--quiet", "drive.m"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    for line, point in zip(done.stdout.splitlines(), points(name), strict=True):
+        parts = point.a, point.multipliers, point.position, point.velocity, point.outputs
+        numbers = np.array(line.split(), dtype=float)
+        for part in parts:
+            own, numbers = numbers[: len(part)], numbers[len(part) :]
+            assert close(own, part)
+
+
+@NEEDS_CC
+def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
+    """Names that code uses itself, choices, powers, tables, bounded domains."""
+    model = lagcli.load_text(FUNCTIONS)
+    content = content_of(model)
+    f = lagcli.dynamics(model)
+    random = np.random.default_rng(2)
+    own = module(FORMATS["python"].write(content), "functions")
+    library = compiled(FORMATS["c"].write(content), tmp_path)
+    for t in (0.0, 1.0, 2.5, 7.3):
+        q, v = random.standard_normal((2, 3))
+        a, multipliers = f(t, q, v)
+        assert all(map(close, own.dynamics(np.float64(t), q, v, f.p), (a, multipliers)))
+        found = np.zeros(3), np.zeros(2)
+        state = [c_double(t), *pointers(q, v, f.p)]
+        assert library.functions_dynamics(*state, *pointers(*found)) == 0
+        assert close(found[0], a)
+        assert close(found[1][:1], multipliers)
+    with pytest.raises(UsageError, match="no function `erf`"):
+        code(model, "modelica")
+    assert "ifelse(" in code(model, "matlab")
+
+
+@NEEDS_CC
+@pytest.mark.parametrize("name", ["slider_crank", "rolling_disk", "parallelogram"])
+def test_programs_simulate_as_lagcli_does(name: str, tmp_path: Path) -> None:
+    """Both methods have an error near the tolerance; it grows along the motion."""
+    run = lagcli.simulate(exported(name).model)
+    (tmp_path / "model.c").write_text(FORMATS["c"].write(exported(name)), "utf-8")
+    command = ["cc", "-O1", "-std=c11", "model.c", "-lm", "-o", "model"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "model"], capture_output=True, text=True, check=True)
+    table = np.loadtxt(io.StringIO(done.stdout), delimiter=",", skiprows=1)
+    expected = np.column_stack([run.q, run.v, run.multipliers])
+    found = table[:, 1 : 1 + expected.shape[1]]
+    assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
+    assert len(done.stdout.splitlines()[0].split(",")) == table.shape[1]
+
+
+def test_a_module_simulates_as_lagcli_does(tmp_path: Path) -> None:
+    run = lagcli.simulate(exported("slider_crank").model, samples=11, t_end=0.3)
+    own = module(FORMATS["python"].write(exported("slider_crank")), "crank")
+    q, v, a, multipliers, out = own.simulate(run.time)
+    for found, expected in ((q, run.q), (v, run.v), (a, run.a), (multipliers, run.multipliers)):
+        assert np.abs(found - expected).max() <= 1e-7 * np.abs(expected).max()
+    assert out.shape == (11, len(own.COLUMNS))
+
+
+def test_modelica_balances_unknowns_and_equations() -> None:
+    """Each variable that is no parameter has one equation."""
+    for name in ("slider_crank", "parallelogram", "rolling_disk"):
+        text = code(exported(name).model, "modelica")
+        head, _, equations = text.partition("\nequation\n")
+        declared = [x for x in head.splitlines() if x.strip().startswith("Real ")]
+        assert len(declared) == equations.count(" = ")
+
+
+def test_models_that_switch_are_refused() -> None:
+    switching = [name for name in PATHS if lagcli.load(name).switches]
+    assert len(switching) > 5
+    for name in switching:
+        with pytest.raises(UsageError, match="code and functions of the dynamics need"):
+            content_of(lagcli.load(name))
+
+
+def test_too_many_unknowns_are_refused() -> None:
+    with pytest.raises(UsageError, match="at most 400"):
+        content_of(lagcli.load("chain", set={"N": "140"}))
+
+
+@pytest.mark.parametrize(
+    ("to", "path", "found"),
+    [
+        ("c", None, "c"),
+        (None, "x.c", "c"),
+        (None, "x.py", "python"),
+        ("jax", "x.py", "jax"),
+        (None, "x.m", "matlab"),
+        (None, "x.MO", "modelica"),
+    ],
+)
+def test_the_format_follows_from_option_and_suffix(
+    to: str | None, path: str | None, found: str
+) -> None:
+    assert format_of(to, path).name == found
+
+
+@pytest.mark.parametrize(
+    ("to", "path"), [(None, None), (None, "x.txt"), ("c", "x.py"), ("rust", None)]
+)
+def test_an_unknown_format_is_refused(to: str | None, path: str | None) -> None:
+    with pytest.raises(UsageError):
+        format_of(to, path)
+
+
+def test_independent_rows_span_all() -> None:
+    matrix = np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 3.0], [1.0, 1.0]])
+    assert independent_rows(matrix, [2, 0, 1, 3]) == (0, 2)
