@@ -182,3 +182,20 @@ def test_a_road_under_a_spring_balances_its_energy(method: str) -> None:
     run = lagcli.simulate(lagcli.load_text(text), method=method, rtol=1e-9)
     assert run.status == "completed"
     assert np.abs(run.energy_balance).max() < 1e-7 * np.abs(run.energy_total).max()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("ulps", [1, 4, 20])
+def test_a_run_that_ends_within_rounding_of_a_knot(method: str, ulps: int) -> None:
+    """What is left beyond the knot is one step, with functions of time that limit steps, too."""
+    model = lagcli.load_text("""
+coordinates: [x]
+inputs: {u: {times: [0, 0.5, 1, 2], values: [1, 3, -2, 0], interpolation: step}}
+T: x'^2/2
+Q: {x: "u + sign(sin(2*pi*t/0.8))"}
+initial: {x: 0, x': 0}
+""")
+    run = lagcli.simulate(model, method=method, t_end=1.0 + ulps * math.ulp(1.0), samples=2)
+    assert run.status == "completed", run.message
+    # the force is 2 to 0.4 s, 0 to 0.5 s, 2 to 0.8 s, 4 to 1 s
+    assert run.v[-1, 0] == pytest.approx(2 * 0.4 + 2 * 0.3 + 4 * 0.2, abs=1e-9)

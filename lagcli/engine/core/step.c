@@ -16,15 +16,18 @@ double lag_coincidence(double t)
 
 double lag_step_size(lag_run *run)
 {
+    const double left = run->step.t_stop - run->step.t;
     double h = run->step.h;
     if (run->switching.rows)
         lag_forget_speeds(run);
+    if (left <= lag_coincidence(run->step.t_stop) && h >= left)
+        return left; /* a rounding error between times at which steps end, not a step that became small */
     if (run->resolution.count)
-        h = lag_resolved_step(run, fmin(h, run->step.t_stop - run->step.t));
+        h = lag_resolved_step(run, fmin(h, left));
     if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
     if (run->step.t + 1.01 * h >= run->step.t_stop)
-        return run->step.t_stop - run->step.t;
+        return left;
     return lag_exact_step(run->step.t, h, run->step.t_start, run->settings.t_end);
 }
 
