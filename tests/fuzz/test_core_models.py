@@ -71,6 +71,7 @@ def test_damaged_models_end_with_a_status(
     assert done.returncode == 0, done.stderr
     accepted, *rejected = map(int, done.stdout.split())
     assert accepted + sum(rejected) == COUNT
-    # enough of both, so that the checks and the runs have been tried
+    # enough of both, so that the checks and the runs have been tried; some checks reject one
+    # mutant of 300, others one of five
     assert accepted > COUNT / 20
-    assert sum(1 for count in rejected if count) >= 4
+    assert sum(1 for count in rejected if count) >= (5 if COUNT >= 1000 else 2)
