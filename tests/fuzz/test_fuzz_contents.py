@@ -6,12 +6,14 @@ A mutant has changed attributes or arrays, and a new checksum, as another progra
 from __future__ import annotations
 
 import contextlib
+import json
 import random
 import shutil
 from collections import Counter
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 from answers import answer
 from mutants import changed_content
@@ -161,6 +163,23 @@ def test_files_that_ended_with_tracebacks(tmp_path: Path, name: str) -> None:
         assert (status, text.count("\n") == 1) == ((4, True) if said else (0, False)), text
         assert f"cannot read {path}: " in text or not said
         assert said in text
+
+
+def test_a_comparison_without_an_optional_part_is_read(
+    tmp_path: Path, originals: dict[str, bytes]
+) -> None:
+    path = tmp_path / "models.h5"
+    path.write_bytes(originals["models"])
+    with h5py.File(path, "a") as root:
+        content = json.loads(root.attrs["content"])
+        for x in content["multipliers"]:
+            del x["explained"]
+        root.attrs["content"] = np.bytes_(json.dumps(content))
+    with path.open("r+b") as file:
+        seal.seal(file)
+    for arguments in (["info", str(path)], ["report", str(path), "-o", str(tmp_path / "r.html")]):
+        status, said = answer(*arguments)
+        assert status == 0, said
 
 
 @pytest.mark.parametrize("values", [(0.0, 1e308), (-1e308, 1e308), (1e308, 1e308)])
