@@ -53,11 +53,10 @@ def write_c(content: Content) -> str:
     counts, name = content.system.counts, Identifiers(_RESERVED).of(content.model.name)
     own = asset("model.c").replace("model_", f"{name}_").replace("MODEL_", f"{name.upper()}_")
     state, settings = content.start.state, content.settings
-    held = [i for i in content.rows if i in content.system.holonomic]
     system = content.system
     names = [*system.coordinates, *(f"{x}'" for x in system.coordinates)]
     names += [f"lambda.{x}" for x in system.constraints]
-    redundant = len(content.rows) < counts.nc
+    redundant = bool(content.redundant)
     sizes = {
         "NQ": counts.nq,
         "NC": counts.nc,
@@ -65,7 +64,7 @@ def write_c(content: Content) -> str:
         "NP": len(system.parameters),
         "NO": len(content.columns),
         "ROWS": len(content.rows),
-        "POSITIONS": len(held),
+        "POSITIONS": len(content.position_rows),
     }
     head = [
         *content.described(),
@@ -80,7 +79,7 @@ def write_c(content: Content) -> str:
         parameters=_numbers([*state.p, 0.0]),
         start=number(state.t),
         state=_numbers([*state.q, *state.v]),
-        rows=_rows(content, held),
+        rows=_rows(content),
         helpers="\n".join(_helpers(writer)),
         equations="\n".join(_equations(writer)),
         constraints="\n".join(_constraints(writer)),
@@ -106,16 +105,18 @@ _SHARED = """\
     return solve_constrained(M, f, B, ROWS, rows, c, a, mu) || share(B, mu, lambda);"""
 
 
-def _rows(content: Content, held: Sequence[int]) -> str:
+def _rows(content: Content) -> str:
     """Return the independent constraints; their holonomic ones; and where phi has these."""
-    places = [content.system.holonomic.index(i) for i in held]
+    arrays = {
+        "rows[ROWS + 1]": content.rows,
+        "position_rows[POSITIONS + 1]": content.position_rows,
+        "position_of[POSITIONS + 1]": content.position_places,
+    }
     return "\n".join(
         [
             "/* Constraints that are independent; those of them that are holonomic; their places in"
             " phi. */",
-            f"static const int rows[ROWS + 1] = {{{_integers(content.rows)}}};",
-            f"static const int position_rows[POSITIONS + 1] = {{{_integers(held)}}};",
-            f"static const int position_of[POSITIONS + 1] = {{{_integers(places)}}};",
+            *(f"static const int {name} = {{{_integers(x)}}};" for name, x in arrays.items()),
             "",
         ]
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,16 +15,17 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.linear.dense import row_scale
+from lagcli.engine.lowering.lower import lower
 from lagcli.engine.system import System
 from lagcli.engine.tape.inputs import PiecewiseFunction
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
-from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
-from lagcli.settings.settings import Settings
+from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
-from lagcli.simulations.simulation import Simulation, prepare
+from lagcli.simulations.simulation import Simulation, ready
 from lagcli.version import __version__
 
 #: Largest number of accelerations and multipliers: code solves for them densely.
@@ -46,21 +48,42 @@ class Content:
 
     Parameters
     ----------
-    model : Model
-    equations : Equations
-    system : System
-    start : ConsistentState
-    settings : Settings
-    tolerances : (2 nq,) array
-        Absolute tolerances of q and v in a run by lagcli.
+    simulation : Simulation
+        The prepared run of the model with its own settings.
     """
 
-    model: Model
-    equations: Equations
-    system: System
-    start: ConsistentState
-    settings: Settings
-    tolerances: Array
+    simulation: Simulation
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.simulation.model
+
+    @property
+    def system(self) -> System:
+        """The System of the model."""
+        return self.simulation.system
+
+    @property
+    def start(self) -> ConsistentState:
+        """The initial state."""
+        return self.simulation.start
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of the model."""
+        return self.simulation.settings
+
+    @cached_property
+    def tolerances(self) -> Array:
+        """Absolute tolerances of q and v, (2 nq,), of a run, which follow the sizes of the motion.
+
+        The model is simulated.
+        """
+        record = self.simulation.run(lambda samples: None)
+        initial = self.simulation.initial
+        known = record.tolerances or dict.fromkeys(initial, self.settings.rtol)
+        return np.array([known[name] for name in initial])
 
     @cached_property
     def dynamics(self) -> Tape:
@@ -106,6 +129,16 @@ class Content:
                 " are independent is not clear at the initial state"
             )
         return kept
+
+    @property
+    def position_rows(self) -> tuple[int, ...]:
+        """The holonomic ones of `rows`."""
+        return tuple(i for i in self.rows if i in self.system.holonomic)
+
+    @property
+    def position_places(self) -> tuple[int, ...]:
+        """The places of `position_rows` in φ."""
+        return tuple(self.system.holonomic.index(i) for i in self.position_rows)
 
     @property
     def redundant(self) -> tuple[str, ...]:
@@ -176,29 +209,17 @@ def content_of(model: Model) -> Content:
     ModelError, NumericalError
         There is no consistent initial state.
     """
-    refuse_switching(derive(model), "code and functions of the dynamics")
-    simulation = prepare(model)
-    system, unknowns = simulation.system, simulation.system.counts.unknowns
+    equations = derive(model)
+    refuse_switching(equations, "code and functions of the dynamics")
+    system = lower(equations)
+    unknowns = system.counts.unknowns
     if unknowns > MOST_UNKNOWNS:
         raise UsageError(
             f"{model.name} has {unknowns} accelerations and multipliers; code solves for them"
             f" densely, and is written for at most {MOST_UNKNOWNS}"
         )
-    return Content(
-        simulation.model,
-        simulation.equations,
-        system,
-        simulation.start,
-        simulation.settings,
-        _tolerances(simulation),
-    )
-
-
-def _tolerances(simulation: Simulation) -> Array:
-    """Return the absolute tolerances that a run has, which follow the sizes of the motion."""
-    record = simulation.run(lambda samples: None)
-    known = record.tolerances or dict.fromkeys(simulation.initial, simulation.settings.rtol)
-    return np.array([known[name] for name in simulation.initial])
+    settings = resolve(SettingsOverrides(), model.settings)
+    return Content(ready(equations, system, settings, {}))
 
 
 def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:
@@ -218,11 +239,6 @@ def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:
     return tuple(sorted(kept))
 
 
-def wrapped(text: str, width: int = 92) -> list[str]:
+def wrapped(text: str) -> list[str]:
     """Return a text in lines."""
-    lines = [""]
-    for word in text.split():
-        if len(lines[-1]) + len(word) >= width and lines[-1]:
-            lines.append("")
-        lines[-1] += f" {word}" if lines[-1] else word
-    return lines
+    return textwrap.wrap(text, 92, break_long_words=False, break_on_hyphens=False)

@@ -155,8 +155,7 @@ class _Module:
     def text(self) -> str:
         content, dialect, system = self.content, self.dialect, self.content.system
         state, settings = content.start.state, content.settings
-        held = [i for i in content.rows if i in system.holonomic]
-        places = [system.holonomic.index(i) for i in held]
+        rows = [content.rows, content.position_rows, content.position_places]
         redundant = bool(content.redundant)
         code = filled(
             asset(f"model_{dialect.library}.py"),
@@ -164,7 +163,7 @@ class _Module:
             start=number(state.t),
             position=_list(state.q),
             velocity=_list(state.v),
-            rows=f"{[*content.rows]}, {held}, {places}",
+            rows=", ".join(str([*x]) for x in rows),
             independent=str([*content.rows]),
             coordinates=_names(system.coordinates),
             constraint_names=_names(system.constraints),
