@@ -294,10 +294,6 @@ def _redundancy(summary: Mapping[str, Any], model: Model) -> str:
             " others"
         )
     return (
-        text
-        + "; ".join(sets)
-        + (
-            "; their multipliers are not unique, the constraint forces are; remove redundant"
-            " constraints for unique multipliers"
-        )
+        f"{text}{'; '.join(sets)}; their multipliers are not unique, the constraint forces are;"
+        " remove redundant constraints for unique multipliers"
     )

@@ -246,14 +246,9 @@ def _forces(info: Mapping[str, Any]) -> list[ValueRange]:
         name: info["units"].get(str(ColumnName("multipliers", name)))
         for name in info["constraints"]
     }
-    back = {new: old for old, new in _TIMES.items()}
-    multipliers, impulses = (
-        {name: {back.get(k, k): x for k, x in one.items()} for name, one in info[kind].items()}
-        for kind in ("multipliers", "impulses")
-    )
-    strokes = {f"impulse.{name}": x for name, x in impulses.items()}
-    stroke_units = {f"impulse.{name}": impulse_unit(units[name]) for name in impulses}
-    return ranges_of(multipliers, units) + ranges_of(strokes, stroke_units)
+    strokes = {f"impulse.{name}": x for name, x in info["impulses"].items()}
+    stroke_units = {f"impulse.{name}": impulse_unit(units[name]) for name in info["impulses"]}
+    return ranges_of(info["multipliers"], units, "time") + ranges_of(strokes, stroke_units, "time")
 
 
 def _table_of(table: Mapping[str, Any]) -> str:

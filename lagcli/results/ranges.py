@@ -40,23 +40,27 @@ class ValueRange(NamedTuple):
 
 
 def ranges_of(
-    extremes: Mapping[str, Mapping[str, Any]], units: Mapping[str, str | None]
+    extremes: Mapping[str, Mapping[str, Any]],
+    units: Mapping[str, str | None],
+    time: str = "t",
 ) -> list[ValueRange]:
     """Return the ranges of quantities from JSON values, one for each family of a common unit.
 
     Parameters
     ----------
     extremes : mapping
-        ``min``, ``t_min``, ``max`` and ``t_max`` by name; None if there is none.
+        ``min``, ``max`` and their times, such as ``t_min``, by name; None if there is none.
     units : mapping of str to str
         Units by name.
+    time : str
+        First part of the keys of the times.
     """
     single = [
         ValueRange(
             name,
             units.get(name) or "",
-            *(x["min"], f"{number(x['t_min'], 4)} s" if x["min"] is not None else ""),
-            *(x["max"], f"{number(x['t_max'], 4)} s" if x["max"] is not None else ""),
+            *(x["min"], f"{number(x[f'{time}_min'], 4)} s" if x["min"] is not None else ""),
+            *(x["max"], f"{number(x[f'{time}_max'], 4)} s" if x["max"] is not None else ""),
         )
         for name, x in extremes.items()
     ]
