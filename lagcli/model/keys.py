@@ -196,7 +196,10 @@ VIEW = mapping(
             "lines between points: a list (`O-A`, `O-A-B`, or `[O, A]`), or a mapping name → line",
             _LINES,
         ),
+        "ropes": described("lines drawn as ropes, given like `rods`", _LINES),
         "springs": described("lines drawn as springs, given like `rods`", _LINES),
+        "dampers": described("lines drawn as dampers, given like `rods`", _LINES),
+        "belts": described("belts around rollers at two points, given like `rods`", _LINES),
         "discs": described(
             "name → {`center`: point, `radius`, `angle`, `normal`}; the angle rotates a spoke; the"
             " normal is for three dimensions",
@@ -204,8 +207,17 @@ VIEW = mapping(
         ),
         "grounds": described("points that are fixed to the ground", _POINTS),
         "guides": described("lines drawn as guides, given like `rods`", _LINES),
-        "edges": described(
-            "outlines of bodies and walls: thin lines without joints, given like `rods`", _LINES
+        "walls": described(
+            "lines drawn as walls or floors, with hatching on the right of each, given like `rods`",
+            _LINES,
+        ),
+        "edges": described("outlines: thin lines without joints, given like `rods`", _LINES),
+        "plates": described("filled outlines of bodies, given like `rods`", _LINES),
+        "sliders": described("points drawn as blocks along the nearest guide", _POINTS),
+        "masses": described(
+            "points drawn as masses, filled; by default those whose velocities occur in `T`:"
+            " points of coordinates or definitions such as `x_A'`",
+            _POINTS,
         ),
         "trails": described("points that leave a trail", _POINTS),
         "labels": described(

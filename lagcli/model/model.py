@@ -418,12 +418,19 @@ class FitBlock(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A line between two points of a view: a rod, a spring, a guide, or an edge of a box."""
+    """A line between two points of a view; an edge is a line of an outline."""
 
-    kind: Literal["rod", "spring", "guide", "edge"]
+    kind: Literal["rod", "rope", "spring", "damper", "belt", "guide", "wall", "edge"]
     name: str
     start: str
     end: str
+
+
+class Plate(NamedTuple):
+    """A filled outline of a view, through points."""
+
+    name: str
+    points: tuple[str, ...]
 
 
 class Disc(NamedTuple):
@@ -462,9 +469,11 @@ class View(NamedTuple):
         2 or 3.
     points : mapping of str to expressions
         Positions in q, q', t and parameters; ``dimension`` components per point.
-    segments, discs, vectors : tuples
-    grounds, trails : tuples of str
-        Points fixed to the ground, and points that leave a trail.
+    segments, plates, discs, vectors : tuples
+    grounds, trails, sliders : tuples of str
+        Points fixed to the ground, points that leave a trail, and points drawn as sliding blocks.
+    masses : tuple of str or None
+        Points drawn as masses; None for those whose velocities T contains.
     labels : mapping of str to str or None
         Text at a point; None for the point's name.
     """
@@ -477,6 +486,9 @@ class View(NamedTuple):
     trails: tuple[str, ...] = ()
     labels: Mapping[str, str | None] = MappingProxyType({})
     vectors: tuple[Arrow, ...] = ()
+    plates: tuple[Plate, ...] = ()
+    sliders: tuple[str, ...] = ()
+    masses: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -141,16 +141,17 @@ def at_start(found):
 
 
 def test_a_rigid_body_is_the_box_of_its_inertia():
-    """A door of width w and height h, m h²/12 and m w²/12, is flat: four corners, four edges."""
+    """A door of width w and height h, m h²/12 and m w²/12, is flat: one face with four sides."""
     found = with_view(lagcli.load_text(BODY)).view
     places = at_start(found)
     corners = {name: place for name, place in places.items() if "corner" in name}
     assert sorted(map(tuple, corners.values())) == [
         pytest.approx((x, 0, z)) for x in (-0.4, 0.4) for z in (-1, 1)
     ]
-    edges = [(s.start, s.end) for s in found.segments if s.kind == "edge"]
+    (face,) = found.plates
+    sides = zip(face.points, (*face.points[1:], face.points[0]), strict=True)
     lengths = [
-        sum((a - b) ** 2 for a, b in zip(places[p], places[q], strict=True)) for p, q in edges
+        sum((a - b) ** 2 for a, b in zip(places[p], places[q], strict=True)) for p, q in sides
     ]
     assert sorted(lengths) == pytest.approx([0.64, 0.64, 4, 4])
     assert not any("corner" in name for name in (*found.labels, *found.trails))
@@ -165,7 +166,14 @@ def test_points_that_are_fixed_in_a_body_are_joined_to_it():
 
 def test_a_body_with_six_faces_has_twelve_edges():
     found = with_view(lagcli.load_text(BODY.replace("m*w^2/12)", "m*w^2/8)"))).view
-    assert [s.kind for s in found.segments].count("edge") == 12
+    assert len(found.plates) == 6
+    sides = [
+        frozenset(side)
+        for face in found.plates
+        for side in zip(face.points, (*face.points[1:], face.points[0]), strict=True)
+    ]
+    assert {sides.count(side) for side in sides} == {2}  # each is a side of two faces
+    assert len(set(sides)) == 12
 
 
 @pytest.mark.parametrize(
@@ -204,7 +212,7 @@ initial: {{r: [0, 0, 0], r': 0, a: 0.3, b: 0.5, c: 0.7, a': 0, b': 0, c': 1}}
 """
     model = lagcli.load_text(text)
     found = with_view(model).view
-    assert [s.kind for s in found.segments].count("edge") == 4
+    assert [len(face.points) for face in found.plates] == [4]
     assert rods(found)[:1] == [("P", "P", "A")]
     state = {"a": 0.3, "b": 0.5, "c": 0.7, "m": 20, "w": 0.8, "h": 2, "d": 0.1}
     state |= dict.fromkeys(("r.x", "r.y", "r.z"), 0)
@@ -230,3 +238,39 @@ T: m/2*dot(r', r') + J/2*dot(omega(R), omega(R))
 initial: {r: [0, 0, 0], r': 0, a: 0.3, b: 0.5, a': 0, b': 1}
 """
     assert list(with_view(lagcli.load_text(text)).view.points) == ["P"]
+
+
+OWN_NAMES = """
+coordinates: {pos: point, ori: quaternion}
+parameters: {m: 2 kg, a: 1 kg*m^2, b: 2 kg*m^2, c: 2.5 kg*m^2, l: 0.5 m}
+definitions: {hook: "pos + ori*[l, 0, 0]"}
+T: "body(m, diag(a, b, c), pos, ori)"
+initial: {pos: [0, 0, 0], pos': [0, 0, 0], ori: 1, ori': [0, 0, 0]}
+"""
+
+
+def test_a_body_is_known_by_the_vectors_of_its_energy():
+    found = with_view(lagcli.load_text(OWN_NAMES)).view
+    assert rods(found) == [("pos", "pos", "hook")]
+    assert len(found.plates) == 6
+    assert found.masses == ("pos",)
+
+
+def test_a_vector_whose_rate_is_in_the_energy_is_a_mass():
+    text = """
+coordinates: [phi, s]
+parameters: {m: 2 kg, l: 0.5 m}
+definitions: {bob: "[s + l*sin(phi), -l*cos(phi)]", r_A: "[s, l]"}
+T: "m/2*dot(bob', bob')"
+initial: {phi: 1, phi': 0, s: 0 m, s': 0 m/s}
+"""
+    found = with_view(lagcli.load_text(text)).view
+    assert list(found.points) == ["bob", "A"]
+    assert found.masses == ("bob",)
+
+
+@pytest.mark.parametrize(("relation", "kinds"), [("<=", ["rope"]), (">=", [])])
+def test_a_largest_distance_is_a_rope_and_a_least_one_nothing(relation, kinds):
+    rope = f"constraints: {{c: {{expr: x^2 + y^2 {relation} l^2, restitution: 0}}}}\n"
+    found = view("x, y", rope)
+    assert [s.kind for s in found.segments] == kinds

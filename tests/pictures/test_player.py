@@ -8,7 +8,8 @@ import pytest
 from lagcli.pictures.animation.animate import animate
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scene.drawing import SceneDrawing
+from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
+from lagcli.pictures.scene.drawing import Moment, SceneDrawing, vector_ends
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.style import ROLES
 
@@ -297,7 +298,7 @@ def test_colours_are_those_of_all_pictures(slider_crank):
     assert slider_crank.evaluate("Object.keys(Scene.COLORS.dark)") == list(ROLES)
 
 
-@pytest.mark.parametrize("name", ["slider_crank", "heavy_top"])
+@pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "pendulum_cartesian"])
 def test_films_and_pages_put_points_in_the_same_places(name, pages, visit, result):
     """Two programs draw: in Python for films, in JavaScript for pages."""
     opened = visit(pages(name))
@@ -309,8 +310,23 @@ def test_films_and_pages_put_points_in_the_same_places(name, pages, visit, resul
     )
     scene = scene_of(RunFile(result(name)))
     drawing = SceneDrawing(scene, width, height)
-    margin = 26 if scene.dimension == 2 else 0
-    drawing.camera = type(drawing.camera)(scene.bounds, width, height, margin)
+    drawing.camera = (
+        PlaneCamera(scene.bounds, width, height, 26)
+        if scene.dimension == 2
+        else OrbitCamera(scene.bounds, scene.reach, width, height)
+    )
+    ends = opened.evaluate(
+        """data.shapes.filter(({ kind }) => kind === "vector").map((x) => player.stage.ends(x))"""
+    )
+    drawing.raster.unit = opened.evaluate(
+        "Math.max(0.6, Math.min(1.6, Math.min(player.stage.width, player.stage.height) / 420))"
+    )
+    moment = Moment(scene, drawing.camera, drawing.raster, 0.4321, 1.0)
+    assert len(ends) == len(scene.vectors) > 0
+    for vector, (foot, tip) in zip(scene.vectors, ends, strict=True):
+        expected = vector_ends(moment, vector)
+        seen = [[right, height - down] for right, down, _ in (foot, tip)]
+        np.testing.assert_allclose(seen, expected[:, :2], atol=1e-2)
     for point, (right, down, depth) in places.items():
         series = scene.points[point]
         at = [np.interp(0.4321, scene.time, np.broadcast_to(x, len(scene.time))) for x in series]

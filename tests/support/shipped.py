@@ -16,9 +16,10 @@ REPRESENTATIVES = (
     "chain",
     "four_bar",
     "heavy_top",
-    "particle_on_sphere",
     "rolling_disk",
+    "rope_pendulum",
     "slider_crank",
+    "stick_slip_belt",
     "woodpecker",
 )
 

@@ -22,6 +22,7 @@ from lagcli.model.model import (
     Arrow,
     Constraint,
     Disc,
+    Plate,
     Segment,
     View,
     coordinate,
@@ -37,19 +38,30 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
-_Kind = Literal["rod", "spring", "guide", "edge"]
+_Kind = Literal["rod", "rope", "spring", "damper", "belt", "guide", "wall", "edge"]
 _SEGMENTS: tuple[tuple[str, _Kind], ...] = (
     ("rods", "rod"),
+    ("ropes", "rope"),
     ("springs", "spring"),
+    ("dampers", "damper"),
+    ("belts", "belt"),
     ("guides", "guide"),
+    ("walls", "wall"),
     ("edges", "edge"),
 )
 _EXAMPLES = {
     "points": "A: [x_A, y_A]",
     "rods": "crank: O-A",
+    "ropes": "cable: O-A",
     "springs": "suspension: O-A",
+    "dampers": "damper: O-A",
+    "belts": "belt: G-H",
     "guides": "rail: G-H",
+    "walls": "floor: G-H",
     "edges": "block: C-D-E-F-C",
+    "plates": "block: C-D-E-F",
+    "sliders": "B",
+    "masses": "A",
     "discs": "wheel: {center: C, radius: R, angle: phi}",
     "grounds": "O",
     "trails": "B",
@@ -106,7 +118,17 @@ class _ViewReader:
         labels, vectors = self.labels(), tuple(self.vectors())
         points = self.points
         return View(
-            points.dimension, points.places, tuple(shapes), discs, grounds, trails, labels, vectors
+            points.dimension,
+            points.places,
+            segments=tuple(shapes),
+            discs=discs,
+            grounds=grounds,
+            trails=trails,
+            labels=labels,
+            vectors=vectors,
+            plates=tuple(self.plates()),
+            sliders=tuple(self.marked("sliders")),
+            masses=tuple(self.marked("masses")) if "masses" in self.fields else None,
         )
 
     def entries(self, key: str, what: str) -> list[Declaration]:
@@ -176,26 +198,33 @@ class _ViewReader:
     # lines and marks
 
     def segments(self, key: str, kind: _Kind) -> Iterator[Segment]:
-        """Yield the lines under a key of the view, which is a list or a mapping."""
-        example = "O-A"
+        """Yield the lines under a key of the view."""
+        for points, name in self.lines(key, kind):
+            for start, end in pairwise(points):
+                yield Segment(kind, f"{start}-{end}" if name is None else name, start, end)
+
+    def plates(self) -> Iterator[Plate]:
+        """Yield the filled outlines."""
+        for points, name in self.lines("plates", "plate"):
+            corners = points[:-1] if points[0] == points[-1] else points
+            yield Plate("-".join(points) if name is None else name, corners)
+
+    def lines(self, key: str, what: str) -> Iterator[tuple[tuple[str, ...], str | None]]:
+        """Yield the points of lines under a key, a list or a mapping, and their names."""
+        example = "O-A-B" if what == "plate" else "O-A"
         node = self.fields.get(key)
         if isinstance(node, Sequence) or (isinstance(node, Scalar) and not node.missing):
             for item in node.items if isinstance(node, Sequence) else [node]:
-                path = read_path(self.draft, item, f"a {kind} of the view", None, example)
+                path = read_path(self.draft, item, f"a {what} of the view", None, example)
                 if path is not None:
-                    yield from self.along(path, kind, None)
+                    for points, _, _ in each(self.draft, path, None, self.points.at):
+                        yield points, None
             return
-        for d in self.entries(key, kind):
-            path = read_path(self.draft, d.node, f"the {kind} `{d.title}`", None, example)
+        for d in self.entries(key, what):
+            path = read_path(self.draft, d.node, f"the {what} `{d.title}`", None, example)
             if path is not None:
-                yield from self.along(path, kind, d)
-
-    def along(self, path: Path, kind: _Kind, d: Declaration | None) -> Iterator[Segment]:
-        """Yield the lines along the points of one entry."""
-        paths = each(self.draft, path, d, self.points.at)
-        for points, name, _ in paths:
-            for start, end in pairwise(points):
-                yield Segment(kind, name if d is not None else f"{start}-{end}", start, end)
+                for points, name, _ in each(self.draft, path, d, self.points.at):
+                    yield points, name
 
     def marked(self, key: str) -> Iterator[str]:
         """Yield the points in a list under a key of the view."""

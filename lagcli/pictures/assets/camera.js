@@ -56,16 +56,19 @@ class OrbitCamera {
   /** Distance of the eye from the middle, in radii of the scene. */
   static DISTANCE = 6;
 
-  /** @param {number[][]} bounds  [lowest, highest] of x, y and z */
-  constructor(bounds) {
-    this.setBounds(bounds);
+  /**
+   * @param {number[][]} bounds  [lowest, highest] of x, y and z
+   * @param {number} reach  the largest horizontal distance of anything from their middle
+   */
+  constructor(bounds, reach) {
+    this.setBounds(bounds, reach);
     this.reset();
   }
 
-  setBounds(bounds) {
+  setBounds(bounds, reach) {
     this.middle = bounds.map(([low, high]) => (low + high) / 2);
     const [x, y, z] = bounds.map(([low, high]) => (high - low) / 2);
-    [this.level, this.height] = [Math.hypot(x, y), z];
+    [this.level, this.height] = [reach, z];
     this.radius = Math.hypot(x, y, z) || 1;
   }
 
@@ -94,7 +97,7 @@ class OrbitCamera {
 
   fit(width, height) {
     this.size = [width, height];
-    // whichever way the box is turned about the vertical, all of it stays on the canvas
+    // whichever way the scene is turned about the vertical, all of it stays on the canvas
     const upright =
       this.level * Math.abs(Math.sin(this.elevation)) + this.height * Math.cos(this.elevation);
     const near = 1 + 1 / OrbitCamera.DISTANCE; // what is nearer than the middle looks larger

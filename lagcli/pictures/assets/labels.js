@@ -14,7 +14,7 @@ function labelObstacles(shapes, pen) {
   const found = [];
   const add = (a, b) => a && b && found.push([a[0], a[1], b[0], b[1]]);
   for (const shape of shapes) {
-    if (["rod", "spring", "guide", "edge"].includes(shape.kind)) add(pen.at(shape.from), pen.at(shape.to));
+    if (shape.from) add(pen.at(shape.from), pen.at(shape.to));
     else if (shape.kind === "ground") {
       const at = pen.at(shape.at);
       if (at) add(at, [at[0], at[1] + 20 * pen.unit]);
@@ -23,9 +23,7 @@ function labelObstacles(shapes, pen) {
       const places = Array.from({ length: 25 }, (_, i) => rim((i * Math.PI) / 12));
       for (const [i, place] of places.entries()) if (i) add(places[i - 1], place);
     } else if (shape.kind === "vector") {
-      const from = pen.motion.point(shape.at);
-      const components = pen.motion.vector(shape.components);
-      add(pen.place(from), pen.place(from.map((c, axis) => c + shape.scale * components[axis])));
+      add(...vectorEnds(shape, pen));
     }
   }
   return found;

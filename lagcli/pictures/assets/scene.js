@@ -72,12 +72,12 @@ class Scene {
     this.data = data;
     this.motion = new Motion(data);
     if (time !== undefined) this.motion.seek(time);
-    if (this.camera && this.dimension === data.dimension) this.camera.setBounds(data.bounds);
+    if (this.camera && this.dimension === data.dimension) this.camera.setBounds(data.bounds, data.reach);
     else
-      this.camera = data.dimension === 3 ? new OrbitCamera(data.bounds) : new PlaneCamera(data.bounds);
+      this.camera =
+        data.dimension === 3 ? new OrbitCamera(data.bounds, data.reach) : new PlaneCamera(data.bounds);
     this.dimension = data.dimension;
     this.canvas.style.touchAction = this.dimension === 3 ? "none" : "auto";
-    this.#findJoints();
     this.resize();
   }
 
@@ -173,22 +173,6 @@ class Scene {
     );
   }
 
-  /** Find the points to be drawn as joints: where rods, springs or trails end. */
-  #findJoints() {
-    this.joints = new Map(); // name → [how many bodies meet, the points at their other ends]
-    const meet = (name, bodies, others = []) => {
-      const [count, known] = this.joints.get(name) ?? [0, []];
-      this.joints.set(name, [count + bodies, [...known, ...others]]);
-    };
-    for (const { kind, from, to, at, of } of this.data.shapes) {
-      if (kind === "rod" || kind === "spring") {
-        meet(from, 1, [to]);
-        meet(to, 1, [from]);
-      } else if (kind === "ground") meet(at, 2);
-      else if (kind === "trail") meet(of, 0);
-    }
-  }
-
   /** Return a pen for this moment. */
   #pen() {
     const unit = Math.max(0.6, Math.min(1.6, Math.min(this.width, this.height) / 420));
@@ -203,6 +187,7 @@ class Scene {
       .sort((a, b) => a - b);
     const middle = lengths[lengths.length >> 1] ?? Infinity;
     pen.slim = Math.max(0.45, Math.min(1, middle / (48 * unit)));
+    pen.segments = this.data.shapes.filter(({ from }) => from);
     return pen;
   }
 
@@ -219,12 +204,7 @@ class Scene {
     const { chosen = () => false } = this;
     const lit = shapes.filter(({ parts }) => parts?.some(chosen));
     pen.highlighted = lit.length ? new Set(lit) : null;
-    const strokes = [
-      ...shapes.flatMap((shape) => SHAPES[shape.kind](shape, pen)),
-      ...[...this.joints].flatMap(([name, [bodies, others]]) =>
-        joint(name, bodies > 1, others, pen),
-      ),
-    ];
+    const strokes = shapes.flatMap((shape) => SHAPES[shape.kind](shape, pen));
     const solid = this.dimension === 3;
     const level = ({ layer }) => LAYERS.indexOf(solid && BODIES.has(layer) ? "rod" : layer);
     strokes.sort((a, b) => level(a) - level(b) || (solid ? b.depth - a.depth : 0));
@@ -240,7 +220,8 @@ class Scene {
     const grey = Object.fromEntries(Object.keys(this.colors).map((x) => [x, this.colors.ground]));
     const pen = new Pen(this.context, motion, this.camera, grey, unit);
     Object.assign(pen, { slim, fade: 0.45 });
-    for (const shape of shapes.filter(({ kind }) => ["rod", "spring", "disc", "edge"].includes(kind)))
+    const bodies = ["rod", "rope", "spring", "damper", "disc", "edge", "plate"];
+    for (const shape of shapes.filter(({ kind }) => bodies.includes(kind)))
       for (const { paint } of SHAPES[shape.kind](shape, pen)) paint();
   }
 

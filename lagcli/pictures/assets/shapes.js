@@ -8,8 +8,13 @@
  * Lengths that do not belong to the mechanism (widths, heads of arrows) are in units of pen.unit.
  */
 
-const LAYERS = "guide ground trail disc edge spring rod joint flash vector label".split(" ");
-const BODIES = new Set(["trail", "disc", "edge", "spring", "rod", "joint"]);
+const LAYERS = (
+  "guide wall belt ground trail plate disc edge slider spring damper rope rod joint flash vector label"
+).split(" ");
+const BODIES = new Set("trail plate disc edge slider spring damper rope rod joint".split(" "));
+const BESIDE = 8; // of an arrow from the line along which it acts, in units
+const ALONG = 0.25; // sine of the largest angle between them
+const ON = 3; // units from a line within which an arrow begins on it
 
 /** What the painting of shapes needs: canvas, motion, camera, colours, and sizes in pixels. */
 class Pen {
@@ -112,7 +117,124 @@ const SHAPES = {
     return [{ layer: "rod", depth: middle(...found), paint }];
   },
 
-  /** An edge of a box. */
+  rope(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const paint = () => pen.line(found, pen.colors.rod, 1.4);
+    return [{ layer: "rope", depth: middle(...found), paint }];
+  },
+
+  /** A cylinder, open at one end, and its piston. */
+  damper(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const [a, b] = found;
+    const [along, across] = axes(a, b);
+    const at = (forward, aside) =>
+      [0, 1].map((i) => (a[i] + b[i]) / 2 + pen.unit * (forward * along[i] + aside * across[i]));
+    const { spring } = pen.colors;
+    const paint = () => {
+      pen.line([a, at(-10, 0)], spring, 2, { cap: "butt" });
+      pen.line([at(10, 7), at(-10, 7), at(-10, -7), at(10, -7)], spring, 2);
+      pen.line([at(0, 5), at(0, -5)], spring, 2);
+      pen.line([at(0, 0), b], spring, 2, { cap: "butt" });
+    };
+    return [{ layer: "damper", depth: middle(a, b), paint }];
+  },
+
+  /** A belt around two rollers, on whose upper run things lie. */
+  belt(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const [along, across] = axes(...found);
+    const radius = 8 * pen.unit;
+    const hubs = found.map((end, k) =>
+      [0, 1].map((i) => end[i] - radius * across[i] + (k ? -1 : 1) * radius * along[i]),
+    );
+    const half = Array.from({ length: 13 }, (_, k) => {
+      const turn = Math.PI * (0.5 + k / 12);
+      return [0, 1].map((i) => radius * (Math.cos(turn) * along[i] + Math.sin(turn) * across[i]));
+    });
+    const loop = [
+      ...half.map((x) => [hubs[0][0] + x[0], hubs[0][1] + x[1]]),
+      ...half.map((x) => [hubs[1][0] - x[0], hubs[1][1] - x[1]]),
+    ];
+    const { guide, ground, paper } = pen.colors;
+    const paint = () => {
+      pen.area(loop, guide, 0.18);
+      pen.line([...loop, loop[0]], ground, 2);
+      for (const hub of hubs) pen.dot(hub, 4.5 * pen.unit, paper, ground);
+    };
+    return [{ layer: "belt", depth: middle(...found), paint }];
+  },
+
+  /** A line that is hatched on its right. */
+  wall(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const [a, b] = found;
+    const [along, across] = axes(a, b);
+    const step = 7 * pen.unit;
+    const paint = () => {
+      pen.line([a, b], pen.colors.ground, 1.8, { cap: "butt" });
+      for (let s = step; s < Math.hypot(b[0] - a[0], b[1] - a[1]); s += step) {
+        const foot = [0, 1].map((i) => a[i] + s * along[i]);
+        pen.line([foot, foot.map((x, i) => x - step * (along[i] + across[i]))], pen.colors.ground, 1);
+      }
+    };
+    return [{ layer: "wall", depth: middle(a, b), paint }];
+  },
+
+  /** A filled outline of a body. */
+  plate(shape, pen) {
+    const corners = shape.points.map((name) => pen.at(name));
+    if (corners.includes(null)) return [];
+    const depth = corners.reduce((sum, corner) => sum + corner[2], 0) / corners.length;
+    const paint = () => {
+      pen.area(corners, pen.colors.disc, 0.2);
+      pen.line([...corners, corners[0]], pen.colors.disc, 1.8);
+    };
+    return [{ layer: "plate", depth, paint }];
+  },
+
+  /** A block along the nearest guide. */
+  slider(shape, pen) {
+    const at = pen.at(shape.at);
+    if (!at) return [];
+    let [nearest, along] = [Infinity, [1, 0]];
+    for (const line of pen.segments) {
+      const found = ["guide", "wall", "belt"].includes(line.kind) && ends(line, pen);
+      const away = found ? fromLine(at, [...found[0].slice(0, 2), ...found[1].slice(0, 2)]) : Infinity;
+      if (away < nearest) [nearest, along] = [away, axes(...found)[0]];
+    }
+    const corners = [
+      [-1, -1],
+      [1, -1],
+      [1, 1],
+      [-1, 1],
+    ].map(([i, j]) => [
+      at[0] + pen.unit * (13 * i * along[0] + 8 * j * along[1]),
+      at[1] + pen.unit * (13 * i * along[1] - 8 * j * along[0]),
+    ]);
+    const paint = () => {
+      pen.area(corners, pen.colors.paper, 1);
+      pen.area(corners, pen.colors.disc, 0.3);
+      pen.line([...corners, corners[0]], pen.colors.disc, 1.8);
+    };
+    return [{ layer: "slider", depth: at[2], paint }];
+  },
+
+  /** A mass: a filled dot. */
+  mass(shape, pen) {
+    return joint(shape.at, 6, pen.colors.point, pen);
+  },
+
+  /** A pin: a ring. */
+  pin(shape, pen) {
+    return joint(shape.at, 4.5, pen.colors.paper, pen);
+  },
+
+  /** A line of an outline. */
   edge(shape, pen) {
     const found = ends(shape, pen);
     if (!found) return [];
@@ -244,29 +366,63 @@ const SHAPES = {
   },
 };
 
-/** Return the strokes of a point where bodies meet (open) or end (filled): in front of their rods. */
-function joint(name, meets, rods, pen) {
+/** Return the strokes of a dot of a radius at a point: in front of the lines that end there. */
+function joint(name, radius, fill, pen) {
   const at = pen.at(name);
   if (!at) return [];
-  const depth = Math.min(at[2], ...rods.map((rod) => middle(at, pen.at(rod) ?? at)));
-  const { point, paper } = pen.colors;
-  const radius = (meets ? 4.5 : 6) * pen.slim * pen.unit;
-  const paint = () => pen.dot(at, radius, meets ? paper : point, point);
+  let depth = at[2];
+  for (const { from, to } of pen.segments) {
+    const other = from === name ? pen.at(to) : to === name ? pen.at(from) : null;
+    if (other) depth = Math.min(depth, middle(at, other));
+  }
+  const paint = () => pen.dot(at, radius * pen.slim * pen.unit, fill, pen.colors.point);
   return [{ layer: "joint", depth, paint }];
 }
 
-/** Return the ends of a vector on the canvas; null for one that is nowhere. */
-function vectorEnds({ at, components, scale }, pen) {
+/**
+ * Return the ends of a vector on the canvas; null for one that is nowhere. A force along a line through
+ * its point is drawn beside this line, which would hide it.
+ */
+function vectorEnds({ at, components, scale, quantity }, pen) {
   const from = pen.motion.point(at);
   const drawn = pen.motion.vector(components);
-  return [from, from.map((c, axis) => c + scale * drawn[axis])].map((point) => pen.place(point));
+  const found = [from, from.map((c, i) => c + scale * drawn[i])].map((point) => pen.place(point));
+  const [foot, tip] = found;
+  if (quantity === "velocity" || !foot || !tip) return found;
+  const way = [tip[0] - foot[0], tip[1] - foot[1]];
+  const length = Math.hypot(...way);
+  if (!length) return found;
+  let side = [0, 0];
+  for (const line of pen.segments) {
+    const [a, b] = [pen.at(line.from), pen.at(line.to)];
+    const size = a && b ? Math.hypot(b[0] - a[0], b[1] - a[1]) : 0;
+    if (!size) continue;
+    const [along, across] = axes(a, b);
+    const on = (place, axis) => (place[0] - a[0]) * axis[0] + (place[1] - a[1]) * axis[1];
+    const [begin, reach] = [on(foot, along), on(tip, along)];
+    const overlap = Math.min(Math.max(begin, reach), size) - Math.max(Math.min(begin, reach), 0);
+    const angle = Math.abs(across[0] * way[0] + across[1] * way[1]) / length;
+    if (Math.abs(on(foot, across)) > ON * pen.unit || overlap <= 1 || angle >= ALONG) continue;
+    const shift = (1 - angle / ALONG) * BESIDE * pen.unit;
+    if (shift > Math.hypot(...side)) side = across.map((x) => shift * x);
+  }
+  return found.map(([x, y, depth]) => [x + side[0], y + side[1], depth]);
+}
+
+/** Return the unit vectors along a line on the canvas and to its left. */
+function axes(a, b) {
+  const [x, y] = [b[0] - a[0], b[1] - a[1]];
+  const length = Math.hypot(x, y) || 1;
+  return [
+    [x / length, y / length],
+    [y / length, -x / length],
+  ];
 }
 
 /** Return the places along a spring, which is drawn in the plane of the canvas. */
 function coil([a, b], radius, turns = 7) {
-  const [x, y] = [b[0] - a[0], b[1] - a[1]];
-  const length = Math.hypot(x, y) || 1;
-  const [along, across] = [[x / length, y / length], [-y / length, x / length]];
+  const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
+  const [along, across] = axes(a, b);
   const lead = 0.15 * length;
   const count = turns * 16;
   const places = [a];

@@ -6,14 +6,15 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, product
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from symengine import Basic, DenseMatrix, Integer, Lambdify, Symbol, expand, pi, sqrt
 
 from lagcli.arrays import Array
 from lagcli.model.expression.tensors import Tensor, angular_velocity, quaternion
-from lagcli.model.model import Constraint, Model, Segment, View, coordinate, velocity
+from lagcli.model.model import Model, Plate, Segment, View, coordinate, velocity
+from lagcli.pictures.scene.masses import base_name, bodies_of, masses, moving_names
 
 #: Matches x, x_A, x1, xA, x[2]; the other coordinates differ only in the first letter.
 _FIRST = re.compile(r"(?P<letter>[xX])(?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
@@ -47,11 +48,11 @@ def with_view(model: Model) -> Model:
     dimension = max(map(len, places.values()))
     points = {name: place for name, place in places.items() if len(place) == dimension}
     symbols = {coordinate(q) for q in model.coordinate_names}
-    links = list(_rods(model.constraints, points, symbols))
+    links = list(_rods(model, points, symbols))
     for link in links:
         if link.fixed is not None:
             points.setdefault(link.ends[0], link.fixed)
-    segments = [Segment("rod", link.name, *link.ends) for link in links]
+    segments = [Segment(link.kind, link.name, *link.ends) for link in links]
     bodies = rigid_bodies(model, points)
     for body in bodies:
         for name, place in body.fixed.items():
@@ -63,21 +64,23 @@ def with_view(model: Model) -> Model:
     labels = dict.fromkeys(points) if len(points) <= _LABELS else {}
     for body in bodies:
         points.update(body.corners)
-        segments += body.edges
     view = View(
         dimension,
         points,
         segments=tuple(segments),
+        plates=tuple(face for body in bodies for face in body.faces),
         grounds=fixed,
         trails=tuple(moving) if len(moving) <= _TRAILS else (),
         labels=labels,
+        masses=masses(model, {name: points[name] for name in places if name in points}),
     )
     return replace(model, view=view)
 
 
 class _Link(NamedTuple):
-    """A rod between two points, the first of which may be fixed."""
+    """A rod or a rope between two points, the first of which may be fixed."""
 
+    kind: Literal["rod", "rope"]
     name: str
     ends: tuple[str, str]
     fixed: Position | None = None
@@ -99,14 +102,15 @@ def _points(model: Model) -> Iterator[tuple[str, Position]]:
         base, dot, _ = name.rpartition(".x")
         place = tuple(scalars[f"{base}.{axis}"] for axis in "xyz" if f"{base}.{axis}" in scalars)
         if dot and len(place) > 1:
-            yield point_name(base[1:]), place
+            yield _point_of(base), place
+    used = moving_names(model)
     for name, definition in model.definitions.items():
         value = definition.value
-        match = _VECTOR.fullmatch(name)
-        if match and isinstance(value, Tensor) and value.is_vector and len(value.entries) in (2, 3):
+        known = _VECTOR.fullmatch(name) or base_name(name) in used
+        if known and isinstance(value, Tensor) and value.is_vector and len(value.entries) in (2, 3):
             entries = tuple(value.entries)
             if not any(s.name.endswith("'") for s in _free(entries)):
-                yield point_name(match["rest"]), entries
+                yield _point_of(name), entries
 
 
 def _on_a_line(model: Model) -> Iterator[tuple[str, Position]]:
@@ -142,10 +146,8 @@ def _free(place: Position) -> set[Basic]:
     return set().union(*(x.free_symbols for x in place))
 
 
-def _rods(
-    constraints: Sequence[Constraint], points: Mapping[str, Position], symbols: set[Basic]
-) -> Iterator[_Link]:
-    """Yield the rods given by constraints: φ = a/2 |P − C|² + const.
+def _rods(model: Model, points: Mapping[str, Position], symbols: set[Basic]) -> Iterator[_Link]:
+    """Yield the rods given by constraints, φ = a/2 |P − C|² + const, and the ropes.
 
     For points whose components are coordinates, ∂φ/∂P = a (P − C) gives the other end C: a fixed
     point, or another one of the points.
@@ -156,7 +158,8 @@ def _rods(
         if all(x in symbols for x in place)
         for symbol in place
     }
-    for constraint in constraints:
+    values = {Symbol(name): value for name, value in model.parameter_values.items()}
+    for constraint in model.constraints:
         phi = constraint.expression
         used = phi.free_symbols & symbols
         ends = list(dict.fromkeys(owners.get(s, "") for s in sorted(used, key=str)))
@@ -167,15 +170,18 @@ def _rods(
         factor = expand(slopes[0].diff(place[0]))
         if factor == 0 or factor.free_symbols & symbols:
             continue
+        if constraint.sign * float(factor.subs(values)) > 0:  # the points may move apart
+            continue
+        kind: Literal["rod", "rope"] = "rope" if constraint.sign else "rod"
         pairs = zip(place, slopes, strict=True)
         center = tuple(expand(x - slope / factor) for x, slope in pairs)
         if len(ends) == 2 and _same(points[ends[0]], center):
-            yield _Link(constraint.name, (ends[0], ends[1]))
+            yield _Link(kind, constraint.name, (ends[0], ends[1]))
         elif len(ends) == 1 and not _free(center) & symbols:
             name = next((n for n, p in points.items() if _same(p, center)), None)
             origin = all(x == 0 for x in center)
             name = name or ("O" if origin else f"{ends[0]}_0")
-            yield _Link(constraint.name, (name, ends[0]), center)
+            yield _Link(kind, constraint.name, (name, ends[0]), center)
 
 
 def _same(place: Position, other: Position) -> bool:
@@ -221,14 +227,14 @@ class RigidBody(NamedTuple):
         Points of the model that are fixed in the body, by name.
     corners : dict of str to positions
         Corners of its box.
-    edges : tuple of Segment
-        Edges of the box, between its corners.
+    faces : tuple of Plate
+        Faces of the box, between its corners; one if it is thin.
     """
 
     centre: str
     fixed: dict[str, Position]
     corners: dict[str, Position]
-    edges: tuple[Segment, ...]
+    faces: tuple[Plate, ...]
 
 
 def rigid_bodies(model: Model, centres: Mapping[str, Position]) -> list[RigidBody]:
@@ -238,20 +244,31 @@ def rigid_bodies(model: Model, centres: Mapping[str, Position]) -> list[RigidBod
     ----------
     model : Model
     centres : mapping of str to positions
-        Points that may be centres of mass; that of R_A or e_A is the point A, that of R[2] is P[2],
-        that of R or e is P.
+        Points that may be centres of mass; that of R or e in ``body(m, J, r, R)`` is r, that of any
+        other R_A or e_A is the point A, that of R[2] is P[2], that of R or e is P.
 
     Returns
     -------
     list of RigidBody
         Empty if there are more than can be distinguished.
     """
-    turns = {point_name(name[1:]): turn for name, turn in _rotations(model)}
+    given = bodies_of(model)
+    turns = {}
+    for name, turn in _rotations(model):
+        base = base_name(name)
+        known = base in given
+        turns[_point_of(given[base] + name[len(base) :]) if known else point_name(name[1:])] = turn
     located = {name: turn for name, turn in turns.items() if len(centres.get(name, ())) == 3}
     if len(located) > _BODIES:
         return []
     vectors = _vectors(model) if located else {}
     return [_body(model, name, centres[name], turn, vectors) for name, turn in located.items()]
+
+
+def _point_of(vector: str) -> str:
+    """Return the name of the point of a position vector: A for r_A; others have their own names."""
+    match = _VECTOR.fullmatch(vector)
+    return point_name(match["rest"]) if match else vector
 
 
 def point_name(rest: str) -> str:
@@ -352,13 +369,29 @@ def _body(
         if any(corner)
     }
     called = {corner: f"{name} corner {i}" for i, corner in enumerate(places, 1)}
-    edges = [
-        Segment("edge", f"{name} box", called[a], called[b])
-        for a, b in combinations(places, 2)
-        if sum(x != y for x, y in zip(a, b, strict=True)) == 1
-    ]
+    faces = [Plate(f"{name} box", tuple(called[x] for x in face)) for face in _faces(signs)]
     corners = {called[corner]: place for corner, place in places.items()}
-    return RigidBody(name, fixed, corners, tuple(edges))
+    return RigidBody(name, fixed, corners, tuple(faces))
+
+
+def _faces(signs: Sequence[Sequence[int]]) -> Iterator[list[tuple[int, ...]]]:
+    """Yield the corners around each face of a box, whose thin sides have the sign 0 alone."""
+    thin = [axis for axis, sides in enumerate(signs) if len(sides) == 1]
+    if len(thin) > 1:
+        ends = list(product(*signs))
+        if len(ends) > 1:
+            yield ends
+        return
+    for normal in thin or range(3):
+        first, second = (axis for axis in range(3) if axis != normal)
+        for side in signs[normal]:
+            around = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+            face = []
+            for a, b in around:
+                corner = [side] * 3
+                corner[first], corner[second] = a, b
+                face.append(tuple(corner))
+            yield face
 
 
 def _fixed(

@@ -50,6 +50,8 @@ class OrbitCamera:
     Parameters
     ----------
     bounds : three pairs
+    reach : float
+        Largest horizontal distance of anything from the middle of the bounds.
     width, height, margin : float
     azimuth, elevation : float
         Position of the eye, rad: azimuth from the x axis, and elevation.
@@ -62,6 +64,7 @@ class OrbitCamera:
     def __init__(
         self,
         bounds: Bounds,
+        reach: float,
         width: float,
         height: float,
         margin: float = 0.0,
@@ -75,11 +78,10 @@ class OrbitCamera:
         ce, se = math.cos(elevation), math.sin(elevation)
         #: Rows: unit vectors to the right, up, towards the eye.
         self.axes = np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
-        # the picture contains the whole box at any rotation about the vertical
-        level = math.hypot(half[0], half[1])
-        upright = level * abs(se) + half[2] * ce
+        # the picture contains the whole scene at any rotation about the vertical
+        upright = reach * abs(se) + half[2] * ce
         high = height - 2 * margin
-        room = [size / span for size, span in ((width, level), (high, upright)) if span > 0]
+        room = [size / span for size, span in ((width, reach), (high, upright)) if span > 0]
         near = 1 + 1 / self.DISTANCE  # objects nearer than the centre appear larger
         self.scale = min(room) / (2 * near) if room else min(width, high) / 2
         self.centre = np.array([width / 2, height / 2])

@@ -50,8 +50,12 @@ class SceneDrawing:
         self.raster = Raster(width, height, unit, ROLES["paper"])
         #: Height of the lines of text at the top and at the bottom.
         self.strip = 26 * max(1.0, unit)
-        camera = PlaneCamera if scene.dimension == 2 else OrbitCamera
-        self.camera = camera(scene.bounds, width, height, self.strip)
+        place = width, height, self.strip
+        self.camera = (
+            PlaneCamera(scene.bounds, *place)
+            if scene.dimension == 2
+            else OrbitCamera(scene.bounds, scene.reach, *place)
+        )
         self.vectors = [v for v in scene.vectors if forces or v.quantity != "force"]
         self._joints = joints(scene)
 
@@ -162,15 +166,22 @@ def three_digits(value: float) -> str:
 
 #: Layers, in the order of painting.
 LAYERS = (
-    *("guide", "ground", "trail", "disc", "edge", "spring", "rod", "joint"),
-    *("flash", "vector", "label"),
+    *("guide", "wall", "belt", "ground", "trail", "plate", "disc", "edge", "slider"),
+    *("spring", "damper", "rope", "rod", "joint", "flash", "vector", "label"),
 )
 #: In three dimensions these are one layer, painted from back to front.
-BODIES = frozenset({"trail", "disc", "edge", "spring", "rod", "joint"})
+BODIES = frozenset(
+    {"trail", "plate", "disc", "edge", "slider", "spring", "damper", "rope", "rod", "joint"}
+)
 
 #: Number of pieces of equal shade in a trail, and largest number of points.
 _PIECES, _POINTS = 40, 400
 _TURNS = 7  # of a spring
+#: Distance of an arrow from the line along which it acts, and the sine of the largest angle
+#: between them, pixels at scale 1.
+_BESIDE, _ALONG = 8.0, 0.25
+#: Pixels at scale 1 from a line within which an arrow begins on it.
+_ON = 3.0
 
 
 class DrawCommand(NamedTuple):
@@ -182,9 +193,9 @@ class DrawCommand(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """End of bodies: their number, and the points at their other ends."""
+    """A mass, or a pin, and the other ends of the lines that end there."""
 
-    bodies: int
+    mass: bool
     others: tuple[str, ...]
 
 
@@ -236,22 +247,15 @@ class Moment:
 
 
 def joints(scene: Scene) -> dict[str, Joint]:
-    """Return the drawn points: ends of rods and springs, grounds and trails."""
-    known_joints: dict[str, Joint] = {}
-
-    def meet(name: str, bodies: int, *others: str) -> None:
-        count, known = known_joints.get(name, Joint(0, ()))
-        known_joints[name] = Joint(count + bodies, known + others)
-
+    """Return the masses and the pins by point."""
+    others: dict[str, tuple[str, ...]] = {}
     for segment in scene.segments:
-        if segment.kind in ("rod", "spring"):
-            meet(segment.start, 1, segment.end)
-            meet(segment.end, 1, segment.start)
-    for name in scene.grounds:
-        meet(name, 2)
-    for name in scene.trails:
-        meet(name, 0)
-    return known_joints
+        for name, other in ((segment.start, segment.end), (segment.end, segment.start)):
+            others[name] = (*others.get(name, ()), other)
+    return {
+        name: Joint(name in scene.masses, others.get(name, ()))
+        for name in (*scene.pins, *scene.masses)
+    }
 
 
 def commands(
@@ -277,8 +281,16 @@ def commands(
             ends = np.array([places[segment.start], places[segment.end]])
             paint = partial(_LINES[segment.kind], moment, ends)
             yield DrawCommand(segment.kind, float(ends[:, 2].mean()), paint)
+    for plate in scene.plates:
+        if there(*plate.points):
+            corners = np.array([places[name] for name in plate.points])
+            paint = partial(_plate, raster, corners)
+            yield DrawCommand("plate", float(corners[:, 2].mean()), paint)
     for disc in scene.discs:
         yield from _disc(moment, disc)
+    for name in filter(there, scene.sliders):
+        paint = partial(_slider, moment, places[name][:2])
+        yield DrawCommand("slider", places[name][2], paint)
     for name in filter(there, scene.grounds):
         yield DrawCommand("ground", places[name][2], partial(_ground, raster, places[name]))
     for name in scene.trails:
@@ -290,8 +302,7 @@ def commands(
             depth = min([places[name][2], *middles])
             yield DrawCommand("joint", depth, partial(_joint, moment, places[name], joint))
     for vector in vectors:
-        foot = moment.points[vector.at]
-        ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
+        ends = vector_ends(moment, vector)
         if np.isfinite(ends).all():
             paint = partial(arrow, raster, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
             yield DrawCommand("vector", float(ends[:, 2].mean()), paint)
@@ -320,11 +331,41 @@ def _obstacles(moment: Moment, vectors: Sequence[DrawnVector]) -> list[tuple[Arr
         rim = _rim(moment, disc, np.arange(25) * np.pi / 12)
         obstacles += list(pairwise(rim))
     for vector in vectors:
-        at = moment.points[vector.at]
-        ends = moment.camera.project(np.array([at, at + moment.vector(vector.drawn())]))
+        ends = vector_ends(moment, vector)
         obstacles.append((ends[0], ends[1]))
     flat = [(a[:2], b[:2]) for a, b in obstacles]
     return [(a, b) for a, b in flat if np.isfinite(a).all() and np.isfinite(b).all()]
+
+
+def vector_ends(moment: Moment, vector: DrawnVector) -> Array:
+    """Return the places of both ends of a vector, (2, 3).
+
+    A force along a line through its point is drawn beside this line, which would hide it.
+    """
+    foot = moment.points[vector.at]
+    ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
+    way = ends[1, :2] - ends[0, :2]
+    length = math.hypot(*way)
+    if vector.quantity == "velocity" or not (math.isfinite(length) and length > 0):
+        return ends
+    side = np.zeros(2)
+    for segment in moment.scene.segments:
+        a, b = (moment.places[name][:2] for name in (segment.start, segment.end))
+        line = b - a
+        size = math.hypot(*line)
+        if not (math.isfinite(size) and size > 0):
+            continue
+        line = line / size
+        to_foot, reach = (float((x - a) @ line) for x in (ends[0, :2], ends[1, :2]))
+        across = np.array([-line[1], line[0]])
+        off = abs(float((ends[0, :2] - a) @ across))
+        overlaps = min(max(to_foot, reach), size) - max(min(to_foot, reach), 0.0) > 1.0
+        angle = abs(float(across @ way)) / length
+        if off < _ON * moment.raster.unit and overlaps and angle < _ALONG:
+            shift = (1 - angle / _ALONG) * _BESIDE * moment.raster.unit
+            side = max(side, shift * across, key=lambda x: float(x @ x))
+    ends[:, :2] += side
+    return ends
 
 
 def arrow(raster: Raster, start: Array, end: Array, color: str) -> None:
@@ -346,6 +387,83 @@ def _rod(moment: Moment, ends: Array) -> None:
     moment.raster.line(ends, ROLES["rod"], 5 * moment.slim)
 
 
+def _rope(moment: Moment, ends: Array) -> None:
+    moment.raster.line(ends, ROLES["rod"], 1.4)
+
+
+def _damper(moment: Moment, ends: Array) -> None:
+    """Draw a cylinder, open at one end, and its piston."""
+    raster = moment.raster
+    along, across = _axes(ends)
+    middle, unit = ends[:, :2].mean(axis=0), raster.unit
+
+    def at(forward: float, aside: float) -> Array:
+        place: Array = middle + unit * (forward * along + aside * across)
+        return place
+
+    color = ROLES["spring"]
+    raster.line([ends[0, :2], at(-10, 0)], color, 2, cap="butt")
+    raster.line([at(10, 7), at(-10, 7), at(-10, -7), at(10, -7)], color, 2)
+    raster.line([at(0, 5), at(0, -5)], color, 2)
+    raster.line([at(0, 0), ends[1, :2]], color, 2, cap="butt")
+
+
+def _belt(moment: Moment, ends: Array) -> None:
+    """Draw a belt around two rollers, on whose upper run things lie."""
+    raster = moment.raster
+    along, across = _axes(ends)
+    radius = 8 * raster.unit
+    hubs = [ends[i, :2] - radius * across + radius * s * along for i, s in ((0, 1), (1, -1))]
+    turns = np.linspace(0.5 * np.pi, 1.5 * np.pi, 13)
+    half = np.outer(np.cos(turns), along) + np.outer(np.sin(turns), across)
+    loop = np.vstack([hubs[0] + radius * half, hubs[1] - radius * half])
+    raster.area(loop, ROLES["guide"], 0.18, edge=ROLES["ground"], width=2)
+    for hub in hubs:
+        raster.dot(hub, 4.5, ROLES["paper"], ROLES["ground"])
+
+
+def _wall(moment: Moment, ends: Array) -> None:
+    """Draw a line that is hatched on its right."""
+    raster = moment.raster
+    along, across = _axes(ends)
+    color, step = ROLES["ground"], 7 * raster.unit
+    start, end = ends[:, :2]
+    raster.line([start, end], color, 1.8, cap="butt")
+    for s in np.arange(step, math.dist(start, end), step):
+        foot = start + s * along
+        raster.line([foot, foot - step * (along + across)], color, 1)
+
+
+def _axes(ends: Array) -> tuple[Array, Array]:
+    """Return the unit vectors along a line and to its left."""
+    way = ends[1, :2] - ends[0, :2]
+    along: Array = way / (math.hypot(*way) or 1.0)
+    return along, np.array([-along[1], along[0]])
+
+
+def _plate(raster: Raster, corners: Array) -> None:
+    raster.area(corners[:, :2], ROLES["disc"], 0.2, edge=ROLES["disc"], width=1.8)
+
+
+def _slider(moment: Moment, place: Array) -> None:
+    """Draw a block along the nearest guide."""
+    raster, along = moment.raster, np.array([1.0, 0.0])
+    nearest = math.inf
+    for segment in moment.scene.segments:
+        if segment.kind in ("guide", "wall", "belt"):
+            ends = np.array([moment.places[segment.start], moment.places[segment.end]])
+            away = float(distances(place[None], ends[None, :, :2])[0])
+            if away < nearest:
+                nearest, along = away, _axes(ends)[0]
+    across = np.array([-along[1], along[0]])
+    corners = [
+        place + raster.unit * (13 * i * along + 8 * j * across)
+        for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    raster.area(np.array(corners), ROLES["paper"])
+    raster.area(np.array(corners), ROLES["disc"], 0.3, edge=ROLES["disc"], width=1.8)
+
+
 def _edge(moment: Moment, ends: Array) -> None:
     moment.raster.line(ends, ROLES["disc"], 2)
 
@@ -355,8 +473,7 @@ def _spring(moment: Moment, ends: Array) -> None:
     raster = moment.raster
     start, end = ends[:, :2]
     length = math.dist(start, end) or 1.0
-    along = (end - start) / length
-    across = np.array([-along[1], along[0]])
+    along, across = _axes(ends)
     radius, lead = 6 * raster.unit, 0.15 * length
     phase = np.linspace(0, 2 * np.pi * _TURNS, 16 * _TURNS + 1)
     # slightly from the side: the turns are slanted
@@ -370,7 +487,10 @@ def _guide(moment: Moment, ends: Array) -> None:
     moment.raster.line(ends, ROLES["guide"], 1, dash=(9, 4, 2, 4))
 
 
-_LINES = {"rod": _rod, "spring": _spring, "guide": _guide, "edge": _edge}
+_LINES = {
+    **{"rod": _rod, "rope": _rope, "spring": _spring, "damper": _damper, "belt": _belt},
+    **{"guide": _guide, "wall": _wall, "edge": _edge},
+}
 
 
 def _ground(raster: Raster, place: Array) -> None:
@@ -456,11 +576,10 @@ def _flashes(moment: Moment, flashes: DrawnFlashes) -> Iterator[DrawCommand]:
 
 
 def _joint(moment: Moment, place: Array, joint: Joint) -> None:
-    """Draw a joint of bodies (open), or an end (filled)."""
-    meet = joint.bodies > 1
-    radius = (4.5 if meet else 6) * moment.slim
+    """Draw a mass (filled), or a pin (open)."""
+    radius = (6 if joint.mass else 4.5) * moment.slim
     color = ROLES["point"]
-    moment.raster.dot(place[:2], radius, ROLES["paper"] if meet else color, color)
+    moment.raster.dot(place[:2], radius, color if joint.mass else ROLES["paper"], color)
 
 
 #: Height of the letters of a label, pixels at scale 1.

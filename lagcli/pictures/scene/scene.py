@@ -4,14 +4,18 @@ As JSON, for programs that draw (`Scene.to_json`)::
 
     {"dimension": 2 | 3,
      "bounds": [[low, high], …],                    one pair by axis
+     "reach": …,                                    of anything from the vertical in their middle
      "unit": "m" | "",                              of the points
      "time": [nt],                                  s
      "points": {NAME: [[x…], [y…], ([z…])]},        each axis nt values, or 1 where it is constant
      "shapes": [
-       {"kind": "rod" | "spring" | "guide" | "edge", "name": …, "from": POINT, "to": POINT},
+       {"kind": "rod" | "rope" | "spring" | "damper" | "belt" | "guide" | "wall" | "edge",
+        "name": …, "from": POINT, "to": POINT},
+       {"kind": "plate", "name": …, "points": [POINT, …]},         a filled outline
        {"kind": "disc", "name": …, "center": POINT, "radius": [nt | 1],
         "angle": [nt | 1] | null, "normal": [[…], […], […]] | null},
        {"kind": "ground", "at": POINT}, {"kind": "trail", "of": POINT},
+       {"kind": "slider", "at": POINT}, {"kind": "mass", "at": POINT}, {"kind": "pin", "at": POINT},
        {"kind": "label", "at": POINT, "text": …},
        {"kind": "vector", "name": …, "quantity": "velocity" | "force" | "vector", "at": POINT,
         "components": [[…], […], …], "unit": "N", "scale": s,
@@ -27,7 +31,7 @@ vertical): see `frames`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -35,13 +39,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.model.model import Segment
+from lagcli.model.model import Plate, Segment
+from lagcli.pictures.selection import evenly
 from lagcli.trajectory.event_log import MODES, EventLog
 
 #: Margin of the picture, relative to its size, and relative length of a long vector.
-MARGIN, LONG = 0.08, 0.3
+MARGIN, LONG = 0.05, 0.22
 #: Vectors below this part of the longest one of their unit are 0 except for rounding.
 _ROUNDED = 1e-12
+#: Number of samples at which points are compared, and largest distance in one place, relative.
+_COMPARED, _TOGETHER = 5, 1e-4
 #: Minimum extent of an axis, relative to the largest one.
 LEAST = 0.3
 
@@ -114,10 +121,11 @@ class Scene:
     points : dict of str to arrays
         By axis, of nt values, or of 1 if constant.
     segments : tuple of Segment
+    plates : tuple of Plate
     discs : tuple of DrawnDisc
     vectors : tuple of DrawnVector
         Scaled.
-    grounds, trails : tuples of str
+    grounds, trails, sliders, masses : tuples of str
         Names of points.
     labels : dict of str to str
         Texts by points.
@@ -137,6 +145,9 @@ class Scene:
     labels: dict[str, str] | None = None
     unit: str = ""
     flashes: tuple[DrawnFlashes, ...] = ()
+    plates: tuple[Plate, ...] = ()
+    sliders: tuple[str, ...] = ()
+    masses: tuple[str, ...] = ()
 
     def at(self, point: str, sample: int) -> tuple[float, ...]:
         """Return a point at a sample."""
@@ -149,9 +160,7 @@ class Scene:
         To be drawn with equal scales.
         """
         extent = extent_of(self.points, self.discs)
-        for vector in self.vectors:
-            foot = self.points[vector.at]
-            tip = [a + b for a, b in zip(foot, vector.drawn(), strict=True)]
+        for tip in self._tips():
             extent = [_joined(pair, _range(axis)) for pair, axis in zip(extent, tip, strict=True)]
         size = max((high - low for low, high in extent), default=0.0) or 1.0
         bounds = []
@@ -159,6 +168,64 @@ class Scene:
             middle, half = (low + high) / 2, max(high - low, LEAST * size) / 2 + MARGIN * size
             bounds.append((middle - half, middle + half))
         return tuple(bounds)
+
+    def _tips(self) -> Iterator[tuple[Array, ...]]:
+        """Yield the ends of the vectors, by axis."""
+        for vector in self.vectors:
+            foot = self.points[vector.at]
+            yield tuple(a + b for a, b in zip(foot, vector.drawn(), strict=True))
+
+    @property
+    def reach(self) -> float:
+        """The largest horizontal distance of anything from the middle of the bounds."""
+        middle = [(low + high) / 2 for low, high in self.bounds]
+        size = max(high - low for low, high in self.bounds)
+        places = [(place, 0.0) for place in self.points.values()]
+        places += [(tip, 0.0) for tip in self._tips()]
+        places += [(self.points[d.center], _range(np.abs(d.radius))[1]) for d in self.discs]
+        reach = 0.0
+        for (x, y, *_), around in places:
+            away = _range(np.hypot(x - middle[0], y - middle[1]))[1]
+            reach = max(reach, away + around)
+        return float(reach if np.isfinite(reach) else 0.0) + MARGIN * size
+
+    @cached_property
+    def pins(self) -> tuple[str, ...]:
+        """Points where bodies meet, without masses.
+
+        These are ends of rods, springs and dampers in one place at all samples, sliders, and points
+        fixed to the ground; of several points in one place, the first.
+        """
+        bodies: dict[str, int] = {}
+        for segment in self.segments:
+            if segment.kind in ("rod", "spring", "damper"):
+                for name in (segment.start, segment.end):
+                    bodies[name] = bodies.get(name, 0) + 1
+        for names, count in ((self.grounds, 2), (self.sliders, 1)):
+            for name in names:
+                bodies[name] = bodies.get(name, 0) + count
+        if not bodies:
+            return ()
+        size = max(high - low for low, high in self.bounds)
+        few = evenly(len(self.time), _COMPARED)
+        at = np.array(
+            [
+                np.concatenate(
+                    [np.broadcast_to(x, self.time.shape)[few] for x in self.points[name]]
+                )
+                for name in bodies
+            ]
+        )
+        masses = np.array([name in self.masses for name in bodies])
+        counts = np.array(list(bodies.values()))
+        found = []
+        for i, name in enumerate(bodies):
+            together = np.abs(at - at[i]).max(axis=1, initial=0.0) <= _TOGETHER * size
+            together[i] = True  # also if it is nowhere
+            meeting = counts[together].sum() > 1 and not masses[together].any()
+            if meeting and not together[:i].any():
+                found.append(name)
+        return tuple(found)
 
     def to_json(self, numbers: Callable[[Array], Any] | None = None) -> dict[str, Any]:
         """Return JSON values, as the module says.
@@ -170,7 +237,7 @@ class Scene:
         """
         numbers = numbers or _numbers
 
-        def fields(shape: DrawnDisc | DrawnVector | DrawnFlashes) -> dict[str, Any]:
+        def fields(shape: Plate | DrawnDisc | DrawnVector | DrawnFlashes) -> dict[str, Any]:
             return {name: of(value) for name, value in shape._asdict().items()}
 
         def of(value: Any) -> Any:
@@ -181,9 +248,13 @@ class Scene:
         shapes: list[dict[str, Any]] = [
             {"kind": s.kind, "name": s.name, "from": s.start, "to": s.end} for s in self.segments
         ]
+        shapes += [{"kind": "plate", **fields(p)} for p in self.plates]
         shapes += [{"kind": "disc", **fields(d)} for d in self.discs]
         shapes += [{"kind": "ground", "at": name} for name in self.grounds]
         shapes += [{"kind": "trail", "of": name} for name in self.trails]
+        shapes += [{"kind": "slider", "at": name} for name in self.sliders]
+        shapes += [{"kind": "mass", "at": name} for name in self.masses]
+        shapes += [{"kind": "pin", "at": name} for name in self.pins]
         shapes += [
             {"kind": "label", "at": at, "text": text} for at, text in (self.labels or {}).items()
         ]
@@ -192,6 +263,7 @@ class Scene:
         return {
             "dimension": self.dimension,
             "bounds": [list(pair) for pair in self.bounds],
+            "reach": self.reach,
             "unit": self.unit,
             "time": numbers(self.time),
             "points": {name: [numbers(x) for x in p] for name, p in self.points.items()},

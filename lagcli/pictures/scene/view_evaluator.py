@@ -19,6 +19,7 @@ from lagcli.model.model import Arrow, Model, coordinate, multiplier
 from lagcli.pictures.column_evaluator import ColumnEvaluator
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.masses import masses
 from lagcli.pictures.scene.scene import (
     DrawnDisc,
     DrawnVector,
@@ -91,6 +92,9 @@ class ViewEvaluator:
         for arrow in view.vectors:
             force = point_force(model, arrow) if arrow.constraint is not None else None
             self._forces.append(None if force is None else (force, self._put(force.entries)))
+        discs = {disc.center for disc in view.discs}
+        bare = {name: place for name, place in view.points.items() if name not in discs}
+        self._masses = masses(model, bare) if view.masses is None else view.masses
         self._evaluator = ColumnEvaluator(model, self._slots)
         needs = dict.fromkeys(self._evaluator.needs)
         if any(self._forces):
@@ -174,6 +178,9 @@ class ViewEvaluator:
             view.trails,
             labels,
             "m" if model.units.stated else "",
+            plates=view.plates,
+            sliders=view.sliders,
+            masses=self._masses,
         )
 
     def _unit(self, arrow: Arrow) -> str:

@@ -98,8 +98,9 @@ class Pictures {
     this.shown = answer;
     if (scene) {
       scene.colors = this.colors;
-      if (cut && this.bounds) scene.bounds = this.bounds;
-      else this.bounds = scene.bounds;
+      const { bounds, reach } = scene;
+      if (cut && this.seen) Object.assign(scene, this.seen);
+      else this.seen = { bounds, reach };
     }
     this.stage.hidden = scene === null;
     if (scene && this.player) this.player.setScene(scene);
@@ -151,7 +152,7 @@ class Pictures {
   /** Show the start alone, seen from where the run was, its arrows at the same scale. */
   pose(scene) {
     this.held = true;
-    const { bounds, shapes } = this.shown.scene;
+    const { bounds, reach, shapes } = this.shown.scene;
     const scales = new Map(
       shapes.filter(({ kind }) => kind === "vector").map((shape) => [shape.name, shape.scale]),
     );
@@ -159,7 +160,7 @@ class Pictures {
       ...shape,
       scale: scales.get(shape.name) ?? shape.scale,
     }));
-    this.player.setScene({ ...scene, bounds, shapes: scaled });
+    this.player.setScene({ ...scene, bounds, reach, shapes: scaled });
   }
 
   /** Play the run of a body that was released, from its start. */

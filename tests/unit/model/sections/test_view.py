@@ -80,6 +80,27 @@ def test_kinds_and_names_of_lines() -> None:
     )
 
 
+def test_every_kind_of_line_is_read_alike() -> None:
+    keys = {"ropes": "rope", "dampers": "damper", "belts": "belt", "walls": "wall"}
+    for key, kind in keys.items():
+        found = view(f"view: {{points: {{O: [0, 0], P: [x, y]}}, {key}: {{a: O-P}}}}")
+        assert [tuple(s) for s in found.segments] == [(kind, "a", "O", "P")]
+
+
+def test_plates_are_outlines_closed_or_not() -> None:
+    points = "{O: [0, 0], P: [x, y], Q: [1, 0]}"
+    closed = view(f"view: {{points: {points}, plates: {{a: O-P-Q-O}}}}")
+    assert [tuple(p) for p in closed.plates] == [("a", ("O", "P", "Q"))]
+    assert view(f"view: {{points: {points}, plates: [O-P-Q]}}").plates[0].points == ("O", "P", "Q")
+
+
+def test_masses_are_listed_or_left_to_the_energy() -> None:
+    assert view("view: {points: {P: [x, y]}}").masses is None
+    assert view("view: {points: {P: [x, y]}, masses: []}").masses == ()
+    found = view("view: {points: {P: [x, y]}, masses: [P], sliders: P}")
+    assert (found.masses, found.sliders) == (("P",), ("P",))
+
+
 def test_families() -> None:
     text = (
         "view:\n  points: {'P[i = 0..N]': [i*x, y]}\n"

@@ -22,7 +22,7 @@ def test_a_plane_fits_with_one_scale_and_its_middle_in_the_middle() -> None:
 def test_from_the_front_the_axes_are_right_and_up() -> None:
     # the eye on the negative y axis, level
     bounds = ((-1.0, 1.0),) * 3
-    camera = OrbitCamera(bounds, 100, 100, azimuth=-math.pi / 2, elevation=0.0)
+    camera = OrbitCamera(bounds, 2**0.5, 100, 100, azimuth=-math.pi / 2, elevation=0.0)
     middle, right, up, near = camera.project(
         np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1], [0, -1, 0]])
     )
@@ -35,7 +35,7 @@ def test_from_the_front_the_axes_are_right_and_up() -> None:
 
 
 def test_what_is_nearer_looks_larger() -> None:
-    camera = OrbitCamera(((-1.0, 1.0),) * 3, 100, 100, azimuth=-math.pi / 2, elevation=0.0)
+    camera = OrbitCamera(((-1.0, 1.0),) * 3, 2**0.5, 100, 100, azimuth=-math.pi / 2, elevation=0.0)
     front, back = camera.project(np.array([[1.0, -1, 0], [1, 1, 0]]))
     assert front[0] > back[0] > 50
 
@@ -43,7 +43,7 @@ def test_what_is_nearer_looks_larger() -> None:
 @pytest.mark.parametrize("azimuth", np.linspace(0, 2 * math.pi, 7))
 def test_the_box_stays_in_the_picture_from_all_sides(azimuth: float) -> None:
     bounds = ((-1.0, 2.0), (0.0, 0.5), (-3.0, 1.0))
-    camera = OrbitCamera(bounds, 160, 90, margin=5, azimuth=azimuth)
+    camera = OrbitCamera(bounds, math.hypot(1.5, 0.25), 160, 90, margin=5, azimuth=azimuth)
     places = camera.project(np.array(list(itertools.product(*bounds))))
     assert (places[:, 0] >= 0).all()
     assert (places[:, 0] <= 160).all()

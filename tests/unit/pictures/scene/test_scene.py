@@ -14,9 +14,10 @@ from trajectories import all_terms
 import lagcli
 from lagcli.errors import UsageError
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scene.drawing import SceneDrawing
+from lagcli.pictures.scene.drawing import Moment, SceneDrawing, joints, vector_ends
 from lagcli.pictures.scene.scene import (
     LIFE,
+    LONG,
     MARGIN,
     DrawnVector,
     Scene,
@@ -53,6 +54,7 @@ def test_every_shipped_model_has_a_scene(name: str) -> None:
     shown = {p for s in scene.segments for p in (s.start, s.end)}
     shown |= {d.center for d in scene.discs} | {v.at for v in scene.vectors}
     shown |= {*scene.grounds, *scene.trails, *(scene.labels or {})}
+    shown |= {*scene.sliders, *scene.masses, *(p for plate in scene.plates for p in plate.points)}
     assert shown == set(scene.points)  # a point that nothing is drawn at is a slip
     for place in scene.points.values():
         assert len(place) == scene.dimension
@@ -217,7 +219,7 @@ def test_vectors_of_one_unit_share_a_scale() -> None:
     )
     lengths = [float(np.hypot(*v.drawn())[0]) for v in found]
     assert found[0].scale == found[1].scale
-    assert lengths == pytest.approx([0.6, 0.12, 0.6])
+    assert lengths == pytest.approx([2 * LONG, 0.4 * LONG, 2 * LONG])
 
 
 def test_a_rare_peak_does_not_shrink_a_vector_and_nothing_is_nothing() -> None:
@@ -312,3 +314,48 @@ def test_the_film_shows_rings_that_fade() -> None:
     assert painted(first - 1e-3) == 0
     assert painted(first + 0.1 * LIFE * 5) > painted(first + 0.9 * LIFE * 5) > 0
     assert painted(first + 1.1 * LIFE * 5) == 0
+
+
+# masses, pins, and arrows beside lines
+
+
+@pytest.mark.parametrize(
+    ("name", "masses", "pins"),
+    [
+        # C and C_2 are the same joint on two bars
+        ("four_bar", {"M"}, {"O", "A", "C", "D"}),
+        ("slider_crank", {"A", "B"}, {"O"}),
+        ("chain", {f"P[{i}]" for i in range(1, 21)}, {"P[0]"}),
+        ("atwood", {"W_1", "W_2"}, {"C"}),  # no pins at the ends of ropes
+        ("bouncing_ball", set(), set()),
+        ("heavy_top", set(), {"O"}),
+    ],
+)
+def test_dots_are_masses_and_rings_are_pins(name: str, masses: set[str], pins: set[str]) -> None:
+    scene = drawn(RunFile(short(name)))
+    assert set(scene.masses) == masses
+    assert set(scene.pins) == pins
+    assert set(joints(scene)) == masses | pins
+
+
+def test_a_force_along_a_rod_is_drawn_beside_it() -> None:
+    scene = drawn(RunFile(short("pendulum_cartesian")))
+    drawing = SceneDrawing(scene, 420, 420)
+    moment = Moment(scene, drawing.camera, drawing.raster, float(scene.time[10]), 1.0)
+    o, p = moment.places["O"][:2], moment.places["P"][:2]
+    across = np.array([o[1] - p[1], p[0] - o[0]]) / np.linalg.norm(p - o)
+    for vector in scene.vectors:
+        ends = vector_ends(moment, vector)[:, :2]
+        away = (ends - p) @ across
+        if vector.quantity == "velocity":  # from P
+            np.testing.assert_allclose(ends[0], p)
+        else:  # parallel to the rod
+            np.testing.assert_allclose(np.abs(away), 8.0 * drawing.raster.unit, atol=1e-6)
+
+
+def test_everything_is_within_reach() -> None:
+    scene = drawn(RunFile(short("rolling_disk")))
+    x, y = (sum(pair) / 2 for pair in scene.bounds[:2])
+    away = [np.hypot(p[0] - x, p[1] - y).max() for p in scene.points.values()]
+    half = np.hypot(*(np.ptp(pair) / 2 for pair in scene.bounds[:2]))
+    assert max(away) < scene.reach < 1.5 * half
