@@ -44,7 +44,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_code_run": (None, c_void_p, c_int, c_void_p, ctypes.c_int64),
     "lag_part_code_size": (ctypes.c_int64, c_void_p, c_int),
     "lag_part_enclose": (c_int, c_void_p, c_void_p, c_double, c_int, c_void_p),
-    "lag_part_ldl": (None, *[c_void_p] * 7),
+    "lag_part_ldl": (c_int, c_void_p, c_int, *[c_void_p] * 6),
     "lag_part_contact_memory": (ctypes.c_size_t, c_int),
     "lag_part_contacts": (c_int, *[c_void_p] * 5),
     "lag_part_lemke": (c_int, *[c_void_p] * 3),
@@ -236,6 +236,7 @@ def solve_ldl(
     places: Sequence[tuple[int, int]],
     values: Iterable[float],
     right: ArrayLike,
+    kernel: int = KERNEL,
 ) -> Array:
     """Factor a sparse symmetric matrix and solve with it, as the engine does for large models.
 
@@ -246,6 +247,7 @@ def solve_ldl(
         Of the nonzero entries, both triangles.
     values : sequence of float
     right : (n,) array
+    kernel : int
     """
     given = Arguments()
     record = given.filled(lag_elimination, **order_fields(plan))
@@ -256,8 +258,11 @@ def solve_ldl(
             factors[target] = value
     product, work, x = np.zeros(count + 1), np.zeros(2 * n), np.array(right, dtype=float)
     first = address(factors)
-    parts.lag_part_ldl(
-        byref(record), first, first + 8 * n, first + 16 * n, *map(address, (product, work, x))
+    check(
+        parts.lag_part_ldl(
+            *(byref(record), kernel, first, first + 8 * n, first + 16 * n),
+            *map(address, (product, work, x)),
+        )
     )
     return x
 

@@ -104,9 +104,6 @@ typedef struct {
     const int32_t *paired;  /* n: whether a pivot of order two begins at the place */
     const int32_t *start;   /* n + 1: start of each column of L */
     const int32_t *row;     /* the places of L's entries, by column, ascending */
-    /* what stands to the left of each place in L, by rows */
-    const int32_t *left_start; /* n + 1 */
-    const int32_t *left_column, *left_entry;
     /* destinations of the entries of M and B: the diagonal (n), the pairs (n), L; -1: nowhere */
     const int32_t *mass_targets, *jacobian_targets;
 } lag_elimination;

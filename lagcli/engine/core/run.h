@@ -8,6 +8,7 @@
 #define LAGCLI_RUN_H
 
 #include "derivatives/derivatives.h"
+#include "linear/ldl.h"
 #include "memory.h"
 #include "series/series.h"
 #include "switching/switching.h"
@@ -82,6 +83,7 @@ typedef struct {
 /* solution.c: the elimination in a loop. */
 typedef struct {
     lag_elimination plan;
+    lag_supernodes nodes;
     double *factors;                   /* inverse of D: 2 (nq + nc); L */
     double *product;                   /* as long as L */
 } lag_factors;

@@ -245,15 +245,12 @@ int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_eli
         .paired = lag_copy_integers(pool, given->paired, n),
         .start = lag_copy_integers(pool, given->start, n + 1),
         .row = lag_copy_integers(pool, given->row, entries),
-        .left_start = lag_copy_integers(pool, given->left_start, n + 1),
-        .left_column = lag_copy_integers(pool, given->left_column, entries),
-        .left_entry = lag_copy_integers(pool, given->left_entry, entries),
         .mass_targets = lag_copy_integers(pool, given->mass_targets, run->system.nm / run->system.blocks),
         .jacobian_targets = lag_copy_integers(pool, given->jacobian_targets, run->system.nb / run->system.blocks),
     };
     f->factors = lag_doubles(pool, 2 * n + entries);
     f->product = lag_doubles(pool, entries);
-    return pool->failed;
+    return pool->failed || lag_supernodes_of(pool, &f->plan, &f->nodes);
 }
 
 int lag_use_series(lag_run *run, const lag_series_program *given)

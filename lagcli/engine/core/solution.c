@@ -120,7 +120,7 @@ static int factor(lag_run *run)
             f[run->factors.plan.mass_targets[i]] = OUT(d, i);
     for (int i = 0; i < s->nb / s->blocks; ++i)
         f[run->factors.plan.jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
-    lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->factors.product, run->step.work);
+    lag_ldl_factor(ldl, &run->factors.nodes, s->vectors, f, f + n, f + 2 * n, run->factors.product);
     for (int i = 0; i < count; ++i)
         sum += f[i];
     return !isfinite(sum);

@@ -113,7 +113,7 @@ class lag_elimination(Structure):
 
     _fields_ = [
         ("n", c_int),
-        *each(Integers, "order paired start row left_start left_column left_entry"),
+        *each(Integers, "order paired start row"),
         *each(Integers, "mass_targets jacobian_targets"),
     ]
 
@@ -313,16 +313,12 @@ def equations_fields(system: System, constraint: Program) -> dict[str, Any]:
 
 def order_fields(plan: Elimination) -> dict[str, Any]:
     """Return an order of elimination, `lag_elimination` without the entries of M and B."""
-    left_start, left_column, left_entry = plan.left
     return {
         "n": len(plan.order),
         "order": plan.order,
         "paired": plan.paired,
         "start": plan.starts,
         "row": [i for column in plan.columns for i in column],
-        "left_start": left_start,
-        "left_column": left_column,
-        "left_entry": left_entry,
         "mass_targets": None,
         "jacobian_targets": None,
     }

@@ -18,7 +18,14 @@ from typing import NamedTuple, TypeGuard
 
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import RatesLayout
-from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at, unroll
+from lagcli.engine.linear.elimination import (
+    MOST_FOR_EACH,
+    MOST_UNROLLED,
+    Elimination,
+    NoElimination,
+    order_at,
+    unroll,
+)
 from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.program.vectorize import LONG
 from lagcli.engine.system import State, System, without_numbers
@@ -30,9 +37,6 @@ from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 SHORT = 1000
 #: Number of steps of a run after which unrolling pays off.
 STEPS_TO_UNROLL = 2500
-#: Largest number of updates, in total and per unknown, of an elimination that is unrolled.
-MOST_UNROLLED = 30_000
-_MOST_FOR_EACH = 100
 #: Average size of families, and number of operations, from which right sides of derivatives are
 #: vectorized.
 _MEMBERS, _LONG_OF_MEMBERS = 8, 500
@@ -123,7 +127,7 @@ def unrolled(system: System, prepared: Prepared) -> Prepared:
 def _may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:
     if elimination is None:
         return False
-    return elimination.updates <= min(MOST_UNROLLED, _MOST_FOR_EACH * len(elimination.order))
+    return elimination.updates <= min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order))
 
 
 def _with(system: System, elimination: Elimination) -> Program:

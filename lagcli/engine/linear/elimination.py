@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import accumulate, zip_longest
 from typing import NamedTuple
@@ -59,13 +59,14 @@ _FEW = 60
 _FEWER = 0.8
 #: Smallest pivot if none reaches the threshold; the engine's check of residuals decides.
 _LEAST = 1e-6
-#: Number of updates, or their part of n³ if that is more, above which the matrix is treated as
-#: dense.
-MOST_UPDATES, _MOST_OF_DENSE = 60_000, 1 / 24
+#: Number of updates, in total and per unknown, above which an elimination is not unrolled ...
+MOST_UNROLLED, MOST_FOR_EACH = 30_000, 100
+#: ... and number of unknowns from which a remaining matrix without zeros is treated as an array.
+_FULL = 16
 
 
 class NoElimination(ArithmeticError):
-    """There is no static order: the matrix is singular at a sampled state, or has large fill."""
+    """There is no static order: the matrix is singular at a sampled state."""
 
 
 class Elimination(NamedTuple):
@@ -102,23 +103,41 @@ class Elimination(NamedTuple):
         """Number of updates of the factorization."""
         return sum(len(c) * (len(c) + 1) // 2 for c in self.columns)
 
+    def in_postorder(self) -> Elimination:
+        """Return the same elimination with each pivot directly before what it is updated into.
+
+        Where its columns have the same rows, the core updates them together (`lag_supernodes`).
+        """
+        n = len(self.order)
+        first = [k - 1 if k and self.paired[k - 1] else k for k in range(n)]  # of the pivot
+        into: list[list[int]] = [[] for _ in range(n)]
+        stack: list[tuple[int, bool]] = []
+        for k in range(n):
+            if first[k] == k and self.columns[k]:
+                into[first[self.columns[k][0]]].append(k)
+            elif first[k] == k:
+                stack.append((k, False))
+        order: list[int] = []
+        while stack:
+            k, done = stack.pop()
+            if done:
+                order += range(k, k + 1 + self.paired[k])
+                continue
+            stack.append((k, True))
+            # the longest column is eliminated last
+            stack += [(i, False) for i in sorted(into[k], key=lambda i: -len(self.columns[i]))]
+        place = {k: p for p, k in enumerate(order)}
+        return Elimination(
+            tuple(self.order[k] for k in order),
+            tuple(self.paired[k] for k in order),
+            tuple(tuple(sorted(place[i] for i in self.columns[k])) for k in order),
+            self.smallest,
+        )
+
     @property
     def starts(self) -> list[int]:
         """Start of each column of L, and the end of the last one; n + 1."""
         return [0, *accumulate(len(c) for c in self.columns)]
-
-    @property
-    def left(self) -> tuple[list[int], list[int], list[int]]:
-        """L by rows: the start of each row (n + 1), and the columns and indices of its entries."""
-        rows: list[list[tuple[int, int]]] = [[] for _ in self.order]
-        entry = 0
-        for k, column in enumerate(self.columns):
-            for i in column:
-                rows[i].append((k, entry))
-                entry += 1
-        pairs = [pair for row in rows for pair in row]
-        starts = [0, *accumulate(len(row) for row in rows)]
-        return starts, [k for k, _ in pairs], [e for _, e in pairs]
 
     def targets(self, places: Iterable[tuple[int, int]]) -> list[int]:
         """Return the destinations of the matrix' entries in D's diagonal, D's pairs and L.
@@ -194,6 +213,8 @@ def order_at(
             elimination = other
     if elimination is None:
         raise NoElimination
+    if elimination.updates > min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order)):
+        return elimination.in_postorder()
     return elimination
 
 
@@ -324,7 +345,7 @@ def find_order(
     order: list[int] = []
     paired: list[bool] = []
     below: list[tuple[int, ...]] = []
-    updates, smallest = 0, 1.0
+    smallest, entries = 1.0, sum(map(len, rows))
     queue = [(len(row), i) for i, row in enumerate(rows)]
     heapq.heapify(queue)
     refused: set[int] = set()
@@ -334,6 +355,15 @@ def find_order(
     waiting: list[tuple[int, int]] = []
     most = math.inf
     while len(order) < size:
+        left = size - len(order)
+        if left >= _FULL and entries == left * left and not touched:
+            rest = _Full(rows, [i for i in range(size) if alive[i]])
+            for pivots, after in rest.pivots(threshold):
+                order += pivots
+                paired += [len(pivots) == 2, False][-len(pivots) :]
+                below += [after] * len(pivots)
+            smallest = min(smallest, rest.smallest)
+            break
         pivots: tuple[int, ...] = ()
         while queue and queue[0][0] <= most:
             degree, i = heapq.heappop(queue)
@@ -354,11 +384,10 @@ def find_order(
             continue
         pivots = pivots or _fallback_pivot(rows, refused, threshold)
         neighbours = sorted({j for i in pivots for j in rows[i]} - set(pivots))
-        updates += len(pivots) * len(neighbours) * (len(neighbours) + 1) // 2
-        if updates > max(MOST_UPDATES, _MOST_OF_DENSE * size**3):
-            raise NoElimination
         smallest = min(smallest, _pivot_size(rows, pivots))
+        entries -= sum(len(rows[i]) for i in (*pivots, *neighbours))
         _eliminate(rows, pivots, neighbours)
+        entries += sum(len(rows[i]) for i in neighbours)
         for i in pivots:
             alive[i] = False
             order.append(i)
@@ -467,6 +496,87 @@ def _eliminate(rows: Rows, pivots: tuple[int, ...], neighbours: list[int]) -> No
     for j in neighbours:
         for i in pivots:
             rows[j].pop(i, None)
+
+
+class _Full:
+    """The elimination of what remains, a matrix without zeros.
+
+    It chooses the pivots that `find_order` would choose among rows of equal length.
+
+    Parameters
+    ----------
+    rows : Rows
+    unknowns : list of int
+        Those that remain.
+    """
+
+    def __init__(self, rows: Rows, unknowns: list[int]):
+        self.unknowns, self.smallest = unknowns, 1.0
+        self.matrix = np.array([[rows[i][j] for j in unknowns] for i in unknowns])
+
+    def pivots(self, threshold: float) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+        """Yield each pivot, and the unknowns after it."""
+        while self.unknowns:
+            chosen = self._choose(threshold)
+            a, rest = self.matrix, [i for i in range(len(self.unknowns)) if i not in chosen]
+            pivot = a[np.ix_(chosen, chosen)].transpose(2, 0, 1)
+            eigenvalue = pivot[:, 0, 0]
+            if len(chosen) == 2:
+                largest = np.abs(pivot).max(axis=(1, 2))
+                eigenvalue = np.linalg.det(pivot) / (2.0 * np.maximum(largest, 1e-300))
+            self.smallest = min(self.smallest, float(np.abs(eigenvalue).min()))
+            column = a[np.ix_(rest, chosen)].transpose(2, 0, 1)
+            change = column @ np.linalg.solve(pivot, column.transpose(0, 2, 1))
+            pivots = tuple(self.unknowns[i] for i in chosen)
+            self.unknowns = [self.unknowns[i] for i in rest]
+            self.matrix = a[np.ix_(rest, rest)] - change.transpose(1, 2, 0)
+            yield pivots, tuple(self.unknowns)
+
+    def _choose(self, threshold: float) -> tuple[int, ...]:
+        """Return the place of the first pivot that is large enough, or of the best one."""
+        sizes, n = np.abs(self.matrix), len(self.unknowns)
+        own = np.einsum("iis->is", sizes).copy()
+        if n == 1:
+            if not own.min() > 0.0:
+                raise NoElimination
+            return (0,)
+        np.einsum("iis->is", sizes)[:] = 0.0
+        others = sizes.max(axis=1)
+        single = (own / np.maximum(others, 1e-300)).min(axis=1)
+        enough = np.flatnonzero(single >= threshold)
+        if len(enough):
+            return (int(enough[0]),)
+        best: tuple[float, tuple[int, ...]] = (_LEAST, ())
+        for i in range(n):
+            pair = self._pairs(i, sizes)
+            j = int(n - 1 - pair[::-1].argmax())
+            for size, chosen in ((float(single[i]), (i,)), (float(pair[j]), (i, j))):
+                if min(size, threshold) > best[0]:
+                    best = (min(size, threshold), chosen)
+            if best[0] >= threshold:
+                break
+        if not best[1]:
+            raise NoElimination
+        return best[1]
+
+    def _pairs(self, i: int, sizes: Array) -> Array:
+        """Return `_pair_size` of an unknown with each of the others; 0 with itself."""
+        a = self.matrix
+        own, beside, other = a[i, i], a[i], np.einsum("iis->is", a)
+        determinant = np.abs(own * other - beside * beside)
+        if len(a) == 2:
+            ratio = (determinant.min(axis=1) > 0.0).astype(float)
+        else:
+            two = np.sort(sizes[i], axis=0)[-2:]
+            at = np.where(sizes[i] == two[1], two[0], two[1])  # without the entry of the pair
+            elsewhere = sizes.copy()
+            elsewhere[:, i] = 0.0
+            below = elsewhere.max(axis=1)
+            b = np.abs(beside)
+            grown = np.maximum(np.abs(other) * at + b * below, b * at + np.abs(own) * below)
+            ratio = (determinant / np.maximum(grown, 1e-300)).min(axis=1)
+        ratio[i] = 0.0
+        return np.asarray(ratio)
 
 
 def unroll(system: System, elimination: Elimination) -> Tape:

@@ -3,14 +3,40 @@
 #define LAGCLI_LDL_H
 
 #include "lagcore.h"
+#include "memory.h"
+#include "tape/vectors.h"
+
+/*
+ * Consecutive columns of L that have, below the last of them, the same rows: they are updated together, and
+ * each later column by all of them at once.
+ */
+typedef struct {
+    int count;
+    const int32_t *first;   /* count + 1: their first columns */
+    const int32_t *begin;   /* count + 1: the first of the groups of each */
+    /* rows below that are columns of the same supernode form a group */
+    const int32_t *group;   /* the number of its first row among those below */
+    const int64_t *place;   /* where the places of this row and all that follow begin */
+    const int32_t *places;  /* number among the rows that the columns of the group may have, counted from the first
+                             * place of their supernode */
+    const double **source;  /* scratch: the longest supernode */
+    double *weight;
+    double *column;         /* scratch: the longest column */
+} lag_supernodes;
+
+/* Find them in an order of elimination. 0, or 1 without memory. */
+int lag_supernodes_of(lag_pool *pool, const lag_elimination *plan, lag_supernodes *found);
+
+/* Whether the columns are those of an elimination: ascending, and with the fill of those before. */
+int lag_ldl_closed(const lag_elimination *plan);
 
 /*
  * Factor. On entry, diagonal (n), beside (n) and lower hold the matrix: its diagonal, the entry of
  * each pair, and what stands in L's places. On return, diagonal and beside hold the inverse of D.
- * product (as long as lower) becomes L D; work has 2 n entries.
+ * product (as long as lower) becomes L D. An entry is the same to the last bit whatever the supernodes are.
  */
-void lag_ldl_factor(const lag_elimination *plan, double *diagonal, double *beside, double *lower,
-                    double *product, double *work);
+void lag_ldl_factor(const lag_elimination *plan, const lag_supernodes *nodes, const lag_vector_kernel *vectors,
+                    double *diagonal, double *beside, double *lower, double *product);
 
 /* Solve with the factors; x holds the right side and becomes the solution. work has n entries. */
 void lag_ldl_solve(const lag_elimination *plan, const double *diagonal, const double *beside,

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "contact/contact.h"
+#include "linear/ldl.h"
 #include "model/check.h"
 #include "model/reader.h"
 #include "system.h"
@@ -125,24 +126,21 @@ static const int32_t *starts(lag_reader *in, int n, int *entries)
 static lag_elimination elimination(lag_reader *in, const lag_equations *e)
 {
     lag_elimination made = {0};
-    int entries = 0, left = 0;
+    int entries = 0;
     const int n = made.n = lag_read_int(in, e->nq + e->nc, e->nq + e->nc);
     made.order = lag_read_integers(in, n, 0, n);
     made.paired = lag_read_integers(in, n, 0, 2);
     made.start = starts(in, n, &entries);
     made.row = lag_read_integers(in, entries, 0, n);
-    made.left_start = starts(in, n, &left);
-    made.left_column = lag_read_integers(in, entries, 0, n);
-    made.left_entry = lag_read_integers(in, entries, 0, entries);
     made.mass_targets = lag_read_integers(in, e->nm, -1, 2 * (int64_t)n + entries);
     made.jacobian_targets = lag_read_integers(in, e->nb, -1, 2 * (int64_t)n + entries);
-    if (in->status == LAG_MODEL_READ && left != entries)
-        lag_reject(in, LAG_MODEL_INDEX);
     /* a pair of pivots has two columns of equal length, and no other pair in it */
     for (int k = 0; in->status == LAG_MODEL_READ && k < n; ++k)
         if (made.paired[k] && (k + 1 == n || made.paired[k + 1]
                                || made.start[k + 2] - made.start[k + 1] != made.start[k + 1] - made.start[k]))
             lag_reject(in, LAG_MODEL_INDEX);
+    if (in->status == LAG_MODEL_READ && !lag_ldl_closed(&made))
+        lag_reject(in, LAG_MODEL_INDEX);
     return made;
 }
 

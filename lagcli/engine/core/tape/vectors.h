@@ -26,6 +26,9 @@ typedef struct {
     /* The sum of the squares of x over the tolerances at y and z, n of each, atol among them. */
     double (*scaled_square)(int n, const double *x, const double *y, const double *z,
                             const double *atol, double rtol);
+
+    /* Subtract `terms` vectors x times weights from y, one after the other, n elements each. */
+    void (*subtract)(int n, double *y, int terms, const double *const *x, const double *weight);
 } lag_vector_kernel;
 
 extern const lag_vector_kernel lag_vectors_default, lag_vectors_avx2;

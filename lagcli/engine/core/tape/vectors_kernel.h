@@ -135,4 +135,35 @@ static double scaled_square(int n, const double *x, const double *y, const doubl
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-const lag_vector_kernel NAME = {run_stream, combine, pick, largest, least, scaled_square};
+static void subtract(int n, double *y, int terms, const double *const *x, const double *weight)
+{
+    int i = 0;
+    for (; i + 16 <= n; i += 16) { /* differences remain in registers */
+        four p = FOUR(y + i), q = FOUR(y + i + 4), r = FOUR(y + i + 8), s = FOUR(y + i + 12);
+        for (int k = 0; k < terms; ++k) {
+            const double *a = x[k] + i, w = weight[k];
+            p -= w * FOUR(a);
+            q -= w * FOUR(a + 4);
+            r -= w * FOUR(a + 8);
+            s -= w * FOUR(a + 12);
+        }
+        *(four *)(y + i) = p;
+        *(four *)(y + i + 4) = q;
+        *(four *)(y + i + 8) = r;
+        *(four *)(y + i + 12) = s;
+    }
+    for (; i + 4 <= n; i += 4) {
+        four p = FOUR(y + i);
+        for (int k = 0; k < terms; ++k)
+            p -= weight[k] * FOUR(x[k] + i);
+        *(four *)(y + i) = p;
+    }
+    for (; i < n; ++i) {
+        double p = y[i];
+        for (int k = 0; k < terms; ++k)
+            p -= weight[k] * x[k][i];
+        y[i] = p;
+    }
+}
+
+const lag_vector_kernel NAME = {run_stream, combine, pick, largest, least, scaled_square, subtract};

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from core_parts import solve_ldl
 from kkt_systems import eliminated, hand_written, whole
 
 import lagcli
+from lagcli.engine.core.library import KERNEL, PORTABLE
 from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.linear import elimination
 from lagcli.engine.linear.elimination import (
@@ -25,6 +27,8 @@ from lagcli.engine.tape.operations import Op
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 
+#: Of the core, without and with the instructions of this processor.
+KERNELS = (PORTABLE, KERNEL)
 FOUND = Path(__file__).parents[3] / "found"
 
 
@@ -86,16 +90,48 @@ def test_factors_are_zero_outside_the_columns(seed: int) -> None:
     assert 0 < plan.smallest <= 1
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_rows_of_l_are_its_columns(seed: int) -> None:
-    plan = found(*random_parts(seed))
-    entries = [(i, k) for k, column in enumerate(plan.columns) for i in column]
-    assert plan.starts == [0, *np.cumsum([len(c) for c in plan.columns]).tolist()]
-    starts, columns, numbers = plan.left
-    for i in range(len(plan.order)):
-        row = range(starts[i], starts[i + 1])
-        assert [entries[numbers[x]] for x in row] == [(i, columns[x]) for x in row]
-    assert sorted(numbers) == [*range(len(entries))]
+@pytest.mark.parametrize("seed", range(20))
+def test_the_postorder_is_the_same_elimination(seed: int) -> None:
+    """Each pivot stands directly before those that it is updated into, and L solves as before."""
+    rng = np.random.default_rng(seed)
+    mass, jacobian = random_parts(seed)
+    plan = found(mass, jacobian)
+    post = plan.in_postorder()
+    assert post.updates == plan.updates
+    assert post.smallest == plan.smallest
+    assert sorted(post.order) == [*range(len(post.order))]
+    for k, column in enumerate(post.columns):
+        assert all(i > k for i in column)
+        if column and not post.paired[k]:  # the next one, or one whose branch ends before it
+            assert set(column[1:]) <= {*post.columns[column[0]], column[0] + 1}
+    matrix = whole(mass, jacobian)
+    right = rng.normal(size=len(matrix))
+    places = pattern(matrix)
+    values = [matrix[i, j] for i, j in places]
+    exact = np.linalg.solve(matrix, right)
+    for order in (plan, post):
+        solutions = [solve_ldl(order, places, values, right, kernel) for kernel in KERNELS]
+        assert len({x.tobytes() for x in solutions}) == 1
+        error = 1e-13 * np.linalg.cond(matrix) * np.abs(exact).max()
+        np.testing.assert_allclose(solutions[0], exact, rtol=0, atol=error)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_full_remainder_is_eliminated_in_the_same_order(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As an array and row by row, with pairs where coordinates have no inertia."""
+    rng = np.random.default_rng(seed)
+    nq, nc = int(rng.integers(16, 30)), int(rng.integers(0, 8))
+    inertia = np.where(np.arange(nq) < rng.integers(0, nc + 1), 0.0, 1.0)
+    terms = rng.normal(size=(nq, nq))
+    mass = (terms @ terms.T + nq * np.eye(nq)) * np.outer(inertia, inertia) / nq
+    jacobian = rng.normal(size=(nc, nq))
+    full = found(mass, jacobian)
+    monkeypatch.setattr(elimination, "_FULL", 10**9)
+    by_rows = found(mass, jacobian)
+    assert full == by_rows
+    assert full.smallest == pytest.approx(by_rows.smallest, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))
