@@ -358,10 +358,10 @@ def find_order(
         left = size - len(order)
         if left >= _FULL and entries == left * left and not touched:
             rest = _Full(rows, [i for i in range(size) if alive[i]])
-            for pivots, after in rest.pivots(threshold):
-                order += pivots
-                paired += [len(pivots) == 2, False][-len(pivots) :]
-                below += [after] * len(pivots)
+            for pivot, after in rest.pivots(threshold):
+                order += pivot
+                paired += [len(pivot) == 2, False][-len(pivot) :]
+                below += [after] * len(pivot)
             smallest = min(smallest, rest.smallest)
             break
         pivots: tuple[int, ...] = ()

@@ -1,12 +1,17 @@
 #include "linear/ldl.h"
 
-#include <stddef.h>
-#include <string.h>
-
 /* The first row of a column of L: that of its pair's other pivot is not among them. */
 static int first_row(const lag_elimination *f, int k)
 {
     return k + 1 + f->paired[k];
+}
+
+static int equal(const int32_t *a, const int32_t *b, int count)
+{
+    for (int i = 0; i < count; ++i)
+        if (a[i] != b[i])
+            return 0;
+    return 1;
 }
 
 /* Whether a column has exactly the rows of the one before, without its own. */
@@ -21,7 +26,7 @@ static int continues(const lag_elimination *f, int k)
         skipped = 2;
     if (f->start[k] - f->start[k - 1] != count + skipped || before[0] != k || before[skipped - 1] != k + skipped - 1)
         return 0;
-    return !memcmp(before + skipped, own, (size_t)count * sizeof *own);
+    return equal(before + skipped, own, count);
 }
 
 int lag_ldl_closed(const lag_elimination *f)
@@ -32,7 +37,7 @@ int lag_ldl_closed(const lag_elimination *f)
             if (*one < (one == row ? first_row(f, k) : one[-1] + 1) || *one >= f->n)
                 return 0;
         if (f->paired[k] && (end - row != f->start[k + 2] - f->start[k + 1]
-                             || memcmp(row, end, (size_t)(end - row) * sizeof *row)))
+                             || !equal(row, end, (int)(end - row))))
             return 0;
         if (row == end)
             continue;
