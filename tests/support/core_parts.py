@@ -44,7 +44,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_code_run": (None, c_void_p, c_int, c_void_p, ctypes.c_int64),
     "lag_part_code_size": (ctypes.c_int64, c_void_p, c_int),
     "lag_part_enclose": (c_int, c_void_p, c_void_p, c_double, c_int, c_void_p),
-    "lag_part_ldl": (c_int, c_void_p, c_int, *[c_void_p] * 6),
+    "lag_part_ldl": (c_int, c_void_p, c_int, *[c_void_p] * 4),
     "lag_part_contact_memory": (ctypes.c_size_t, c_int),
     "lag_part_contacts": (c_int, *[c_void_p] * 5),
     "lag_part_lemke": (c_int, *[c_void_p] * 3),
@@ -257,13 +257,7 @@ def solve_ldl(
         if target >= 0:
             factors[target] = value
     product, work, x = np.zeros(count + 1), np.zeros(2 * n), np.array(right, dtype=float)
-    first = address(factors)
-    check(
-        parts.lag_part_ldl(
-            *(byref(record), kernel, first, first + 8 * n, first + 16 * n),
-            *map(address, (product, work, x)),
-        )
-    )
+    check(parts.lag_part_ldl(*(byref(record), kernel), *map(address, (factors, product, work, x))))
     return x
 
 

@@ -83,15 +83,14 @@ int lag_part_enclose(const lag_program *program, const double *inputs, double hi
     return lag_enclose_program(NULL, program, inputs, high, order, out);
 }
 
-int lag_part_ldl(const lag_elimination *plan, int kernel, double *diagonal, double *beside, double *lower,
-                 double *product, double *work, double *x)
+int lag_part_ldl(const lag_elimination *plan, int kernel, double *factors, double *product, double *work, double *x)
 {
     lag_pool pool = lag_pool_of(NULL);
     lag_supernodes nodes;
     const int bad = !lag_ldl_closed(plan) || lag_supernodes_of(&pool, plan, &nodes);
     if (!bad) {
-        lag_ldl_factor(plan, &nodes, lag_vectors(kernel), diagonal, beside, lower, product);
-        lag_ldl_solve(plan, diagonal, beside, lower, work, x);
+        lag_ldl_factor(plan, &nodes, lag_vectors(kernel), factors, product);
+        lag_ldl_solve(plan, factors, work, x);
     }
     lag_release(&pool);
     return bad;

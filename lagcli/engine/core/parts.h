@@ -31,8 +31,7 @@ int64_t lag_part_code_size(lag_part_code *code, int i);
 int lag_part_enclose(const lag_program *program, const double *inputs, double high, int order, double *out);
 
 /* Factor a sparse symmetric matrix and solve with it: see linear/ldl.h. Returns 0, or 1 for an order that is none. */
-int lag_part_ldl(const lag_elimination *plan, int kernel, double *diagonal, double *beside, double *lower,
-                 double *product, double *work, double *x);
+int lag_part_ldl(const lag_elimination *plan, int kernel, double *factors, double *product, double *work, double *x);
 
 size_t lag_part_contact_memory(int n);
 int lag_part_contacts(const lag_contacts *problem, const int *present, void *memory, lag_contact_motion *first,

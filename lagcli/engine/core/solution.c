@@ -120,7 +120,7 @@ static int factor(lag_run *run)
             f[run->factors.plan.mass_targets[i]] = OUT(d, i);
     for (int i = 0; i < s->nb / s->blocks; ++i)
         f[run->factors.plan.jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
-    lag_ldl_factor(ldl, &run->factors.nodes, s->vectors, f, f + n, f + 2 * n, run->factors.product);
+    lag_ldl_factor(ldl, &run->factors.nodes, s->vectors, f, run->factors.product);
     for (int i = 0; i < count; ++i)
         sum += f[i];
     return !isfinite(sum);
@@ -213,7 +213,7 @@ static void substitute_block(lag_run *run, double *x)
         const int nq = run->system.nq / run->system.blocks;
         lag_turn(x + nq, n - nq);
     } else {
-        lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->step.work + n * run->system.blocks, x);
+        lag_ldl_solve(ldl, f, run->step.work + n * run->system.blocks, x);
     }
 }
 

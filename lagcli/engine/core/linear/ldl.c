@@ -56,62 +56,52 @@ int lag_ldl_closed(const lag_elimination *f)
     return 1;
 }
 
+/* The place of L's entry in a row of a column, or of D's where the row is that of its pivot. */
+static int place(const lag_elimination *f, int k, int row, int after)
+{
+    const int n = f->n;
+    if (row == k)
+        return k;
+    if (f->paired[k] && row == k + 1)
+        return n + k;
+    return 2 * n + after;
+}
+
 int lag_supernodes_of(lag_pool *pool, const lag_elimination *f, lag_supernodes *found)
 {
     const int n = f->n;
-    int32_t *first = lag_copy_integers(pool, NULL, n + 1), *node = lag_copy_integers(pool, NULL, n);
-    int32_t *begin = lag_copy_integers(pool, NULL, n + 1);
+    int32_t *first = lag_copy_integers(pool, NULL, n + 1);
     if (pool->failed)
         return 1;
-    int count = 0, longest = 1, most = 1, groups = 0;
-    int64_t places = 0;
-    for (int k = 0; k < n; ++k) {
+    int count = 0, longest = 1, most = 1;
+    int64_t updates = 0;
+    for (int k = 0; k < n; ++k)
         if (!k || !continues(f, k))
             first[count++] = k;
-        node[k] = count - 1;
-    }
     first[count] = n;
     for (int s = 0; s < count; ++s) {
         const int end = first[s + 1], below = f->start[end] - f->start[end - 1];
-        const int32_t *row = f->row + f->start[end - 1];
-        begin[s] = groups;
-        for (int c = 0; c < below; ++c)
-            if (!c || node[row[c]] != node[row[c - 1]]) {
-                ++groups;
-                places += below - c;
-            }
+        updates += (int64_t)below * (below + 1) / 2;
         longest = end - first[s] > longest ? end - first[s] : longest;
         most = below > most ? below : most;
     }
-    begin[count] = groups;
-    int32_t *group = lag_copy_integers(pool, NULL, groups), *at = lag_copy_integers(pool, NULL, places);
-    int64_t *place = lag_get(pool, (size_t)groups, sizeof *place);
+    int32_t *target = lag_copy_integers(pool, NULL, updates);
     *found = (lag_supernodes){
-        .count = count, .first = first, .begin = begin, .group = group, .place = place, .places = at,
+        .count = count, .first = first, .target = target,
         .source = lag_get(pool, (size_t)longest, sizeof *found->source),
         .weight = lag_doubles(pool, longest),
         .column = lag_doubles(pool, most),
     };
     if (pool->failed)
         return 1;
-    groups = 0;
-    places = 0;
     for (int s = 0; s < count; ++s) {
-        const int end = first[s + 1], below = f->start[end] - f->start[end - 1];
-        const int32_t *row = f->row + f->start[end - 1];
-        for (int c = 0; c < below; ++c) {
-            if (c && node[row[c]] == node[row[c - 1]])
-                continue;
-            const int from = first[node[row[c]]], to = first[node[row[c]] + 1];
-            const int32_t *own = f->row + f->start[to - 1];
-            group[groups] = c;
-            place[groups++] = places;
-            int beyond = 0;
-            for (int i = c; i < below; ++i) {
-                if (row[i] >= to)
-                    while (own[beyond] < row[i]) /* it is among them: the columns are closed */
-                        ++beyond;
-                at[places++] = row[i] < to ? row[i] - from : to - from + beyond;
+        const int last = first[s + 1] - 1;
+        for (const int32_t *c = f->row + f->start[last], *end = f->row + f->start[last + 1]; c < end; ++c) {
+            int e = f->start[*c];
+            for (const int32_t *row = c; row < end; ++row) {
+                while (e < f->start[*c + 1] && f->row[e] < *row) /* it is among them: the columns are closed */
+                    ++e;
+                *target++ = place(f, *c, *row, e);
             }
         }
     }
@@ -139,45 +129,34 @@ static void update_inside(const lag_elimination *f, const lag_supernodes *nodes,
     vectors->subtract(k1 - following + below, lower + f->start[column], pivot - k0, nodes->source, nodes->weight);
 }
 
-/* Update a later column by a supernode, whose rows below begin with `row` from that column on. */
-static void update_later(const lag_elimination *f, const lag_supernodes *nodes, const lag_vector_kernel *vectors,
-                         int k0, int k1, const int32_t *row, int count, const int32_t *at, int first,
-                         double *diagonal, double *beside, double *lower, const double *product)
+/* Update later columns by a single one. */
+static void update_by_one(const lag_elimination *f, int k, const int32_t *target, double *factors,
+                          const double *product)
 {
-    const int column = *row, width = k1 - k0, pair = count > 1 && f->paired[column] && row[1] == column + 1;
-    const int n = count - 1 - pair;
-    double d = diagonal[column], b = beside[column];
-    for (int k = k0; k < k1; ++k) {
-        const int e = f->start[k + 1] - count;
-        const double x = product[e];
-        d -= lower[e] * x;
-        if (pair)
-            b -= lower[e + 1] * x;
-        nodes->source[k - k0] = lower + e + 1 + pair;
-        nodes->weight[k - k0] = x;
+    const double *from = factors + 2 * f->n + f->start[k], *times = product + f->start[k];
+    const int below = f->start[k + 1] - f->start[k];
+    for (int c = 0; c < below; ++c) {
+        const double x = times[c];
+        for (int i = c; i < below; ++i)
+            factors[*target++] -= from[i] * x;
     }
-    diagonal[column] = d;
-    if (pair)
-        beside[column] = b;
-    if (!n)
-        return;
-    at += 1 + pair;
-    double *target = lower + (f->start[column] - first_row(f, column) + first + at[0]);
-    if (at[n - 1] - at[0] == n - 1) {
-        vectors->subtract(n, target, width, nodes->source, nodes->weight);
-    } else if (width < 3) {
-        for (int k = 0; k < width; ++k) {
-            const double x = nodes->weight[k], *from = nodes->source[k];
-            for (int i = 0; i < n; ++i)
-                target[at[i] - at[0]] -= from[i] * x;
+}
+
+/* Update later columns by those of a supernode. */
+static void update_by_many(const lag_elimination *f, const lag_supernodes *nodes, const lag_vector_kernel *vectors,
+                           int k0, int k1, const int32_t *target, double *factors, const double *product)
+{
+    double *lower = factors + 2 * f->n, *together = nodes->column;
+    for (int n = f->start[k1] - f->start[k1 - 1]; n > 0; target += n--) {
+        for (int k = k0; k < k1; ++k) {
+            nodes->source[k - k0] = lower + f->start[k + 1] - n;
+            nodes->weight[k - k0] = product[f->start[k + 1] - n];
         }
-    } else {
-        double *together = nodes->column;
         for (int i = 0; i < n; ++i)
-            together[i] = target[at[i] - at[0]];
-        vectors->subtract(n, together, width, nodes->source, nodes->weight);
+            together[i] = factors[target[i]];
+        vectors->subtract(n, together, k1 - k0, nodes->source, nodes->weight);
         for (int i = 0; i < n; ++i)
-            target[at[i] - at[0]] = together[i];
+            factors[target[i]] = together[i];
     }
 }
 
@@ -212,34 +191,32 @@ static void divide_pair(const lag_elimination *f, int k, double *diagonal, doubl
 }
 
 void lag_ldl_factor(const lag_elimination *f, const lag_supernodes *nodes, const lag_vector_kernel *vectors,
-                    double *diagonal, double *beside, double *lower, double *product)
+                    double *factors, double *product)
 {
+    double *diagonal = factors, *beside = factors + f->n, *lower = factors + 2 * f->n;
+    const int32_t *target = nodes->target;
     for (int s = 0; s < nodes->count; ++s) {
         const int k0 = nodes->first[s], k1 = nodes->first[s + 1], below = f->start[k1] - f->start[k1 - 1];
         for (int k = k0; k < k1; k += 1 + f->paired[k]) {
-            for (int p = 0; p <= f->paired[k]; ++p)
+            for (int p = 0; p <= f->paired[k] && k > k0; ++p)
                 update_inside(f, nodes, vectors, k0, k1, k, k + p, diagonal, beside, lower, product);
             if (f->paired[k])
                 divide_pair(f, k, diagonal, beside, lower, product);
             else
                 divide(f, k, diagonal, lower, product);
         }
-        const int32_t *row = f->row + f->start[k1 - 1];
-        for (int g = nodes->begin[s], c = 0; g < nodes->begin[s + 1]; ++g) {
-            const int end = g + 1 < nodes->begin[s + 1] ? nodes->group[g + 1] : below;
-            const int32_t *at = nodes->places + nodes->place[g];
-            int from = row[c] - at[0]; /* the first column of the group's supernode */
-            for (; c < end; ++c, ++at)
-                update_later(f, nodes, vectors, k0, k1, row + c, below - c, at, from, diagonal, beside, lower,
-                             product);
-        }
+        if (k1 - k0 == 1)
+            update_by_one(f, k0, target, factors, product);
+        else
+            update_by_many(f, nodes, vectors, k0, k1, target, factors, product);
+        target += (int64_t)below * (below + 1) / 2;
     }
 }
 
-void lag_ldl_solve(const lag_elimination *f, const double *diagonal, const double *beside,
-                   const double *lower, double *z, double *x)
+void lag_ldl_solve(const lag_elimination *f, const double *factors, double *z, double *x)
 {
     const int n = f->n;
+    const double *diagonal = factors, *beside = factors + n, *lower = factors + 2 * n;
     for (int k = 0; k < n; ++k)
         z[k] = x[f->order[k]];
     for (int k = 0; k < n; ++k) {

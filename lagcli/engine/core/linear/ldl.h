@@ -13,12 +13,8 @@
 typedef struct {
     int count;
     const int32_t *first;   /* count + 1: their first columns */
-    const int32_t *begin;   /* count + 1: the first of the groups of each */
-    /* rows below that are columns of the same supernode form a group */
-    const int32_t *group;   /* the number of its first row among those below */
-    const int64_t *place;   /* where the places of this row and all that follow begin */
-    const int32_t *places;  /* number among the rows that the columns of the group may have, counted from the first
-                             * place of their supernode */
+    const int32_t *target;  /* for each row below, in order: where the factors' entries in its column are, from that of
+                             * the row itself on */
     const double **source;  /* scratch: the longest supernode */
     double *weight;
     double *column;         /* scratch: the longest column */
@@ -31,15 +27,14 @@ int lag_supernodes_of(lag_pool *pool, const lag_elimination *plan, lag_supernode
 int lag_ldl_closed(const lag_elimination *plan);
 
 /*
- * Factor. On entry, diagonal (n), beside (n) and lower hold the matrix: its diagonal, the entry of
- * each pair, and what stands in L's places. On return, diagonal and beside hold the inverse of D.
- * product (as long as lower) becomes L D. An entry is the same to the last bit whatever the supernodes are.
+ * Factor. On entry, factors hold the matrix: its diagonal (n), the entry of each pair (n), and what
+ * stands in L's places. On return, the first two hold the inverse of D, and then follows L.
+ * product (as long as L) becomes L D. An entry is the same to the last bit whatever the supernodes are.
  */
 void lag_ldl_factor(const lag_elimination *plan, const lag_supernodes *nodes, const lag_vector_kernel *vectors,
-                    double *diagonal, double *beside, double *lower, double *product);
+                    double *factors, double *product);
 
 /* Solve with the factors; x holds the right side and becomes the solution. work has n entries. */
-void lag_ldl_solve(const lag_elimination *plan, const double *diagonal, const double *beside,
-                   const double *lower, double *work, double *x);
+void lag_ldl_solve(const lag_elimination *plan, const double *factors, double *work, double *x);
 
 #endif
