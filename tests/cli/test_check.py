@@ -169,3 +169,30 @@ def test_next_to_a_singular_configuration_there_are_no_frequencies(lagcli):
     assert "rad/s" not in text
     out = VALID(json.loads(lagcli("check", FOUND / "singular_start.yaml", "--json")[1]))
     assert (out["near_singular_start"], out["time_scales"]) == (True, None)
+
+
+def test_what_is_printed_has_no_factors_of_one_and_no_rests_of_iterations(lagcli, tmp_path):
+    file = tmp_path / "twice.yaml"
+    file.write_text(
+        "coordinates: [x, y]\n"
+        "T: x'^2/2 + y'^2/2\n"
+        "constraints: {one: x*y - y = 0, two: y - x*y = 0, same: 2*y*x - 2*y = 0}\n"
+        "initial: {x: {guess: 1.1}, y: 2, x': 0, y': 0}\n"
+    )
+    status, out, _ = lagcli("check", file)
+    assert status == 0
+    assert "λ_one − λ_two + 2 λ_same" in out
+    assert "1 λ" not in out
+
+
+def test_a_common_root_divides_the_virtual_displacements_once(lagcli, tmp_path):
+    file = tmp_path / "leg.yaml"
+    file.write_text(
+        "coordinates: [x, y]\n"
+        "parameters: {l: 2}\n"
+        "T: x'^2/2 + y'^2/2\n"
+        "constraints: {leg: 'norm([x - 1, y, 0]) = l'}\n"
+        "initial: {x: 1, y: {guess: 2}, x': 0, y': {guess: 0}}\n"
+    )
+    _, out, _ = lagcli("check", file)
+    assert "[(x − 1) δx + y δy]/norm([x − 1, y, 0]) = 0" in out

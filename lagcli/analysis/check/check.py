@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import symengine as se
 
 from lagcli.analysis.check.integrability import VelocityConstraint, check_integrability
+from lagcli.analysis.check.momenta import distinct
 from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
 from lagcli.analysis.check.units import UnitReport, report_units
@@ -42,7 +43,7 @@ class Check:
     velocity_constraints : mapping of str to VelocityConstraint
         Whether they are integrable, by name.
     conserved : Conserved
-        The conserved quantities.
+        The conserved quantities, without momenta that vanish on the constraints.
     conserved_values : mapping of str to float
         Their values at the initial state, in SI units.
     conserved_units : mapping of str to str
@@ -104,10 +105,11 @@ def check(model: Model) -> Check:
         rank = check_rank(system, there, freedom, states)
         singular = rank.special or bool(rank.near_singular)
         scales = None if singular else time_scales(system, there)
-    analysis = conserved_quantities(equations)
-    conserved = analysis._replace(
-        quantities=tuple(generalized(equations, q) for q in analysis.quantities)
-    )
+        analysis = conserved_quantities(equations)
+        found = analysis.quantities
+        if freedom.held is None:  # others hold while constraints switch
+            found = distinct(equations, system, start, states, found)
+    conserved = analysis._replace(quantities=tuple(generalized(equations, q) for q in found))
     return Check(
         equations=equations,
         start=start,

@@ -8,10 +8,13 @@ from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import Any
 
+import numpy as np
 from symengine import Basic
 
 from lagcli.analysis.check.check import Check
 from lagcli.analysis.check.rank import MOST_COORDINATES, Combination
+from lagcli.analysis.check.units import families
+from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step, title_of
 from lagcli.equations.presentation.extent import Extent
@@ -145,6 +148,8 @@ def _products(products: Iterable[tuple[Basic, Basic]], text: _Text) -> list[list
 _STIFF = 10.0
 #: Largest number of initial values and of names that are listed.
 _LISTED = 12
+#: Values below this part of the largest are what an iteration leaves of 0.
+_REST = 1e-12
 
 _INDEX = {
     0: "ordinary differential equations: there is no multiplier.",
@@ -180,6 +185,7 @@ def page(checked: Check, width: int = 80) -> str:
         constraints_step(f),
         *_integrability(f, checked),
         _freedom(f, checked),
+        _singular(checked),
         _multipliers(checked),
         *_conserved(f, checked),
         _start(checked),
@@ -187,8 +193,8 @@ def page(checked: Check, width: int = 80) -> str:
         Step("Units", (), " ".join(checked.units.sentences())),
     ]
     formula = TextFormula(Notation(model), written_decimals(model))
-    families = IndexForm(model).steps([step for step in steps if step is not None])
-    shown = Extent(f).shortened(families)
+    indexed = IndexForm(model).steps([step for step in steps if step is not None])
+    shown = Extent(f).shortened(indexed)
     return render_text(model, shown, formula, width, numbered=False)
 
 
@@ -227,23 +233,31 @@ def _freedom(f: Formulas, checked: Check) -> Step:
             else f"The rank is not computed at other states of more than {MOST_COORDINATES}"
             " coordinates."
         )
-        if rank.special:
-            said.append(
-                "The start is a singular configuration: the rank is lower there than nearby, and a"
-                " motion that starts there may not be unique."
-            )
-        elif rank.near_singular:
-            said.append(
-                "The start is next to a singular configuration, in which constraints are dependent"
-                f" ({', '.join(rank.near_singular)}): accelerations and multipliers change much"
-                " over a small distance. Other guesses may lead to a start away from it."
-            )
     sets = [
-        f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
+        f"Redundant: {x.surplus} of {', '.join(families(x.constraints))}"
         f" follow{'s' if x.surplus == 1 else ''} from the others."
         for x in rank.freedom.redundant
     ]
     return Step(step.title, step.lines, " ".join([*sets, *said]))
+
+
+def _singular(checked: Check) -> Step | None:
+    rank = checked.rank
+    if rank.special:
+        said = (
+            f"The rank of B is {rank.freedom.rank} at the start and {max(rank.random_ranks)}"
+            " nearby: the start is a singular configuration, and a motion from there may not be"
+            " unique."
+        )
+        return Step("Singular start", (), said)
+    if rank.near_singular:
+        said = (
+            "The start is next to a singular configuration, in which constraints are dependent"
+            f" ({', '.join(rank.near_singular)}): accelerations and multipliers change much over a"
+            " small distance. Other guesses may lead to a start away from it."
+        )
+        return Step("Almost singular start", (), said)
+    return None
 
 
 def _multipliers(checked: Check) -> Step | None:
@@ -264,10 +278,10 @@ def _multipliers(checked: Check) -> Step | None:
 
 
 def _combination(c: Combination) -> Node:
-    terms = (
-        (1, product_of([ONE if x == 1 else _number(x), Symbol(name, kind="multiplier")]))
-        for name, x in c.factors.items()
-    )
+    terms = []
+    for name, x in c.factors.items():
+        factor = ONE if abs(x) == 1 else _number(abs(x))
+        terms.append((-1 if x < 0 else 1, product_of([factor, Symbol(name, kind="multiplier")])))
     return sum_of(terms)
 
 
@@ -288,15 +302,27 @@ def _start(checked: Check) -> Step:
     if not start.moved:
         return Step("Consistent start", (t,), "The initial values satisfy the constraints.")
     lines = [t]
-    for name, (before, after) in islice(start.moved.items(), _LISTED):
+    adjusted = _visible(start)
+    for name, (before, after) in islice(adjusted.items(), _LISTED):
         base = name.rstrip("'")
         given, used = told_apart(before, after, 8)
         note = f"adjusted from {given.replace('-', '−')}"
         symbol = Symbol(base, len(name) - len(base))
         lines.append(Line((symbol, _signed(after, used)), note=note))
-    more = len(start.moved) - _LISTED
+    more = len(adjusted) - _LISTED
     said = f"{more} more values were adjusted to satisfy the constraints." if more > 0 else None
     return Step("Consistent start", tuple(lines), said)
+
+
+def _visible(start: ConsistentState) -> dict[str, tuple[float, float]]:
+    """Return the adjusted values with the rest of an iteration instead of 0 as 0."""
+    state = np.concatenate([start.state.q, start.state.v])
+    least = _REST * np.abs(state).max(initial=0.0)
+    shown = {
+        name: tuple(0.0 if abs(x) <= least else x for x in pair)
+        for name, pair in start.moved.items()
+    }
+    return {name: (before, after) for name, (before, after) in shown.items() if before != after}
 
 
 def _time_scales(checked: Check) -> Step | None:
@@ -326,9 +352,10 @@ def _time_scales(checked: Check) -> Step | None:
     return Step("Time scales", (), " ".join(said))
 
 
-def _names(names: tuple[str, ...]) -> str:
-    more = len(names) - _LISTED
-    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+def _names(names: Iterable[str]) -> str:
+    shown = families(names)
+    more = len(shown) - _LISTED
+    return ", ".join(shown[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _number(value: float, digits: int = 6) -> Node:
@@ -338,4 +365,5 @@ def _number(value: float, digits: int = 6) -> Node:
 def _signed(value: float, text: str) -> Node:
     """Return a number with its sign."""
     text = text.removeprefix("-")
-    return sum_of([(-1 if value < 0 else 1, Sign(text, text))])
+    sign, latex = ("−", "-") if value < 0 else ("", "")
+    return Sign(sign + text, latex + text)

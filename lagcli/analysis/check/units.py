@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.reporting import TakenUnit, taken_units, unit_diagnostics
@@ -13,6 +13,18 @@ from lagcli.model.model import Model
 from lagcli.model.names.members import family_of, format_members
 
 _LISTED = 12  # names per line
+
+
+class Conversion(NamedTuple):
+    """A value in the unit in which it is given, and in SI."""
+
+    value: float
+    unit: str
+    si_value: float
+    si_unit: str
+
+    def __str__(self) -> str:
+        return f"{self.value:.6g} {self.unit} = {self.si_value:.6g} {self.si_unit}"
 
 
 @dataclass(frozen=True)
@@ -30,7 +42,7 @@ class UnitReport:
     coordinates, parameters, definitions, multipliers, constraints, forces, outputs : mappings
         Units by name, None where they are not known. ``constraints`` are those of φ, and of ψ for
         nonholonomic constraints; ``forces`` are generalized forces by coordinate.
-    converted : mapping of str to str
+    converted : mapping of str to Conversion
         Parameters and initial values that are given in a unit other than SI: both values.
     numbers : tuple of TakenUnit
         Numbers in expressions that have taken a unit.
@@ -49,7 +61,7 @@ class UnitReport:
     constraints: Mapping[str, str | None]
     forces: Mapping[str, str | None]
     outputs: Mapping[str, str | None]
-    converted: Mapping[str, str]
+    converted: Mapping[str, Conversion]
     numbers: tuple[TakenUnit, ...]
     findings: tuple[Diagnostic, ...]
 
@@ -74,7 +86,7 @@ class UnitReport:
             "checked": self.checked,
             "missing": list(self.missing),
             **{group: dict(getattr(self, group)) for group in (*groups, "forces", "outputs")},
-            "converted": dict(self.converted),
+            "converted": {name: str(x) for name, x in self.converted.items()},
             "numbers": [
                 {"text": x.text, "unit": x.unit, "place": _place(x.location)} for x in self.numbers
             ],
@@ -101,7 +113,7 @@ class UnitReport:
             shown = [f"`{x.text}` in {x.unit} ({_where(x.location)})" for x in self.numbers]
             yield f"Numbers that took a unit: {'; '.join(shown)}."
         if self.converted:
-            shown = [f"{name} = {text}" for name, text in self.converted.items()]
+            shown = list(_conversions(self.converted))
             yield f"Converted to SI: {'; '.join(shown[:_LISTED])}{'; …' * (len(shown) > _LISTED)}."
 
 
@@ -137,28 +149,51 @@ def report_units(model: Model) -> UnitReport:
     )
 
 
-def _converted(model: Model) -> Iterator[tuple[str, str]]:
+def _converted(model: Model) -> Iterator[tuple[str, Conversion]]:
     """Yield the quantities in units other than SI: name, and value in both units."""
     given = [(p.name, p.value, p.unit) for p in model.parameters.values()]
     given += [(name, x.value, x.unit) for name, x in model.initial.items()]
     for name, value, unit in given:
         factor = to_si(unit) if unit else 1
         if unit and factor != 1:
-            yield name, f"{value / float(factor):.6g} {unit} = {value:.6g} {si_notation(unit)}"
+            yield name, Conversion(value / float(factor), unit, value, si_notation(unit))
+
+
+def families(names: Iterable[str]) -> list[str]:
+    """Return names, with members of a family as x[1..20]."""
+    members: dict[str, list[str]] = {}
+    for name in names:
+        members.setdefault(family_of(name), []).append(name)
+    return [_members(family, listed) for family, listed in members.items()]
+
+
+def _members(family: str, names: Sequence[str]) -> str:
+    if not family.endswith("[]"):
+        return family
+    return format_members(family.removesuffix("[]"), names).replace("`", "")
 
 
 def _names(names: Iterable[str]) -> str:
-    """Return names, with members of a family as x[1..20]."""
-    families: dict[str, list[str]] = {}
-    for name in names:
-        families.setdefault(family_of(name), []).append(name)
-    shown = [
-        format_members(family.removesuffix("[]"), members).replace("`", "")
-        if family.endswith("[]")
-        else family
-        for family, members in families.items()
-    ]
+    shown = families(names)
     return ", ".join(shown[:_LISTED]) + (", …" if len(shown) > _LISTED else "")
+
+
+def _conversions(converted: Mapping[str, Conversion]) -> Iterator[str]:
+    """Yield values in both units; members of a family together, those that differ as a range."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for name, x in converted.items():
+        groups.setdefault((family_of(name), x.unit), []).append(name)
+    for (family, _), names in groups.items():
+        low = min((converted[name] for name in names), key=lambda x: x.value)
+        high = max((converted[name] for name in names), key=lambda x: x.value)
+        label = _members(family, names) if len(names) > 1 else names[0]
+        if low == high:
+            yield f"{label} = {low}"
+            continue
+        yield (
+            f"{label} from {low.value:.6g} to {high.value:.6g} {low.unit}"
+            f" = {low.si_value:.6g} to {high.si_value:.6g} {low.si_unit}"
+        )
 
 
 def _json(d: Diagnostic) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from lagcli.equations.typesetting.nodes import (
     Symbol,
     VirtualDisplacement,
     product_of,
+    quotient_of,
     sum_of,
     symbols_in,
     weight,
@@ -143,6 +144,26 @@ def _counted(equations: Equations) -> DegreesOfFreedom:
     return DegreesOfFreedom(len(equations.q), len(lasting), held=held)
 
 
+def _common_denominator(row: Mapping[int, Basic]) -> tuple[Basic, Mapping[int, Basic]]:
+    """Return the roots and powers by which all entries are divided, and the entries without."""
+    shared = [
+        factor
+        for factor in _factors(next(iter(row.values()), se.Integer(0)))
+        if isinstance(factor, se.Pow)
+        and factor.args[1].is_Number
+        and factor.args[1].is_negative
+        and all(factor in _factors(b) for b in row.values())
+    ]
+    if len(row) < 2 or not shared:
+        return se.Integer(1), row
+    below = se.Mul(*(1 / factor for factor in shared))
+    return below, {j: b * below for j, b in row.items()}
+
+
+def _factors(expression: Basic) -> tuple[Basic, ...]:
+    return tuple(expression.args) if isinstance(expression, se.Mul) else (expression,)
+
+
 class Formulas:
     """Formulas of a system for display.
 
@@ -224,20 +245,30 @@ class Formulas:
         return Line(sides if len(sides) == 2 else (*sides, ZERO))
 
     def variation_line(self, c: ConstraintEquation) -> Line:
-        """Return Σ b_i δq_i = 0 (8.79)."""
+        """Return Σ b_i δq_i = 0 (8.79), with a common denominator beneath the sum."""
+        below, row = _common_denominator(c.row)
         terms = [
             (1, product_of([self.arrange(b), VirtualDisplacement(self.coordinates[j])]))
-            for j, b in sorted(c.row.items())
+            for j, b in sorted(row.items())
         ]
         content, rest = without_content(sum_of(terms))
         single = product_of([Number(content), rest])
         v = self.equations.v
-        if any(not b.free_symbols.isdisjoint(v) for b in c.row.values()):
-            return Line((single, ZERO))
-        together = displaced(self.arrange(se.Add(*(b * v[j] for j, b in c.row.items()))))
-        if together is None or weight(together) >= weight(single):
-            return Line((single, ZERO))
-        return Line((oriented(together, self._differences(c)), ZERO))
+        if all(b.free_symbols.isdisjoint(v) for b in row.values()):
+            together = displaced(self.arrange(se.Add(*(b * v[j] for j, b in row.items()))))
+            if together is not None and weight(together) < weight(single):
+                single = oriented(together, self._differences(c))
+        if below != 1:
+            single = quotient_of(single, self._side_or_arranged(c, below))
+        return Line((single, ZERO))
+
+    def _side_or_arranged(self, c: ConstraintEquation, expression: Basic) -> Node:
+        """Return an expression as the side of a constraint that it is, or else arranged."""
+        if len(trees := self.constraint_trees(c)) == 2:
+            for tree, value in zip(trees, sides_built(c.constraint, self.model), strict=True):
+                if value == expression:
+                    return self.written(tree, c.constraint.indices)
+        return self.arrange(expression)
 
     def _differences(self, c: ConstraintEquation) -> frozenset[Node]:
         return differences(self.constraint_line(c).sides)

@@ -33,6 +33,20 @@ def test_families_are_listed_together() -> None:
     assert "Generalized forces: x[1..20], y[1..20] in N." in lines
 
 
+def test_families_given_in_other_units_are_listed_together() -> None:
+    text = """\
+coordinates: {x[1..3]: m}
+parameters: {m: 1 kg, "a[1..2]": 5 cm, "k[1]": 1 kN/m, "k[2]": 3 kN/m, "k[3]": 2 kN/m}
+T: sum(m/2*x[i]'^2, i = 1..3)
+V: sum(k[i]/2*(x[i] - a[1] - a[2])^2, i = 1..3)
+initial: {"x[i = 1..3]": 0, "x[i = 1..3]'": 0}
+"""
+    *_, last = report_units(load_text(text)).sentences()
+    assert last == (
+        "Converted to SI: a[1..2] = 5 cm = 0.05 m; k[1..3] from 1 to 3 kN/m = 1000 to 3000 N/m."
+    )
+
+
 PARTLY = """\
 coordinates: {x: m, y: {}}
 parameters: {m: 1 kg, k: 3, g: 9.81 m/s}
@@ -72,7 +86,7 @@ Q: {phi: M}
 initial: {phi: 90°, phi': 0}
 """
     report = report_units(load_text(text))
-    assert report.converted == {
+    assert {name: str(x) for name, x in report.converted.items()} == {
         "J": "100 gcm² = 1e-05 kg*m^2",
         "M": "5 kNm = 5000 N*m",
         "n": "3000 rpm = 314.159 rad/s",
