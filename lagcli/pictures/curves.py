@@ -20,6 +20,7 @@ from lagcli.columns import (
     ColumnName,
     column_names,
     derivative_names,
+    impulse_unit,
     read_column_name,
     unit_of_column,
 )
@@ -36,6 +37,8 @@ _SHOWN = 40  # names in a message
 #: Matches the suffix of a family or a vector: the index of a member, a component, or both.
 _PART = re.compile(r"(\[[^\]]*\])?(\.[a-z0-9]+)?")
 _RATES = ("v", "a")
+#: The field of impulses, which an event log has, and the prefix of their names.
+IMPULSE, _IMPULSE = "impulse", "impulse."
 _EVERY_MULTIPLIER = str(ColumnName("multipliers", "*"))
 _DOTS = {"q": 0, "v": 1, "a": 2}
 _RESIDUALS = {quantity.name: quantity for quantity in RESIDUALS}
@@ -101,6 +104,7 @@ class Catalogue:
 
     def __init__(self, run: RunFile, tex: bool = False):
         self.run, self.tex = run, tex
+        self._labels = ColumnLabels(run.notation, tex)
         self._places = {name: i for i, name in enumerate(run.coordinates)}
         self._constraints = {name: i for i, name in enumerate(run.constraints)}
         self._conserved = {name: i for i, name in enumerate(run.conserved_names)}
@@ -150,11 +154,13 @@ class Catalogue:
             return Curve(name, name, None, group, "", label, log=True, largest=True)
         if name in self._derivatives:
             return self._derivatives[name]
+        if name.startswith(_IMPULSE) and self.run.record.events is not None:
+            return self._impulse(name.removeprefix(_IMPULSE))
         if name in self.run.outputs:
             unit = self.run.record.units.get(name, "")
             # outputs without a unit are grouped by family
             group = "outputs" if unit else name.partition("[")[0]
-            return Curve(name, f"outputs/{name}", (), group, unit, self._look(name))
+            return Curve(name, f"outputs/{name}", (), group, unit, self._labels.look(name))
         return None
 
     def of(self, quantity: str) -> list[Curve]:
@@ -168,6 +174,22 @@ class Catalogue:
     def forces(self, columns: Iterable[tuple[str, str]]) -> list[Curve]:
         """Return the forces of constraints on coordinates, given their names."""
         return [self._of(ColumnName("constraint_force_by", c, q)) for c, q in columns]
+
+    def impulses(self) -> list[Curve]:
+        """Return the impulses of the constraints that have some."""
+        log = self.run.record.events
+        struck = [] if log is None else log.impulses(self.run.constraints)
+        return [curve for curve in map(self._impulse, struck) if curve is not None]
+
+    def _impulse(self, constraint: str) -> Curve | None:
+        """Return the impulses of a constraint, which have no column but an event log."""
+        if constraint not in self._constraints:
+            return None
+        column = ColumnName("multipliers", constraint)
+        unit = impulse_unit(unit_of_column(column, self.run.record.units)) or ""
+        label, place = self._labels.impulse(constraint), (self._constraints[constraint],)
+        name = _IMPULSE + constraint
+        return Curve(name, IMPULSE, place, "impulses", unit, label, constraint=constraint)
 
     def outputs(self) -> list[Curve]:
         """Return the curves of the outputs."""
@@ -187,32 +209,10 @@ class Catalogue:
             parts = name.constraint, name.coordinate, name.conserved
             place = tuple(at[part] for at, part in zip(axis, parts, strict=True) if part)
         return Curve(
-            *(str(name), quantity.name, place, quantity.panel, unit, self._label(name)),
+            *(str(name), quantity.name, place, quantity.panel, unit, self._labels.of(name)),
             log=quantity.role == "residual",
             constraint=name.constraint,
         )
-
-    def _label(self, name: ColumnName) -> str:
-        """Return the label of a column in a legend."""
-        quantity = BY_NAME[name.quantity]
-        if quantity.name in _DOTS:
-            return self._look(name.coordinate, _DOTS[quantity.name])
-        if name.coordinate:
-            return self._force(name.coordinate, name.constraint)
-        if quantity.name == "multipliers":
-            return self._multiplier(name)
-        if name.constraint or name.conserved:
-            return self._raw(name.constraint or name.conserved)
-        label = quantity.label or str(name)
-        return f"${label}$" if self.tex and len(label) == 1 else label
-
-    def _force(self, q: str, constraint: str) -> str:
-        sign = self._look(q)
-        if not self.tex:
-            return sign
-        mark = sign.strip("$") if sign.startswith("$") else rf"\mathrm{{{_word(q)}}}"
-        above = rf"\mathrm{{{_word(constraint)}}}" if constraint else "c"
-        return f"$Q^{{{above}}}_{{{mark}}}$"
 
     def _differentiated(self) -> Iterator[Curve]:
         """Yield the derivatives: ``dphi/dl``."""
@@ -222,9 +222,15 @@ class Catalogue:
             names = derivative_names(quantity, run.coordinates, run.constraints, run.sensitivity)
             places = product(range(len(differentiated)), range(len(run.sensitivity)))
             for name, (i, j) in zip(names, places, strict=True):
-                by = run.sensitivity[j]
-                label = raw(name) if self.tex else f"∂{differentiated[i].label}/∂{by}"
-                yield Curve(name, quantity.name, (i, j), f"{quantity.name}/d{by}", "", label)
+                by, above = run.sensitivity[j], differentiated[i]
+                unit = _quotient(above.unit, run.record.units.get(by, ""))
+                group = f"{quantity.name}/d{by}"
+                if self.tex:
+                    d, below = r"$\partial$", look_of_value(run.notation, by)
+                else:
+                    d, below = "∂", by
+                label = f"{d}{above.label}/{d}{below}"
+                yield Curve(name, quantity.name, (i, j), group, unit, label)
 
     # names
 
@@ -237,6 +243,7 @@ class Catalogue:
             conserved = self.run.conserved_names
             yield from map(str, column_names(quantity, q, constraints, terms, conserved))
         yield from _RESIDUALS
+        yield from (curve.name for curve in self.impulses())
         yield from self.run.outputs
         yield from self._derivatives
 
@@ -271,6 +278,7 @@ class Catalogue:
             ("velocities, …", ", ".join(rates)),
             ("multipliers", _listed(multipliers)),
             ("forces", ", ".join(filter(self.named, forces))),
+            ("impulses", _listed([curve.name for curve in self.impulses()])),
             ("conserved", _listed([str(ColumnName("conserved", conserved=n)) for n in kept])),
             ("outputs", _listed(self.run.outputs)),
             ("derivatives", _listed([*self._derivatives])),
@@ -283,24 +291,77 @@ class Catalogue:
             + f"\n   * matches any text, as in '{_EVERY_MULTIPLIER}'"
         )
 
-    # notation
 
-    def _look(self, name: str, dots: int = 0) -> str:
-        names = self.run.notation
+class ColumnLabels:
+    """The labels of columns in the notation of a model.
+
+    Parameters
+    ----------
+    names : Notation or None
+        Names of the model; if not given, names are written as in columns.
+    tex : bool
+        See `Catalogue`.
+    """
+
+    def __init__(self, names: Notation | None, tex: bool):
+        self.names, self.tex = names, tex
+
+    def of(self, name: ColumnName) -> str:
+        """Return the label of a column."""
+        quantity = BY_NAME[name.quantity]
+        if quantity.name in _DOTS:
+            return self.look(name.coordinate, _DOTS[quantity.name])
+        if name.coordinate:
+            return self._force(name.coordinate, name.constraint)
+        if quantity.name == "multipliers":
+            return self._multiplier(name)
+        if name.constraint or name.conserved:
+            return self.raw(name.constraint or name.conserved)
+        label = quantity.label or str(name)
+        return f"${label}$" if self.tex and len(label) == 1 else label
+
+    def impulse(self, constraint: str) -> str:
+        """Return the label of the impulse of a constraint."""
+        label = self._multiplier(ColumnName("multipliers", constraint))
+        return label.replace(r"\lambda", r"\Lambda").replace("λ", "Λ")
+
+    def look(self, name: str, dots: int = 0) -> str:
+        """Return a coordinate, parameter or output, with dots."""
+        names = self.names
         if self.tex:
             return look(names, name, dots)
         return str(ColumnName("qva"[dots], "", name)) if names is None else names.text(name, dots)
 
+    def raw(self, text: str) -> str:
+        """Return a text as it is."""
+        return raw(text) if self.tex else text
+
+    def _force(self, q: str, constraint: str) -> str:
+        sign = self.look(q)
+        if not self.tex:
+            return sign
+        mark = sign.strip("$") if sign.startswith("$") else rf"\mathrm{{{_word(q)}}}"
+        above = rf"\mathrm{{{_word(constraint)}}}" if constraint else "c"
+        return f"$Q^{{{above}}}_{{{mark}}}$"
+
     def _multiplier(self, name: ColumnName) -> str:
-        names = self.run.notation
+        names = self.names
         if names is None:
-            return self._raw(str(name))
+            return self.raw(str(name))
         if self.tex:
             return f"${names.latex_multiplier(name.constraint)}$"
         return names.multiplier(name.constraint)
 
-    def _raw(self, text: str) -> str:
-        return raw(text) if self.tex else text
+
+def look_of_column(
+    names: Notation | None, name: str, coordinates: Sequence[str], constraints: Sequence[str]
+) -> str:
+    """Return a column, an output or an expression for matplotlib."""
+    column = read_column_name(_plain(name), coordinates, constraints)
+    labels = ColumnLabels(names, tex=True)
+    if column is not None:
+        return labels.of(column)
+    return look(names, name) if names is not None and name in names.declared else raw(name)
 
 
 def look(names: Notation | None, name: str, dots: int = 0) -> str:
@@ -330,6 +391,13 @@ def look_of_value(names: Notation | None, name: str) -> str:
     dots = len(name) - len(base)
     known = names is not None and base in names.declared and dots <= 2
     return look(names, base, dots) if known else raw(name)
+
+
+def _quotient(unit: str, by: str) -> str:
+    """Return the unit of a derivative; empty if a unit is not known."""
+    if not unit or not by or by == "1":
+        return unit if by == "1" else ""
+    return f"{unit}/({by})" if "*" in by or "/" in by else f"{unit}/{by}"
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:

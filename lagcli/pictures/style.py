@@ -12,6 +12,9 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 #: Colours of constraints, by index: of force arrows, curves of λ and terms of equations.
 CONSTRAINT_COLORS = (*PALETTE[1:], PALETTE[0])
 
+#: Measured points, axes through 0, and what has no value.
+GREY = "#8C8C8C"
+
 #: Line styles combined with the colours: the number of combinations is their product.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)))
 

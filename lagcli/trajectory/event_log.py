@@ -303,6 +303,20 @@ class EventLog:
         first[1:] = ~(same & (self.time[1:] == self.time[:-1]))
         return first
 
+    def struck(self, constraint: int) -> tuple[Array, Array]:
+        """Return the times and the values of the impulses of a constraint other than zero."""
+        first = self._impacts() & (self.impulse[:, constraint] != 0.0)
+        return self.time[first], self.impulse[first, constraint]
+
+    def named_at(self, time: float) -> str:
+        """Return what happens at an instant of the log: name and kind, or several names."""
+        (places,) = np.nonzero(self.time == time)
+        names = list(dict.fromkeys(self.names[i] for i in places))
+        kinds = {self.kinds[i] for i in places}
+        if len(names) == 1 and len(kinds) == 1 and kinds != {"event"}:
+            return f"{names[0]} {kinds.pop()}"
+        return ", ".join(names)
+
     def impulses(self, constraints: Sequence[str]) -> dict[str, dict[str, float]]:
         """Return the ranges of the impulses of the constraints that have some.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from collections.abc import Iterator
@@ -260,6 +261,35 @@ def test_wrong_inputs(
     assert run(["plot", *arguments, "-o", str(tmp_path / "x.png")]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_histograms_write_the_quantiles_that_info_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["info", "drawn.h5", "--quantiles", "--json"]) == 0
+    (peak,) = json.loads(capsys.readouterr().out)["measures"]
+    values = PlottedTable("drawn.h5").find("peak").values
+    expected = {f"{p:g}": float(np.quantile(values, p)) for p in (0.05, 0.25, 0.5, 0.75, 0.95)}
+    assert peak["quantiles"] == pytest.approx(expected)
+    text = plot(tmp_path, "drawn.h5", "hist:peak", "hist:l")
+    for part in (0.05, 0.5, 0.95):
+        assert f"{100 * part:g} %: {expected[f'{part:g}']:.4g}" in text
+    assert run(["info", "drawn.h5", "--quantiles"]) == 0
+    assert "95 %" in capsys.readouterr().out
+    assert run(["plot", "bad.h5", "hist:peak", "-o", str(tmp_path / "x.svg")]) == 2
+    assert "no row has a value of `peak`" in capsys.readouterr().err
+
+
+def test_axes_have_the_units_of_the_model_file(tmp_path: Path) -> None:
+    model = Path(MODEL).read_text(encoding="utf-8").replace("value: 0.3 m,", "value: 30 cm,")
+    (tmp_path / "crank.yaml").write_text(model, encoding="utf-8")
+    assert lagcli.load(tmp_path / "crank.yaml").parameter_values["l"] == pytest.approx(0.3)
+    made = [str(tmp_path / "crank.yaml"), "--vary", "l=20:40:10 cm", *PEAK, "--t-end", "0.1"]
+    file = str(tmp_path / "cm.h5")
+    assert run(["sweep", *made, "--keep", "trajectories", "-o", file, "-q", "-j", "1"]) == 0
+    np.testing.assert_allclose(PlottedTable(file).find("l").values, [20, 30, 40])
+    assert "l [cm]" in plot(tmp_path, file)
+    assert "l = 20 cm" in plot(tmp_path, file, "phi")
 
 
 def test_varied_quantities_are_typeset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

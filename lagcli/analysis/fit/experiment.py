@@ -201,15 +201,18 @@ class Experiment:
             raise FailedRun("an observed quantity has no finite value, or no derivative")
         return evaluation
 
-    def simulate(self, values: Sequence[float]) -> tuple[Array, Array]:
-        """Return the observed quantities (n, m) at the data, and derivatives (n, m, k).
+    def simulate(self, values: Sequence[float], times: Array | None = None) -> tuple[Array, Array]:
+        """Return the observed quantities (n, m) and derivatives (n, m, k).
+
+        They are those at the times of the data, or at others between the start and the last.
 
         Raises
         ------
         FailedRun
         """
-        blocks, p, _ = self._run(values)
-        return self._observe(blocks, p)
+        times = self.data.times if times is None else times
+        blocks, p, _ = self._run(values, times)
+        return self._observe(blocks, p, len(times))
 
     def steps(self, values: Sequence[float]) -> int:
         """Return the number of steps of a run.
@@ -218,10 +221,10 @@ class Experiment:
         ------
         FailedRun
         """
-        return self._run(values)[2]
+        return self._run(values, self.data.times)[2]
 
     def _run(
-        self, values: Sequence[float]
+        self, values: Sequence[float], times: Array
     ) -> tuple[list[tuple[Block, Derivatives]], tuple[float, ...], int]:
         given = self.directions.state(self.settings.t_start, values)
         try:
@@ -237,9 +240,9 @@ class Experiment:
             state=state,
             rank=start.rank,
             settings=self.settings,
-            times=self.data.times,
+            times=times,
             atol=absolute_tolerances(self.settings.atol, self.system.coordinates),
-            block_rows=len(self.data.times),
+            block_rows=len(times),
         )
         blocks: list[tuple[Block, Derivatives]] = []
         try:
@@ -252,12 +255,12 @@ class Experiment:
         return blocks, state.p, run.steps
 
     def _observe(
-        self, blocks: list[tuple[Block, Derivatives]], p: tuple[float, ...]
+        self, blocks: list[tuple[Block, Derivatives]], p: tuple[float, ...], n: int
     ) -> tuple[Array, Array]:
         def joined(part: int, name: str) -> Array:
             return np.concatenate([getattr(block[part], name) for block in blocks])
 
-        names, n = ("q", "v", "a", "multipliers"), len(self.data.times)
+        names = ("q", "v", "a", "multipliers")
         motion = [joined(0, "time"), *(x for name in names for x in joined(0, name).T)]
         scales = self.directions.scales
         # by direction, then by coordinate or constraint: (nt, nq, n) → (n, nq, nt)

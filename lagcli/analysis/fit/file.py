@@ -53,6 +53,8 @@ _DATA = {
     "model": ("time", "observed"),
     "sigmas": ("observed",),
 }
+#: The fitted curve, which files of earlier versions lack.
+_CURVE = {"curve_time": ("curve_time",), "curve": ("curve_time", "observed")}
 #: Attributes with mappings.
 _JSON: dict[str, dict[str, Any]] = {
     "units": {"type": "object", "additionalProperties": {"type": "string"}},
@@ -110,6 +112,10 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
             for name in ("measured", "model", "residuals"):
                 attach_axes(add_array(folder, name, getattr(data, name)), [time, observed])
             attach_axes(add_array(folder, "sigmas", data.sigmas), [observed])
+            drawn = add_array(folder, "curve_time", data.curve_times)
+            make_axis(drawn, "curve_time")
+            set_text(drawn, "units", "s")
+            attach_axes(add_array(folder, "curve", data.curve), [drawn, observed])
 
 
 def read_fit(path: str | os.PathLike[str]) -> FitResult:
@@ -185,7 +191,15 @@ def _read_data(folder: h5py.Group, lengths: Mapping[str, int]) -> FittedData:
     if (arrays["sigmas"] < 0).any():
         raise ValueError(f"{folder.name}/sigmas has negative values")
     path = text_attribute(folder, "path") or ""
-    return FittedData(path, *(arrays[name] for name in ("time", "measured", "model", "sigmas")))
+    times, model = arrays["time"], arrays["model"]
+    drawn = {"curve_time": times, "curve": model}
+    if "curve" in folder:
+        drawn = read_arrays(folder, _CURVE, {"observed": lengths["observed"]})
+        check_times(drawn["curve_time"])
+    return FittedData(
+        *(path, times, arrays["measured"], model, arrays["sigmas"]),
+        *(drawn["curve_time"], drawn["curve"]),
+    )
 
 
 def check_written(path: str, force: bool) -> None:

@@ -32,6 +32,8 @@ from lagcli.simulations.threads import one_thread
 #: Limit of the steps of a run: this multiple of the steps at the model's values, plus this number.
 #: A motion at distant values may need far more steps than the data justify.
 _STEPS = (100, 20_000)
+#: Number of times of the fitted curve, if the data have fewer.
+_DRAWN = 501
 #: Distance from a bound, relative to its size, below which a value counts as lying on it.
 _ON_BOUND = 1e-6
 
@@ -293,7 +295,11 @@ def _fitted(experiment: Experiment, values: Array, sigma: float) -> FittedData:
     model, _ = experiment.simulate(values.tolist())
     data = experiment.data
     sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, sigma)
-    return FittedData(data.path, data.times, data.values, model, sigmas)
+    times, curve = data.times, model
+    if len(times) < _DRAWN:
+        times = np.linspace(times[0], times[-1], _DRAWN)
+        curve, _ = experiment.simulate(values.tolist(), times)
+    return FittedData(data.path, data.times, data.values, model, sigmas, times, curve)
 
 
 def _units(model: Model, block: FitBlock) -> dict[str, str]:

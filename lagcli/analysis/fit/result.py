@@ -40,6 +40,8 @@ class FittedData(NamedTuple):
         Of the observed quantities, in SI; ``measured`` is NaN where there is no measured value.
     sigmas : (m,) array
         Standard deviations of measured values: as given, or as estimated.
+    curve_times, curve : (k,) and (k, m) arrays
+        The fitted model at as many times as a curve needs.
     """
 
     path: str
@@ -47,6 +49,8 @@ class FittedData(NamedTuple):
     measured: Array
     model: Array
     sigmas: Array
+    curve_times: Array
+    curve: Array
 
     @property
     def residuals(self) -> Array:

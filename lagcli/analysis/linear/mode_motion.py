@@ -36,6 +36,7 @@ _PERIODS, _CONSTANTS = 3, 3  # periods of oscillations, time constants of other 
 _SAMPLES = 181
 _DRIFT = 2.0  # duration of neutral motions, s
 _CHOICES = 20  # largest number of modes in a message
+_APART = 1e-9  # between samples of one instant, which a trajectory has in order; s
 _LARGE = 0.25  # largest deviation, relative to the coordinates' lengths
 
 
@@ -82,9 +83,9 @@ def mode_motion(
     )
     modes = modes_about(local, operating_point).modes
     _check_number(number, [(mode.eigenvalue, mode.kind) for mode in modes], model.name)
-    return _motion(
-        local, operating_point.point, modes[number - 1], number, operating_point.name, amplitude
-    )
+    mode, name = modes[number - 1], operating_point.name
+    wave = _wave(mode.eigenvalue)
+    return _motion(local, operating_point.point, mode, number, name, amplitude, wave)
 
 
 def stored_mode_motion(
@@ -109,41 +110,77 @@ def stored_mode_motion(
     content, given = read_analysis(path, "modes"), read_model_text(path)
     model = load_text(given.text, given.path, given.set, given.set_initial)
     _check_number(number, _stored(content), model.name)
-    held = content["operating_point"]
-    _check_names(path, "q", held["q"], model.coordinate_names)
-    q, v = (np.array([held[part][name] for name in model.coordinate_names]) for part in "qv")
-    p = tuple(model.parameter_values.values())
-    local = equations_of(model, State(held["time"], q, v, p), held.get("contacts", ()))
-    constraints = local.system.constraints
-    _check_names(path, "multipliers", held["multipliers"], constraints)
-    rank = np.linalg.matrix_rank(local.evaluator(local.p).constraints(held["time"], q, v).jacobian)
-    point = local.moving(State(held["time"], q, v, local.p), int(rank))
-    multipliers = np.array([held["multipliers"][name] for name in constraints])
-    stored = content["modes"][number - 1]
-
-    def shape(part: str, names: Sequence[str]) -> ComplexArray:
-        return np.array([complex(*stored[part][name]) for name in names], dtype=complex)
-
-    mode = Mode(
-        stored["kind"],
-        complex(*stored["eigenvalue"]),
-        shape("position", model.coordinate_names),
-        shape("velocity", model.coordinate_names),
-        shape("multipliers", constraints),
-    )
-    point = point._replace(multipliers=multipliers)
-    return _motion(local, point, mode, number, held["name"], amplitude)
+    stored = StoredModes(content, model, os.fspath(path))
+    return stored.motion(number, amplitude)
 
 
-def _check_names(
-    path: str | os.PathLike[str], part: str, stored: Iterable[str], names: Sequence[str]
-) -> None:
+class StoredModes:
+    """The modes of a file, with their operating point.
+
+    Parameters
+    ----------
+    content : mapping
+        Content of ``lagcli modes``.
+    model : Model
+    path : str
+        The file, for messages.
+
+    Raises
+    ------
+    FileError
+        The content is not that of the model.
+    ModelError, NumericalError
+        As `mode_motion`.
+    """
+
+    def __init__(self, content: Mapping[str, Any], model: Model, path: str):
+        self._stored = content["modes"]
+        held = content["operating_point"]
+        _check_names(path, "q", held["q"], model.coordinate_names)
+        q, v = (np.array([held[part][name] for name in model.coordinate_names]) for part in "qv")
+        p = tuple(model.parameter_values.values())
+        local = equations_of(model, State(held["time"], q, v, p), held.get("contacts", ()))
+        constraints = local.system.constraints
+        _check_names(path, "multipliers", held["multipliers"], constraints)
+        rows = local.evaluator(local.p).constraints(held["time"], q, v).jacobian
+        point = local.moving(State(held["time"], q, v, local.p), int(np.linalg.matrix_rank(rows)))
+        multipliers = np.array([held["multipliers"][name] for name in constraints])
+        self._local, self._point = local, point._replace(multipliers=multipliers)
+        self._name = held["name"]
+
+    def _mode(self, number: int) -> Mode:
+        stored = self._stored[number - 1]
+
+        def shape(part: str, names: Sequence[str]) -> ComplexArray:
+            return np.array([complex(*stored[part][name]) for name in names], dtype=complex)
+
+        coordinates = self._local.model.coordinate_names
+        return Mode(
+            stored["kind"],
+            complex(*stored["eigenvalue"]),
+            shape("position", coordinates),
+            shape("velocity", coordinates),
+            shape("multipliers", self._local.system.constraints),
+        )
+
+    def motion(self, number: int, amplitude: float | None = None) -> Trajectory:
+        """Return the motion of a mode; see `mode_motion`."""
+        mode = self._mode(number)
+        wave = _wave(mode.eigenvalue)
+        return _motion(self._local, self._point, mode, number, self._name, amplitude, wave)
+
+    def extremes(self, number: int) -> Trajectory:
+        """Return three samples: the operating point, and the ends of a mode's motion."""
+        mode, apart = self._mode(number), _APART * max(1.0, abs(self._point.t))
+        wave = apart * np.arange(3.0), np.array([0, 1, -1], dtype=complex)
+        return _motion(self._local, self._point, mode, number, self._name, None, wave)
+
+
+def _check_names(path: str, part: str, stored: Iterable[str], names: Sequence[str]) -> None:
     """Raise FileError unless a part of the operating point has the names of the model."""
     if set(stored) != set(names):
         what = f"content.operating_point.{part} has {', '.join(stored) or 'no names'}"
-        raise damage(
-            os.fspath(path), ValueError(f"{what}, and the model {', '.join(names) or 'none'}")
-        )
+        raise damage(path, ValueError(f"{what}, and the model {', '.join(names) or 'none'}"))
 
 
 def no_mode_chosen(path: str | os.PathLike[str]) -> UsageError:
@@ -195,14 +232,15 @@ def _motion(
     number: int,
     place: str,
     amplitude: float | None,
+    wave: tuple[Array, ComplexArray],
 ) -> Trajectory:
-    """Return the motion of a mode about a point."""
+    """Return the motion of a mode about a point; ``wave`` are times and factors of its shape."""
     model = local.model
     if amplitude is None:
         amplitude = _LARGE / np.abs(mode.position / local.lengths).max()
     elif not (np.isfinite(amplitude) and amplitude > 0):
         raise UsageError(f"--amplitude {amplitude:g}: give a positive number")
-    block = _block(local, point, mode, float(amplitude))
+    block = _block(local, point, mode, float(amplitude), *wave)
     columns = DerivedColumns(local.whole_system, point.p)
     samples = columns(block)
     record = Record(
@@ -221,10 +259,16 @@ def _motion(
     return complete(samples, record)
 
 
-def _block(local: LocalEquations, point: Point, mode: Mode, amplitude: float) -> Block:
+def _block(
+    local: LocalEquations,
+    point: Point,
+    mode: Mode,
+    amplitude: float,
+    time: Array,
+    wave: ComplexArray,
+) -> Block:
     """Return the samples of the motion."""
     s = mode.eigenvalue
-    time, wave = _wave(s)
     scaled = amplitude * wave
 
     def deviation(shape: ComplexArray) -> Array:

@@ -3,7 +3,8 @@
 from typing import Annotated, Any
 
 from lagcli.cli.options import Json
-from lagcli.cli.parameters import Argument
+from lagcli.cli.parameters import Argument, Option
+from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
 
 
@@ -14,12 +15,15 @@ def info(
             metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, sweep file, or .h5 of an analysis."
         ),
     ],
+    quantiles: Annotated[
+        bool, Option(help="Also print the quantiles of the columns of a sweep file.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Describe a result file: status, residuals, λ, provenance."""
     from lagcli.cli.styles import print_listing
 
-    description, text, column = _described(file)
+    description, text, column = _described(file, quantiles)
     if json:
         from lagcli.cli.summary import to_json
 
@@ -28,7 +32,7 @@ def info(
         print_listing(text, column)
 
 
-def _described(file: str) -> tuple[dict[str, Any], str, int | None]:
+def _described(file: str, quantiles: bool) -> tuple[dict[str, Any], str, int | None]:
     """Return the content of a file, its text, and the columns of the text's labels."""
     from lagcli.cli.streams import text_width
     from lagcli.results.formats import format_read
@@ -37,13 +41,15 @@ def _described(file: str) -> tuple[dict[str, Any], str, int | None]:
         from lagcli.results.hdf5.analysis_file import analysis_kind
         from lagcli.sweeps.file.store import is_sweep
 
-        if analysis_kind(file):
+        if analysis_kind(file) and not quantiles:
             return *_analysis(file), None
         if is_sweep(file):
             from lagcli.sweeps.file.description import LABEL, describe_sweep, format_sweep
 
-            content = describe_sweep(file)
+            content = describe_sweep(file, quantiles=quantiles)
             return content, format_sweep(content, text_width()), LABEL
+    if quantiles:
+        raise UsageError(f"--quantiles is for sweep files, which have many rows; {file} is none")
     from lagcli.results.info import LABEL, describe, format_info
 
     content = describe(file)

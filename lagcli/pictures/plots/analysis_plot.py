@@ -1,24 +1,32 @@
-"""Plots of analyses: bifurcation diagrams, spectra of modes, comparisons, fits."""
+"""Plots of analyses: bifurcation diagrams, comparisons, fits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.errors import UsageError
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.errors import LagcliError, UsageError
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
-from lagcli.pictures.curves import pretty_unit
-from lagcli.pictures.plots.figure import FigureFile, FigureTarget, plain_ticks
+from lagcli.pictures.curves import look_of_column, look_of_value, pretty_unit, raw
+from lagcli.pictures.given_units import given_units
+from lagcli.pictures.plots.figure import FigureFile, FigureTarget, plain_ticks, power
+from lagcli.pictures.plots.mode_plot import plot_modes
 from lagcli.pictures.selection import drawable
+from lagcli.results.metadata import model_title
 
 if TYPE_CHECKING:
     from lagcli.analysis.fit.result import FitResult, FittedData
 
-_WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
+_WIDTH, _PANEL = 6.5, 2.4  # inches
 _USUAL = 4  # number of panels by default
 _MULTIPLIERS = 6  # largest number of multipliers of two models that are drawn
 _MARKERS = {
@@ -36,22 +44,73 @@ _OF_CONTACT = "X"  # where a contact ends a branch
 _COMPARED = {
     "residual": "largest residual [SI]",
     "energy": "error of energy balance [J]",
-    "q": "largest |Δq| [SI]",
+    "q": r"largest $|\Delta q|$ [SI]",
 }
-_KINDS = {
-    "neutral": ("o", "neutral"),
-    "oscillation": ("o", "oscillation"),
-    "growing oscillation": ("^", "growing oscillation"),
-    "decay": ("s", "decay"),
-    "divergence": ("D", "divergence"),
-}
+
+
+class AnalysisLabels:
+    """The labels of quantities on the axes: in the notation and the units of the model.
+
+    Parameters
+    ----------
+    content : mapping
+    model : Model or None
+        The model of the analysis; if it is not known, names are written as they are typed.
+    units : mapping of str to str
+        Units of coordinates, parameters and, by column, λ.
+    """
+
+    def __init__(self, content: Mapping[str, Any], model: Model | None, units: Mapping[str, str]):
+        self.title = str(content["model"] if model is None else model.title)
+        self._names = None if model is None else Notation(model)
+        self._model, self._units = model, units
+        self.given = {} if model is None else given_units(model)
+
+    def of(self, name: str) -> str:
+        """Return the label of a coordinate, a velocity, a multiplier, or the growth rate."""
+        base = name.removesuffix("_dot")
+        unit = "1/s" if name == "growth" else self._units.get(name)
+        if unit is None and base != name and base in self._units:
+            unit = _rate(self._units[base])
+        if name == "growth":
+            return _with_unit("growth rate", unit)
+        if self._model is None:
+            return _with_unit(raw(name), unit)
+        model = self._model
+        look = look_of_column(self._names, name, model.coordinate_names, model.constraint_names)
+        return _with_unit(look, unit)
+
+    def of_parameter(self, name: str) -> str:
+        """Return the label of a parameter, or of a velocity of steady motions."""
+        base = name.rstrip("'")
+        unit = self._units.get(name)
+        if unit is None and base != name and base in self._units:
+            unit = _rate(self._units[base])
+        if name in self.given:
+            unit = self.given[name].unit
+        return _with_unit(look_of_value(self._names, name), unit)
+
+    def in_unit(self, name: str, values: Any) -> Array:
+        """Return values of a parameter in the unit of its label."""
+        return _numbers(values) / (self.given[name].factor if name in self.given else 1.0)
+
+
+def _rate(unit: str) -> str:
+    return "1/s" if unit == "1" else f"{unit}/s"
+
+
+def _with_unit(label: str, unit: str | None) -> str:
+    return f"{label} [{pretty_unit(unit)}]" if unit and unit != "1" else label
 
 
 def plot_analysis(
     content: Mapping[str, Any],
     names: Sequence[str],
     target: FigureTarget,
+    *,
+    model: Model | None = None,
     units: Mapping[str, str] | None = None,
+    path: str = "the file",
 ) -> None:
     """Plot the content of an analysis file.
 
@@ -62,8 +121,12 @@ def plot_analysis(
     names : sequence of str
         Coordinates, velocities and multipliers of branches; by default those that vary.
     target : FigureTarget
+    model : Model, optional
+        The model, for names, the title and the shapes of modes.
     units : mapping of str to str, optional
         Units of coordinates, parameters and, by column, λ, for the axes.
+    path : str
+        The file, for messages.
 
     Raises
     ------
@@ -72,11 +135,12 @@ def plot_analysis(
     FileError
         The file cannot be written.
     """
-    title = content["model"]
+    labels = AnalysisLabels(content, model, units or {})
+    title = labels.title
     if "branches" in content:
         panels = _panels(content, names)
         with target.figure((_WIDTH, _PANEL * len(panels) + 0.4), title) as figure:
-            _draw_branches(figure, content, panels, units or {})
+            _draw_branches(figure, content, panels, labels)
     elif content["command"] == "compare" and "runs" in content:
         if names:
             raise UsageError("a comparison is plotted whole; give no names")
@@ -87,12 +151,11 @@ def plot_analysis(
             raise UsageError("a comparison is plotted whole; give no names")
         shown = list(content["curves"]["multipliers"])[:_MULTIPLIERS]
         with target.figure((_WIDTH, _PANEL * (1 + len(shown)) + 0.4), title) as figure:
-            _draw_models(figure, content, shown, units or {})
+            _draw_models(figure, content, shown, labels)
     elif content["command"] == "modes":
         if names:
-            raise UsageError("a spectrum is plotted whole; give no names")
-        with target.figure((_WIDTH, _SPECTRUM), title) as figure:
-            _draw_spectrum(figure, content)
+            raise UsageError("modes are plotted whole; give no names")
+        plot_modes(content, target, title, model, path)
     else:
         raise UsageError(
             f"a file of lagcli {content['command']} has no plot; lagcli info describes it, and"
@@ -109,7 +172,7 @@ def _draw_comparison(figure: Any, content: Mapping[str, Any]) -> None:
             "color": style.PALETTE[number % len(style.PALETTE)],
             "ls": ("-", (0, (4, 2)))[number // len(style.PALETTE) % 2],
         }
-        label = f"{run['formulation']}, {run['method']}, {run['rtol']:.0e}"
+        label = f"{run['formulation']}, {run['method']}, {_power(run['rtol'])}"
         for ax, name in zip(axes, _COMPARED, strict=True):
             values = _numbers(run["curves"][name])
             drawn = np.where(values > 0, values, np.nan)  # a logarithmic axis has no zero
@@ -119,12 +182,18 @@ def _draw_comparison(figure: Any, content: Mapping[str, Any]) -> None:
         ax.set_yscale("log")
         ax.set_ylabel(label)
         ax.margins(x=0)
-    axes[-1].set_xlabel("t [s]")
+    axes[-1].set_xlabel("$t$ [s]")
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize="small")
 
 
+def _power(tolerance: float) -> str:
+    """Return a tolerance as 10⁻⁹, or 2×10⁻⁹."""
+    digits, exponent = f"{tolerance:.0e}".split("e")
+    return ("" if digits == "1" else f"{digits}×") + power(int(exponent))
+
+
 def _draw_models(
-    figure: Any, content: Mapping[str, Any], shown: Sequence[str], units: Mapping[str, str]
+    figure: Any, content: Mapping[str, Any], shown: Sequence[str], labels: AnalysisLabels
 ) -> None:
     """Draw the difference of the coordinates of two models, and the multipliers of both."""
     curves = content["curves"]
@@ -137,12 +206,13 @@ def _draw_models(
         for number, (side, model) in enumerate((("first", "model"), ("second", "other"))):
             look = {"color": style.PALETTE[number], "ls": ("-", (0, (4, 2)))[number]}
             values = _numbers(curves["multipliers"][name][side])
-            ax.plot(time, values, lw=1.2, label=content[model], **look)
-        ax.set_ylabel(_label(f"lambda.{name}", units))
-        ax.legend(loc="best", fontsize="small")
+            ax.plot(time, values, lw=1.2, label=raw(content[model]), **look)
+        ax.set_ylabel(labels.of(f"lambda.{name}"))
+        plain_ticks(ax.yaxis)
+    style.legend_beside(axes[min(1, len(axes) - 1)])
     for ax in axes:
         ax.margins(x=0)
-    axes[-1].set_xlabel("t [s]")
+    axes[-1].set_xlabel("$t$ [s]")
 
 
 def _numbers(values: Any) -> Array:
@@ -179,12 +249,14 @@ def _panels(content: Mapping[str, Any], names: Sequence[str]) -> list[str]:
 
 
 def _draw_branches(
-    figure: Any, content: Mapping[str, Any], panels: Sequence[str], units: Mapping[str, str]
+    figure: Any, content: Mapping[str, Any], panels: Sequence[str], labels: AnalysisLabels
 ) -> None:
+    over = content["parameter"]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for ax, name in zip(axes, panels, strict=True):
         for number, branch in enumerate(content["branches"]):
-            at, values = _numbers(branch["parameter"]), _numbers(_series(branch)[name])
+            at = labels.in_unit(over, branch["parameter"])
+            values = _numbers(_series(branch)[name])
             verdicts = [x if x in _DRAWN else "stable" for x in branch["stability"]]
             look = {"color": style.PALETTE[number % len(style.PALETTE)]}
             for verdict in dict.fromkeys(verdicts):
@@ -197,22 +269,14 @@ def _draw_branches(
             value = _series_at(point, name)
             if value is not None:
                 marker = _MARKERS.get(point["kind"], _OF_CONTACT)
-                place = _numbers([point["parameter"]]), _numbers([value])
+                place = labels.in_unit(over, [point["parameter"]]), _numbers([value])
                 ax.plot(*place, marker, ms=6, mfc="white", color="#202020")
-        ax.set_ylabel(_label(name, units))
+        ax.set_ylabel(labels.of(name))
         ax.margins(x=0.02, y=0.08)
-    axes[-1].set_xlabel(_label(content["parameter"], units))
+        plain_ticks(ax.yaxis)
+    axes[-1].set_xlabel(labels.of_parameter(over))
+    figure.align_ylabels(axes)
     _legend(axes[0], content)
-
-
-def _label(name: str, units: Mapping[str, str]) -> str:
-    """Return a quantity with its unit, if known."""
-    base = name.removesuffix("'").removesuffix("_dot")
-    unit = "1/s" if name == "growth" else units.get(name)
-    if unit is None and base != name and base in units:
-        unit = "1/s" if units[base] == "1" else f"{units[base]}/s"
-    shown = f" [{pretty_unit(unit)}]" if unit and unit != "1" else ""
-    return name.replace("$", r"\$") + shown
 
 
 def _series_at(point: Mapping[str, Any], name: str) -> float | None:
@@ -239,47 +303,11 @@ def _legend(ax: Any, content: Mapping[str, Any]) -> None:
         handles.append(
             Line2D([], [], color="#202020", marker=marker, mfc="white", ls="", label=kind)
         )
-    ax.legend(handles=handles, loc="best")
+    style.legend_beside(ax, handles, [handle.get_label() for handle in handles])
 
 
-def _draw_spectrum(figure: Any, content: Mapping[str, Any]) -> None:
-    if not content["modes"]:
-        raise UsageError(f"{content['model']} has no modes: there is nothing to plot")
-    ax = figure.subplots()
-    ax.axhline(0, color="#8C8C8C", lw=0.7)
-    ax.axvline(0, color="#8C8C8C", lw=0.7)
-    for number, (kind, (marker, label)) in enumerate(_KINDS.items()):
-        modes = [mode for mode in content["modes"] if mode["kind"] == kind]
-        if not modes:
-            continue
-        points = _numbers([mode["eigenvalue"] for mode in modes])
-        color = style.PALETTE[number % len(style.PALETTE)]
-        for sign in (1, -1):
-            ax.plot(
-                points[:, 0],
-                sign * points[:, 1],
-                marker,
-                ls="",
-                ms=5,
-                color=color,
-                label=label if sign == 1 else None,
-            )
-        for (x, y), mode in zip(points, modes, strict=True):
-            if len(content["modes"]) <= 40 and kind != "neutral":
-                ax.annotate(str(mode["number"]), (x, y), (4, 3), textcoords="offset points")
-    ax.set_xlabel("Re s [1/s]")
-    ax.set_ylabel("Im s [1/s]")
-    ax.margins(0.12)
-    values = _numbers([mode["eigenvalue"] for mode in content["modes"]])
-    if not np.any(values[:, 0]):
-        # undamped: centre the imaginary axis
-        reach = np.nanmax(np.abs(values), initial=0.0) or 1.0
-        ax.set_xlim(-reach / 4, reach / 4)
-    ax.legend(loc="best")
-
-
+_POINTS = "#404040"
 _FIT_WIDTH, _DATA, _RESIDUALS = 7.0, 1.9, 0.9  # inches
-_GREY = "#8C8C8C"
 #: Standard deviations that contain about 95 % of the residuals of a good fit.
 _BAND = 2.0
 
@@ -320,7 +348,8 @@ def draw_result(
     """Draw a fit that has been read; see `plot_fit`."""
     panels = _fit_panels(result, names, path)
     heights = [x for _ in panels for x in (_DATA, _RESIDUALS)]
-    with target.figure((_FIT_WIDTH, sum(heights) + 0.6), result.model_name) as figure:
+    title = model_title(result.model) or result.model_name
+    with target.figure((_FIT_WIDTH, sum(heights) + 0.6), title) as figure:
         draw_fit(figure, result, panels, heights)
 
 
@@ -339,32 +368,50 @@ def _fit_panels(result: FitResult, names: Sequence[str], path: str) -> list[_Obs
     ]
 
 
+def _observed_names(model: Model | None) -> Callable[[str], str]:
+    """Return a function from the name of an observed quantity to its label."""
+    if model is None:
+        return raw
+    names, q, constraints = Notation(model), model.coordinate_names, model.constraint_names
+    return lambda name: look_of_column(names, name, q, constraints)
+
+
+def _fitted_model(result: FitResult) -> Model | None:
+    """Return the fitted model; None if it is not one of this version, or lacks its data."""
+    try:
+        return load_text(result.model, result.model_name)
+    except LagcliError:
+        return None
+
+
 def draw_fit(
     figure: Any, result: FitResult, panels: Sequence[_ObservedPanel], heights: Sequence[float]
 ) -> None:
     """Draw each observed quantity of each experiment, with its residuals."""
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    model = _fitted_model(result)
+    look = _observed_names(model)
+    units = {**({} if model is None else result_units(model)), **result.units}
     axes = []
     for number, panel in enumerate(panels):
         above = figure.add_subplot(grid[2 * number])
         below = figure.add_subplot(grid[2 * number + 1], sharex=above)
         axes += [above, below]
         data, j = panel.data, panel.place
-        time, measured, model, residuals = (
-            drawable(x)
-            for x in (data.times, data.measured[:, j], data.model[:, j], data.residuals[:, j])
+        time, measured, residuals = (
+            drawable(x) for x in (data.times, data.measured[:, j], data.residuals[:, j])
         )
+        curve = drawable(data.curve_times), drawable(data.curve[:, j])
         there = np.isfinite(measured)
-        points = {"linestyle": "none", "marker": ".", "markersize": 3, "color": _GREY}
+        points = {"linestyle": "none", "marker": ".", "markersize": 4, "color": _POINTS}
+        above.plot(*curve, **style.line(0), label="fitted")
         above.plot(time[there], measured[there], **points, label="measured")
-        above.plot(time, model, **style.line(0), label="fitted")
-        style.legend_beside(above)
-        unit = pretty_unit(result.units.get(panel.name, ""))
-        label = panel.name.replace("$", r"\$")
-        above.set_ylabel(f"{label} [{unit}]" if unit else label)
+        if not number:
+            style.legend_beside(above)
+        above.set_ylabel(_with_unit(look(panel.name), units.get(panel.name)))
         if len(result.data) > 1:
-            above.set_title(data.path.replace("$", r"\$"), fontsize=8, loc="left")
-        below.axhspan(-_BAND, _BAND, color=_GREY, alpha=0.2, linewidth=0)
+            above.set_title(raw(os.path.basename(data.path)), fontsize=8, loc="left")
+        below.axhspan(-_BAND, _BAND, color=style.GREY, alpha=0.2, linewidth=0)
         below.plot(time[there], residuals[there], **points)
         below.set_ylabel(r"residual [$\sigma$]")
         above.tick_params(labelbottom=False)

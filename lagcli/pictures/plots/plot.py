@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from lagcli.errors import UsageError
+from lagcli.errors import LagcliError, UsageError
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.formats import format_read
 from lagcli.results.metadata import KIND
 from lagcli.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
 
 Source = str | os.PathLike[str] | Trajectory
 
@@ -89,8 +93,21 @@ def plot(
     from lagcli.pictures.plots.analysis_plot import plot_analysis
     from lagcli.results.hdf5.analysis_file import read_analysis, read_units
 
-    plot_analysis(read_analysis(file), names, target, read_units(file))
+    content, units = read_analysis(file), read_units(file)
+    plot_analysis(content, names, target, model=_model_of(file), units=units, path=file)
     return ()
+
+
+def _model_of(file: str) -> Model | None:
+    """Return the model of an analysis; None if it is not that of this version, or lacks data."""
+    from lagcli.model.loader import load_text
+    from lagcli.results.hdf5.analysis_file import read_model_text
+
+    given = read_model_text(file)
+    try:
+        return load_text(given.text, given.path, given.set, given.set_initial)
+    except LagcliError:
+        return None
 
 
 def _no_band(file: str, kind: str) -> UsageError:

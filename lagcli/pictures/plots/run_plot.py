@@ -15,7 +15,15 @@ from lagcli.columns import DERIVATIVES, ColumnName
 from lagcli.errors import UsageError
 from lagcli.model.names.members import split_names
 from lagcli.pictures import style
-from lagcli.pictures.curves import Catalogue, Curve, look_of_value, pretty_unit, raw, read_curves
+from lagcli.pictures.curves import (
+    IMPULSE,
+    Catalogue,
+    Curve,
+    look_of_value,
+    pretty_unit,
+    raw,
+    read_curves,
+)
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
@@ -46,12 +54,52 @@ class Panel(NamedTuple):
         return not self.over and all(c.log for c in self.curves)
 
     @property
+    def impulses(self) -> bool:
+        """Whether it shows impulses, at single instants."""
+        return any(c.field == IMPULSE for c in self.curves)
+
+    @property
+    def members(self) -> list[float] | None:
+        """The indices of the members of one large family, which colours tell apart."""
+        if len(self.curves) <= len(style.PALETTE) or len(set(map(_family, self.curves))) > 1:
+            return None
+        indices = [_INDEX.search(curve.name) for curve in self.curves]
+        if all(indices):
+            return [float(match[1]) for match in indices if match]
+        return None
+
+    @property
     def equal_scales(self) -> bool:
         """Whether both axes are lengths and need equal scales."""
         pairs = list(zip(self.curves, self.over, strict=False))
         lengths = all(a.unit == b.unit == "m" for a, b in pairs)
         unknown = all(a.unit == b.unit == "" and a.field == b.field == "q" for a, b in pairs)
         return bool(pairs) and (lengths or unknown)
+
+
+#: Matches the index of a member of a family with one index.
+_INDEX = re.compile(r"\[(\d+)\]")
+#: Least number of members of a family that has a panel of its own, among more than in a legend.
+_FAMILY = 4
+
+
+def _family(curve: Curve) -> tuple[str, str]:
+    """Return the name of a curve before and after the index."""
+    before, _, after = curve.name.partition("[")
+    return before, after.partition("]")[2]
+
+
+def _by_family(panel: Panel) -> list[Panel]:
+    """Return panels of single families, if there are more curves than a legend distinguishes."""
+    if panel.over or panel.joined or len(panel.curves) <= len(style.PALETTE):
+        return [panel]
+    families: dict[tuple[str, str], list[Curve]] = {}
+    for curve in panel.curves:
+        families.setdefault(_family(curve), []).append(curve)
+    large = [x for x in families.values() if len(x) >= _FAMILY]
+    rest = [curve for x in families.values() if len(x) < _FAMILY for curve in x]
+    groups = [*large, rest] if rest else large
+    return [Panel(tuple(group)) for group in groups]
 
 
 def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
@@ -72,6 +120,8 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
         pairs = [part for part in parts if ":" in part]
         if not parts:
             raise UsageError(f"{text!r} names nothing to plot")
+        if len(parts) + len(pairs) > 1 and IMPULSE in text:
+            raise UsageError(f"{text!r} joins impulses with others; they have panels of their own")
         if pairs and len(pairs) < len(parts):
             raise UsageError(
                 f"{text!r} mixes quantities drawn over time with others; give them separately"
@@ -89,7 +139,8 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
     panels = []
     for key, curves in together.items():
         if curves:
-            panels.append(Panel(tuple(dict.fromkeys(curves)), joined=isinstance(key, int)))
+            panel = Panel(tuple(dict.fromkeys(curves)), joined=isinstance(key, int))
+            panels += _by_family(panel)
         elif isinstance(key, int):
             panels.append(phases.pop(0))
     return panels
@@ -109,12 +160,13 @@ def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
     return Panel(tuple(up), tuple(over))
 
 
-def usual(catalogue: Catalogue) -> list[Panel]:
-    """Return the default panels: coordinates, multipliers and energies."""
+def usual(catalogue: Catalogue, impulses: bool) -> list[Panel]:
+    """Return the default panels: coordinates, multipliers, impulses if wanted, and energies."""
     run = catalogue.run
     names = [
         *run.coordinates,
         *(str(ColumnName("multipliers", c)) for c in run.constraints),
+        *(curve.name for curve in (catalogue.impulses() if impulses else ())),
         *("energy_kinetic", "energy_potential", "energy_total"),
     ]
     return asked(catalogue, names)
@@ -133,7 +185,7 @@ def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> lis
     """
     split: list[Panel] = []
     for panel in panels:
-        if panel.over or panel.log or panel.joined:
+        if panel.over or panel.log or panel.joined or panel.impulses or panel.members:
             split.append(panel)
             continue
         groups = scale_groups([largest[c.name] for c in panel.curves])
@@ -185,11 +237,15 @@ def plot_runs(
         A file cannot be read or written.
     """
     catalogues = [Catalogue(run, tex=True) for run in runs]
-    panels = [asked(c, names) if names else usual(c) for c in catalogues]
+    panels = [asked(c, names) if names else usual(c, len(runs) == 1) for c in catalogues]
     _check(runs, panels)
-    drawn = [{curve for p in own for curve in (*p.curves, *p.over)} for own in panels]
+    drawn = [
+        {curve for p in own if not p.impulses for curve in (*p.curves, *p.over)} for own in panels
+    ]
     values = [read_curves(run, curves) for run, curves in zip(runs, drawn, strict=True)]
-    over_time = [{curve for p in own if not p.over for curve in p.curves} for own in panels]
+    over_time = [
+        {curve for p in own if not (p.over or p.impulses) for curve in p.curves} for own in panels
+    ]
     widths = [
         half_widths(run, curves, read_bands(run, bands))
         for run, curves in zip(runs, over_time, strict=True)
@@ -301,7 +357,9 @@ class PanelDrawing:
                 below = place + 1 < len(axes) and over_time[place + 1]
                 ax.set_xlabel("" if below else "$t$ [s]")
                 ax.tick_params(labelbottom=not below)
-            self.legend(ax, panels[0][place].curves, first=place == 0)
+            self.legend(ax, panels[0][place], first=place == 0)
+        if timed is not None and len(self.runs) == 1:
+            name_marks(timed, self.runs[0], _span(self.values), self.figure.get_figwidth())
         self.figure.align_ylabels(axes)
         if self.family is not None:
             self.scale(axes)
@@ -317,9 +375,12 @@ class PanelDrawing:
         shown: list[Array] = []
         for number, (panel, values) in enumerate(zip(panels, self.values, strict=True)):
             for place, curve in enumerate(panel.curves):
+                if panel.impulses:
+                    self.stems(ax, number, curve, self.look(number, place, panel)["color"])
+                    continue
                 over = panel.over[place] if panel.over else None
                 x, y = self.drawn(number, values, curve, over)
-                look = self.look(number, place, count)
+                look = self.look(number, place, panel)
                 if panel.log:  # rounding errors are noise: a line would cover the panel
                     look = {"color": look["color"], **_points(place if count > 1 else number)}
                     x, y = x[y > 0], y[y > 0]
@@ -342,11 +403,23 @@ class PanelDrawing:
             plain_ticks(ax.yaxis)
         if first.equal_scales:
             ax.set_aspect("equal", adjustable="datalim")
+        if first.impulses:
+            ax.axhline(0, color=style.GREY, linewidth=0.7, zorder=0.6)
+            ax.set_xlim(*_span(self.values))
         place = ax.get_position()
         if first.over:
             ax.margins(0.05)
             ax.set_xlabel(_axis(first.over, place.width * self.figure.get_figwidth()))
         ax.set_ylabel(_axis(first.curves, place.height * self.figure.get_figheight()))
+
+    def stems(self, ax: Any, run: int, curve: Curve, color: Any) -> None:
+        """Draw the impulses of a constraint at their instants."""
+        log = self.runs[run].record.events
+        assert log is not None
+        assert curve.place is not None
+        times, values = log.struck(curve.place[0])
+        ax.vlines(times, 0.0, values, color=color, linewidth=1.2)
+        ax.plot(times, values, linestyle="none", marker="o", markersize=3, color=color)
 
     def drawn(
         self, run: int, values: Values, curve: Curve, over: Curve | None
@@ -361,11 +434,14 @@ class PanelDrawing:
         kept = thin(time, np.stack((x, y), axis=1), _PORTRAIT)
         return x[kept], y[kept]
 
-    def look(self, run: int, curve: int, count: int) -> dict[str, Any]:
+    def look(self, run: int, curve: int, panel: Panel) -> dict[str, Any]:
         """Return colour and line style of a curve of a run."""
+        count = len(panel.curves)
         if self.family is not None:
             return {"color": self.grades.to_rgba(self.family[run]), **_dash(curve)}
         if len(self.runs) == 1:
+            if panel.members:
+                return {"color": style.grades(panel.members).to_rgba(panel.members[curve])}
             if count <= _LISTED:
                 return style.line(curve)
             return {"color": style.shade(curve / (count - 1)), "linewidth": 0.8}
@@ -373,22 +449,31 @@ class PanelDrawing:
             return style.line(run)
         return {"color": style.line(run)["color"], **_dash(curve)}
 
-    def legend(self, ax: Any, curves: Sequence[Curve], first: bool) -> None:
+    def legend(self, ax: Any, panel: Panel, first: bool) -> None:
         """Draw the legend of a panel, if there is anything to distinguish.
 
-        Several curves are named; the first panel also names the runs.
+        Several curves are named, but the members of a large family have a colour scale; the first
+        panel also names the runs.
         """
         from matplotlib.lines import Line2D
 
         entries: dict[str, dict[str, Any]] = {}
+        curves = panel.curves
         count, single = len(curves), len(self.runs) == 1
-        if count > 1:
+        if single and panel.members:
+            scale = style.grades(panel.members)
+            ends = sorted({min(panel.members), max(panel.members)})
+            bar = self.figure.colorbar(scale, ax=ax, aspect=12, pad=0.02, ticks=ends, format="%d")
+            bar.set_label("index", labelpad=-8)
+        elif count > 1:
             chosen = list(range(count))
             if count > _LISTED:  # of many, a few from the first to the last
                 chosen = sorted({round(i * (count - 1) / 4) for i in range(5)})
             for place in chosen:
-                look = self.look(0, place, count) if single else _dash(place) | _GREY
-                if curves[place].log:
+                look = self.look(0, place, panel) if single else _dash(place) | _GREY
+                if panel.impulses:
+                    look = {"color": look["color"], "marker": "o", "markersize": 3}
+                elif curves[place].log:
                     look = {"color": look["color"], **_points(place), "markersize": 3}
                 entries[curves[place].label] = look
         if first and not single and self.family is None:
@@ -472,6 +557,15 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
     looks = {name: look_of_value(notation, name) for name in differing}
     if differing:
+        from lagcli.pictures.given_units import given_units_of
+
+        record = runs[0].record
+        given = given_units_of(record.model, runs[0].name, record.inputs)
+        units |= {name: pretty_unit(x.unit) for name, x in given.items()}
+        tables = [
+            {name: x / given[name].factor if name in given else x for name, x in table.items()}
+            for table in tables
+        ]
         labels = [
             ", ".join(
                 f"{looks[name]} = {table[name]:.{_DIGITS}g} {_written(units.get(name))}".rstrip()
@@ -620,6 +714,9 @@ def half_widths(
     }
 
 
+#: Size of the names of marks, points, and the width of a letter and of the space between names,
+#: inches; part of the figure's width that a panel has.
+_NAME_SIZE, _LETTER, _SPACE, _PANEL_PART = 7, 0.056, 0.08, 0.8
 _MARK_LOOK = {"color": "#808080", "linewidth": 0.6, "zorder": 0.5}
 #: Smallest distance of marks in pixels, so that the curves remain visible.
 _APART = 3
@@ -648,3 +745,39 @@ def draw_marks(ax: Any, run: RunFile, span: tuple[float, float], columns: int) -
     column = np.floor((times - first) / ((last - first) or 1.0) * columns / _APART)
     times = times[np.unique(column, return_index=True)[1]]
     ax.vlines(times, 0.0, 1.0, transform=ax.get_xaxis_transform(), **_MARK_LOOK)
+
+
+def name_marks(ax: Any, run: RunFile, span: tuple[float, float], width: float) -> None:
+    """Write above a panel what the marks of a run are, as far as the names do not overlap.
+
+    Parameters
+    ----------
+    ax, run, span
+        See `draw_marks`.
+    width : float
+        Width of the figure, inches.
+    """
+    log = run.record.events
+    if log is None or not len(log):
+        return
+    first, last = span
+    free, scale = first, (last - first) / (width * _PANEL_PART)
+    for time in np.unique(log.time[(log.time >= first) & (log.time <= last)]).tolist():
+        if time < free:
+            continue
+        text = log.named_at(time)
+        length = _LETTER * len(text) * scale
+        at_end = time + length > last
+        if at_end and last - length < free:
+            continue
+        ax.annotate(
+            raw(text),
+            (last if at_end else time, 1.0),
+            (0, 3),
+            xycoords=ax.get_xaxis_transform(),
+            textcoords="offset points",
+            ha="right" if at_end else "left",
+            fontsize=_NAME_SIZE,
+            color=_MARK_LOOK["color"],
+        )
+        free = time + length + _SPACE * scale

@@ -1,4 +1,4 @@
-"""Plots of sweeps: measures as curves, maps and tornado charts; stored trajectories of rows."""
+"""Plots of sweeps: measures as curves, maps, histograms and tornado charts; their rows."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from lagcli.model.result_units import result_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
 from lagcli.pictures.curves import look_of_value, pretty_unit
+from lagcli.pictures.given_units import GivenUnit, given_units_of
 from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, evenly
@@ -29,13 +30,16 @@ from lagcli.trajectory.samples import Record, Terms
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
 _FAMILIES = 6  # largest number of values of a second quantity in a legend
 _MARKED = 60  # largest number of points of a curve with markers
+_DIGIT = 0.11  # width of a digit of a label and its share of the space between labels, inches
 _TICKED = 12  # largest number of values along an axis of a map with a label each
 _WIDE = 100  # ratio of values above which the colour scale is logarithmic
 _EMPTY = "no value: the row failed, or the measure has none"
 _USUAL = 6  # number of measures that are drawn by default
-_GREY, _NOTE = "#8C8C8C", "#595959"
-#: Prefix of a tornado chart of a measure.
-TORNADO = "tornado:"
+_NOTE = "#595959"
+#: Prefixes of a tornado chart of a measure, and of a histogram.
+TORNADO, HISTOGRAM = "tornado:", "hist:"
+HISTOGRAM_QUANTILES = (0.05, 0.5, 0.95)
+_BINS = 100  # largest number of bins of a histogram
 
 
 class PlottedQuantity(NamedTuple):
@@ -86,11 +90,14 @@ class PlottedTable:
             self.kept = file.kept
             self.title = model_title(str(file.facts["model"])) or ""
             names = _notation(file.facts)
-            self.varied = [_quantity(c, file.read(c.dataset), False, names) for c in file.columns]
+            columns = [(c, file.read(c.dataset)) for c in file.columns]
+            text, inputs = str(file.facts["model"]), file.inputs
             self.measures = [
                 _quantity(c, np.where(good, file.read(c.dataset), np.nan), True)
                 for c in file.measures
             ]
+        given = given_units_of(text, path, inputs)
+        self.varied = [_quantity(c, x, False, names, given.get(c.name)) for c, x in columns]
         self._every = {q.name: q for q in (*self.varied, *self.measures)}
         self._every |= {
             name.removesuffix("'") + "_dot": q
@@ -100,7 +107,7 @@ class PlottedTable:
 
     def knows(self, name: str) -> bool:
         """Whether a name, or a pair or triple of names, consists of columns of the file."""
-        plain = name.removeprefix(TORNADO)
+        plain = name.removeprefix(TORNADO).removeprefix(HISTOGRAM)
         return plain in self._every or all(part.strip() in self._every for part in plain.split(":"))
 
     def find(self, name: str) -> PlottedQuantity:
@@ -137,10 +144,16 @@ def _notation(facts: Mapping[str, Any]) -> Notation | None:
 
 
 def _quantity(
-    column: Any, values: Array, measured: bool, names: Notation | None = None
+    column: Any,
+    values: Array,
+    measured: bool,
+    names: Notation | None = None,
+    given: GivenUnit | None = None,
 ) -> PlottedQuantity:
-    """Return a varied quantity in the notation of its model, or a measure under its name."""
+    """Return a varied quantity in notation and unit of its model, or a measure under its name."""
     unit = "" if column.unit in (NOT_STATED, "1") else pretty_unit(column.unit)
+    if given is not None:
+        unit, values = pretty_unit(given.unit), values / given.factor
     name = look_of_value(names, column.name)
     label = f"{name} [{unit}]" if unit else name
     return PlottedQuantity(column.name, label, drawable(values), measured, unit)
@@ -148,9 +161,10 @@ def _quantity(
 
 class _Panel(NamedTuple):
     value: PlottedQuantity
-    over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map; none: a tornado chart
+    over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map; none: a chart of its own
     rows: Flags | slice = slice(None)  # rows shown in a map
     description: str = ""  # of these rows
+    histogram: bool = False
 
     @property
     def height(self) -> float:
@@ -166,7 +180,8 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) 
     table : Table
     names : sequence of str
         Measures, as functions of the one or two varied quantities; or ``m:peak``, and ``m:l:peak``
-        for a map over m and l; ``tornado:peak`` for the effects of all varied quantities. By
+        for a map over m and l; ``tornado:peak`` for the effects of all varied quantities;
+        ``hist:peak`` for the distribution of a measure or a varied quantity. By
         default all measures, if they are few. A map contains rows with one value of the other
         varied quantities; if these have few values, there is a map for each.
     target : FigureTarget
@@ -187,7 +202,9 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) 
         grid = figure.add_gridspec(len(panels), 1, height_ratios=heights)
         for place, panel in enumerate(panels):
             ax = figure.add_subplot(grid[place])
-            if not panel.over:
+            if panel.histogram:
+                draw_histogram(ax, panel.value)
+            elif not panel.over:
                 varied = {q.label: q.values for q in table.varied}
                 draw_tornado(ax, effects(varied, panel.value.values), panel.value.label)
             elif len(panel.over) == 2:
@@ -200,6 +217,8 @@ def _asked(table: PlottedTable, name: str) -> list[_Panel]:
     """Return the panels for a name."""
     if name.startswith(TORNADO):
         return [_Panel(table.find(name.removeprefix(TORNADO)), ())]
+    if name.startswith(HISTOGRAM):
+        return [_Panel(table.find(name.removeprefix(HISTOGRAM)), (), histogram=True)]
     parts = [name] if name in (q.name for q in table.measures) else name.split(":")
     *over, value = [table.find(part) for part in parts]
     if len(over) > 2:
@@ -299,7 +318,12 @@ def _mark_missing(ax: Any, missing: Array, values: Array) -> None:
     """Mark rows without a value at the bottom of a panel, and explain them."""
     if not len(missing):
         return
-    look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 4, "color": _GREY}
+    look: dict[str, Any] = {
+        "linestyle": "none",
+        "marker": "x",
+        "markersize": 4,
+        "color": style.GREY,
+    }
     foot = np.full(len(missing), 0.03)
     ax.plot(missing, foot, **look, transform=ax.get_xaxis_transform())
     ax.set_title(f"× {_EMPTY}", loc="left", fontsize=8, color=_NOTE)
@@ -342,7 +366,11 @@ class _Axis:
             if not any("e" in text for text in texts):
                 places = max(len(text.partition(".")[2]) for text in texts)
                 texts = [f"{x:.{places}f}" for x in self.values.tolist()]
-            getattr(ax, f"set_{which}ticks")(self.centers, texts, minor=False)
+            # as many as stand side by side; the others keep their ticks
+            room = ax.get_position().width * ax.figure.get_figwidth() if which == "x" else np.inf
+            every = int(np.ceil(sum(map(len, texts)) * _DIGIT / room)) or 1
+            shown = [text if i % every == 0 else "" for i, text in enumerate(texts)]
+            getattr(ax, f"set_{which}ticks")(self.centers, shown, minor=False)
             getattr(ax, f"set_{which}ticks")([], minor=True)
         getattr(ax, f"set_{which}label")(self.quantity.label)
 
@@ -397,10 +425,15 @@ def _mark_empty(ax: Any, points: tuple[Array, Array] | None) -> None:
     from matplotlib.patches import Patch
 
     if points is None:
-        ax.patch.set(hatch="////", edgecolor=_GREY, facecolor="white")
-        handle: Any = Patch(hatch="////", edgecolor=_GREY, facecolor="white", label=_EMPTY)
+        ax.patch.set(hatch="////", edgecolor=style.GREY, facecolor="white")
+        handle: Any = Patch(hatch="////", edgecolor=style.GREY, facecolor="white", label=_EMPTY)
     else:
-        look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 3, "color": _GREY}
+        look: dict[str, Any] = {
+            "linestyle": "none",
+            "marker": "x",
+            "markersize": 3,
+            "color": style.GREY,
+        }
         ax.plot(*points, **look)
         handle = Line2D([], [], **look, label=_EMPTY)
     ax.legend(handles=[handle], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
@@ -521,6 +554,43 @@ def draw_tornado(ax: Any, effects: list[Effect], label: str) -> None:
     style.legend_beside(ax, handles, ["lowest value", "highest value"])
 
 
+def draw_histogram(ax: Any, quantity: PlottedQuantity) -> None:
+    """Draw the distribution of a quantity over the rows, with its median and outer quantiles.
+
+    Raises
+    ------
+    UsageError
+        No row has a value.
+    """
+    values = quantity.values[np.isfinite(quantity.values)]
+    if not values.size:
+        raise UsageError(f"no row has a value of `{quantity.name}`: there is nothing to draw")
+    # of the rules for the width of bins, the one that a few distant values do not mislead
+    edges = np.histogram_bin_edges(values, bins="fd" if np.ptp(values) > 0 else 1)
+    bins = min(_BINS, max(len(edges) - 1, 1))
+    ax.hist(values, bins=bins, color=style.PALETTE[0], alpha=0.75, edgecolor="white", lw=0.4)
+    for part in HISTOGRAM_QUANTILES:
+        at = float(np.quantile(values, part))
+        ax.axvline(at, color=style.PALETTE[1], lw=1.2, ls="-" if part == 0.5 else (0, (4, 2)))
+        ax.annotate(
+            f"{100 * part:g} %: {at:.4g}",
+            (at, 1.0),
+            (0, 3),
+            xycoords=ax.get_xaxis_transform(),
+            textcoords="offset points",
+            ha={0.05: "right", 0.5: "center", 0.95: "left"}[part],
+            fontsize=8,
+            color=_NOTE,
+        )
+    missing = len(quantity.values) - len(values)
+    ax.set_ylabel(f"rows ({missing} without a value)" if missing else "rows")
+    ax.set_xlabel(quantity.label)
+    ax.grid(False, axis="x")
+    ax.set_axisbelow(True)
+    ax.margins(x=0.02)
+    plain_ticks(ax.xaxis)
+
+
 #: Largest number of rows that are drawn: more curves would cover each other.
 MOST = 200
 
@@ -615,6 +685,7 @@ class SweepRow(RunFile):
             units=rows.units,
             model=rows.text,
             parameters={**rows.parameters, **varied},
+            inputs=rows.inputs,
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:

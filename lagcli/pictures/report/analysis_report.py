@@ -224,5 +224,6 @@ def _sections(content: Mapping[str, Any], model: Model) -> list[AnalysisSection]
     """Return the sections of a content in HTML."""
     units = result_units(model)
     return rendered(
-        content_sections(content, units), partial(plot_analysis, content, (), units=units)
+        content_sections(content, units),
+        partial(plot_analysis, content, (), model=model, units=units),
     )

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from lagcli.arrays import Array
 from lagcli.pictures.page import asset, page, paragraphs
 from lagcli.pictures.plots.figure import FigureTarget, new_figure
+from lagcli.pictures.plots.mode_plot import DRAWN
 from lagcli.pictures.report.equations import EquationSystem
 
 Links = Sequence[tuple[str, str]]  # anchors and titles
@@ -186,8 +187,9 @@ def _darkened(svg: str) -> str:
     """Return a picture for dark pages."""
     for light, dark in _DARK.items():
         svg = svg.replace(f": {light}", f": {dark}")
-    # letters have no colour attribute
-    return svg.replace('<style type="text/css">', '<style type="text/css">text{fill:#e8e8e8}', 1)
+    # letters have no colour attribute; pictures of a mechanism keep their hues
+    more = f'text{{fill:#e8e8e8}}[id^="{DRAWN}"]{{filter:invert(0.91) hue-rotate(180deg)}}'
+    return svg.replace('<style type="text/css">', f'<style type="text/css">{more}', 1)
 
 
 class AnalysisSection(NamedTuple):

@@ -32,6 +32,8 @@ class SceneDrawing:
         Whether the arrows of constraint forces are shown.
     trail : float, optional
         Duration of trails, s; by default 30 % of the run.
+    annotated : bool
+        Whether there are a scale, or the directions of the axes, and the magnitudes of vectors.
     """
 
     def __init__(
@@ -42,14 +44,15 @@ class SceneDrawing:
         *,
         forces: bool = True,
         trail: float | None = None,
+        annotated: bool = True,
     ):
-        self.scene = scene
+        self.scene, self.annotated = scene, annotated
         span = float(scene.time[-1] - scene.time[0])
         self.trail = TRAIL_PART * span if trail is None else trail
         unit = max(0.6, min(1.6, min(width, height) / 420))
         self.raster = Raster(width, height, unit, ROLES["paper"])
         #: Height of the lines of text at the top and at the bottom.
-        self.strip = 26 * max(1.0, unit)
+        self.strip = 26 * max(1.0, unit) if annotated else 0.0
         place = width, height, self.strip
         self.camera = (
             PlaneCamera(scene.bounds, *place)
@@ -85,11 +88,9 @@ class SceneDrawing:
 
         for command in sorted(commands(moment, self._joints, self.vectors), key=order):
             command.paint()
-        if solid:
-            self._triad()
-        else:
-            self._rule()
-        self._magnitudes(moment)
+        if self.annotated:
+            self._triad() if solid else self._rule()
+            self._magnitudes(moment)
         raster.text(note, (14, raster.height - self.strip / 2), ROLES["label"])
         return raster.image()
 

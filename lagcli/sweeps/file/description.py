@@ -16,24 +16,29 @@ from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
 #: Columns of the labels.
 LABEL = 14
+#: Probabilities of the quantiles.
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 _LONGEST = 120  # largest number of characters of the description of one varied quantity
 
 
-def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
+def describe_sweep(path: str | os.PathLike[str], *, quantiles: bool = False) -> dict[str, Any]:
     """Return the description of a sweep file as JSON values.
 
     Parameters
     ----------
     path : str or path
         A file written by ``lagcli sweep``.
+    quantiles : bool
+        Whether each column has its quantiles too.
 
     Returns
     -------
     dict
         ``path``, ``bytes``, ``kind``, ``schema_version``, ``lagcli_version``, ``model_path``,
         ``model_sha256``; ``rows`` (by status), ``failures`` (by cause); ``columns`` and
-        ``measures``, each with ``name``, ``unit``, ``min`` and ``max``; ``vary``, ``sample``,
-        ``zip``; ``samples`` kept of each row; ``parameters``, ``options``, ``seconds``.
+        ``measures``, each with ``name``, ``unit``, ``min`` and ``max``, and ``quantiles`` by
+        probability; ``vary``, ``sample``, ``zip``; ``samples`` kept of each row; ``parameters``,
+        ``options``, ``seconds``.
 
     Raises
     ------
@@ -53,23 +58,30 @@ def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
                 )
             },
             "schema_version": file.facts["schema_version"],
-            "columns": [_extremes(file, c) for c in file.columns],
-            "measures": [_extremes(file, c) for c in file.measures],
+            "columns": [_described(file, c, quantiles) for c in file.columns],
+            "measures": [_described(file, c, quantiles) for c in file.measures],
             **{key: plan[key] for key in ("vary", "sample", "zip")},
             "samples": len(file.times) if file.kept else 0,
             **{key: facts[key] for key in ("parameters", "options", "seconds")},
         }
 
 
-def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
-    """Return name, unit and extremes of a column; None if no row has a value."""
-    low, high = np.nan, np.nan
+def _described(file: SweepFile, column: Column, quantiles: bool) -> dict[str, Any]:
+    """Return name, unit, extremes and quantiles of a column; None if no row has a value."""
+    low, high, pieces = np.nan, np.nan, [np.empty(0)]
     for start in range(0, file.length, SLAB):
         values = file.read(column.dataset, slice(start, start + SLAB))
         low = np.fmin(low, np.fmin.reduce(values))
         high = np.fmax(high, np.fmax.reduce(values))
+        if quantiles:
+            pieces.append(values[np.isfinite(values)])
     known = {k: None if np.isnan(x) else float(x) for k, x in (("min", low), ("max", high))}
-    return {**column._asdict(), **known}
+    described = {**column._asdict(), **known}
+    if quantiles:
+        every = np.concatenate(pieces)
+        found = np.quantile(every, QUANTILES).tolist() if every.size else [None] * len(QUANTILES)
+        described["quantiles"] = {f"{p:g}": x for p, x in zip(QUANTILES, found, strict=True)}
+    return described
 
 
 def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
@@ -100,10 +112,15 @@ def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     lines += _entry("seconds", pairs(info["seconds"]))
     table = [*info["columns"], *info["measures"]]
     width = max([16, *(len(_title(x)) for x in table)])
-    lines += ["", f"{'column':<{width}}  {'min':>13}  {'max':>13}"]
-    lines += [
-        f"{_title(x):<{width}}  {number(x['min']):>13}  {number(x['max']):>13}" for x in table
-    ]
+
+    def row(first: str, *values: str) -> str:
+        return f"{first:<{width}}" + "".join(f"  {text:>13}" for text in values)
+
+    lines += ["", row("column", "min", "max")]
+    lines += [row(_title(x), number(x["min"]), number(x["max"])) for x in table]
+    if any("quantiles" in x for x in table):
+        lines += ["", row("quantiles", *(f"{100 * p:g} %" for p in QUANTILES))]
+        lines += [row(_title(x), *map(number, x["quantiles"].values())) for x in table]
     return "\n".join(lines)
 
 

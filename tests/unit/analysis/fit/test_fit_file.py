@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ import lagcli
 from lagcli.analysis.fit.file import read_fit, write_fit
 from lagcli.analysis.fit.result import FitResult, format_fit
 from lagcli.errors import FileError
+from lagcli.results.hdf5.seal import seal
 
 MODEL = """
 coordinates: {x: m}
@@ -47,7 +49,7 @@ def test_a_file_reads_as_it_was_written(tmp_path: Path, result: FitResult) -> No
         if field.name == "data":
             for a, b in zip(before, after, strict=True):
                 assert a.path == b.path
-                for name in ("times", "measured", "model", "sigmas"):
+                for name in ("times", "measured", "model", "sigmas", "curve_times", "curve"):
                     np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
         elif isinstance(before, np.ndarray):
             np.testing.assert_array_equal(before, after, field.name)
@@ -56,6 +58,27 @@ def test_a_file_reads_as_it_was_written(tmp_path: Path, result: FitResult) -> No
         elif before == before:  # but for NaN
             assert after == before, field.name
     assert format_fit(found) == format_fit(result)
+
+
+def test_the_curve_is_that_of_the_fitted_values_between_the_data_too(result: FitResult) -> None:
+    (data,) = result.data
+    m, k, x = result.values
+    assert len(data.curve_times) > 10 * len(data.times)
+    closed = x * np.cos(np.sqrt(k / m) * data.curve_times)
+    np.testing.assert_allclose(data.curve[:, 0], closed, atol=1e-7)
+
+
+def test_files_without_a_curve_have_the_model_at_the_data(
+    tmp_path: Path, result: FitResult
+) -> None:
+    path = tmp_path / "fit.h5"
+    write_fit(result, path)
+    with h5py.File(path, "r+") as file:
+        del file["data_0/curve"]
+    with open(path, "r+b") as sealed:
+        seal(sealed)
+    (data,) = read_fit(path).data
+    np.testing.assert_array_equal(data.curve, data.model)
 
 
 def test_a_fit_opens_like_any_other_analysis(tmp_path: Path, result: FitResult) -> None:
