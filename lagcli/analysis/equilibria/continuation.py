@@ -274,7 +274,8 @@ _VERTICAL, LINE = 1e-9, 50
 #: changes closer than this to a point holds at this point alone.
 _EXPLAINED, _SINGLE = 1e-2, 1e-6
 _BESIDE = 1e-3  # distance of the points for interpolating special points, relative to the step
-_BISECTIONS = 60
+#: Halvings that locate a change: to rounding errors, and to a part of `_EXPLAINED`.
+_BISECTIONS, _ROUGH = 60, 10
 
 
 class Traced(NamedTuple):
@@ -298,6 +299,14 @@ class Frame(NamedTuple):
 
     right: Array
     left: Array
+
+
+class _Bracket(NamedTuple):
+    """Distances from a point of a branch before and after a change, and the point of the former."""
+
+    low: float
+    high: float
+    point: Traced
 
 
 class LocatedPoint(NamedTuple):
@@ -476,8 +485,15 @@ class Tracer:
         self, before: Traced, length: float, changed: Callable[[Traced], bool]
     ) -> tuple[float, Traced]:
         """Return the position of a change by bisection, and the point there."""
-        low, high, last = 0.0, length, before
-        for _ in range(_BISECTIONS):
+        found = self._halved(before, _Bracket(0.0, length, before), changed, _BISECTIONS)
+        return found.low, found.point
+
+    def _halved(
+        self, before: Traced, bracket: _Bracket, changed: Callable[[Traced], bool], times: int
+    ) -> _Bracket:
+        """Return the part of a bracket in which a change is, after some halvings."""
+        low, high, last = bracket
+        for _ in range(times):
             middle = (low + high) / 2
             if middle in (low, high):
                 break
@@ -486,7 +502,7 @@ class Tracer:
                 low, last = middle, moved[0]
             else:
                 high = middle
-        return low, last
+        return _Bracket(low, high, last)
 
     # special points
 
@@ -559,11 +575,16 @@ class Tracer:
             def changed(x: Traced, verdict: Verdict = verdict, same: bool = same) -> bool:
                 return (self.stability(x).verdict == verdict) != same
 
-            _, point = self._bisected(before, length, changed)
+            near = [x.point.place.z for x in (*known, *changes)]
+            rough = self._halved(before, _Bracket(0.0, length, before), changed, _ROUGH)
+            # what follows moves it by less than the other half
+            z = rough.point.place.z
+            if any(np.linalg.norm(z - other) < _EXPLAINED / 2 * length for other in near):
+                continue
+            point = self._halved(before, rough, changed, _BISECTIONS - _ROUGH).point
             if "unstable" in (stable.verdict, following.verdict):
                 side = 1 if following.verdict == "unstable" else -1
                 point = self._refined(before, point, side, length)
-            near = [x.point.place.z for x in (*known, *changes)]
             far = all(np.linalg.norm(point.place.z - z) > _EXPLAINED * length for z in near)
             # the verdict of the first point alone, if it is an exceptional one, is no change
             if far and np.linalg.norm(point.place.z - before.place.z) > _SINGLE * length:
