@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.analysis.linear.linear_model import linear_model
-from lagcli.analysis.linear.modes import ReducedMatrices, eigenpairs, reduced_matrices
+from lagcli.analysis.linear.modes import (
+    ReducedMatrices,
+    asymmetric_eigenpairs,
+    reduced_matrices,
+    symmetric_eigenpairs,
+)
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.arrays import Array
@@ -89,8 +94,10 @@ def stability_of(
     reached = local.reached(operating_point.point, given)
     operating_point = replace(operating_point, tangent=reached)
     dimension -= len(given.positions) - len(reached.positions)
-    stiffness = hessian_eigenvalues(reduced_matrices(local, operating_point))
-    pairs, states, _ = eigenpairs(local, linear_model(local, operating_point))
+    reduced = reduced_matrices(local, operating_point)
+    stiffness = hessian_eigenvalues(reduced)
+    symmetric = symmetric_eigenpairs(reduced)
+    pairs, states = symmetric or asymmetric_eigenpairs(linear_model(local, operating_point))
     order = np.argsort(np.abs(pairs), kind="stable")
     values, states = pairs[order], states[:, order]
     rate = _rate(local, operating_point)

@@ -155,7 +155,7 @@ def _order(s: complex) -> tuple[float, float]:
 
 
 def symmetric_eigenpairs(
-    local: LocalEquations, operating_point: OperatingPoint
+    reduced: ReducedMatrices | None,
 ) -> tuple[ComplexArray, ComplexArray] | None:
     """Return eigenvalues and states if K is symmetric and D vanishes; None otherwise.
 
@@ -163,7 +163,6 @@ def symmetric_eigenpairs(
     """
     from scipy.linalg import LinAlgError, eigh
 
-    reduced = reduced_matrices(local, operating_point)
     if reduced is None or not reduced.symmetric or not reduced.undamped:
         return None
     inertia, _, stiffness, _ = reduced
@@ -269,10 +268,15 @@ def eigenpairs(
 
     Of complex pairs, only the eigenvalues with positive imaginary part.
     """
-    operating_point = linear.operating_point
-    pairs = symmetric_eigenpairs(local, operating_point)
+    pairs = symmetric_eigenpairs(reduced_matrices(local, linear.operating_point))
     if pairs is not None:
         return *pairs, True
+    return *asymmetric_eigenpairs(linear), False
+
+
+def asymmetric_eigenpairs(linear: LinearModel) -> tuple[ComplexArray, ComplexArray]:
+    """Return the eigenvalues and states of a reduced model by its matrix A."""
+    operating_point = linear.operating_point
     tangent = operating_point.tangent
     n, sizes = len(tangent.positions), tangent.decomposition.sizes
     rate = np.sqrt(np.abs(linear.A[n:, :n]).max(initial=0.0)) or 1.0
@@ -284,7 +288,7 @@ def eigenpairs(
         values[np.abs(values) < _ZERO * np.abs(np.linalg.eigvals(operating_point.frame)).max()] = (
             0.0
         )
-    return values, states, False
+    return values, states
 
 
 def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, ComplexArray]:

@@ -46,8 +46,8 @@ class Point(NamedTuple):
 
     def inputs(self) -> list[float]:
         """Return the inputs of tapes: t, q, v, a, λ and parameters."""
-        parts = (self.q, self.v, self.a, self.multipliers)
-        return [self.t, *(float(x) for part in parts for x in part), *self.p]
+        q, v, a, multipliers = self.q, self.v, self.a, self.multipliers
+        return [self.t, *q.tolist(), *v.tolist(), *a.tolist(), *multipliers.tolist(), *self.p]
 
 
 def point_tape(equations: Equations, expressions: Sequence[Basic]) -> Tape:
@@ -81,8 +81,8 @@ class Gradients:
         eq = equations
         self.shape = len(rows), columns
         self.pattern: Pattern = tuple((i, j) for i, row in enumerate(rows) for j in row)
-        tape = point_tape(eq, [x for row in rows for x in row.values()])
-        self._run = ScalarTape(tape)
+        expressions = [x for row in rows for x in row.values()]
+        self._run = ScalarTape(point_tape(eq, expressions)) if expressions else None
 
     @classmethod
     def of(
@@ -91,12 +91,16 @@ class Gradients:
         """Differentiate expressions in t, q, v, a, λ and the parameters with respect to symbols."""
         from lagcli.equations.derivation.motion import Motion
 
+        if not symbols:
+            return cls(equations, [{} for _ in expressions], 0)
         motion, columns = Motion.of(equations.model), {x: j for j, x in enumerate(symbols)}
         rows = [motion.row([expression], columns) for expression in expressions]
         return cls(equations, rows, len(symbols))
 
     def at(self, point: Point) -> Array:
         """Return the matrix of derivatives, (n, m)."""
+        if self._run is None:
+            return np.zeros(self.shape)
         return _filled(self.shape, self.pattern, self._run(point.inputs()))
 
 

@@ -70,6 +70,7 @@ class LocalEquations(DerivedModel):
         self.jacobian_tape = motion_jacobians(self.equations, self.system)
         self.p = tuple(model.parameter_values.values())
         self.evaluator_of = lru_cache(maxsize=4)(lambda p: Evaluator(self.system, p))
+        self._last: tuple[Point, MotionJacobians] | None = None
 
     @cached_property
     def _velocity_gradients(self) -> Gradients:
@@ -171,12 +172,15 @@ class LocalEquations(DerivedModel):
 
     def jacobians(self, point: Point) -> MotionJacobians:
         """Return the Jacobians of the equations of motion; raises NumericalError if not finite."""
+        if self._last is not None and self._last[0] is point:
+            return self._last[1]
         jacobians = self.jacobian_tape.at(point)
         if not all(np.isfinite(x).all() for x in jacobians):
             raise NumericalError(
                 f"the derivatives of the equations of {self.model.name} have no finite value at"
                 " this point: an expression is not smooth there; choose another point"
             )
+        self._last = point, jacobians
         return jacobians
 
     def velocity_gradient(self, point: Point) -> Array:
