@@ -23,7 +23,7 @@ from lagcli.errors import LagcliError
 from lagcli.results.hdf5 import seal
 
 #: Mutants of each file in the normal suite.
-FEW = 7
+FEW = 3
 
 SPRING = """
 name: spring
@@ -55,7 +55,7 @@ FILES = {
     "modes": ["modes", "chain", "--set", "N=3"],
     "rolling": ["modes", "slider_crank"],
     "linear": ["linearize", "slider_crank"],
-    "equilibria": ["equilibrium", "slider_crank", "--all"],
+    "equilibria": ["equilibrium", "slider_crank", "--all", "--starts", "8"],
     "resting": ["equilibrium", "bouncing_ball"],
     "branches": [
         *("equilibrium", "bead_on_rotating_hoop", "--along", "Omega=1 rad/s:6 rad/s"),
@@ -193,7 +193,9 @@ def test_numbers_too_large_for_an_axis(
             root["data_1"][name][0], root["data_1"][name][1:] = values
         with path.open("r+b") as file:
             seal.seal(file)
-        for command, kind in (("plot", "svg"), ("report", "html")):
+        # a report contains the same plot
+        targets = [("plot", "svg")] + [("report", "html")] * (name == "model")
+        for command, kind in targets:
             target = tmp_path / f"{name}.{kind}"
             status, said = answer(command, str(path), "-o", str(target), "--force")
             assert status == 0, f"{name}: {command}: {said}"

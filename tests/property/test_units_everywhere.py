@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_cases import seeds
 
 from lagcli.errors import LagcliError
 from lagcli.model.expression.units import read_unit, si_notation, units
@@ -122,7 +123,7 @@ def test_what_is_refused_is_refused_everywhere_with_the_reason(place: str, tmp_p
     assert not wrong
 
 
-@pytest.mark.parametrize("seed", range(300))
+@pytest.mark.parametrize("seed", seeds(100, 300))
 def test_random_products_and_quotients_in_any_notation(seed: int) -> None:
     """Factors and dimensions are those of the parts, and SI notation is read as SI."""
     rng = random.Random(seed)

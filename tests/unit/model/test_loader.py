@@ -303,14 +303,14 @@ def test_the_work_is_proportional_to_the_number_of_terms(term: str) -> None:
         sum_ = " + ".join([term] * terms)
         return f"coordinates: [x]\ninitial: {{x: 0, x': 0}}\nT: x'^2/2\nV: {sum_}\n"
 
-    few, many = calls_to_read(text(500)), calls_to_read(text(4000))
+    few, many = calls_to_read(text(250)), calls_to_read(text(2000))
     assert many < 8.2 * few
     began = time.process_time()
-    load_text(text(8000))
-    assert time.process_time() - began < 4  # 0.4 s alone
+    load_text(text(4000))
+    assert time.process_time() - began < 2  # 0.2 s alone
 
 
-@pytest.mark.parametrize("term", ["x", "x^2", "3*x"])
+@pytest.mark.parametrize("term", ["x", "3*x"])
 def test_a_million_terms_are_rejected_before_they_are_read(term: str) -> None:
     text = f"coordinates: [x]\nT: x'^2/2\nV: {' + '.join([term] * 10**6)}\n"
     (found,) = diagnostics(text)

@@ -270,7 +270,7 @@ def test_every_page_at_every_width(name):
             assert not re.search(r"[+−] [+−]|^[+]", text), text
             assert not re.search(r"(?:^|[ (\[{])1 [^+−=≤≥)\]}]", text), text  # a factor 1
             assert "{{" not in text, text
-        for width in range(60, 141, 10):
+        for width in range(60, 141, 20):
             text = render_text(model, steps, formula, width, numbered=True)
             assert max(map(display_width, text.splitlines())) <= width
             assert_whole_factors(text, width)
