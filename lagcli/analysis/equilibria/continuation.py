@@ -485,8 +485,8 @@ class Tracer:
         self, before: Traced, length: float, changed: Callable[[Traced], bool]
     ) -> tuple[float, Traced]:
         """Return the position of a change by bisection, and the point there."""
-        found = self._halved(before, _Bracket(0.0, length, before), changed, _BISECTIONS)
-        return found.low, found.point
+        last = self._halved(before, _Bracket(0.0, length, before), changed, _BISECTIONS)
+        return last.low, last.point
 
     def _halved(
         self, before: Traced, bracket: _Bracket, changed: Callable[[Traced], bool], times: int
