@@ -8,8 +8,9 @@ import pytest
 from known_event_cases import EVENT_CASES
 from known_events import judge, summary
 from known_force_cases import FORCE_CASES
+from known_rest_cases import REST_CASES
 
-CASES = {**EVENT_CASES, **FORCE_CASES}
+CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
 #: Ten times as many cases as other tests try: each takes a few hundredths of a second.
 PER_KIND = 10 * int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000")) // len(CASES) + 1
 

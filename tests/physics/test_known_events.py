@@ -10,14 +10,15 @@ import pytest
 from known_event_cases import EVENT_CASES
 from known_events import METHODS, judge
 from known_force_cases import FORCE_CASES
+from known_rest_cases import REST_CASES
 from scipy.special import ellipk
 
 import lagcli
 
 FOUND = Path(__file__).parents[1] / "found"
-CASES = {**EVENT_CASES, **FORCE_CASES}
+CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
 #: Random cases of each kind; `make fuzz` tries more.
-SEEDS = {"stick-slip": 16, "lift-off": 16, "pulses": 12}
+SEEDS = {"stick-slip": 16, "lift-off": 16, "pulses": 12, "landing": 4, "moving floor": 4}
 
 
 def load(name: str, **changes: float) -> lagcli.Model:
@@ -45,6 +46,72 @@ NEAR = {
 def test_events_that_rounding_nearly_hides(kind: str, seed: int) -> None:
     verdict = judge(case := CASES[kind](seed))
     assert verdict.right, f"{verdict}: {case}"
+
+
+@pytest.mark.parametrize("mass", [1.0, 3.7, 0.0071])
+def test_a_body_at_rest_under_a_load_has_no_event(mass: float) -> None:
+    """Its velocity is zero but for rounding errors, which grow with the forces."""
+    run = lagcli.simulate(
+        lagcli.load_text(
+            f"""
+coordinates: [x]
+T: {mass}*x'^2/2
+Q: {{x: {-5.3 * mass} + {3.1 * mass}*sin(7*t)}}
+constraints: {{floor: {{expr: x >= -0.7, restitution: 0}}}}
+initial: {{x: 0, x': -1.2}}
+events: {{rises: {{when: x' >= 0}}, below: {{when: x < -0.7}}}}
+"""
+        ),
+        t_end=30,
+    )
+    assert run.events is not None
+    assert list(run.events.kinds) == [
+        "event",
+        "impact",
+        "closes",
+    ]  # `below`, as it reaches the floor
+
+
+def test_a_turning_point_from_which_the_projection_moves_the_velocity() -> None:
+    """Radau's dense output there is off the rod by 1e-10 of the largest velocity."""
+    model = lagcli.load_text(
+        """
+coordinates: [x, y]
+T: 0.028556*(x'^2 + y'^2)/2
+V: 2.38631*y
+constraints:
+  rod: x^2 + y^2 = 1.4718758812830384^2
+  wall: {expr: 0.7041607731770556*x + 0.7100405661078044*y >= 0, restitution: 0}
+initial: {x: 1.2246473717343445, y: -0.816490921447926, x': 0, y': 0}
+events:
+  kick: {every: 1.6677577952548126, offset: 2.5, impulse: {x: 0.0057322, y: 0.0057801}}
+  rises: {when: x' >= 0, record: false}
+  turns: {when: x' = 0, record: false}
+"""
+    )
+    run = lagcli.simulate(model, method="Radau", t_end=9.1)
+    assert run.events is not None
+    names = list(run.events.names)
+    assert (names.count("rises"), names.count("turns")) == (4, 8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_distance_from_a_curved_floor_stays_zero(method: str) -> None:
+    model = lagcli.load_text(
+        """
+coordinates: [x, y]
+T: 0.078*(x'^2 + y'^2)/2
+V: 0.51*y
+constraints: {floor: {expr: y >= x^2/3.4, restitution: 0}}
+initial: {x: 0.54, y: 0.54^2/3.4, x': 0, y': 0}
+events:
+  apart: {when: y - x^2/3.4 = 0, record: false}
+  leaves: {when: y' - 2*x*x'/3.4 = 0, record: false}
+"""
+    )
+    run = lagcli.simulate(model, method=method, t_end=6.5)
+    assert run.events is not None
+    assert len(run.events.time) == 0
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -8,12 +8,17 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "polynomial.h"
+#include "solution.h"
+#include "step.h"
+#include "switching/crossing.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
+#include "switching/settle.h"
 
 #define WIDER 0.1           /* of the width: what encloses the dense output around interpolants of a step's ends */
 #define ROUNDING (2.0 * DBL_EPSILON)    /* per degree: of control points */
 #define POINTS (LAG_MOST_DEGREE + 1)
+#define HELD 1e-13          /* of the largest terms of phi and psi: how far rows that hold may be off zero */
 
 /* The tapes; GAPS has phi alone, which most steps of contacts need. */
 enum { GAPS, ROWS, CONDITIONS, KINKS };
@@ -56,6 +61,7 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
     e->used = used;
     e->place = lag_get(&run->pool, (size_t)moving, sizeof *e->place);
     e->range = lag_get(&run->pool, (size_t)e->count, sizeof *e->range);
+    e->error = lag_doubles(&run->pool, e->count);
     e->ready = lag_get(&run->pool, (size_t)e->count, sizeof *e->ready);
     e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
     e->points = lag_doubles(&run->pool, (int64_t)e->count * JET * POINTS);
@@ -173,6 +179,68 @@ static int tape_of(enum lag_watched what)
     }
 }
 
+/* Add the errors of the states that a row determines, whose response is known, where phi and psi are off by these. */
+static void add_errors(lag_run *run, int row, double gap, double speed)
+{
+    const lag_switching *sw = &run->switching;
+    lag_enclosure *e = &run->switching.enclosure;
+    const int nq = run->system.nq;
+    const double *response = sw->response + row * (nq + run->system.nc), inertia = lag_along(run, row, response);
+    if (!(inertia > 0.0))
+        return;
+    for (int i = 0; i < e->count; ++i)
+        e->error[i] += fabs(response[e->state[i] % nq]) / inertia * (e->state[i] < nq ? gap : speed);
+    e->held = 1;
+}
+
+/* The errors that a row's rounding has. */
+static void add_rounding(lag_run *run, int row)
+{
+    const lag_switching *sw = &run->switching;
+    add_errors(run, row, sw->place[row] < 0 ? 0.0 : HELD * sw->size[row], HELD * sw->speed[row] + sw->stray[row]);
+}
+
+static void no_errors(lag_enclosure *e)
+{
+    if (e->held)
+        memset(e->error, 0, (size_t)e->count * sizeof *e->error);
+    e->held = 0;
+}
+
+int lag_enclosure_touch(lag_run *run, double t, const double *y)
+{
+    const lag_switching *sw = &run->switching;
+    int factored = 0;
+    no_errors(&run->switching.enclosure);
+    for (int i = 0; i < sw->rows && sw->conditions; ++i) {
+        const int touches = sw->law[i] == LAG_UNILATERAL && sw->phi[i] <= lag_no_gap(run, i);
+        if (!sw->active[i] || !(touches || sw->mode[i] == LAG_HOLDS))
+            continue;
+        if (!factored && lag_factor(run, t, y))
+            return 1;
+        factored = 1;
+        lag_row_response(run, i);
+        add_rounding(run, i);
+    }
+    return 0;
+}
+
+void lag_enclosure_stray(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    if (!sw->enclosure.held)
+        return;
+    for (int k = 1; k < NODES - 1; ++k) {
+        const double t = run->step.t_old + lag_node(k) * run->step.h_old;
+        lag_dense_often(run, t, sw->y);
+        if (lag_find_rows(run, t, sw->y))
+            return;
+        for (int i = 0; i < sw->rows; ++i)
+            if (sw->mode[i] == LAG_HOLDS)
+                add_errors(run, i, fabs(sw->phi[i]), fabs(sw->psi[i]));
+    }
+}
+
 void lag_enclosure_begin(lag_run *run, const double *f)
 {
     const lag_switching *sw = &run->switching;
@@ -182,6 +250,10 @@ void lag_enclosure_begin(lag_run *run, const double *f)
     for (int k = 0; k < sw->watched_count; ++k)
         if (lag_is_enclosed(sw->watched[k].what))
             e->watched |= 1 << tape_of(sw->watched[k].what);
+    no_errors(e);
+    for (int i = 0; i < sw->rows && e->watched >> CONDITIONS & 1; ++i)
+        if (sw->mode[i] == LAG_HOLDS)
+            add_rounding(run, i);
     for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
         if (e->watched >> i & 1)
             lag_jets_refresh(e->tapes + i);
@@ -249,9 +321,16 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
     t[0] = (lag_interval){a, b};
     for (int k = 1; k <= order; ++k)
         t[k] = (lag_interval){k == 1, k == 1};
-    for (int i = 0; i < e->count; ++i)
-        if (tape->used[1 + e->state[i]])
-            memcpy(lag_jet_input(tape, 1 + e->state[i]), e->jets + (int64_t)JET * i, (size_t)(order + 1) * sizeof *t);
+    for (int i = 0; i < e->count; ++i) {
+        if (!tape->used[1 + e->state[i]])
+            continue;
+        lag_interval *x = lag_jet_input(tape, 1 + e->state[i]);
+        memcpy(x, e->jets + (int64_t)JET * i, (size_t)(order + 1) * sizeof *t);
+        if (e->held && tape == e->tapes + CONDITIONS) {
+            x->low -= e->error[i];
+            x->high += e->error[i];
+        }
+    }
     lag_jets_run(tape, order);
 }
 
@@ -305,6 +384,20 @@ void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double
     }
     evaluate(run, e->tapes + tape, t, t, 1);
     take_output(run, k, 1, out);
+}
+
+double lag_held_error(lag_run *run, int which, double t, const double *y)
+{
+    lag_enclosure *e = &run->switching.enclosure;
+    lag_jet_tape *tape = e->tapes + CONDITIONS;
+    if (!e->held || which >= run->switching.conditions)
+        return 0.0;
+    lag_jets_refresh(tape);
+    for (int i = 0; i < e->count; ++i)
+        e->jets[(int64_t)JET * i] = (lag_interval){y[e->state[i]], y[e->state[i]]};
+    evaluate(run, tape, t, t, 0);
+    const lag_interval value = lag_jet_output(tape, which)[0];
+    return value.high - value.low;
 }
 
 int lag_is_undefined(lag_run *run, int k)

@@ -19,8 +19,17 @@ int lag_is_of_time(const lag_switching *sw, const lag_watched_function *w);
 /* Bind the tapes of a run's rules; pool->failed says whether there is no memory. */
 void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules);
 
+/* Errors of states at an instant: those that rows which hold or touch put somewhere, as impacts do. Returns 0, or 1. */
+int lag_enclosure_touch(lag_run *run, double t, const double *y);
+
+/* The error of a condition's value at a state due to these; 0 without. */
+double lag_held_error(lag_run *run, int which, double t, const double *y);
+
 /* Begin with the last step: `f` is y' at its end, for methods that know it there. */
 void lag_enclosure_begin(lag_run *run, const double *f);
+
+/* Add the errors that the dense output has between the ends of the step, where rows hold. */
+void lag_enclosure_stray(lag_run *run);
 
 /* Watched function k on the whole step. */
 lag_interval lag_enclose_step(lag_run *run, int k);

@@ -15,6 +15,7 @@
 #include "switching/choice.h"
 #include "switching/clock.h"
 #include "switching/collision.h"
+#include "switching/enclosure.h"
 #include "switching/kinks.h"
 #include "switching/log.h"
 #include "switching/rows.h"
@@ -107,6 +108,8 @@ int lag_look_for_instant(lag_run *run)
     if (!lag_is_accurate(run, sw->instant, sw->before) /* a power series cannot wait for another elimination */
         && !(run->stepped->uses_series && !lag_allow_dense(run, 1)))
         return LAG_INACCURATE;
+    for (int c = 0; c < sw->conditions; ++c)
+        sw->condition[c].off = lag_condition_value(run, c, sw->instant, sw->before);
     if (lag_projects(run) && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
         return status;
     if (lag_all_forces(run, sw->instant, sw->before)) /* as the mode ends */
@@ -120,8 +123,11 @@ int lag_look_for_instant(lag_run *run)
     for (int i = 0; i < sw->rows; ++i) /* psi is that of lag_all_forces */
         sw->stray[i] = !lag_projects(run) && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
-        sw->condition[c].happened = 0;
-        sw->condition[c].value = lag_condition_value(run, c, sw->instant, sw->before);
+        lag_condition *condition = sw->condition + c;
+        condition->happened = 0;
+        condition->value = lag_condition_value(run, c, sw->instant, sw->before);
+        const int root = c < sw->conditions && fabs(condition->off) <= WRONG * lag_condition_noise(condition);
+        condition->off = root ? fabs(condition->value - condition->off) : 0.0;
     }
     memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
     memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
@@ -197,6 +203,8 @@ static void log_changes(lag_run *run)
 static int update_conditions(lag_run *run)
 {
     lag_switching *sw = &run->switching;
+    if (lag_enclosure_touch(run, run->step.t, run->step.y))
+        return LAG_UNDEFINED;
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
         lag_condition *condition = sw->condition + c;
         const double value = lag_condition_value(run, c, run->step.t, run->step.y);
@@ -204,7 +212,8 @@ static int update_conditions(lag_run *run)
             return LAG_UNDEFINED;
         const double noise = lag_condition_noise(condition), before = condition->value;
         /* an action may move the state by the drift of the constraints */
-        const double zero = condition->happened ? WRONG * noise : noise;
+        const double error = lag_held_error(run, c, run->step.t, run->step.y);
+        const double zero = fmax(condition->happened ? fmax(WRONG * noise, condition->off) : noise, error);
         condition->largest = fmax(condition->largest, fabs(value));
         condition->value = value;
         if (sw->begun && (!(fabs(value - before) > noise) || fabs(value) <= zero))

@@ -462,7 +462,8 @@ static int happens_at_end(lag_run *run)
         lag_interval jet[2];
         lag_enclose(run, k, t, t, 1, jet);
         const double value = lag_watched_value(run, w, t, y), slope = 0.5 * (jet[1].low + jet[1].high);
-        happens |= w->hit = before > sw->since && slope < 0.0 && value + late * slope <= 0.0;
+        const double error = lag_held_error(run, w->which, t, y);
+        happens |= w->hit = before > sw->since && late * slope < -error && value + late * slope <= 0.0;
     }
     return happens;
 }
@@ -519,6 +520,8 @@ int lag_find_instant(lag_run *run)
         if (run->step.dense_inaccurate)
             return 0;
     }
+    if (enclosed_busy)
+        lag_enclosure_stray(run);
     if (busy || enclosed_busy) {
         sw->instant = first_of_all(run, nodes);
         if (run->step.dense_inaccurate)

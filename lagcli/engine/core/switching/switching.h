@@ -66,6 +66,8 @@ typedef struct {
     int *used;                         /* 2 nq: bits of the tapes that read it */
     lag_interval *range;               /* count: over the last step */
     lag_interval *jets;                /* count jets: on the interval that is looked at */
+    double *error;                     /* count: rounding errors of states that rows hold; of conditions alone */
+    int held;                          /* whether there are any */
     int *ready;                        /* count: orders of derivatives whose control points are known */
     int degree;
     double *points;                    /* count: control points, and those of the derivatives over factorials */
@@ -78,7 +80,8 @@ typedef struct {
     int time;                          /* whether it depends only on t */
     int happened;                      /* at this instant: 1, and 2 once it has been reported */
     double largest;                    /* value so far */
-    double value;                      /* at the beginning of the instant */
+    double value;                      /* at the beginning of the instant ... */
+    double off;                        /* ... by how much the projection has moved it off zero there */
 } lag_condition;
 
 /* A clock of events: tick k is at (first + k step) / per. */

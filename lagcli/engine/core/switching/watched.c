@@ -18,6 +18,7 @@
 #define TOGETHER_IN_STEP 1e-13 /* ... or of the step, in addition to ... */
 #define TOGETHER_IN_TIME (8.0 * DBL_EPSILON) /* ... the rounding of the time: roots at one instant */
 #define LOOSE 100.0         /* of the tolerances: how far dense outputs of implicit methods may be off within a step */
+#define TWICE 2.0           /* the error of a root: what it still may be after the instant */
 #define SHIFT 1e-7          /* of a step: interval of difference quotients */
 
 /* The signed value of a condition's function at the state of its tape. */
@@ -382,7 +383,7 @@ static double rounding_at(lag_run *run, int k, double t, const double *y, const 
         return usual;
     lag_enclose_at(run, k, t, y, f, jet);
     const double width = jet[0].high - jet[0].low;
-    return width <= WRONG * usual ? width : usual;
+    return width <= WRONG * usual || run->switching.enclosure.held ? width : usual;
 }
 
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
@@ -397,7 +398,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        const double wrong = WRONG * lag_watched_noise(run, w), rounding = rounding_at(run, k, t, y, f);
+        const double off = w->what >= LAG_WATCH_CONDITION ? TWICE * sw->condition[w->which].off : 0.0;
+        const double wrong = fmax(WRONG * lag_watched_noise(run, w), off), rounding = rounding_at(run, k, t, y, f);
         w->resolved = resolved_from(run, w, t);
         if (turns_back(run, k, values[k], slopes[k], f)) {
             lag_condition *condition = sw->condition + w->which;
