@@ -5,17 +5,21 @@ from __future__ import annotations
 import copy
 import math
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_rows, row_lengths
+from lagcli.engine.sparse_rows import SparseRows, entries_of
 from lagcli.engine.system import Pattern, State, System
 from lagcli.engine.tape.interpreter import ArrayTape, ScalarTape
 
 #: Powers of ten searched for the change of a constraint; beyond, its terms are rounding errors.
 _DECADES = 20
+#: Number of entries of B, zeros among them, above which it is kept as its nonzero ones where only
+#: its rows matter.
+_LARGE = 250_000
 
 
 class Dynamics(NamedTuple):
@@ -29,11 +33,15 @@ class Dynamics(NamedTuple):
     finite: bool
 
 
-class Constraints(NamedTuple):
+#: B as an array, or as that or its nonzero entries.
+Rows = TypeVar("Rows", bound=Array | SparseRows)
+
+
+class Constraints(NamedTuple, Generic[Rows]):
     """φ, B, b_0 and the constraints' scales at one state (or, with a last axis, at many)."""
 
     position: Array
-    jacobian: Array
+    jacobian: Rows
     drift: Array
     position_scale: Array
     velocity_scale: Array
@@ -41,7 +49,8 @@ class Constraints(NamedTuple):
     @property
     def finite(self) -> bool:
         """Whether φ, B and b_0 are finite."""
-        return all(np.isfinite(x).all() for x in (self.position, self.jacobian, self.drift))
+        parts = self.position, entries_of(self.jacobian), self.drift
+        return all(np.isfinite(x).all() for x in parts)
 
     def velocity(self, v: Array) -> Array:
         """Return ψ = B v + b_0 at one state."""
@@ -75,6 +84,7 @@ class TapeMatrices:
         self.of_constraint = system.constraint_layout
         self.mass = self._flat(system.mass_pattern)
         self.jacobian = self._flat(system.jacobian_pattern)
+        self._diagonal = np.flatnonzero(self.mass % (self.nq + 1) == 0)
 
     def _flat(self, pattern: Pattern) -> Indices:
         return np.array([i * self.nq + j for i, j in pattern], dtype=np.intp)
@@ -85,6 +95,19 @@ class TapeMatrices:
         flat[places] = values
         return flat.reshape(rows, self.nq, *values.shape[1:])
 
+    def rows(self, values: Array) -> Array | SparseRows:
+        """Return B at one state; of a large system, its nonzero entries."""
+        if self.nc * self.nq <= _LARGE:
+            return self.matrix(self.nc, self.jacobian, values)
+        return SparseRows((self.nc, self.nq), *np.divmod(self.jacobian, self.nq), values)
+
+    def scales(self, out: Array) -> tuple[Array, Array | SparseRows]:
+        """Return M_jj and `rows` of the dynamics tape."""
+        parts, mass_diagonal = self.of_dynamics.split(out), np.zeros(self.nq)
+        places = self.mass[self._diagonal] // (self.nq + 1)
+        mass_diagonal[places] = parts["mass_matrix"][self._diagonal]
+        return mass_diagonal, self.rows(parts["jacobian"])
+
     def dynamics(self, out: Array, finite: bool) -> Dynamics:
         """Return the matrices of the dynamics tape."""
         parts = self.of_dynamics.split(out)
@@ -93,10 +116,16 @@ class TapeMatrices:
         parts["power"] = parts["power"][0]
         return Dynamics(**parts, finite=finite)
 
-    def constraints(self, out: Array) -> Constraints:
+    def constraints(self, out: Array) -> Constraints[Array]:
         """Return the matrices of the constraint tape."""
         parts = self.of_constraint.split(out)
         parts["jacobian"] = self.matrix(self.nc, self.jacobian, parts["jacobian"])
+        return Constraints(**parts)
+
+    def constraint_rows(self, out: Array) -> Constraints[Array | SparseRows]:
+        """Return the same at one state, with `rows`."""
+        parts: dict[str, Any] = self.of_constraint.split(out)
+        parts["jacobian"] = self.rows(parts["jacobian"])
         return Constraints(**parts)
 
 
@@ -186,17 +215,28 @@ class Evaluator:
         forcing[nq:], rhs[nc:] = sides[:, :nq].ravel(), sides[:, nq:].ravel()
         return d._replace(forcing=forcing, rhs=rhs, finite=math.isfinite(sum(out)))
 
-    def constraints(self, t: float, q: Array, v: Array) -> Constraints:
+    def constraints(self, t: float, q: Array, v: Array) -> Constraints[Array]:
         """Return φ, B, b_0 and scales."""
         numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.p))
         return self._matrices.constraints(np.array(numbers))
 
+    def constraint_rows(self, t: float, q: Array, v: Array) -> Constraints[Array | SparseRows]:
+        """Return the same; of a large system, the nonzero entries of B."""
+        numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.p))
+        return self._matrices.constraint_rows(np.array(numbers))
+
+    def inertia(self, t: float, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (nq,), as in `System.inertia`."""
+        return self.system.inertia(self._matrices.scales(np.array(self.entries(t, q, v)))[0])
+
     def sizes(self, t: float, q: Array, v: Array) -> Array:
         """Return changes of the coordinates that are considered equal in size at a state."""
-        d = self.dynamics(t, q, v)
-        return coordinate_sizes(self.system.inertia(np.diag(d.mass_matrix)), d.jacobian)
+        mass_diagonal, rows = self._matrices.scales(np.array(self.entries(t, q, v)))
+        return coordinate_sizes(self.system.inertia(mass_diagonal), rows)
 
-    def row_lengths(self, t: float, q: Array, v: Array, c: Constraints, sizes: Array) -> Array:
+    def row_lengths(
+        self, t: float, q: Array, v: Array, c: Constraints[Rows], sizes: Array
+    ) -> Array:
         """Return scales of the rows of B times sizes that do not vanish with the rows, (nc,).
 
         Parameters
@@ -227,7 +267,7 @@ class Evaluator:
         for rounding is meaningless, while l in x + l cos φ = l is not.
         """
         for far in least * 10.0 ** np.arange(_DECADES):
-            beside = self.constraints(t, q + far * apart(sizes), v)
+            beside = self.constraint_rows(t, q + far * apart(sizes), v)
             length = lengths_of_rows(beside.jacobian[[row]], sizes)[0]
             if not far * length < change:
                 break

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Flags
+from lagcli.engine.sparse_rows import SparseRows, magnitudes
 from lagcli.engine.system import Pattern
 
 #: Smallest size of a coordinate by its inertia, relative to that of the system, √max(M_jj x_j²).
@@ -18,7 +19,7 @@ LEAST_PART = 1e-3
 _PART = 1e-6
 
 
-def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
+def least_scales(inertia: Array, jacobian: Array | SparseRows, x: Array) -> Array:
     """Return the minimum scales of constraints, for one state or for many.
 
     The larger of Σ_j |B_ij x_j| and LEAST_PART √(Σ_j B_ij²/M_jj) √max_j(M_jj x_j²). Neither
@@ -28,7 +29,7 @@ def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
     ----------
     inertia : (..., nq) array
         Inertia of each coordinate (`System.inertia`); one without inertia has only its own size.
-    jacobian : (..., n, nq) array
+    jacobian : (..., n, nq) array or SparseRows
         Rows of B.
     x : (..., nq) array
         Coordinates, or velocities.
@@ -38,8 +39,8 @@ def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
     (..., n) array
     """
     compliance, size = _inertial(inertia, x, -1)
-    own = np.matmul(np.abs(jacobian), np.abs(x)[..., None])[..., 0]
-    length = np.sqrt(np.matmul(jacobian * jacobian, compliance[..., None])[..., 0])
+    own = _times(magnitudes(jacobian), np.abs(x))
+    length = np.sqrt(_times(jacobian * jacobian, compliance))
     return np.asarray(np.maximum(own, LEAST_PART * size[..., None] * length))
 
 
@@ -55,7 +56,7 @@ def least_scales_of_entries(
     return np.maximum(own, LEAST_PART * size * np.sqrt(length))
 
 
-def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
+def coordinate_sizes(inertia: Array, jacobian: Array | SparseRows) -> Array:
     """Return comparable changes of the coordinates, (nq,): B times these is dimensionless.
 
     1/√M_jj. For coordinates without inertia, the value that makes their contributions to the rows
@@ -64,25 +65,27 @@ def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
     Parameters
     ----------
     inertia : (nq,) array
-    jacobian : (nc, nq) array
+    jacobian : (nc, nq) array or SparseRows
     """
     known = inertia > 0.0
     sizes = np.sqrt(_compliance(inertia))
-    entries = np.abs(jacobian)
+    entries = magnitudes(jacobian)
     while not known.all():
         length = np.sqrt((entries * entries) @ (sizes * sizes))
         rows = length > 0.0
-        part = (entries[rows] / length[rows, None]).max(axis=0, initial=0.0)
+        part = _largest_by_column(entries, rows, length)
         newly = ~known & (part > 0.0)
         if not newly.any():  # coordinates coupled only to each other
-            part = entries.max(axis=0, initial=0.0)
+            part = _largest_by_column(entries, length >= 0.0, np.ones(len(length)))
             newly = ~known
         sizes[newly] = 1.0 / np.where(part[newly] > 0.0, part[newly], 1.0)
         known |= newly
     return sizes
 
 
-def row_lengths(jacobian: Array, sizes: Array, terms: Array, reach: Array | float) -> Array:
+def row_lengths(
+    jacobian: Array | SparseRows, sizes: Array, terms: Array, reach: Array | float
+) -> Array:
     """Return scales of the rows of B times sizes that do not vanish with the rows, (n,).
 
     The length of a row or, if that is smaller, a small part of the constraint's terms over the
@@ -90,7 +93,7 @@ def row_lengths(jacobian: Array, sizes: Array, terms: Array, reach: Array | floa
 
     Parameters
     ----------
-    jacobian : (n, nq) array
+    jacobian : (n, nq) array or SparseRows
         B or its rows.
     sizes : (nq,) array
         Changes of the coordinates that are considered equal in size.
@@ -103,7 +106,7 @@ def row_lengths(jacobian: Array, sizes: Array, terms: Array, reach: Array | floa
     return usable(np.maximum(lengths_of_rows(jacobian, sizes), floor))
 
 
-def lengths_of_rows(jacobian: Array, sizes: Array | float) -> Array:
+def lengths_of_rows(jacobian: Array | SparseRows, sizes: Array | float) -> Array:
     """Return the lengths of the rows of B times sizes, (n,)."""
     scaled = jacobian * sizes
     return np.asarray(np.sqrt((scaled * scaled).sum(axis=1)))
@@ -128,6 +131,19 @@ def _inertial(inertia: Array, x: Array, axis: int) -> tuple[Array, Array]:
     """Return 1/M_jj, or 0 without inertia, and √max_j(M_jj x_j²)."""
     moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
     return _compliance(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
+
+
+def _times(matrix: Array | SparseRows, x: Array) -> Array:
+    if isinstance(matrix, SparseRows):
+        return matrix @ x
+    return np.asarray(np.matmul(matrix, x[..., None])[..., 0])
+
+
+def _largest_by_column(entries: Array | SparseRows, rows: Flags, length: Array) -> Array:
+    """Return the largest entry of each column in some rows, over the row's length."""
+    if isinstance(entries, SparseRows):
+        return entries.largest_by_column(rows, length)
+    return np.asarray((entries[rows] / length[rows, None]).max(axis=0, initial=0.0))
 
 
 def _compliance(inertia: Array) -> Array:

@@ -198,7 +198,7 @@ class LocalEquations(DerivedModel):
             holonomic = decompose(c.jacobian[rows], scale=whole.scale[rows], sizes=sizes)
         return tangent_of(whole, holonomic, self.velocity_gradient(point), preferred)
 
-    def decomposition(self, c: Constraints, sizes: Array, v: Array) -> Decomposition:
+    def decomposition(self, c: Constraints[Array], sizes: Array, v: Array) -> Decomposition:
         """Return the decomposition of B.
 
         The scale of a row is that of the terms of its constraint over large changes of the

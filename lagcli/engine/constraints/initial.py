@@ -19,6 +19,7 @@ from lagcli.engine.linear import dense
 from lagcli.engine.linear.dense import decompose
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.scales import apart, largest, least_scales, lengths_of_rows, usable
+from lagcli.engine.sparse_rows import SparseRows, entries_of
 from lagcli.engine.system import State, System
 
 Level = Literal["position", "velocity"]
@@ -201,7 +202,7 @@ class ConsistentSearch:
         """Return the state, with the rank of B."""
         new_q = self.positions(q.copy(), v)
         new_v = self.velocities(new_q, with_given_spins(self.spins, q, v, new_q))
-        c = self.evaluator.constraints(self.t, new_q, new_v)
+        c = self.evaluator.constraint_rows(self.t, new_q, new_v)
         elimination = self.elimination(new_q, new_v)
         rank = len(self.held)
         if rank and not elimination:
@@ -265,14 +266,14 @@ class ConsistentSearch:
 
     # positions
 
-    def residual(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    def residual(self, q: Array, v: Array) -> tuple[Array, Array, Array | SparseRows]:
         """Return φ, its scale and its Jacobian."""
-        c = self.evaluator.constraints(self.t, q, v)
+        c = self.evaluator.constraint_rows(self.t, q, v)
         jacobian = c.jacobian[self.holonomic]
         position = c.position[self.places]
-        if not (np.isfinite(position).all() and np.isfinite(jacobian).all()):
+        if not (np.isfinite(position).all() and np.isfinite(entries_of(jacobian)).all()):
             raise UndefinedStart(self.evaluator.state(self.t, q, v))
-        inertia = self.inertia(q, v)
+        inertia = self.evaluator.inertia(self.t, q, v)
         scale = np.maximum(c.position_scale[self.places], least_scales(inertia, jacobian, q))
         if self.of_guess is None:
             self.of_guess = OF_GUESS * scale
@@ -293,9 +294,9 @@ class ConsistentSearch:
                 first = solution
         phi, scale, jacobian = self.residual(first, v)
         sizes = self.evaluator.sizes(self.t, first, v)
-        raise self.failure("position", first, phi, scale, jacobian, sizes)
+        raise self.failure("position", first, phi, scale, np.asarray(jacobian), sizes)
 
-    def check_gradients(self, c: Constraints, q: Array, v: Array) -> None:
+    def check_gradients(self, c: Constraints[Array | SparseRows], q: Array, v: Array) -> None:
         """Raise an error if the gradient of a constraint has no direction.
 
         All terms of a constraint such as x = 0 may vanish at the initial state; its scale is then
@@ -311,10 +312,11 @@ class ConsistentSearch:
             row, accuracy = self.holonomic[k], 10 * REACHED * self.of_guess[k]
             least = accuracy / float(lengths_of_rows(c.jacobian[[row]], sizes)[0])
             far = self.evaluator.reach(self.t, q, v, row, accuracy, sizes, least)
-            first, second = (
-                self.evaluator.constraints(self.t, q + x * apart(sizes), v).jacobian[row] * sizes
+            beside = [
+                self.evaluator.constraint_rows(self.t, q + x * apart(sizes), v).jacobian[[row]]
                 for x in (-far, far)
-            )
+            ]
+            first, second = (np.asarray(one)[0] * sizes for one in beside)
             both = np.linalg.norm(first) + np.linalg.norm(second)
             if np.linalg.norm(second - first) > 0.5 * both:
                 turned.append(self.system.constraints[row])
@@ -326,21 +328,16 @@ class ConsistentSearch:
         size."""
         return q + np.where(self.fixed_q, 0.0, part * apart(self.size(q, v)))
 
-    def inertia(self, q: Array, v: Array) -> Array:
-        """Return the inertia of each coordinate, (nq,)."""
-        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
-        return self.system.inertia(np.diag(mass))
-
     def size(self, q: Array, v: Array) -> Array:
         """Return the sizes of the coordinates, (nq,), comparable to the largest coordinate.
 
         If all are zero, those that change the constraints by their terms.
         """
-        c = self.evaluator.constraints(self.t, q, v)
+        c = self.evaluator.constraint_rows(self.t, q, v)
         sizes = self.evaluator.sizes(self.t, q, v)
         size = largest(q, sizes)
         if not size:
-            length = dense.row_scale(c.jacobian[self.holonomic] * sizes)
+            length = dense.row_scale(np.asarray(c.jacobian[self.holonomic] * sizes))
             size = (c.position_scale[self.places] / length).max(initial=0.0) or 1.0
         return np.asarray(size * sizes)
 
@@ -351,7 +348,7 @@ class ConsistentSearch:
         for _ in range(_ITERATIONS):
             if np.abs(phi / scale).max() <= REACHED or not len(free):
                 break
-            part = jacobian[:, free]
+            part = np.asarray(jacobian)[:, free]
             size = self.size(q, v)
             # near a singular point of the free Jacobian a full step would be too long: reduce its
             # rank
@@ -399,34 +396,36 @@ class ConsistentSearch:
             solution, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
         if np.abs(residual / scale).max() > ACCEPTED:
             sizes = self.evaluator.sizes(self.t, q, v)
-            raise self.failure("velocity", q, residual, scale, jacobian, sizes)
+            raise self.failure("velocity", q, residual, scale, np.asarray(jacobian), sizes)
         return solution
 
     def least_velocities(
         self, q: Array, v: Array, hardly: float | None = None
-    ) -> tuple[Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array | SparseRows]:
         """Return v with the least residual, ψ, its scale and B.
 
         With ``hardly``, free velocities do not change rows by which they are multiplied with less
         than this part of the row.
         """
-        free = free_directions(self.spins, self.fixed_v, q)
         # linear, except for a few constraints: the later steps remove rounding errors
         steps = _ITERATIONS if self.system.nonlinear else 4
         of_guess: Array | None = None
         for left in reversed(range(steps)):
-            c = self.evaluator.constraints(self.t, q, v)
+            c = self.evaluator.constraint_rows(self.t, q, v)
             if not c.finite:
                 raise UndefinedStart(self.evaluator.state(self.t, q, v))
             psi, jacobian = c.velocity(v)[self.held], c.jacobian[self.held]
-            inertia = self.inertia(q, v)
+            inertia = self.evaluator.inertia(self.t, q, v)
             scale = np.maximum(c.velocity_scale[self.held], least_scales(inertia, jacobian, v))
             if of_guess is None:
                 of_guess = OF_GUESS * scale
             scale = usable(np.maximum(scale, of_guess))
-            if np.abs(psi / scale).max() <= REACHED or not free.shape[1] or not left:
+            if np.abs(psi / scale).max() <= REACHED or not left:
                 break
-            part = along(jacobian, free)
+            free = free_directions(self.spins, self.fixed_v, q)
+            if not free.shape[1]:
+                break
+            part = along(np.asarray(jacobian), free)
             sizes, lengths = self.evaluator.sizes(self.t, q, v), None
             if hardly is not None:
                 lengths = usable(lengths_of_rows(jacobian, sizes))
@@ -445,7 +444,7 @@ class ConsistentSearch:
         """
         if not self.fixed_v.any() and not any(any(spin.fixed) for spin in self.spins):
             return False
-        c = self.evaluator.constraints(self.t, q, given)
+        c = self.evaluator.constraint_rows(self.t, q, given)
         sizes = self.evaluator.sizes(self.t, q, given)
         lengths = usable(lengths_of_rows(c.jacobian[self.held], sizes))
         before = max(largest(given, sizes), np.abs(c.drift[self.held] / lengths).max())

@@ -126,7 +126,7 @@ class _StartSearch:
         held = np.hstack([parameters, np.tile(pieces, (len(q), 1))])
         return np.hstack([np.full((len(q), 1), self.t), q, v, held])[None]
 
-    def constraints(self, parameters: Array, q: Array, v: Array) -> Constraints:
+    def constraints(self, parameters: Array, q: Array, v: Array) -> Constraints[Array]:
         """Return φ (n, nh), B (n, nc, nq), b_0 (n, nc) and scales."""
         out = self.constraint(self.inputs(parameters, q, v), np.empty((1, 0)))[0]
         parts = {k: x.T for k, x in self.system.constraint_layout.split(out).items()}

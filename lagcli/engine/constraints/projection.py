@@ -69,7 +69,9 @@ class Projection:
             v = v + self._change(c.jacobian, residual, mass, self.rank, self.lengths)
         return q, v
 
-    def _positions(self, t: float, q: Array, v: Array, mass: Array) -> tuple[Array, Constraints]:
+    def _positions(
+        self, t: float, q: Array, v: Array, mass: Array
+    ) -> tuple[Array, Constraints[Array]]:
         """Return q on φ = 0, and the constraints there."""
         best = np.inf
         for _ in range(_ITERATIONS):
@@ -93,7 +95,7 @@ class Projection:
             raise self._stop(t, np.flatnonzero(bad), c.position, jacobian, lengths)
         return q, c
 
-    def _measure(self, t: float, q: Array, v: Array, c: Constraints, mass: Array) -> None:
+    def _measure(self, t: float, q: Array, v: Array, c: Constraints[Array], mass: Array) -> None:
         """Record the largest scales and lengths."""
         inertia = self.evaluator.system.inertia(np.diag(mass))
         if self.sizes is None:

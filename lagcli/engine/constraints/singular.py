@@ -247,7 +247,7 @@ class RankWatch:
         own = lengths_of_rows(jacobian, self.motion.sizes)
         return set(np.flatnonzero((own == 0.0) | (own < _VANISHING * self.motion.lengths)).tolist())
 
-    def _length(self, c: Constraints) -> float:
+    def _length(self, c: Constraints[Array]) -> float:
         """Return the size of the constraints' terms as a change of the coordinates."""
         lengths = self.motion.lengths[list(self.motion.evaluator.system.holonomic)]
         return float((c.position_scale / lengths).max(initial=0.0)) or 1.0

@@ -119,7 +119,7 @@ class Integration:
         """Return the initial value problem, as for `Integrator`."""
         request, system = self.request, self.system
         start = request.state
-        c = self.evaluator.constraints(start.t, start.q, start.v)
+        c = self.evaluator.constraint_rows(start.t, start.q, start.v)
         sizes = self.evaluator.sizes(start.t, start.q, start.v)
         return {
             "settings": core_values(self.settings),
