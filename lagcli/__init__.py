@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.export.dynamics import dynamics
+    from lagcli.export.fmu import fmu
     from lagcli.export.formats import code
     from lagcli.model.loader import load, load_text
     from lagcli.pictures.animation.animate import animate
@@ -49,6 +50,7 @@ __all__ = [
     "dynamics",
     "equilibrium",
     "fit",
+    "fmu",
     "follow_equilibria",
     "linearize",
     "load",
@@ -76,6 +78,7 @@ _PLACES = {
     "derive": "lagcli.equations.derivation.lagrange",
     "dynamics": "lagcli.export.dynamics",
     "equilibrium": "lagcli.analysis.equilibria.equilibrium",
+    "fmu": "lagcli.export.fmu",
     "follow_equilibria": "lagcli.analysis.equilibria.diagram",
     "linearize": "lagcli.analysis.linear.linear_model",
     "fit": "lagcli.analysis.fit.fit",

@@ -1,9 +1,9 @@
-"""The formats of exported code: one row each."""
+"""The formats of exported models: one row each."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.errors import UsageError
@@ -13,8 +13,26 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 
-class CodeFormat(NamedTuple):
-    """A language or library.
+class ExportOptions(NamedTuple):
+    """Options of exports to FMUs.
+
+    Parameters
+    ----------
+    fmi : str
+        Version of FMI: ``"2.0"`` or ``"3.0"``.
+    inputs : sequence of str
+        Parameters that are inputs.
+    wheels : str, optional
+        A folder with wheels for other platforms.
+    """
+
+    fmi: str = "2.0"
+    inputs: Sequence[str] = ()
+    wheels: str | None = None
+
+
+class ExportFormat(NamedTuple):
+    """A language, library or standard.
 
     Parameters
     ----------
@@ -25,13 +43,26 @@ class CodeFormat(NamedTuple):
     chosen : bool
         Whether a file with this suffix has this format unless another one is named.
     write : callable
-        Returns the code of a model.
+        Returns the contents of the file of a model.
     """
 
     name: str
     suffix: str
     chosen: bool
-    write: Callable[[Content], str]
+    write: Callable[[Model, ExportOptions], bytes]
+
+
+def _code(write: Callable[[Content], str]) -> Callable[[Model, ExportOptions], bytes]:
+    """Return the writer of a format that is code of a model's dynamics."""
+
+    def written(model: Model, options: ExportOptions) -> bytes:
+        from lagcli.export.content import content_of
+
+        if options != ExportOptions():
+            raise UsageError("--fmi, --input and --wheels are options of FMUs: -o model.fmu")
+        return write(content_of(model)).encode()
+
+    return written
 
 
 def _c(content: Content) -> str:
@@ -70,22 +101,29 @@ def _modelica(content: Content) -> str:
     return write_modelica(content)
 
 
+def _fmu(model: Model, options: ExportOptions) -> bytes:
+    from lagcli.export.fmu import fmu
+
+    return fmu(model, options.fmi, options.inputs, options.wheels)
+
+
 #: The formats, by the names that ``--to`` has.
 FORMATS = {
     row.name: row
     for row in (
-        CodeFormat("c", ".c", True, _c),
-        CodeFormat("python", ".py", True, _numpy),
-        CodeFormat("casadi", ".py", False, _casadi),
-        CodeFormat("jax", ".py", False, _jax),
-        CodeFormat("matlab", ".m", True, _matlab),
-        CodeFormat("modelica", ".mo", True, _modelica),
+        ExportFormat("c", ".c", True, _code(_c)),
+        ExportFormat("python", ".py", True, _code(_numpy)),
+        ExportFormat("casadi", ".py", False, _code(_casadi)),
+        ExportFormat("jax", ".py", False, _code(_jax)),
+        ExportFormat("matlab", ".m", True, _code(_matlab)),
+        ExportFormat("modelica", ".mo", True, _code(_modelica)),
+        ExportFormat("fmu", ".fmu", True, _fmu),
     )
 }
 SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.chosen)
 
 
-def format_of(to: str | None, path: str | None) -> CodeFormat:
+def format_of(to: str | None, path: str | None) -> ExportFormat:
     """Return the format that is named, or that a file name has.
 
     Raises
@@ -106,7 +144,7 @@ def format_of(to: str | None, path: str | None) -> CodeFormat:
         if row.chosen and row.suffix == suffix:
             return row
     raise UsageError(
-        f"{path}: a file of code ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; --to names"
+        f"{path}: an exported file ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; --to names"
         " the format"
     )
 
@@ -128,6 +166,7 @@ def code(model: Model, to: str) -> str:
     ModelError, NumericalError
         There is no consistent initial state.
     """
-    from lagcli.export.content import content_of
-
-    return format_of(to, None).write(content_of(model))
+    chosen = format_of(to, None)
+    if chosen.name == "fmu":
+        raise UsageError("an FMU is not text: lagcli.fmu returns it")
+    return chosen.write(model, ExportOptions()).decode()

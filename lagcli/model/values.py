@@ -104,6 +104,17 @@ def dependent_values(model: Model, varied: Collection[str]) -> dict[str, Basic]:
     return values
 
 
+def independent_parameters(model: Model) -> list[str]:
+    """Return the parameters whose values do not depend on others, and that are not structural."""
+    resolver = _Resolver(model, ())
+    return [
+        name
+        for name, parameter in model.parameters.items()
+        if not parameter.structural
+        and (parameter.written is None or not resolver.built(parameter.written).free_symbols)
+    ]
+
+
 class _Resolver:
     """Evaluates expressions of parameters, leaving only the varied ones as symbols."""
 

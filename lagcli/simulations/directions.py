@@ -14,6 +14,7 @@ from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.jacobians import Rates
 from lagcli.errors import UsageError
 from lagcli.model.expression.functions import derivative
@@ -164,10 +165,7 @@ class Directions:
 
     @cached_property
     def _given(self) -> ScalarTape:
-        model = self.model
-        known = {**model.parameter_values, **{k: x.value for k, x in model.initial.items()}}
-        values = [self._dependent.get(name, se.RealDouble(x)) for name, x in known.items()]
-        return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))
+        return ScalarTape(start_tape(self.model, self.names))
 
     @cached_property
     def _dependent(self) -> dict[str, se.Basic]:
@@ -192,3 +190,18 @@ class Directions:
         slopes = [self._slopes(direction) for direction in self.names]
         values = [slope.get(entry, se.Integer(0)) for slope in slopes for entry in entries]
         return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))
+
+
+def start_tape(model: Model, names: Sequence[str]) -> Tape:
+    """Return the tape (values of the names) → (parameters, initial values of q and v), in SI.
+
+    Parameters
+    ----------
+    model : Model
+    names : sequence of str
+        Names of parameters, not structural ones, and of initial values.
+    """
+    dependent = dependent_values(model, names)
+    known = {**model.parameter_values, **{k: x.value for k, x in model.initial.items()}}
+    values = [dependent.get(name, se.RealDouble(x)) for name, x in known.items()]
+    return compile_tape(values, [se.Symbol(name) for name in names])

@@ -31,9 +31,13 @@ def test_code_is_printed_without_a_file(capsys: pytest.CaptureFixture[str]) -> N
     ("arguments", "message"),
     [
         (["slider_crank"], "name a format"),
-        (["slider_crank", "-o", "x.txt"], "a file of code ends in"),
+        (["slider_crank", "-o", "x.txt"], "an exported file ends in"),
         (["bouncing_ball", "--to", "c"], "`floor` does not"),
         (["slider_crank", "--to", "rust"], "rust"),
+        (["slider_crank", "-o", "x.c", "--input", "tau"], "options of FMUs"),
+        (["slider_crank", "-o", "x.fmu", "--input", "torque"], "unknown"),
+        (["slider_crank", "-o", "x.fmu", "--wheels", "."], "there is no wheel of lagcli"),
+        (["slider_crank", "-o", "x.fmu", "--wheels", "nowhere"], "nowhere"),
     ],
 )
 def test_a_mistake_has_status_2_and_a_remedy(
@@ -41,3 +45,12 @@ def test_a_mistake_has_status_2_and_a_remedy(
 ) -> None:
     assert run(["export", *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_an_fmu_is_written_once(tmp_path: Path) -> None:
+    target = tmp_path / "ball.fmu"
+    assert run(["export", "bouncing_ball", "-o", str(target), "--fmi", "3.0", "-q"]) == 0
+    content = target.read_bytes()
+    assert content.startswith(b"PK")
+    assert run(["export", "bouncing_ball", "-o", str(target)]) == 4
+    assert target.read_bytes() == content

@@ -22,7 +22,7 @@ PAGE = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
 
 def indented(first: str) -> str:
     """Return the indented block that begins with a line."""
-    block = re.search(rf"^    {re.escape(first)}\n(?:    .*\n)*", PAGE, re.M)
+    block = re.search(rf"^    {re.escape(first)}\n(?:(?:    .*)?\n)*", PAGE, re.M)
     assert block is not None
     return re.sub(r"^    ", "", block[0], flags=re.M)
 
@@ -72,3 +72,13 @@ def test_the_example_in_octave_runs(tmp_path: Path) -> None:
     command = ["octave", "--no-gui", "--quiet", "drive.m"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["601", "1"]
+
+
+def test_the_controller_in_fmpy_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("fmpy")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "crank.fmu").write_bytes(lagcli.fmu(lagcli.load("slider_crank"), inputs=["tau"]))
+    printed = StringIO()
+    with redirect_stdout(printed):
+        exec(indented("from fmpy import extract, read_model_description"), {})
+    assert printed.getvalue() == "1.0\n"

@@ -69,6 +69,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_destroy_simulation": (None, c_void_p),
     "lag_run_of": (c_void_p, c_void_p),
     "lag_simulate": (c_int, c_void_p, ctypes.c_int64),
+    "lag_simulate_to": (c_int, c_void_p, c_double),
     "lag_stopped_by": (c_int, c_void_p),
     "lag_log_of": (Doubles, c_void_p, c_void_p, c_void_p),
     "lag_simulation_size": (ctypes.c_size_t, c_void_p),

@@ -1,4 +1,4 @@
-"""`lagcli export`: the equations as code."""
+"""`lagcli export`: a model as code, or as an FMU."""
 
 import sys
 from enum import StrEnum
@@ -17,8 +17,8 @@ from lagcli.cli.options import (
 from lagcli.cli.parameters import Option
 
 
-class CodeLanguage(StrEnum):
-    """Languages and libraries."""
+class ExportTarget(StrEnum):
+    """Languages, libraries and standards."""
 
     c = "c"
     python = "python"
@@ -26,27 +26,54 @@ class CodeLanguage(StrEnum):
     jax = "jax"
     matlab = "matlab"
     modelica = "modelica"
+    fmu = "fmu"
+
+
+class FmiVersion(StrEnum):
+    """Versions of FMI."""
+
+    fmi2 = "2.0"
+    fmi3 = "3.0"
 
 
 def export(
     model: ModelPath,
     to: Annotated[
-        CodeLanguage | None,
-        Option("--to", help="Language or library. [default: that of the file's suffix]"),
+        ExportTarget | None,
+        Option("--to", help="Language, library or standard. [default: that of the file's suffix]"),
     ] = None,
     output: Output = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    fmi: Annotated[
+        FmiVersion, Option("--fmi", help="Version of FMI, of an FMU.")
+    ] = FmiVersion.fmi2,
+    input: Annotated[
+        list[str] | None,
+        Option(
+            "--input",
+            metavar="NAME",
+            help="A parameter that is an input of the FMU. Repeatable.",
+        ),
+    ] = None,
+    wheels: Annotated[
+        str | None,
+        Option(
+            "--wheels",
+            metavar="FOLDER",
+            help="Wheels of lagcli for other platforms, on which the FMU is to run, too.",
+        ),
+    ] = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write the equations of motion as code for other programs.
+    """Write a model for other programs: its equations of motion as code, or an FMU.
 
     The code computes M, f, B and γ, accelerations, multipliers, residuals, energies and outputs.
     Files end in .c, .py (NumPy; CasADi or JAX with --to), .m (MATLAB, Octave) or .mo (Modelica).
+    An FMU (.fmu) simulates the model, also with contacts and events, in any tool that knows FMI.
     """
-    from lagcli.export.content import content_of
-    from lagcli.export.formats import format_of
+    from lagcli.export.formats import ExportOptions, format_of
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
 
@@ -56,11 +83,14 @@ def export(
     if target is not None:
         check_writable(target, force)
     loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
-    text = chosen.write(content_of(loaded))
+    content = chosen.write(loaded, ExportOptions(fmi.value, tuple(input or ()), wheels))
     if target is None:
-        sys.stdout.write(text)
+        if chosen.name == "fmu":
+            sys.stdout.buffer.write(content)
+        else:
+            sys.stdout.write(content.decode())
         return
     with whole_file(target, force) as file:
-        file.write(text.encode())
+        file.write(content)
     if not quiet:
         print(f"written: {target}", file=sys.stderr)

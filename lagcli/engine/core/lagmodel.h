@@ -119,6 +119,10 @@ lag_run *lag_run_of(lag_simulation *simulation);
  * accepts that. Any other status is its last. */
 int lag_simulate(lag_simulation *simulation, int64_t steps);
 
+/* Go on to a time, where a step ends, also beyond t_end, but not beyond the last break of known functions. Returns
+ * LAG_RUNNING, LAG_DONE where an event has ended the simulation before, or why it failed. LAG_NEAR is accepted. */
+int lag_simulate_to(lag_simulation *simulation, double t);
+
 /* The event that has ended it, or -1. */
 int lag_stopped_by(const lag_simulation *simulation);
 

@@ -91,20 +91,20 @@ def model_data(
         0,
         _structure(lag_equations, equations_fields(run.system, prepared.constraint)),
         _structure(lag_problem, problem),
-        _numbers(breaks_of(run.system, run.request)),
-        _word(len(functions)),
+        numbers_data(breaks_of(run.system, run.request)),
+        word_data(len(functions)),
         *(_structure(lag_function, fields) for fields in functions),
     )
     if prepared.whole is None:
-        add(_PLAIN, _program(prepared.dynamics))
+        add(_PLAIN, program_data(prepared.dynamics))
         if prepared.elimination is not None:
             plan = elimination_fields(run.system, prepared.elimination)
             add(_LOOP, _structure(lag_elimination, plan))
     if whole is not None:
-        add(_UNROLLED, _program(whole))
+        add(_UNROLLED, program_data(whole))
     explicit = run.explicit_time()
     if explicit is not None:
-        add(_TIME, _program(explicit))
+        add(_TIME, program_data(explicit))
     series = run.series_program(unrolled(run.system, prepared)) if "Taylor" in methods else ""
     if not isinstance(series, str):
         add(_SERIES, _structure(lag_series_program, series_fields(series)))
@@ -113,8 +113,8 @@ def model_data(
         add(_JACOBIANS, *_jacobians(run, system, request, implicit))
     if isinstance(run, SwitchingIntegration):
         add(_SWITCHING, *_switching(run))
-    body = _word(contents) + _word(STEPS_TO_UNROLL) + b"".join(parts)
-    return _word(_MAGIC) + _word(_VERSION) + _word(3 + len(body) // 8) + body
+    body = word_data(contents) + word_data(STEPS_TO_UNROLL) + b"".join(parts)
+    return word_data(_MAGIC) + word_data(_VERSION) + word_data(3 + len(body) // 8) + body
 
 
 def _integration(system: System, request: IntegrationRequest, method: str) -> Integration:
@@ -139,9 +139,9 @@ def _jacobians(
         nominal.run()
         number = core_run.METHODS.index(name)
         orders += [(number, pivot_fields(order)) for order in nominal.core.orders]
-    yield _word(len(orders))
+    yield word_data(len(orders))
     for number, fields in orders:
-        yield _word(number) + _structure(lag_pivots, fields)
+        yield word_data(number) + _structure(lag_pivots, fields)
 
 
 def _switching(run: SwitchingIntegration) -> Iterator[bytes]:
@@ -149,10 +149,10 @@ def _switching(run: SwitchingIntegration) -> Iterator[bytes]:
     rules = rules_fields(split, run.frozen, run.ticks())
     yield _structure(lag_switching_rules, rules | {"log": None, "log_rows": 0})
     actions, report = split.switching.actions, split.system.report
-    yield _program(split.program(actions if actions else report.selected(())))
-    yield _program(assemble(report.selected((0, 1))))
+    yield program_data(split.program(actions if actions else report.selected(())))
+    yield program_data(assemble(report.selected((0, 1))))
     events = split.switching.events
-    yield _word(len(events))
+    yield word_data(len(events))
     place = {row.row: i for i, row in enumerate(split.switching.rows)}
     for rule in events:
         displaces = rule.displaces(run.whole.constraining)
@@ -189,39 +189,45 @@ def _structure(structure: type[Structure], values: dict[str, Any]) -> bytes:
 
 def _field(of: Any, value: Any) -> bytes:
     if value is None:
-        return _word(0)
+        return word_data(0)
     if of in (c_int, c_int64):
-        return _word(int(value))
+        return word_data(int(value))
     if of is c_double:
         return np.float64(value).tobytes()
     if of is Doubles:
-        return _numbers(value)
+        return numbers_data(value)
     if of is lag_program:
-        return _program(value)
+        return program_data(value)
     if of is lag_settings:
         return _structure(of, value)
     assert of in (Integers, lag_stream, lag_block)
-    return _integers(value)
+    return integers_data(value)
 
 
-def _word(value: int) -> bytes:
+def word_data(value: int) -> bytes:
+    """Return an integer as data."""
     return np.int64(value).tobytes()
 
 
-def _integers(values: Any) -> bytes:
+def integers_data(values: Any) -> bytes:
+    """Return a list of integers as data."""
     array = np.ravel(np.array([*values], dtype=np.int32))
-    return _word(len(array)) + array.tobytes() + bytes(4 * (len(array) % 2))
+    return word_data(len(array)) + array.tobytes() + bytes(4 * (len(array) % 2))
 
 
-def _numbers(values: Any) -> bytes:
+def numbers_data(values: Any) -> bytes:
+    """Return a list of numbers as data."""
     array = np.ravel(np.array(values, dtype=float))
-    return _word(len(array)) + array.tobytes()
+    return word_data(len(array)) + array.tobytes()
 
 
-def _program(program: Program) -> bytes:
+def program_data(program: Program) -> bytes:
+    """Return a program as data."""
     none = program.main[:0]
     deferred = [*program.deferred, none, none, none][:3]
     subsets = [*program.output_subsets, none, none][:2]
     streams = [program.prelude, program.main, *deferred, *subsets]
-    inputs, registers = _word(program.inputs), _numbers(program.registers)
-    return b"".join([*map(_integers, streams), inputs, registers, _integers(program.outputs)])
+    inputs, registers = word_data(program.inputs), numbers_data(program.registers)
+    return b"".join(
+        [*map(integers_data, streams), inputs, registers, integers_data(program.outputs)]
+    )

@@ -15,8 +15,11 @@ from shipped import PATHS, every_model
 
 import lagcli
 from lagcli.errors import UsageError
+from lagcli.export.c import write_c
 from lagcli.export.content import content_of, independent_rows
-from lagcli.export.formats import FORMATS, code, format_of
+from lagcli.export.formats import code, format_of
+from lagcli.export.matlab import write_matlab
+from lagcli.export.python import write_casadi, write_jax, write_numpy
 
 MODELS = every_model(smooth=True)
 NEEDS_CC = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
@@ -42,7 +45,7 @@ def test_a_file_of_c_compiles_in_silence_and_has_the_values_of_the_engine(
     name: str, tmp_path: Path
 ) -> None:
     content = exported(name)
-    library = compiled(FORMATS["c"].write(content), tmp_path, "-O0")
+    library = compiled(write_c(content), tmp_path, "-O0")
     counts = content.system.counts
     for point in points(name):
         state = [c_double(point.t), *pointers(*map(np.ascontiguousarray, point.state[1:]))]
@@ -68,7 +71,7 @@ def test_a_file_of_c_compiles_in_silence_and_has_the_values_of_the_engine(
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_module_for_numpy_has_the_values_of_the_engine(name: str) -> None:
-    own = module(FORMATS["python"].write(exported(name)), name)
+    own = module(write_numpy(exported(name)), name)
     for point in points(name):
         found = own.equations(*point.state)
         expected = point.mass, point.force, point.jacobian, point.rhs
@@ -82,7 +85,7 @@ def test_a_module_for_numpy_has_the_values_of_the_engine(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_a_module_for_casadi_has_the_values_of_the_engine(name: str) -> None:
     ca = pytest.importorskip("casadi")
-    own = module(FORMATS["casadi"].write(exported(name)), name)
+    own = module(write_casadi(exported(name)), name)
     dynamics, dae = own.dynamics(), own.dae()
     defect = ca.Function("defect", [dae[k] for k in ("t", "x", "z", "p")], [dae["alg"]])
     for point in points(name):
@@ -95,7 +98,7 @@ def test_a_module_for_casadi_has_the_values_of_the_engine(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_a_module_for_jax_has_the_values_and_derivatives_of_the_engine(name: str) -> None:
     jax = pytest.importorskip("jax")
-    own = module(FORMATS["jax"].write(exported(name)), name)
+    own = module(write_jax(exported(name)), name)
     states = [np.array(x) for x in zip(*(point.state for point in points(name)), strict=True)]
     a, multipliers = jax.jit(jax.vmap(own.dynamics))(*states)
     assert close(a, [point.a for point in points(name)])
@@ -116,7 +119,7 @@ def test_a_module_for_jax_has_the_values_and_derivatives_of_the_engine(name: str
 def test_octave_has_the_values_of_the_engine(name: str, tmp_path: Path) -> None:
     if name not in [model.values[0] for model in MODELS]:
         pytest.skip("it switches")
-    (tmp_path / f"{name}.m").write_text(FORMATS["matlab"].write(exported(name)), "utf-8")
+    (tmp_path / f"{name}.m").write_text(write_matlab(exported(name)), "utf-8")
 
     def column(values: np.ndarray) -> str:
         return f"[{'; '.join(map(repr, np.asarray(values).tolist()))}]"
@@ -147,8 +150,8 @@ def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
     content = content_of(model)
     f = lagcli.dynamics(model)
     random = np.random.default_rng(2)
-    own = module(FORMATS["python"].write(content), "functions")
-    library = compiled(FORMATS["c"].write(content), tmp_path)
+    own = module(write_numpy(content), "functions")
+    library = compiled(write_c(content), tmp_path)
     for t in (0.0, 1.0, 2.5, 7.3):
         q, v = random.standard_normal((2, 3))
         a, multipliers = f(t, q, v)
@@ -168,7 +171,7 @@ def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
 def test_programs_simulate_as_lagcli_does(name: str, tmp_path: Path) -> None:
     """Both methods have an error near the tolerance; it grows along the motion."""
     run = lagcli.simulate(exported(name).model)
-    (tmp_path / "model.c").write_text(FORMATS["c"].write(exported(name)), "utf-8")
+    (tmp_path / "model.c").write_text(write_c(exported(name)), "utf-8")
     command = ["cc", "-O1", "-std=c11", "model.c", "-lm", "-o", "model"]
     subprocess.run(command, cwd=tmp_path, check=True)
     done = subprocess.run([tmp_path / "model"], capture_output=True, text=True, check=True)
@@ -181,7 +184,7 @@ def test_programs_simulate_as_lagcli_does(name: str, tmp_path: Path) -> None:
 
 def test_a_module_simulates_as_lagcli_does(tmp_path: Path) -> None:
     run = lagcli.simulate(exported("slider_crank").model, samples=11, t_end=0.3)
-    own = module(FORMATS["python"].write(exported("slider_crank")), "crank")
+    own = module(write_numpy(exported("slider_crank")), "crank")
     q, v, a, multipliers, out = own.simulate(run.time)
     for found, expected in ((q, run.q), (v, run.v), (a, run.a), (multipliers, run.multipliers)):
         assert np.abs(found - expected).max() <= 1e-7 * np.abs(expected).max()

@@ -103,8 +103,7 @@ static double *append(lag_simulation *s, enum lag_occurrence occurrence, int wha
     return entry;
 }
 
-/* The parameters with the branches, and the pieces of functions at the instant. */
-static void hold(lag_simulation *s)
+const double *lag_held_parameters(lag_simulation *s)
 {
     const lag_switching *sw = &s->run->switching;
     const int first = sw->kinks.first;
@@ -112,12 +111,13 @@ static void hold(lag_simulation *s)
     memcpy(s->held, s->p, (size_t)first * sizeof(double));
     memcpy(s->held + first, sw->kinks.branch, (size_t)sw->kinks.count * sizeof(double));
     lag_pieces_at(s->run, s->run->step.t, s->held);
+    return s->held;
 }
 
 /* T + V at a state. */
 static double energy(lag_simulation *s, const double *y)
 {
-    hold(s);
+    lag_held_parameters(s);
     lag_tape_set(&s->energy, s->run->np, s->held);
     lag_evaluate_forces(s->run, &s->energy, s->run->step.t, y, s->none, s->none + s->model.equations.nq);
     return OUT(&s->energy, 0) + OUT(&s->energy, 1);
@@ -171,7 +171,7 @@ static int change(lag_simulation *s, const lag_event *e, double *work)
         sets_parameters |= e->kind[i] == OF_PARAMETER;
     }
     if (sets_parameters) {
-        hold(s);
+        lag_held_parameters(s);
         lag_set_parameters(run, s->held);
     }
     lag_place(run, after);

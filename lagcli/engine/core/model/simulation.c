@@ -3,8 +3,11 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
+#include "evaluate.h"
 #include "methods/method.h"
+#include "switching/clock.h"
 #include "model/reader.h"
 
 #define LOG_ROWS 512     /* entries of the run's log, at least */
@@ -231,9 +234,9 @@ int lag_simulate(lag_simulation *s, int64_t steps)
         switch (s->phase) {
         case LAG_AT_START: status = lag_start(run); break;
         case LAG_UNDER_WAY:
-            if (steps <= 0)
+            if (steps <= 0 && !run->switching.due) /* an instant is completed */
                 return LAG_RUNNING;
-            status = lag_advance(run, steps < until ? steps : until);
+            status = lag_advance(run, steps <= 0 ? 0 : steps < until ? steps : until);
             steps -= run->step.steps > before ? run->step.steps - before : 1; /* what ends a slice early counts, too */
             break;
         case LAG_SETTLING: status = run->switching.begun ? lag_advance(run, 0) : lag_start(run); break;
@@ -298,6 +301,40 @@ int lag_simulate(lag_simulation *s, int64_t steps)
         default: return end(s, status);
         }
     }
+}
+
+int lag_simulate_to(lag_simulation *s, double t)
+{
+    lag_run *run = s->run;
+    int status = lag_simulate(s, 0);
+    if (!(run->settings.t_end > t))
+        run->settings.t_end = t + (t - run->step.t_start) + 1.0;
+    while (status == LAG_RUNNING && run->step.t < t) {
+        lag_set_stop(run);
+        run->step.t_stop = fmin(run->step.t_stop, t);
+        status = lag_simulate(s, 1);
+        if (status == LAG_NEAR)
+            status = LAG_RUNNING;
+    }
+    return status;
+}
+
+void lag_change_parameters(lag_simulation *s, const double *p, int count)
+{
+    lag_run *run = s->run;
+    if (s->p) {
+        memcpy(s->p, p, (size_t)count * sizeof *p);
+        lag_set_parameters(run, lag_held_parameters(s));
+    } else {
+        memcpy(run->parameters, p, (size_t)count * sizeof *p);
+        lag_renew_tapes(run);
+    }
+    s->phase = LAG_AT_START;
+}
+
+const double *lag_parameters_of(lag_simulation *s)
+{
+    return s->model.contents & LAG_MODEL_SWITCHING ? lag_held_parameters(s) : s->run->parameters;
 }
 
 size_t lag_simulation_size(const lag_simulation *s)

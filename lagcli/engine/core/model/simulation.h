@@ -50,6 +50,15 @@ struct lag_simulation {
 /* Allocate what events need. Returns 0, or 1 where there is no memory. */
 int lag_events_bind(lag_simulation *s);
 
+/* The parameters with the branches, and the pieces of functions, now; where rows switch. */
+const double *lag_held_parameters(lag_simulation *s);
+
+/* The parameters of programs now, np of them: where events set some, their values. */
+const double *lag_parameters_of(lag_simulation *s);
+
+/* Give the first parameters other values; the motion goes on from its state. */
+void lag_change_parameters(lag_simulation *s, const double *p, int count);
+
 /* Append the entries of the run's log. Returns 0, or 1 where there is no memory. */
 int lag_events_collect(lag_simulation *s);
 

@@ -1,0 +1,569 @@
+#include "fmi/instance.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bind.h"
+#include "evaluate.h"
+#include "fmi/file.h"
+#include "model/reader.h"
+#include "model/simulation.h"
+#include "motion.h"
+#include "project.h"
+
+#define METHODS 8  /* more than there are */
+#define LARGE 400  /* unknowns of a model whose dense matrices are allocated only where they are needed */
+#define DRIFT 1e-9 /* of the constraint's scale: residual at which model exchange brings the state back */
+
+static const char *const reasons[] = {
+    [LAG_UNDEFINED] = "the equations have no finite value",
+    [LAG_FLOOR] = "the step size fell to its minimum",
+    [LAG_OVER] = "the constraints have become singular",
+    [LAG_OFF] = "the motion cannot be brought back to the constraints",
+    [LAG_INACCURATE] = "the linear equations cannot be solved accurately",
+    [LAG_CONTRADICTED] = "redundant constraints contradict each other",
+    [LAG_JUMPED] = "a constraint jumps",
+    [LAG_ENDLESS] = "events do not end",
+    [LAG_NO_MODE] = "no motion of the contacts is possible",
+    [LAG_TWO_MODES] = "more than one motion of the contacts is possible",
+    [LAG_NO_IMPACT] = "an impact has no solution",
+    [LAG_GAINS] = "an impact would gain energy",
+    [LAG_VIOLATED] = "an event moves a contact beyond its surface",
+    [LAG_JAMMED] = "a contact jams: its force grows without bound",
+    [LAG_SURFACES] = "the motion is pushed onto more than one surface at which forces jump",
+    [LAG_FORKED] = "more than one motion leaves a surface at which forces jump",
+    [LAG_CORNER] = "a constraint has a corner, at which the velocities jump",
+    [LAG_UNRESOLVED] = "the sign of a watched function cannot be determined",
+    [LAG_DISPLACED] = "an event sets values that the constraints do not allow",
+    [LAG_NO_MEMORY] = "there is no memory",
+};
+
+/* Report what is wrong. Returns 1. */
+static int fail(const lag_fmu *fmu, const char *format, ...)
+{
+    char text[LAG_MESSAGE];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (fmu->message)
+        fmu->message(fmu->context, text);
+    return 1;
+}
+
+/* The contents of a file, aligned as numbers; NULL, and a message, if it cannot be read. */
+static const void *contents(lag_fmu *fmu, const char *folder, const char *name, int64_t *bytes)
+{
+    char path[4096];
+    if (snprintf(path, sizeof path, "%s%s", folder, name) >= (int)sizeof path)
+        return fail(fmu, "the path of %s has more than %d bytes", name, (int)sizeof path), NULL;
+    FILE *file = lag_open_file(path);
+    if (!file)
+        return fail(fmu, "cannot open %s", path), NULL;
+    int64_t size = -1;
+    if (!fseek(file, 0, SEEK_END))
+        size = ftell(file);
+    void *data = size < 0 ? NULL : lag_get(&fmu->pool, (size_t)size, 1);
+    rewind(file);
+    const int complete = data && fread(data, 1, (size_t)size, file) == (size_t)size;
+    fclose(file);
+    if (!complete)
+        return fail(fmu, "cannot read %s", path), NULL;
+    *bytes = size;
+    return data;
+}
+
+/* Read what values.bin has. Returns 0, or 1 if it is damaged. */
+static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
+{
+    const lag_model *m = &fmu->model;
+    const lag_equations *e = &m->equations;
+    lag_reader in = {.at = data, .words = bytes / 8, .status = LAG_MODEL_READ};
+    if (bytes < 24 || bytes % 8 || lag_read_word(&in) != LAG_VALUES_MAGIC || lag_read_word(&in) != bytes / 8)
+        return 1;
+    int64_t settable = 0, inputs = 0;
+    fmu->method = lag_method_at(lag_read_int(&in, 0, METHODS));
+    fmu->own = lag_read_int(&in, 0, e->np);
+    fmu->place = lag_read_list(&in, &settable);
+    fmu->input = lag_read_list(&in, &inputs);
+    fmu->fixed = lag_read_integers(&in, 2 * (int64_t)e->nq, 0, 2);
+    if (in.status != LAG_MODEL_READ || !fmu->method || settable > fmu->own || inputs > settable)
+        return 1;
+    for (int64_t i = 0; i < settable; ++i)
+        if (fmu->place[i] < 0 || fmu->place[i] >= fmu->own)
+            return 1;
+    fmu->nq = e->nq;
+    fmu->nc = m->contents & LAG_MODEL_SWITCHING ? m->rules.nc : e->nc;
+    fmu->settable = (int)settable;
+    fmu->inputs = (int)inputs;
+    const lag_program start = lag_read_program(&in, settable, (int64_t)fmu->own + 2 * e->nq);
+    fmu->columns_program = lag_read_program(&in, 1 + 3 * (int64_t)e->nq + fmu->nc + e->np, 0);
+    if (in.status != LAG_MODEL_READ || in.words)
+        return 1;
+    fmu->derived = fmu->columns_program.output_count;
+    fmu->count = 1 + 3 * (int64_t)e->nq + fmu->nc + fmu->derived + fmu->own;
+    lag_bind_program(&fmu->pool, &fmu->start, &start, LAG_PORTABLE);
+    return 0;
+}
+
+static int place_of_parameters(const lag_fmu *fmu)
+{
+    return (int)(fmu->count - fmu->own);
+}
+
+lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *message, void *context)
+{
+    lag_pool pool = lag_pool_of(NULL);
+    lag_fmu *fmu = lag_get(&pool, 1, sizeof *fmu);
+    if (!fmu)
+        return NULL;
+    *fmu = (lag_fmu){.pool = pool, .run_pool = lag_pool_of(NULL), .exchange = exchange, .message = message, .context = context};
+    int64_t model_bytes = 0, values_bytes = 0;
+    const void *model = contents(fmu, resources, "model.bin", &model_bytes);
+    const void *values = model ? contents(fmu, resources, "values.bin", &values_bytes) : NULL;
+    if (!values) {
+        lag_fmu_close(fmu);
+        return NULL;
+    }
+    const int status = lag_read_model(model, model_bytes, &fmu->model);
+    if (status != LAG_MODEL_READ || read_values(fmu, values, values_bytes)) {
+        fail(fmu, "%s is damaged, or of another version of lagcli",
+             status != LAG_MODEL_READ ? "model.bin" : "values.bin");
+        lag_fmu_close(fmu);
+        return NULL;
+    }
+    lag_model *m = &fmu->model;
+    const int nq = fmu->nq, nc = m->equations.nc;
+    /* the solution that the run ends with from its start: nothing is allocated later */
+    if (m->contents & LAG_MODEL_UNROLLED)
+        m->contents &= ~(LAG_MODEL_PLAIN | LAG_MODEL_LOOP);
+    m->problem.kernel = lag_best_kernel();
+    m->problem.times_count = 0;
+    m->problem.block_rows = 1;
+    fmu->given = lag_doubles(&fmu->pool, fmu->settable);
+    fmu->initial = lag_doubles(&fmu->pool, 2 * nq);
+    fmu->is_given = lag_get(&fmu->pool, 2 * (size_t)nq, sizeof *fmu->is_given);
+    fmu->is_fixed = lag_get(&fmu->pool, 2 * (size_t)nq, sizeof *fmu->is_fixed);
+    fmu->parameters = lag_doubles(&fmu->pool, m->equations.np);
+    fmu->y = lag_doubles(&fmu->pool, 2 * nq + 1);
+    fmu->lengths = lag_doubles(&fmu->pool, nc);
+    fmu->plain_lengths = lag_doubles(&fmu->pool, nc);
+    fmu->row = lag_doubles(&fmu->pool, 2 + 3 * (int64_t)nq + fmu->nc);
+    fmu->values = lag_doubles(&fmu->pool, fmu->count);
+    if (lag_start_bind(&fmu->pool, &fmu->search, m)) {
+        fail(fmu, "there is no memory");
+        lag_fmu_close(fmu);
+        return NULL;
+    }
+    lag_fmu_reset(fmu);
+    return fmu;
+}
+
+/* End the simulation. */
+static void end_simulation(lag_fmu *fmu)
+{
+    if (fmu->simulation)
+        lag_destroy_simulation(fmu->simulation);
+    lag_release(&fmu->run_pool);
+    fmu->simulation = NULL;
+    fmu->current = 0;
+}
+
+void lag_fmu_close(lag_fmu *fmu)
+{
+    end_simulation(fmu);
+    lag_pool pool = fmu->pool; /* the instance is in it */
+    lag_release(&pool);
+}
+
+void lag_fmu_reset(lag_fmu *fmu)
+{
+    end_simulation(fmu);
+    for (int i = 0; i < fmu->settable; ++i)
+        fmu->given[i] = fmu->model.problem.parameters[fmu->place[i]];
+    memset(fmu->is_given, 0, 2 * (size_t)fmu->nq * sizeof *fmu->is_given);
+    fmu->started_at = fmu->model.problem.t;
+    fmu->phase = LAG_FMU_MADE;
+    fmu->changed = 0;
+}
+
+int lag_fmu_initialize(lag_fmu *fmu, double start, double stop)
+{
+    if (fmu->model.function_count && start != fmu->model.problem.t)
+        return fail(fmu, "the tables of the model begin a simulation at t = %g s, not at %g s", fmu->model.problem.t,
+                    start);
+    fmu->started_at = start;
+    fmu->stop = stop;
+    fmu->phase = LAG_FMU_INITIALIZING;
+    fmu->current = 0;
+    return 0;
+}
+
+/* Evaluate the parameters and the initial values that depend on what was set. */
+static void evaluate_start(lag_fmu *fmu)
+{
+    const lag_model *m = &fmu->model;
+    const int nq = fmu->nq;
+    memcpy(fmu->parameters, m->problem.parameters, (size_t)m->equations.np * sizeof(double));
+    memcpy(fmu->start.registers, fmu->given, (size_t)fmu->settable * sizeof(double));
+    fmu->start.vectors->run(fmu->start.prelude, fmu->start.registers);
+    lag_tape_run(&fmu->start, &fmu->start.stream);
+    for (int i = 0; i < fmu->own; ++i)
+        fmu->parameters[i] = OUT(&fmu->start, i);
+    for (int i = 0; i < 2 * nq; ++i) {
+        fmu->y[i] = fmu->is_given[i] ? fmu->initial[i] : OUT(&fmu->start, fmu->own + i);
+        fmu->is_fixed[i] = fmu->is_given[i] || fmu->fixed[i];
+    }
+    fmu->y[2 * nq] = 0.0;
+}
+
+/* Whether the initial state is that of the data. */
+static int is_nominal(const lag_fmu *fmu)
+{
+    const lag_problem *p = &fmu->model.problem;
+    if (fmu->started_at != p->t || memcmp(fmu->parameters, p->parameters, (size_t)fmu->own * sizeof(double)))
+        return 0;
+    for (int i = 0; i < 2 * fmu->nq; ++i)
+        if (fmu->is_given[i] && fmu->initial[i] != p->y[i])
+            return 0;
+    return 1;
+}
+
+/* Make the simulation from what was set. */
+static int make_simulation(lag_fmu *fmu)
+{
+    lag_model model = fmu->model;
+    const lag_problem *nominal = &fmu->model.problem;
+    end_simulation(fmu);
+    evaluate_start(fmu);
+    if (is_nominal(fmu)) {
+        memcpy(fmu->y, nominal->y, (2 * (size_t)fmu->nq + 1) * sizeof(double));
+    } else {
+        const int found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y,
+                                         fmu->lengths, fmu->plain_lengths);
+        if (found == LAG_START_CONTRADICTED)
+            return fail(fmu, "the initial values that are set do not satisfy the constraints");
+        if (found == LAG_START_UNDEFINED)
+            return fail(fmu, "the constraints have no finite value at the initial state");
+        if (found == LAG_START_SINGULAR)
+            return fail(fmu, "the constraints are singular at the initial state");
+        model.problem.lengths = fmu->lengths;
+        model.problem.plain_lengths = fmu->plain_lengths;
+    }
+    model.problem.t = fmu->started_at;
+    model.problem.y = fmu->y;
+    model.problem.parameters = fmu->parameters;
+    if (isfinite(fmu->stop) && fmu->stop > model.problem.settings.t_end)
+        model.problem.settings.t_end = fmu->stop;
+    if (!(model.problem.settings.t_end > fmu->started_at))
+        model.problem.settings.t_end = fmu->started_at + 1.0;
+    const int status = lag_make_simulation(NULL, &model, lag_method_name(fmu->method), &fmu->simulation);
+    if (status != LAG_MODEL_READ)
+        return fail(fmu, status == LAG_MODEL_MEMORY ? "there is no memory" : "the initial values are not finite");
+    lag_run *run = lag_run_of(fmu->simulation);
+    if (lag_bind(run, &fmu->run_pool, &fmu->columns, &fmu->columns_program)
+        || (fmu->nq + model.equations.nc <= LARGE && lag_allow_dense(run, 0)))
+        return fail(fmu, "there is no memory");
+    return 0;
+}
+
+/* Report why the simulation has ended at its present time. Returns 1. */
+static int fail_at(lag_fmu *fmu, int status)
+{
+    const int known = status >= 0 && status < (int)(sizeof reasons / sizeof *reasons) && reasons[status];
+    fmu->phase = LAG_FMU_FAILED;
+    return fail(fmu, "at t = %.9g s: %s", lag_run_of(fmu->simulation)->step.t,
+                known ? reasons[status] : "the simulation cannot go on");
+}
+
+int lag_fmu_begin(lag_fmu *fmu)
+{
+    if (fmu->phase == LAG_FMU_STARTED || fmu->phase == LAG_FMU_ENDED)
+        return 0;
+    if (make_simulation(fmu)) {
+        fmu->phase = LAG_FMU_FAILED;
+        return 1;
+    }
+    const int status = lag_simulate_to(fmu->simulation, fmu->started_at);
+    if (status != LAG_RUNNING && status != LAG_DONE)
+        return fail_at(fmu, status);
+    fmu->phase = status == LAG_DONE ? LAG_FMU_ENDED : LAG_FMU_STARTED;
+    fmu->current = 0;
+    return 0;
+}
+
+double lag_fmu_time(const lag_fmu *fmu)
+{
+    return fmu->simulation ? lag_run_of(fmu->simulation)->step.t : fmu->started_at;
+}
+
+/* Make the changed inputs those of the run, which goes on from its state. */
+static void take_inputs(lag_fmu *fmu)
+{
+    evaluate_start(fmu);
+    lag_change_parameters(fmu->simulation, fmu->parameters, fmu->own);
+    fmu->changed = 0;
+    fmu->current = 0;
+}
+
+int lag_fmu_advance(lag_fmu *fmu, double t)
+{
+    if (fmu->phase != LAG_FMU_STARTED)
+        return fail(fmu, "the simulation has not begun, or is over");
+    if (fmu->model.break_count && t > fmu->model.problem.settings.t_end)
+        return fail(fmu, "the tables of the FMU end at t = %g s; let the model's simulation end later",
+                    fmu->model.problem.settings.t_end);
+    if (fmu->changed)
+        take_inputs(fmu);
+    fmu->current = 0;
+    const int status = lag_simulate_to(fmu->simulation, t);
+    if (status == LAG_DONE)
+        fmu->phase = LAG_FMU_ENDED;
+    else if (status != LAG_RUNNING)
+        return fail_at(fmu, status);
+    return 0;
+}
+
+/* A sample of a state that another program integrates. Returns a lag_status. */
+static int sample_without_projection(lag_fmu *fmu)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    const size_t nq = (size_t)fmu->nq;
+    double power, *row = fmu->row;
+    if (lag_accelerate(run, run->step.t, run->step.y, 1, &power))
+        return LAG_UNDEFINED;
+    row[0] = run->step.t;
+    memcpy(row + 1, run->step.y, 2 * nq * sizeof *row);
+    memcpy(row + 1 + 2 * nq, run->solver.a, nq * sizeof *row);
+    memcpy(row + 1 + 3 * nq, run->solver.multipliers, (size_t)fmu->nc * sizeof *row);
+    return LAG_RUNNING;
+}
+
+/* Evaluate all values at the state. */
+static int evaluate(lag_fmu *fmu)
+{
+    const int nq = fmu->nq;
+    if (fmu->phase == LAG_FMU_INITIALIZING) {
+        const int status = make_simulation(fmu) ? -1 : lag_simulate_to(fmu->simulation, fmu->started_at);
+        if (status != LAG_RUNNING && status != LAG_DONE)
+            return status < 0 ? 1 : fail_at(fmu, status);
+    }
+    if (!fmu->simulation) { /* before it begins */
+        evaluate_start(fmu);
+        fmu->values[0] = fmu->started_at;
+        memcpy(fmu->values + 1, fmu->model.problem.y, 2 * (size_t)nq * sizeof(double));
+        for (int i = 0; i < 2 * nq; ++i)
+            if (fmu->is_given[i])
+                fmu->values[1 + i] = fmu->initial[i];
+        memcpy(fmu->values + place_of_parameters(fmu), fmu->parameters, (size_t)fmu->own * sizeof(double));
+        return 0;
+    }
+    if (fmu->changed)
+        take_inputs(fmu);
+    lag_run *run = lag_run_of(fmu->simulation);
+    int status = fmu->simulation->phase == LAG_AT_START ? lag_simulate(fmu->simulation, 0) : LAG_RUNNING;
+    if (status == LAG_RUNNING)
+        status = fmu->exchange ? sample_without_projection(fmu) : lag_sample_here(run, fmu->row);
+    if (status != LAG_RUNNING)
+        return fail_at(fmu, status);
+    const size_t known = 1 + 3 * (size_t)nq + (size_t)fmu->nc;
+    const double *p = lag_parameters_of(fmu->simulation);
+    lag_tape_set(&fmu->columns, run->np, p);
+    memcpy(fmu->columns.registers, fmu->row, known * sizeof(double));
+    lag_tape_run(&fmu->columns, &fmu->columns.stream);
+    memcpy(fmu->values, fmu->row, known * sizeof(double));
+    for (int64_t i = 0; i < fmu->derived; ++i)
+        fmu->values[known + (size_t)i] = OUT(&fmu->columns, i);
+    memcpy(fmu->values + place_of_parameters(fmu), p, (size_t)fmu->own * sizeof(double));
+    fmu->current = 1;
+    return 0;
+}
+
+int lag_fmu_get(lag_fmu *fmu, const unsigned *references, size_t count, double *values)
+{
+    if (fmu->phase == LAG_FMU_FAILED)
+        return fail(fmu, "the simulation has failed");
+    if (!fmu->current && evaluate(fmu))
+        return 1;
+    for (size_t i = 0; i < count; ++i) {
+        if (references[i] >= (uint64_t)fmu->count)
+            return fail(fmu, "there is no variable with the value reference %u", references[i]);
+        values[i] = fmu->values[references[i]];
+    }
+    return 0;
+}
+
+/* Set a parameter. */
+static int set_parameter(lag_fmu *fmu, int place, double value)
+{
+    for (int i = 0; i < fmu->settable; ++i) {
+        if (fmu->place[i] != place)
+            continue;
+        if (fmu->phase > LAG_FMU_INITIALIZING) {
+            int is_input = 0;
+            for (int k = 0; k < fmu->inputs; ++k)
+                is_input |= fmu->input[k] == place;
+            if (!is_input)
+                return fail(fmu, "parameters are fixed once the simulation has begun");
+            fmu->changed |= fmu->given[i] != value;
+        }
+        fmu->given[i] = value;
+        return 0;
+    }
+    return fail(fmu, "a parameter that the model computes from others cannot be set");
+}
+
+int lag_fmu_set(lag_fmu *fmu, const unsigned *references, size_t count, const double *values)
+{
+    const int first = place_of_parameters(fmu);
+    for (size_t i = 0; i < count; ++i) {
+        const uint64_t which = references[i];
+        if (!isfinite(values[i]))
+            return fail(fmu, "the value of a variable is not finite");
+        if (which >= (uint64_t)first && which < (uint64_t)fmu->count) {
+            if (set_parameter(fmu, (int)(references[i] - (unsigned)first), values[i]))
+                return 1;
+        } else if (which >= 1 && which < 1 + 2 * (uint64_t)fmu->nq && fmu->phase <= LAG_FMU_INITIALIZING) {
+            fmu->initial[which - 1] = values[i];
+            fmu->is_given[which - 1] = 1;
+        } else {
+            return fail(fmu, "the variable with the value reference %u cannot be set now", references[i]);
+        }
+        if (fmu->phase <= LAG_FMU_INITIALIZING)
+            fmu->current = 0;
+        fmu->current &= !fmu->changed;
+    }
+    return 0;
+}
+
+void lag_fmu_move(lag_fmu *fmu, double t, const double *state)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    run->step.t = t;
+    if (state)
+        memcpy(run->step.y, state, 2 * (size_t)fmu->nq * sizeof(double));
+    fmu->current = 0;
+}
+
+int lag_fmu_state_of(const lag_fmu *fmu, double *state, size_t count)
+{
+    if (count != 2 * (size_t)fmu->nq || !fmu->simulation)
+        return fail(fmu, "the state has %d entries, once the simulation has begun", 2 * fmu->nq);
+    memcpy(state, lag_run_of(fmu->simulation)->step.y, count * sizeof *state);
+    return 0;
+}
+
+int lag_fmu_derivatives(lag_fmu *fmu, double *derivatives)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    double power;
+    if (fmu->changed)
+        take_inputs(fmu);
+    if (lag_accelerate(run, run->step.t, run->step.y, 1, &power))
+        return fail(fmu, "at t = %.9g s: %s", run->step.t, reasons[LAG_UNDEFINED]);
+    memcpy(derivatives, run->step.y + fmu->nq, (size_t)fmu->nq * sizeof(double));
+    memcpy(derivatives + fmu->nq, run->solver.a, (size_t)fmu->nq * sizeof(double));
+    return 0;
+}
+
+int lag_fmu_drifted(lag_fmu *fmu)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    const lag_system *s = &run->system;
+    const lag_tape *c = &s->constraint;
+    double largest = 0.0;
+    lag_evaluate(c, s, run->step.t, run->step.y, LAG_ALL);
+    for (int i = 0; i < s->nh; ++i)
+        largest = fmax(largest, fabs(OUT(c, i)) / OUT(c, lag_constraint_position_scale(s) + i));
+    for (int i = 0; i < s->nc; ++i)
+        largest = fmax(largest, fabs(OUT(c, lag_constraint_velocity(s) + i))
+                                    / OUT(c, lag_constraint_velocity_scale(s) + i));
+    return largest > DRIFT;
+}
+
+int lag_fmu_project(lag_fmu *fmu)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    const int status = lag_project(run, run->step.t, run->step.y);
+    fmu->current = 0;
+    return status == LAG_RUNNING ? 0 : fail_at(fmu, status);
+}
+
+struct lag_fmu_state {
+    lag_simulation *simulation;        /* whose state it is */
+    double started_at, stop;
+    enum lag_fmu_phase phase;
+    int changed;
+    double *given, *initial;
+    int *is_given;
+    void *saved;
+};
+
+void lag_fmu_forget(lag_fmu_state *state)
+{
+    if (!state)
+        return;
+    free(state->given);
+    free(state->initial);
+    free(state->is_given);
+    free(state->saved);
+    free(state);
+}
+
+/* A copy of an array, never of nothing. */
+static void *copy_of(const void *from, size_t bytes)
+{
+    void *made = malloc(bytes + 1);
+    if (made)
+        memcpy(made, from, bytes);
+    return made;
+}
+
+lag_fmu_state *lag_fmu_save(const lag_fmu *fmu)
+{
+    lag_fmu_state *state = calloc(1, sizeof *state);
+    if (!state)
+        return NULL;
+    *state = (lag_fmu_state){
+        .simulation = fmu->simulation,
+        .started_at = fmu->started_at,
+        .stop = fmu->stop,
+        .phase = fmu->phase,
+        .changed = fmu->changed,
+        .given = copy_of(fmu->given, (size_t)fmu->settable * sizeof(double)),
+        .initial = copy_of(fmu->initial, 2 * (size_t)fmu->nq * sizeof(double)),
+        .is_given = copy_of(fmu->is_given, 2 * (size_t)fmu->nq * sizeof(int)),
+        .saved = malloc(fmu->simulation ? lag_simulation_size(fmu->simulation) : 1),
+    };
+    if (!state->given || !state->initial || !state->is_given || !state->saved) {
+        lag_fmu_forget(state);
+        return NULL;
+    }
+    if (fmu->simulation)
+        lag_save_simulation(fmu->simulation, state->saved);
+    return state;
+}
+
+int lag_fmu_restore(lag_fmu *fmu, const lag_fmu_state *state)
+{
+    if (state->simulation != fmu->simulation && state->phase > LAG_FMU_INITIALIZING)
+        return fail(fmu, "the saved state is that of a simulation that was reset");
+    memcpy(fmu->given, state->given, (size_t)fmu->settable * sizeof(double));
+    memcpy(fmu->initial, state->initial, 2 * (size_t)fmu->nq * sizeof(double));
+    memcpy(fmu->is_given, state->is_given, 2 * (size_t)fmu->nq * sizeof(int));
+    fmu->started_at = state->started_at;
+    fmu->stop = state->stop;
+    fmu->phase = state->phase;
+    fmu->changed = state->changed;
+    fmu->current = 0;
+    if (state->phase <= LAG_FMU_INITIALIZING) {
+        end_simulation(fmu);
+        return 0;
+    }
+    if (lag_restore_simulation(fmu->simulation, state->saved))
+        return fail(fmu, "the saved state cannot be restored: the simulation has changed its method of solution");
+    return 0;
+}

@@ -1,0 +1,89 @@
+/*
+ * An instance of a model as an FMU: what FMI 2.0 and 3.0 have in common. The FMU's folder `resources` has two files:
+ * model.bin, a model as data (lagmodel.h); and values.bin, also words of 8 bytes, with the values of FMI:
+ *
+ *   LAG_VALUES_MAGIC, the number of words, the number of the method, the number of the model's parameters
+ *   a list of the parameters that can be set, their places; a list of those of them that are inputs, their places
+ *   a list of 2 nq flags, whether initial values are fixed
+ *   a program of the parameters that can be set: all parameters, q and v at the start
+ *   a program of (t, q, v, a, lambda, p): the derived values
+ *
+ * The values, by value references from 0 on, are t, q, v, a, lambda, the derived values, the parameters.
+ */
+#ifndef LAGCLI_INSTANCE_H
+#define LAGCLI_INSTANCE_H
+
+#include "fmi/start.h"
+
+#define LAG_VALUES_MAGIC 0x3165756c61766c6c /* "llvalue1" where the lowest byte is the first */
+
+#define LAG_MESSAGE 400 /* bytes of a message, at most */
+
+/* Receives what is wrong. */
+typedef void lag_fmu_message(void *context, const char *text);
+
+enum lag_fmu_phase { LAG_FMU_MADE, LAG_FMU_INITIALIZING, LAG_FMU_STARTED, LAG_FMU_ENDED, LAG_FMU_FAILED };
+
+typedef struct {
+    lag_pool pool, run_pool;           /* of the instance; of what depends on its simulation */
+    lag_fmu_message *message;
+    void *context;
+    lag_model model;
+    const lag_method *method;
+    lag_start_search search;
+    lag_simulation *simulation;        /* NULL until it is needed */
+    lag_tape start, columns;           /* the programs */
+    lag_program columns_program;
+    int nq, nc, own, settable, inputs; /* coordinates, constraints, parameters, those that can be set, inputs */
+    int64_t derived, count;            /* derived values, all values */
+    const int32_t *place, *input, *fixed;
+    double *given;                     /* settable: their values ... */
+    double *initial;                   /* 2 nq: initial values that were set ... */
+    int *is_given, *is_fixed;          /* 2 nq: ... whether they were; whether the search may not change them */
+    double *parameters, *y, *lengths, *plain_lengths; /* np, 2 nq + 1, nc, nc: of the start */
+    double *row;                       /* a sample */
+    double *values;                    /* count */
+    double started_at;                 /* t at the start */
+    double stop;                       /* the last time; INFINITY if it is not known */
+    enum lag_fmu_phase phase;
+    int exchange;                      /* whether another program integrates: model exchange */
+    int current;                       /* whether the values are those of the state */
+    int changed;                       /* whether an input has changed since the last step */
+} lag_fmu;
+
+/* Make an instance of the files in a folder, whose name ends in a separator, for model exchange or co-simulation. NULL, and a message, if that fails. */
+lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *message, void *context);
+void lag_fmu_close(lag_fmu *fmu);
+
+/* Forget the simulation and what was set. */
+void lag_fmu_reset(lag_fmu *fmu);
+
+/* Read and set values. These functions and those below return 0, or 1, and a message, if that fails. */
+int lag_fmu_get(lag_fmu *fmu, const unsigned *references, size_t count, double *values);
+int lag_fmu_set(lag_fmu *fmu, const unsigned *references, size_t count, const double *values);
+
+/* Begin to set initial values, for a simulation from a time on, up to `stop`. */
+int lag_fmu_initialize(lag_fmu *fmu, double start, double stop);
+
+/* Find the consistent initial state, and begin. */
+int lag_fmu_begin(lag_fmu *fmu);
+
+/* Go on to a time. `fmu->phase` is LAG_FMU_ENDED if an event has ended the simulation before. */
+int lag_fmu_advance(lag_fmu *fmu, double t);
+double lag_fmu_time(const lag_fmu *fmu);
+
+/* Model exchange, of models that do not switch: the state is (q, v). */
+void lag_fmu_move(lag_fmu *fmu, double t, const double *state);
+int lag_fmu_state_of(const lag_fmu *fmu, double *state, size_t count);
+int lag_fmu_derivatives(lag_fmu *fmu, double *derivatives);
+/* Whether the state has left the constraints; bring it back to them. */
+int lag_fmu_drifted(lag_fmu *fmu);
+int lag_fmu_project(lag_fmu *fmu);
+
+/* The state of an instance: as bytes, which only this instance can restore, until it is reset. */
+typedef struct lag_fmu_state lag_fmu_state;
+lag_fmu_state *lag_fmu_save(const lag_fmu *fmu);
+int lag_fmu_restore(lag_fmu *fmu, const lag_fmu_state *state);
+void lag_fmu_forget(lag_fmu_state *state);
+
+#endif

@@ -1,0 +1,505 @@
+"""FMUs of FMI 2.0 and 3.0: the core's libraries, the model as data, and its variables.
+
+`core/fmi/instance.h` states what the files of an FMU's resources contain.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import platform
+import re
+import sys
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+from xml.etree import ElementTree as Xml
+
+from lagcli.columns import ColumnName, unit_of_column
+from lagcli.engine.core.library import LIBRARY
+from lagcli.engine.core.run import METHODS as CORE_METHODS
+from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
+from lagcli.engine.program.program import assemble
+from lagcli.engine.tape.tape import Arithmetic, Tape
+from lagcli.equations.derivation.column_expressions import REPORTED
+from lagcli.errors import UsageError
+from lagcli.export.content import LICENCE
+from lagcli.export.names import Identifiers
+from lagcli.model.expression.units import UnknownUnit, read_unit
+from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
+from lagcli.model.values import independent_parameters
+from lagcli.simulations.directions import start_tape
+from lagcli.simulations.simulation import Simulation, prepare
+from lagcli.version import __version__
+
+#: The versions of FMI.
+VERSIONS = ("2.0", "3.0")
+_MAGIC = int.from_bytes(b"llvalue1", "little")
+#: The bases of units that FMI knows, as `lagcli.model.expression.dimension.Dimension` has them.
+_BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+class Platform(NamedTuple):
+    """A platform on which an FMU may be used.
+
+    Parameters
+    ----------
+    tag : str
+        A pattern of the platform tags of its wheels.
+    suffix : str
+        Of libraries.
+    folders : tuple of str
+        The folders of its libraries in FMUs of FMI 2.0, which does not know all platforms, and 3.0.
+    """
+
+    tag: str
+    suffix: str
+    folders: tuple[str, str]
+
+
+PLATFORMS = (
+    Platform(r"manylinux.*_x86_64", "so", ("linux64", "x86_64-linux")),
+    Platform(r"manylinux.*_aarch64", "so", ("", "aarch64-linux")),
+    Platform(r"win_amd64", "dll", ("win64", "x86_64-windows")),
+    Platform(r"macosx.*_x86_64", "dylib", ("darwin64", "x86_64-darwin")),
+    Platform(r"macosx.*_arm64", "dylib", ("", "aarch64-darwin")),
+)
+
+
+class FmuVariable(NamedTuple):
+    """A variable of an FMU.
+
+    Parameters
+    ----------
+    name, unit, description : str
+    reference : int
+        Value reference.
+    causality, variability, initial : str
+        As FMI calls them; `initial` may be empty.
+    start : float or None
+    derivative : int or None
+        The reference of the variable whose derivative with respect to time it is.
+    """
+
+    name: str
+    reference: int
+    causality: str
+    variability: str
+    initial: str = ""
+    start: float | None = None
+    unit: str = ""
+    description: str = ""
+    derivative: int | None = None
+
+
+def fmu(
+    model: Model, version: str = "2.0", inputs: Sequence[str] = (), wheels: str | None = None
+) -> bytes:
+    """Return a model as an FMU.
+
+    Parameters
+    ----------
+    model : Model
+    version : str
+        Of FMI: ``"2.0"`` or ``"3.0"``.
+    inputs : sequence of str
+        Parameters that become inputs, which may change during a simulation.
+    wheels : str, optional
+        A folder with wheels of this version of lagcli for other platforms, whose libraries the FMU
+        also gets. It always has that of this machine.
+
+    Raises
+    ------
+    UsageError
+        There is no such version; an input is not a parameter, or one that cannot change; there is
+        no wheel in the folder.
+    ModelError, NumericalError
+        There is no consistent initial state.
+    """
+    if version not in VERSIONS:
+        raise UsageError(f"there is no FMI {version}; known are {', '.join(VERSIONS)}")
+    return _Fmu(prepare(model), version, inputs).packed(_libraries(version, wheels))
+
+
+class _Fmu:
+    """An FMU of a prepared run."""
+
+    def __init__(self, simulation: Simulation, version: str, inputs: Sequence[str]):
+        self.simulation, self.model, self.system = simulation, simulation.model, simulation.system
+        self.version = version
+        self.settable = independent_parameters(self.model)
+        self.inputs = tuple(inputs)
+        self._check_inputs()
+        self.identifier = Identifiers(()).of(self.model.name)
+
+    def _check_inputs(self) -> None:
+        for name in self.inputs:
+            if name not in self.settable:
+                kind = "computed or structural" if name in self.model.parameters else "unknown"
+                raise UsageError(
+                    f"--input {name}: an input is a parameter with a value of its own; this one is"
+                    f" {kind}"
+                )
+        if self.inputs and self.model.switches:
+            raise UsageError(
+                "--input: inputs need a model without contacts, friction and events, whose instants"
+                " would have to be found again whenever an input changes"
+            )
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether the FMU is also for model exchange: nothing switches, and no table has knots."""
+        return not self.model.switches and not self.model.inputs and not self.system.has_kinks
+
+    @cached_property
+    def method(self) -> str:
+        """The method of the run with the model's settings, the last one that `auto` took."""
+        record = self.simulation.run(lambda samples: None)
+        return str(record.options["method"]).split(", ")[-1]
+
+    @cached_property
+    def derived(self) -> tuple[tuple[str, str], ...]:
+        """The derived values with their units: constraint forces, energies and powers, outputs."""
+        units = result_units(self.model)
+        columns = [ColumnName(name) for name in REPORTED]
+        if self.system.constraints:
+            forces = [ColumnName("constraint_force", coordinate=q) for q in self.system.coordinates]
+            columns = [*forces, *columns]
+        named = [(str(column), unit_of_column(column, units) or "") for column in columns]
+        return (*named, *((name, units.get(name, "")) for name in self.system.outputs))
+
+    def packed(self, libraries: Mapping[tuple[str, str], bytes]) -> bytes:
+        """Return the FMU as the contents of its file."""
+        model = model_data(self.system, self.simulation.request, [self.method])
+        values = self.values()
+        token = hashlib.sha256(model + values + self.version.encode()).hexdigest()
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w") as file:
+            for name, content in {
+                "modelDescription.xml": self.description(token),
+                "resources/model.bin": model,
+                "resources/values.bin": values,
+                "documentation/index.html": self.documentation(),
+                **{
+                    f"binaries/{folder}/{self.identifier}.{suffix}": content
+                    for (folder, suffix), content in libraries.items()
+                },
+            }.items():
+                # the same model gives the same file
+                entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+                file.writestr(entry, content, zipfile.ZIP_DEFLATED)
+        return out.getvalue()
+
+    # values.bin
+
+    def values(self) -> bytes:
+        """Return what the core needs beside the model, as `core/fmi/instance.h` describes it."""
+        places = {name: i for i, name in enumerate(self.system.parameters)}
+        fixed = [
+            int(x.fixed)
+            for table in (self.model.initial_positions, self.model.initial_velocities)
+            for x in (table[name] for name in self.model.coordinate_names)
+        ]
+        parts = [
+            word_data(CORE_METHODS.index(self.method)),
+            word_data(len(self.model.parameters)),
+            integers_data([places[name] for name in self.settable]),
+            integers_data([places[name] for name in self.inputs]),
+            integers_data(fixed),
+            program_data(assemble(start_tape(self.model, self.settable))),
+            program_data(assemble(self._columns_tape())),
+        ]
+        body = b"".join(parts)
+        return word_data(_MAGIC) + word_data(2 + len(body) // 8) + body
+
+    def _columns_tape(self) -> Tape:
+        """Return the tape (t, q, v, a, λ, p) → the derived values."""
+        system = self.system
+        report, nq, nc = system.report, len(system.coordinates), len(system.constraints)
+        builder = Arithmetic(report.inputs, report.parameters, functions=report.functions)
+        every = range(report.inputs)
+        state, unknowns = 1 + 2 * nq, 1 + 3 * nq + nc
+        forces = [builder.zero] * nq
+        if nc:
+            layout = system.dynamics_layout.jacobian
+            inputs = [*every[:state], *every[unknowns:]]
+            places = range(len(system.dynamics.outputs))[layout]
+            entries = builder.splice(system.dynamics, inputs, places)
+            for (i, j), entry in zip(system.jacobian_pattern, entries, strict=True):
+                force = builder.times(entry, every[1 + 3 * nq + i])
+                forces[j] = builder.plus(forces[j], force)
+            switching = system.switching
+            if switching is not None and switching.forces is not None:
+                own = switching.force_coordinates
+                reactive = builder.splice(switching.forces, every, range(len(own)))
+                for j, force in zip(own, reactive, strict=True):
+                    forces[j] = builder.plus(forces[j], force)
+        return builder.finish([*(forces if nc else ()), *builder.splice(report, every)])
+
+    # modelDescription.xml
+
+    def variables(self) -> Iterator[FmuVariable]:
+        """Yield the variables in the order of their value references."""
+        model, system, state = self.model, self.system, self.simulation.start.state
+        units = result_units(model)
+        nq, nc = len(system.coordinates), len(system.constraints)
+        described = {c.name: c.description or "" for c in model.coordinates}
+        fixed = model.initial_positions, model.initial_velocities
+
+        def unit(name: ColumnName) -> str:
+            return unit_of_column(name, units) or ""
+
+        yield FmuVariable("time", 0, "independent", "continuous", unit="s", description="time")
+        for order, (what, values) in enumerate((("q", state.q), ("v", state.v), ("a", None))):
+            for i, name in enumerate(system.coordinates):
+                column, text = ColumnName(what, coordinate=name), described[name]
+                exact = values is not None and fixed[order][name].fixed
+                yield FmuVariable(
+                    str(column),
+                    1 + order * nq + i,
+                    "output",
+                    "continuous",
+                    "calculated" if values is None else "exact" if exact else "approx",
+                    None if values is None else float(values[i]),
+                    unit(column),
+                    text if not order else "",
+                    None if not order else 1 + (order - 1) * nq + i,
+                )
+        for i, c in enumerate(model.constraints):
+            column = ColumnName("multipliers", c.name)
+            text = c.description or f"multiplier of {c.name}"
+            yield FmuVariable(
+                str(column), 1 + 3 * nq + i, "output", "continuous", "calculated", None,
+                unit(column), text,
+            )  # fmt: skip
+        first = 1 + 3 * nq + nc
+        for i, (name, own) in enumerate(self.derived):
+            yield FmuVariable(name, first + i, "output", "continuous", "calculated", None, own)
+        first += len(self.derived)
+        for i, p in enumerate(model.parameters.values()):
+            about = units.get(p.name, ""), p.description or ""
+            if p.name in self.inputs:
+                yield FmuVariable(p.name, first + i, "input", "continuous", "", p.value, *about)
+            elif p.name in self.settable:
+                yield FmuVariable(p.name, first + i, "parameter", "fixed", "exact", p.value, *about)
+            else:
+                yield FmuVariable(
+                    p.name, first + i, "calculatedParameter", "fixed", "calculated", None, *about
+                )
+
+    def description(self, token: str) -> bytes:
+        """Return modelDescription.xml."""
+        variables = list(self.variables())
+        root = Xml.Element("fmiModelDescription", self._attributes(token))
+        kinds = ["CoSimulation"] if not self.exchanges else ["ModelExchange", "CoSimulation"]
+        for kind in kinds:
+            Xml.SubElement(root, kind, self._capabilities(kind))
+        units = {v.unit: exponents for v in variables if (exponents := _exponents(v.unit))}
+        if units:
+            definitions = Xml.SubElement(root, "UnitDefinitions")
+            for unit, exponents in sorted(units.items()):
+                one = Xml.SubElement(definitions, "Unit", name=unit)
+                Xml.SubElement(one, "BaseUnit", exponents)
+        categories = Xml.SubElement(root, "LogCategories")
+        Xml.SubElement(categories, "Category", name="logStatusError", description="errors")
+        settings = self.simulation.settings
+        step = (settings.t_end - settings.t_start) / max(1, settings.sample_count - 1)
+        Xml.SubElement(
+            root,
+            "DefaultExperiment",
+            startTime=repr(settings.t_start),
+            stopTime=repr(settings.t_end),
+            stepSize=repr(step),
+            tolerance=repr(settings.rtol),
+        )
+        if self.version == "2.0":
+            self._variables_of_2(root, variables[1:], units)
+        else:
+            self._variables_of_3(root, variables, units)
+        Xml.indent(root)
+        return b'<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, "utf-8")
+
+    def _attributes(self, token: str) -> dict[str, str]:
+        model = self.model
+        named = "guid" if self.version == "2.0" else "instantiationToken"
+        attributes = {
+            "fmiVersion": self.version,
+            "modelName": model.name,
+            named: token,
+            "description": model.title,
+            "copyright": LICENCE,
+            "generationTool": f"lagcli {__version__}",
+            "variableNamingConvention": "flat",
+        }
+        if self.version == "2.0" and self.exchanges:
+            attributes["numberOfEventIndicators"] = "0"
+        return attributes
+
+    def _capabilities(self, kind: str) -> dict[str, str]:
+        upper = "FMUstate" if self.version == "2.0" else "FMUState"
+        capabilities = {
+            "modelIdentifier": self.identifier,
+            f"canGetAndSet{upper}": "true",
+        }
+        if kind == "ModelExchange":
+            key = (
+                "completedIntegratorStepNotNeeded"
+                if self.version == "2.0"
+                else ("needsCompletedIntegratorStep")
+            )
+            capabilities[key] = "false" if self.version == "2.0" else "true"
+        else:
+            capabilities["canHandleVariableCommunicationStepSize"] = "true"
+        return capabilities
+
+    def _variables_of_2(
+        self, root: Xml.Element, variables: Sequence[FmuVariable], units: dict[str, dict[str, str]]
+    ) -> None:
+        listed = Xml.SubElement(root, "ModelVariables")
+        for v in variables:
+            attributes = {
+                "name": v.name,
+                "valueReference": str(v.reference),
+                "causality": v.causality,
+                "variability": v.variability,
+            }
+            if v.initial:
+                attributes["initial"] = v.initial
+            if v.description:
+                attributes["description"] = v.description
+            one = Xml.SubElement(listed, "ScalarVariable", attributes)
+            # without the time, the number of a variable is its value reference
+            Xml.SubElement(one, "Real", _numbers(v, units, self.exchanges))
+        structure = Xml.SubElement(root, "ModelStructure")
+        parts = {
+            "Outputs": [v for v in variables if v.causality == "output"],
+            "Derivatives": self._derivatives(variables),
+            "InitialUnknowns": _initial_unknowns(variables),
+        }
+        for name, some in parts.items():
+            if some:
+                part = Xml.SubElement(structure, name)
+                for v in some:
+                    Xml.SubElement(part, "Unknown", index=str(v.reference))
+
+    def _variables_of_3(
+        self, root: Xml.Element, variables: Sequence[FmuVariable], units: dict[str, dict[str, str]]
+    ) -> None:
+        listed = Xml.SubElement(root, "ModelVariables")
+        for v in variables:
+            attributes = {
+                "name": v.name,
+                "valueReference": str(v.reference),
+                "causality": v.causality,
+                "variability": v.variability,
+            }
+            if v.initial:
+                attributes["initial"] = v.initial
+            if v.description:
+                attributes["description"] = v.description
+            attributes |= _numbers(v, units, self.exchanges)
+            Xml.SubElement(listed, "Float64", attributes)
+        structure = Xml.SubElement(root, "ModelStructure")
+        for v in variables:
+            if v.causality == "output":
+                Xml.SubElement(structure, "Output", valueReference=str(v.reference))
+        for v in self._derivatives(variables):
+            Xml.SubElement(structure, "ContinuousStateDerivative", valueReference=str(v.reference))
+        for v in _initial_unknowns(variables):
+            Xml.SubElement(structure, "InitialUnknown", valueReference=str(v.reference))
+
+    def _derivatives(self, variables: Sequence[FmuVariable]) -> list[FmuVariable]:
+        """Return the derivatives of the states q and v."""
+        return [v for v in variables if v.derivative is not None] if self.exchanges else []
+
+    def documentation(self) -> bytes:
+        """Return a page on the FMU."""
+        model = self.model
+        text = (
+            f"<!DOCTYPE html><html lang='en'><meta charset='utf-8'><title>{_escaped(model.title)}"
+            f"</title><h1>{_escaped(model.title)}</h1><p>{_escaped(model.description or '')}</p>"
+            f"<p>Written by lagcli {__version__} from the model {_escaped(model.name)}, SHA-256"
+            f" {model.sha256}. All values are in SI units. Constraint forces are Bᵀλ, on the right"
+            " side of the equations of motion. Initial values that are set hold; the others are"
+            f" adjusted to the constraints.</p><p>{LICENCE}</p></html>\n"
+        )
+        return text.encode()
+
+
+def _libraries(version: str, wheels: str | None) -> dict[tuple[str, str], bytes]:
+    """Return the core's libraries by their folder in an FMU, and their suffix."""
+    place = VERSIONS.index(version)
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
+        platform.machine().lower(), platform.machine()
+    )
+    system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
+    found = {}
+    if wheels is not None:
+        if not os.path.isdir(wheels):
+            raise UsageError(f"--wheels {wheels}: there is no such folder")
+        for name in sorted(os.listdir(wheels)):
+            match = re.fullmatch(rf"lagcli-{re.escape(__version__)}-py3-none-(.*)\.whl", name)
+            if match is None:
+                continue
+            for row in PLATFORMS:
+                if row.folders[place] and re.fullmatch(row.tag, match[1]):
+                    library = _library_of(os.path.join(wheels, name), row.suffix)
+                    found[row.folders[place], row.suffix] = library
+        if not found:
+            raise UsageError(
+                f"--wheels {wheels}: there is no wheel of lagcli {__version__} for a platform of"
+                f" FMI {version}"
+            )
+    for row in PLATFORMS:
+        if row.folders[1] == f"{machine}-{system}" and row.folders[place]:
+            found.setdefault((row.folders[place], row.suffix), LIBRARY.read_bytes())
+    if not found:
+        raise UsageError(f"FMI {version} has no name for this platform, {machine}-{system}")
+    return found
+
+
+def _library_of(wheel: str, suffix: str) -> bytes:
+    """Return the core's library of a wheel."""
+    try:
+        with zipfile.ZipFile(wheel) as file:
+            return file.read(f"lagcli/engine/core/liblagcore.{suffix}")
+    except (OSError, KeyError, zipfile.BadZipFile) as error:
+        raise UsageError(f"--wheels: cannot read the library of {wheel}: {error}") from None
+
+
+def _initial_unknowns(variables: Sequence[FmuVariable]) -> list[FmuVariable]:
+    """Return what the initialization computes."""
+    return [v for v in variables if v.initial in ("calculated", "approx")]
+
+
+def _numbers(v: FmuVariable, units: dict[str, dict[str, str]], exchanges: bool) -> dict[str, str]:
+    """Return the attributes of a variable that only numbers have."""
+    attributes = {}
+    if v.unit in units:
+        attributes["unit"] = v.unit
+    if v.start is not None:
+        attributes["start"] = repr(v.start)
+    if v.derivative is not None and exchanges:
+        attributes["derivative"] = str(v.derivative)
+    return attributes
+
+
+def _exponents(unit: str) -> dict[str, str]:
+    """Return the exponents of an SI unit; none if it has none, or one that is not an integer."""
+    if not unit:
+        return {}
+    try:
+        dimension = read_unit(unit).dimension
+    except UnknownUnit:
+        return {}
+    exponents = {base: getattr(dimension, base) for base in _BASES}
+    if any(x != int(x) for x in exponents.values()):
+        return {}
+    return {base: str(int(x)) for base, x in exponents.items() if x}
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;")
