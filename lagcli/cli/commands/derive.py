@@ -2,6 +2,7 @@
 
 import sys
 from enum import StrEnum
+from pathlib import PurePath
 from typing import Annotated
 
 from lagcli.cli.options import (
@@ -25,11 +26,30 @@ class Format(StrEnum):
     latex = "latex"
     markdown = "markdown"
     json = "json"
+    pdf = "pdf"
+
+
+_SUFFIXES = {
+    ".txt": Format.text,
+    ".tex": Format.latex,
+    ".md": Format.markdown,
+    ".markdown": Format.markdown,
+    ".json": Format.json,
+    ".pdf": Format.pdf,
+}
 
 
 def derive(
     model: ModelPath,
-    format: Annotated[Format, Option("--format", "-f", help="Output format.")] = Format.text,
+    format: Annotated[
+        Format | None,
+        Option(
+            "--format",
+            "-f",
+            help="Output format; pdf needs an installed LaTeX. [default: that of the output file's"
+            " suffix, or text]",
+        ),
+    ] = None,
     steps: Annotated[
         bool, Option("--steps", help="Show the derivation step by step, as in the textbook.")
     ] = False,
@@ -101,6 +121,15 @@ def derive(
 
     refuse_same_file(model, output)
     target = None if output in (None, "-") else output
+    chosen = _format(Format.json if json else format, target, json)
+    if fragment and chosen != Format.latex:
+        raise UsageError(f"--fragment is of LaTeX, and the format is {chosen}: -f latex")
+    if chosen == Format.pdf:
+        from lagcli.pictures.pdf import check_latex
+
+        if target is None:
+            raise UsageError("PDF is written to a file: -o equations.pdf")
+        check_latex()
     if target is not None:
         check_writable(target, force)
     loaded = load(model, set=assignments("--set", set), drawn=False)
@@ -125,7 +154,7 @@ def derive(
                 print(_without_partition(error), file=sys.stderr)
     text = render(
         equations,
-        format="json" if json else format.value,
+        format="latex" if chosen == Format.pdf else chosen.value,
         steps=steps,
         numeric=numeric,
         width=width or text_width(),
@@ -139,17 +168,39 @@ def derive(
     if not text.endswith("\n"):
         text += "\n"
     if target is None:
-        if json or format != Format.text:
-            sys.stdout.write(visible_json(text) if json or format == Format.json else text)
+        if chosen != Format.text:
+            sys.stdout.write(visible_json(text) if chosen == Format.json else text)
         else:
             from lagcli.cli.styles import print_page
 
             print_page(text)
         return
+    content = text.encode()
+    if chosen == Format.pdf:
+        from lagcli.pictures.pdf import pdf_of
+
+        content = pdf_of(text)
     with whole_file(target, force) as file:
-        file.write(text.encode())
+        file.write(content)
     if not quiet:
         print(f"written: {target}", file=sys.stderr)
+
+
+def _format(given: Format | None, target: str | None, json: bool) -> Format:
+    """Return the format that is given, or that of a file name; they must not contradict."""
+    suffix = PurePath(target).suffix.lower() if target is not None else ""
+    named = _SUFFIXES.get(suffix)
+    if given is None:
+        if suffix and named is None:
+            known = ", ".join(_SUFFIXES)
+            raise UsageError(
+                f"{target}: no format has the suffix {suffix}; give one of {known}, or --format"
+            )
+        return named or Format.text
+    if named is not None and named != given:
+        option = "--json" if json else f"--format {given}"
+        raise UsageError(f"{option} contradicts the suffix of {target}, which is that of {named}")
+    return given
 
 
 def _without_partition(error: LagcliError) -> str:

@@ -9,7 +9,12 @@ from lagcli.cli.streams import print_notes, tell
 
 def report(
     file: ResultFile,
-    output: Annotated[str, Option("--output", "-o", metavar="FILE", help="Page to write, .html.")],
+    output: Annotated[
+        str,
+        Option(
+            "--output", "-o", metavar="FILE", help="Page to write, .html; .pdf of a run, by LaTeX."
+        ),
+    ],
     title: Annotated[str | None, Option(help="Title, instead of the model's name.")] = None,
     model: ViewModel = None,
     modes: Annotated[
@@ -26,8 +31,9 @@ def report(
     """Write a report of a run or an analysis.
 
     The report is one self-contained HTML file. It can be opened without a network, sent, or
-    printed. A failed run is shown up to its last sample and marked. Files of sweep, equilibrium,
-    linearize, modes, compare and fit have a report of their results.
+    printed. With an installed LaTeX, -o run.pdf writes a run's equations and plots as PDF. A failed
+    run is shown up to its last sample and marked. Files of sweep, equilibrium, linearize, modes,
+    compare and fit have a report of their results.
     """
     from lagcli.pictures.report import report as make
 

@@ -223,7 +223,6 @@ _PREAMBLE = r"""\documentclass[11pt,a4paper]{article}
 \setlength{\textheight}{240mm}
 \setlength{\topmargin}{-15mm}
 \allowdisplaybreaks
-\begin{document}
 """
 
 _ESCAPES = {
@@ -291,7 +290,12 @@ def escape(text: str) -> str:
 
 
 def render_latex(
-    model: Model, steps: Sequence[Step], formula: LatexFormula, numbered: bool, fragment: bool
+    model: Model,
+    steps: Sequence[Step],
+    formula: LatexFormula,
+    numbered: bool,
+    fragment: bool,
+    title: str | None = None,
 ) -> str:
     """Return the steps as a LaTeX document, or as its body.
 
@@ -304,8 +308,10 @@ def render_latex(
         Whether the steps are numbered.
     fragment : bool
         Whether to omit the preamble and the end of the document.
+    title : str, optional
+        Title instead of the model's.
     """
-    parts = [rf"\section*{{{escape(model.title)}}}"]
+    parts = [rf"\section*{{{escape(title or model.title)}}}"]
     if model.description:
         parts.append(escape(" ".join(model.description.split())))
     labels = _Labels()
@@ -318,7 +324,19 @@ def render_latex(
         if step.remark:
             parts.append(rf"\noindent {escape(step.remark)}")
     body = "\n\n".join(parts)
-    return body + "\n" if fragment else f"{_PREAMBLE}\n{body}\n\n\\end{{document}}\n"
+    return body + "\n" if fragment else document(body)
+
+
+def document(body: str, packages: str = "") -> str:
+    """Return a complete document with a body from `render_latex`.
+
+    Parameters
+    ----------
+    body : str
+    packages : str
+        Further lines of the preamble.
+    """
+    return f"{_PREAMBLE}{packages}\\begin{{document}}\n\n{body}\n\n\\end{{document}}\n"
 
 
 def _title(text: str) -> str:

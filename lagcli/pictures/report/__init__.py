@@ -1,4 +1,4 @@
-"""The report of a run or an analysis: one self-contained HTML page."""
+"""The report of a run or an analysis: one self-contained HTML page, or a PDF of a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lagcli.results.metadata import KIND
 if TYPE_CHECKING:
     from lagcli.trajectory.trajectory import Trajectory
 
-_SUFFIXES = (".html", ".htm")
+_SUFFIXES, _PDF = (".html", ".htm"), ".pdf"
 
 
 class Report(NamedTuple):
@@ -67,7 +67,8 @@ def report(
         A result file that contains its model (HDF5, or CSV with its sidecar), a file of a sweep or
         an analysis (HDF5), or a run in memory.
     output : path
-        The page, ``.html``.
+        The page, ``.html``; or a document with the equations and plots of a run, ``.pdf``, which
+        needs an installed LaTeX.
     title : str, optional
         Title instead of the model's name.
     model : path, optional
@@ -87,8 +88,8 @@ def report(
     FileError
         The result cannot be read, or the page cannot be written.
     UsageError
-        The result contains no model, its view cannot be drawn, or the output is not a file name of
-        a page.
+        The result contains no model, its view cannot be drawn, the output is not a file name of a
+        page, or a PDF is asked for without LaTeX or of an analysis.
     ModelError
         The text of the model is invalid for this version.
     """
@@ -100,12 +101,22 @@ def report(
     stem, suffix = os.path.splitext(output)
     if output == "-":
         raise UsageError("a page is written to a file; name one: -o report.html")
-    if suffix.lower() not in _SUFFIXES:
+    if suffix.lower() not in (*_SUFFIXES, _PDF):
         raise UsageError(
-            f"{output}: the suffix {suffix or '(none)'} is not that of a page; name it {stem}.html"
+            f"{output}: the suffix {suffix or '(none)'} is not that of a page; name it {stem}.html,"
+            f" or {stem}.pdf for a document by LaTeX"
         )
+    printed = suffix.lower() == _PDF
+    if printed:
+        from lagcli.pictures.pdf import check_latex
+
+        check_latex()
+        if modes is not None:
+            raise UsageError("--modes is for pages, and PDF has none; write .html")
     check_writable(output, force)
     kind = file_kind(source)
+    if kind != KIND and printed:
+        raise UsageError(f"PDF is for runs; the report of {kind} is a page: -o {stem}.html")
     if kind != KIND:
         from lagcli.pictures.report.analysis_report import analysis_page
 
@@ -118,10 +129,15 @@ def report(
             file.write(page)
         return Report(output, len(page), None, ())
     run = RunFile(source, model)
-    page = assembled(run, title, modes).encode()
+    if printed:
+        from lagcli.pictures.report.pdf_report import assembled_pdf
+
+        page = assembled_pdf(run, title)
+    else:
+        page = assembled(run, title, modes).encode()
     with whole_file(output, force) as file:
         file.write(page)
     status, message = run.record.status, run.record.message
-    ended = f"the run is marked {status}{f': {message}' if message else ''}; the page says so"
+    ended = f"the run is marked {status}{f': {message}' if message else ''}; the report says so"
     notes = () if status in ("completed", "") else (ended,)
     return Report(output, len(page), run.count, notes)

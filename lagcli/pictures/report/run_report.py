@@ -338,7 +338,7 @@ def solver(run: RunFile, extremes: Extremes) -> str:
     rows = [
         ("Status", escape(record.status or "not recorded")),
         ("Message", with_code(record.message)),
-        ("Method", escape(_phrase(options))),
+        ("Method", escape(method_phrase(options))),
         ("Counts", escape(counts)),
         ("Time", escape(seconds)),
         ("Position residual", _worst(extremes.residual_position, record.scale_position)),
@@ -391,7 +391,8 @@ def time_button(time: float, digits: int = 6) -> str:
     return f'<button type="button" data-time="{time!r}" title="{title}">{shown}</button>'
 
 
-def _phrase(options: Mapping[str, Any]) -> str:
+def method_phrase(options: Mapping[str, Any]) -> str:
+    """Return method, formulation and tolerances of a run in words."""
     method, formulation = options.get("method"), options.get("formulation")
     rtol, atol = options.get("rtol"), options.get("atol")
     parts = [f"{method} with {formulation}" if formulation else method]
