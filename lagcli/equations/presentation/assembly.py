@@ -14,6 +14,7 @@ from lagcli.equations.presentation.index_form import IndexForm, with_hint
 from lagcli.equations.presentation.kinds import (
     ABBREVIATIONS,
     ENTRIES,
+    ENTRIES_OF_ONE,
     MAGGI,
     SECOND,
     determinant_step,
@@ -160,7 +161,7 @@ def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) 
     return solved_step(f, solved, _NAMES[kind], kind == "first" and bool(p.surplus))
 
 
-_COUNTED = (SECOND, MAGGI, ENTRIES, ABBREVIATIONS)
+_COUNTED = (SECOND, MAGGI, ENTRIES, ENTRIES_OF_ONE, ABBREVIATIONS)
 
 
 def _compared(

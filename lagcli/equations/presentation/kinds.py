@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
 
 import symengine as se
 from symengine import Basic
@@ -18,6 +19,7 @@ from lagcli.equations.reduction.elimination import SolvedUnknown
 from lagcli.equations.reduction.partition import CoordinatePartition, DependentRate, number
 from lagcli.equations.reduction.second_kind import Maggi, SecondKind
 from lagcli.equations.reduction.small_systems import cancelled, operations
+from lagcli.equations.reduction.velocity_ratios import VelocityRatios, velocity_ratios
 from lagcli.equations.typesetting.nodes import (
     ZERO,
     Call,
@@ -40,11 +42,13 @@ from lagcli.equations.typesetting.nodes import (
     forward,
     product_of,
     quotient_of,
+    rebuilt,
     sum_of,
     symbols_in,
     weight,
     whole,
 )
+from lagcli.equations.typesetting.notation import LATEX_GREEK, letter
 from lagcli.equations.typesetting.rewriting import substituted
 
 
@@ -178,6 +182,8 @@ SECOND = "Equations of motion of the second kind"
 MAGGI = "Maggi's equations"
 ABBREVIATIONS = "Abbreviations of these entries"
 ENTRIES = "Entries of the mass matrix and of the forces"
+ENTRIES_OF_ONE = "Inertia of the mechanism and its derivative"
+_RATES_OF_RATIOS = "Derivatives of the velocity ratios"
 _NONE = "There are none: the constraints determine the motion."
 
 #: Operations of the equations of motion above which they are printed as M a = f, abbreviated.
@@ -195,6 +201,11 @@ def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool = False)
     derivation : bool
         Whether the derivatives of L are shown.
     """
+    if _in_matrices(second) and not second.written_out:
+        ratios = velocity_ratios(second.partition)
+        if ratios is not None and _longest(ratios) <= LONGEST:
+            dependent = _dependent(f, second)
+            return [*([dependent] if dependent else []), *_ratio_steps(f, ratios)]
     return [
         step
         for step in (
@@ -375,13 +386,86 @@ def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]
     free = [f.coordinates[i] for i in p.independent]
     if second.is_long and not full and second.entries > _ENTRIES:
         return [_unlisted(f, SECOND)]
-    if second.is_long or operations(second.forcing) > LONGEST:
+    if _in_matrices(second):
         return in_matrices(f, second.mass_matrix, second.forcing, free, SECOND, full)
     lines = []
     for k, x in enumerate(free):
         left = f.arrange(second.momentum_rates[k] - second.gradient[k])
         lines.append(Line((left, f.arrange(second.applied_forces[k])), x))
     return [Step(SECOND, tuple(lines), _law_remark(second))]
+
+
+def _in_matrices(second: SecondKind) -> bool:
+    """Whether the equations of motion are too long to be written out."""
+    return second.is_long or operations(second.forcing) > LONGEST
+
+
+def _longest(r: VelocityRatios) -> int:
+    """Return the largest number of operations of a formula, also of what is shown in parts."""
+    parts = [*r.ratios.values(), *r.derivatives.values()]
+    return max(map(operations, [*parts, [r.inertia_rate], [r.force]]))
+
+
+def _ratio_steps(f: Formulas, r: VelocityRatios) -> list[Step]:
+    """Return the equation of motion of one degree of freedom with velocity ratios."""
+    k, inertia = _ratio_signs(f)
+    rate_of_k, rate_of_inertia = (Sign(f"{x.text}′", f"{x.latex}'") for x in (k, inertia))
+    named: dict[str, Node] = {}
+    for sign, names in ((k, r.names), (rate_of_k, r.derivative_names)):
+        for i, symbol in sorted(names.items()):
+            f.arrange(symbol)  # names are written in the order in which they first occur
+            named[symbol.name] = Entry(sign, (f.coordinates[i],))
+
+    def shown(node: Node) -> Node:
+        if isinstance(node, Symbol) and node.name in named:
+            return named[node.name]
+        return rebuilt(node, shown)
+
+    def lines(names: Mapping[int, Basic], values: Mapping[int, tuple[Basic, Basic]]) -> list[Line]:
+        return [
+            Line((named[names[i].name], shown(fraction(f, *value)))) for i, value in values.items()
+        ]
+
+    free = f.coordinates[r.independent]
+    free_velocity, acceleration = velocity(free), Symbol(free.name, 2)
+    square = Power(free_velocity, whole(2))
+    half = Number(Fraction(1, 2))
+    terms = [
+        (1, product_of([inertia, acceleration])),
+        (1, product_of([half, rate_of_inertia, square])),
+    ]
+    force = shown(f.arrange(r.force))
+    lead = (
+        f"A dependent coordinate has the velocity ratio {k.text}, its derivative with respect to"
+        " the independent one. The differentiated constraints give"
+    )
+    rates = "The constraints differentiated twice give"
+    moments = [Line((inertia, shown(f.arrange(r.inertia))))]
+    if r.inertia_rate != 0:
+        moments.append(Line((rate_of_inertia, shown(f.arrange(r.inertia_rate)))))
+    equation = Line((sum_of(terms if r.inertia_rate != 0 else terms[:1]), force), free)
+    remark = (
+        f"{inertia.text} is the mass that has the kinetic energy of all bodies at the velocity of"
+        " the independent coordinate; the right side is the sum of all generalized and potential"
+        " forces, each times the velocity ratio of its coordinate."
+    )
+    return [
+        Step("Velocity ratios", tuple(lines(r.names, r.ratios)), lead=lead),
+        Step(_RATES_OF_RATIOS, tuple(lines(r.derivative_names, r.derivatives)), lead=rates),
+        Step(ENTRIES_OF_ONE, tuple(moments)),
+        Step(SECOND, (equation,), remark),
+    ]
+
+
+def _ratio_signs(f: Formulas) -> tuple[Sign, Sign]:
+    """Return letters of velocity ratios and of the inertia that the model does not use."""
+    taken = {*f.model.coordinate_names, *f.model.parameters, *f.model.definitions}
+    letters = {letter(name) for name in taken}
+    ratios = ("k", "κ", "ρ")
+    ratio = next((x for x in ratios if x not in letters), ratios[0])
+    inertias = "JIA"
+    inertia = next((x for x in inertias if x not in letters), inertias[0])
+    return Sign(ratio, LATEX_GREEK.get(ratio, ratio)), Sign(inertia, inertia)
 
 
 def _law_remark(second: SecondKind) -> str | None:
