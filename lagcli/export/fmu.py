@@ -22,6 +22,7 @@ from lagcli.engine.core.library import LIBRARY
 from lagcli.engine.core.run import METHODS as CORE_METHODS
 from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
 from lagcli.engine.program.program import assemble
+from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import UsageError
@@ -217,7 +218,8 @@ class _Fmu:
 
     def _columns_tape(self) -> Tape:
         """Return the tape (t, q, v, a, λ, p) → the derived values."""
-        system = self.system
+        frozen = frozen_of(self.system)  # branches of forces that jump are parameters of the core
+        system = self.system if frozen is None else frozen.system
         report, nq, nc = system.report, len(system.coordinates), len(system.constraints)
         builder = Arithmetic(report.inputs, report.parameters, functions=report.functions)
         every = range(report.inputs)

@@ -212,6 +212,25 @@ def test_model_exchange(name: str, tmp_path: Path) -> None:
     assert len(listed) == 2 * n
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "coordinates: [x]\nT: x'^2/2\ninitial: {x: 0, x': 1}\nsimulation: {t_end: 1}",
+        "coordinates: [x]\nT: x'^2/2\nV: x^2/2\nQ: {x: -0.3*sign(x')}\n"
+        "initial: {x: 2, x': 0}\nsimulation: {t_end: 9}",
+    ],
+    ids=["without parameters", "forces that jump"],
+)
+def test_models_of_other_shapes(text: str, tmp_path: Path) -> None:
+    model = lagcli.load_text(text)
+    run = lagcli.simulate(model)
+    instance = unpacked(model, tmp_path).instance()
+    values = instance.simulate(run.time[::50], ["x", "x_dot", "x_ddot", "energy_total"])
+    instance.free()
+    expected = columns(run, ["x", "x_dot", "x_ddot", "energy_total"])[::50]
+    assert values == pytest.approx(expected, abs=1e-6)
+
+
 def test_contacts_are_for_co_simulation_alone(tmp_path: Path) -> None:
     fmu = unpacked(lagcli.load("bouncing_ball"), tmp_path)
     assert fmu.description.find("ModelExchange") is None

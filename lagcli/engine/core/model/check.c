@@ -7,7 +7,7 @@
 int lag_check_program(const lag_program *p)
 {
     const int64_t registers = p->register_count;
-    int valid = p->inputs >= 1 && p->inputs <= registers && p->output_count >= 0
+    int valid = p->inputs >= 0 && registers >= 1 && p->inputs <= registers && p->output_count >= 0
                 && lag_is_stream(&p->prelude, registers) && lag_is_stream(&p->main, registers)
                 && lag_are_registers(p->outputs, p->output_count, registers);
     for (int i = 0; i < 3; ++i)

@@ -1,0 +1,48 @@
+"""FMUs of many random models with events and contacts reach the states that runs reach."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmi import FmuError, Unpacked
+from known_event_cases import EVENT_CASES
+from known_force_cases import FORCE_CASES
+from known_rest_cases import REST_CASES
+
+import lagcli
+
+CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
+#: What only lagcli does: see docs/export.md.
+REFUSED = "an event sets values that the constraints do not allow"
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kind", CASES)
+def test_random_communication_points(kind: str, fuzz_count: int, tmp_path: Path) -> None:
+    for seed in range(fuzz_count // len(CASES) + 1):
+        case = CASES[kind](seed)
+        # the settings of the case are those of the model
+        listed = ", ".join(f"{key}: {value}" for key, value in case.options.items())
+        model = lagcli.load_text(f"{case.text}\nsimulation: {{{listed}}}\n")
+        run = lagcli.simulate(model)
+        if run.status != "completed":
+            continue
+        instance = Unpacked(lagcli.fmu(model), tmp_path / str(seed)).instance()
+        rng, start, end = random.Random(seed), run.time[0], run.time[-1]
+        count, power = rng.choice([1, 5, 60]), rng.choice([1, 3])
+        points = sorted(start + (end - start) * rng.random() ** power for _ in range(count))
+        names = [f"{q}{rate}" for rate in ("", "_dot") for q in model.coordinate_names]
+        try:
+            values = instance.simulate([start, *points, end], names)[-1]
+        except FmuError as error:
+            if REFUSED in str(error):
+                continue
+            raise
+        finally:
+            instance.free()
+        expected = np.concatenate([run.q[-1], run.v[-1]])
+        size = np.concatenate([np.abs(run.q).max(axis=0), np.abs(run.v).max(axis=0)])
+        assert (np.abs(values - expected) <= 3e-5 * np.maximum(size, 1e-4)).all(), case
