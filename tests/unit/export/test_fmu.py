@@ -300,6 +300,26 @@ def test_damaged_resources_are_refused(tmp_path: Path) -> None:
     shutil.rmtree(fmu.folder)
 
 
+def test_a_step_begins_where_the_last_one_ended(tmp_path: Path) -> None:
+    instance = unpacked(lagcli.load("pendulum_cartesian"), tmp_path).instance()
+    instance.begin(0.0)
+    instance.step(0.0, 0.1)
+    with pytest.raises(FmuError, match=r"from t = 0\.3 s is not possible: .* at t = 0\.1 s"):
+        instance.step(0.3, 0.1)
+    instance.free()
+
+
+def test_without_changes_the_start_is_that_of_the_run(tmp_path: Path) -> None:
+    """To the last bit, also where parameters depend on others."""
+    model = lagcli.load_text(PENDULUM)
+    run = lagcli.simulate(model)
+    instance = unpacked(model, tmp_path).instance()
+    instance.begin(0.0, {"m": 2.0, "x": float(run.q[0, 0])})
+    expected = [*run.q[0], *run.v[0], run.multipliers[0, 0]]
+    assert instance.get("x", "y", "x_dot", "y_dot", "lambda.rod") == expected
+    instance.free()
+
+
 def test_the_same_model_is_the_same_file() -> None:
     model = lagcli.load("pendulum_cartesian")
     assert lagcli.fmu(model) == lagcli.fmu(model)

@@ -212,7 +212,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real step, fmi2Boolean no
 {
     lag_fmu *fmu = INSTANCE(c);
     (void)no_return;
-    if (lag_fmu_advance(fmu, t + step))
+    if (lag_fmu_advance(fmu, t, t + step))
         return fmi2Error;
     return fmu->phase == LAG_FMU_ENDED ? fmi2Discard : fmi2OK; /* an event has ended the simulation */
 }

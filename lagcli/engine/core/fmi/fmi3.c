@@ -295,7 +295,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 step, fmi3Boole
 {
     lag_fmu *fmu = INSTANCE(c);
     (void)no_return;
-    const int failed = lag_fmu_advance(fmu, t + step);
+    const int failed = lag_fmu_advance(fmu, t, t + step);
     *event_handling_needed = *early_return = false;
     *terminate = fmu->phase == LAG_FMU_ENDED; /* by an event */
     *last_time = lag_fmu_time(fmu);

@@ -15,6 +15,7 @@
 #include "project.h"
 
 #define METHODS 8  /* more than there are */
+#define SAME_TIME 1e-9 /* of a step, or of the time: a difference of times that is rounding */
 #define LARGE 400  /* unknowns of a model whose dense matrices are allocated only where they are needed */
 #define DRIFT 1e-9 /* of the constraint's scale: residual at which model exchange brings the state back */
 
@@ -186,6 +187,7 @@ void lag_fmu_reset(lag_fmu *fmu)
         fmu->given[i] = fmu->model.problem.parameters[fmu->place[i]];
     memset(fmu->is_given, 0, 2 * (size_t)fmu->nq * sizeof *fmu->is_given);
     fmu->started_at = fmu->model.problem.t;
+    fmu->stop = INFINITY;
     fmu->phase = LAG_FMU_MADE;
     fmu->changed = 0;
 }
@@ -220,16 +222,17 @@ static void evaluate_start(lag_fmu *fmu)
     fmu->y[2 * nq] = 0.0;
 }
 
-/* Whether the initial state is that of the data. */
+/* Whether nothing was set to another value than that of the data. */
 static int is_nominal(const lag_fmu *fmu)
 {
     const lag_problem *p = &fmu->model.problem;
-    if (fmu->started_at != p->t || memcmp(fmu->parameters, p->parameters, (size_t)fmu->own * sizeof(double)))
-        return 0;
+    for (int i = 0; i < fmu->settable; ++i)
+        if (fmu->given[i] != p->parameters[fmu->place[i]])
+            return 0;
     for (int i = 0; i < 2 * fmu->nq; ++i)
         if (fmu->is_given[i] && fmu->initial[i] != p->y[i])
             return 0;
-    return 1;
+    return fmu->started_at == p->t;
 }
 
 /* Make the simulation from what was set. */
@@ -240,6 +243,7 @@ static int make_simulation(lag_fmu *fmu)
     end_simulation(fmu);
     evaluate_start(fmu);
     if (is_nominal(fmu)) {
+        memcpy(fmu->parameters, nominal->parameters, (size_t)fmu->own * sizeof(double));
         memcpy(fmu->y, nominal->y, (2 * (size_t)fmu->nq + 1) * sizeof(double));
     } else {
         const int found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y,
@@ -309,10 +313,13 @@ static void take_inputs(lag_fmu *fmu)
     fmu->current = 0;
 }
 
-int lag_fmu_advance(lag_fmu *fmu, double t)
+int lag_fmu_advance(lag_fmu *fmu, double from, double t)
 {
     if (fmu->phase != LAG_FMU_STARTED)
         return fail(fmu, "the simulation has not begun, or is over");
+    if (!(fabs(from - lag_fmu_time(fmu)) <= SAME_TIME * fmax(fabs(t - from), fabs(t))))
+        return fail(fmu, "a step from t = %.9g s is not possible: the simulation is at t = %.9g s", from,
+                    lag_fmu_time(fmu));
     if (fmu->model.break_count && t > fmu->model.problem.settings.t_end)
         return fail(fmu, "the tables of the FMU end at t = %g s; let the model's simulation end later",
                     fmu->model.problem.settings.t_end);

@@ -68,8 +68,8 @@ int lag_fmu_initialize(lag_fmu *fmu, double start, double stop);
 /* Find the consistent initial state, and begin. */
 int lag_fmu_begin(lag_fmu *fmu);
 
-/* Go on to a time. `fmu->phase` is LAG_FMU_ENDED if an event has ended the simulation before. */
-int lag_fmu_advance(lag_fmu *fmu, double t);
+/* Go on from the present time to another. `fmu->phase` is LAG_FMU_ENDED if an event has ended the simulation before. */
+int lag_fmu_advance(lag_fmu *fmu, double from, double t);
 double lag_fmu_time(const lag_fmu *fmu);
 
 /* Model exchange, of models that do not switch: the state is (q, v). */
