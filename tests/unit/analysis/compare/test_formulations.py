@@ -47,9 +47,16 @@ def test_a_pendulum_agrees_with_elliptic_functions(formulation: str) -> None:
     np.testing.assert_allclose(-2 * 0.7 * samples.multipliers[:, 0], force, atol=2e-5)
 
 
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
 @pytest.mark.parametrize("formulation", ["ggl", "maggi", "second"])
-@pytest.mark.parametrize("start", ["phi: 0.2, phi': 5", "phi: -2.5, phi': -17", "phi: 1, phi': 9"])
+@pytest.mark.parametrize(
+    ("start", "rtol"),
+    [
+        ("phi: 0.2, phi': 5", 1e-6),
+        ("phi: 0.2, phi': 5", 1e-9),
+        ("phi: -2.5, phi': -17", 1e-9),
+        ("phi: 1, phi': 9", 1e-6),
+    ],
+)
 def test_a_coordinate_without_mass(start: str, formulation: str, rtol: float) -> None:
     """The slot's coordinate s has no mass: M is singular, and the constraints determine it."""
     text = (FOUND / "ggl_slot.yaml").read_text()
