@@ -312,6 +312,12 @@ def test_the_message_as_a_whole() -> None:
     )
 
 
+@pytest.mark.parametrize("zero", ["0", "0*x"])
+def test_a_zero_is_not_the_term_that_differs(zero: str) -> None:
+    (found,) = errors(MODEL.replace("V: k/2*x^2", f"V: k*x*({zero} + x + m)"))
+    assert "`x`, in m, and `m`, in kg, cannot be added" in found.message
+
+
 def test_values_of_options() -> None:
     text = (MODELS / "slider_crank.yaml").read_text(encoding="utf-8")
     with pytest.raises(ModelError, match=r"--set r=2 kg: error\[units\]: `r` is in m in the file"):

@@ -130,6 +130,7 @@ def test_what_no_double_holds_is_rejected() -> None:
         ("m/min", "m/s"),
         ("kNm/deg", "N*m/rad"),
         ("1/kNm^2", "1/(N*m^2)"),
+        ("MPa*mm^(1/2)", "Pa*m^(1/2)"),
         ("rpm", "rad/s"),
         ("Nm", "N*m"),
         ("kgm²", "kg*m^2"),
