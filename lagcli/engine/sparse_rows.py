@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+
+#: Number of rows up to which singular values are those of an array.
+_FEW = 20
+_ROUNDING = 1e-14
 
 
 class SparseRows:
@@ -68,6 +73,24 @@ class SparseRows:
         kept, most = where[self.row], np.zeros(self.shape[1])
         np.maximum.at(most, self.column[kept], self.values[kept] / length[self.row[kept]])
         return most
+
+    def least_singular_value(self) -> float:
+        """Return the smallest singular value if no row depends on the others, else about 0.
+
+        It is found as the root of the smallest eigenvalue of B Bᵀ: below about 1e-7 of the largest
+        one, it is nothing but rounding errors.
+        """
+        if self.shape[0] < _FEW:
+            return float(np.linalg.svd(np.asarray(self), compute_uv=False)[-1])
+        from scipy.sparse import csr_array
+        from scipy.sparse.linalg import eigsh
+
+        rows = csr_array((self.values, (self.row, self.column)), self.shape)
+        square = (rows @ rows.T).tocsc()
+        start = np.cos(1.0 + np.arange(self.shape[0]))  # the same at every call
+        below = -_ROUNDING * float(square.diagonal().max())  # definite even if rows are dependent
+        least = eigsh(square, 1, sigma=below, v0=start, return_eigenvectors=False)
+        return math.sqrt(max(0.0, float(least[0])))
 
     def _sums(self, terms: Array) -> Array:
         return np.bincount(self.row, terms, self.shape[0]).astype(float)

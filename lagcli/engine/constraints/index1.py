@@ -53,7 +53,7 @@ class Index1:
 
     def measure(self, t: float, q: Array, v: Array) -> None:
         """Record the largest length of each row of B times sizes."""
-        c = self.evaluator.constraints(t, q, v)
+        c = self.evaluator.constraint_rows(t, q, v)
         if c.finite:
             if not self.lengths.any():
                 self.sizes = self.evaluator.sizes(t, q, v)

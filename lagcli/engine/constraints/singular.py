@@ -29,6 +29,7 @@ from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import lengths_of_rows
+from lagcli.engine.sparse_rows import SparseRows
 
 Path = Callable[[float], Array]  # time → (q, v, …)
 
@@ -102,8 +103,19 @@ class RankWatch:
 
     def weakest(self, t: float, y: Array) -> float:
         """Return the singular value that vanishes at a singular configuration."""
+        if not self.motion.redundant:
+            c = self.motion.evaluator.constraint_rows(t, *self.motion.split(y))
+            if isinstance(c.jacobian, SparseRows):
+                return self._least(c.jacobian)
         values = self.values(t, *self.motion.split(y)) if self.rank else None
         return 1.0 if values is None else float(values[self.rank - 1])
+
+    def _least(self, rows: SparseRows) -> float:
+        """Return the same for the nonzero entries of B."""
+        if not np.isfinite(rows.values).all():
+            return 1.0
+        scaled = rows.values * self.motion.sizes[rows.column] / self.motion.lengths[rows.row]
+        return rows.with_values(scaled).least_singular_value()
 
     def restart(self) -> None:
         """Discard the path so far."""

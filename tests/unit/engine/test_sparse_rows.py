@@ -62,6 +62,27 @@ def check(seed: int) -> None:
     )
 
 
+def check_least(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    n = int(random.integers(1, 40))
+    nq = n + int(random.integers(0, 40))
+    whole = random.normal(size=(n, nq)) * (random.random((n, nq)) < 4 / nq) + np.eye(n, nq)
+    if random.random() < 0.5:  # almost dependent
+        part = 10.0 ** -random.uniform(0, 12)
+        whole[-1] = part * whole[-1] + whole[:-1].T @ random.normal(size=n - 1)
+    rows = SparseRows(whole.shape, *whole.nonzero(), whole[whole.nonzero()])
+    values = np.linalg.svd(whole, compute_uv=False)
+    # half of the digits, since the matrix is squared
+    assert abs(rows.least_singular_value() - values[-1]) < 1e-9 * values[-1] + 3e-7 * values[0]
+    if values[-1] > 1e-5 * values[0]:
+        assert rows.least_singular_value() == pytest.approx(values[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_least_singular_value_is_that_of_an_array(seed: int) -> None:
+    check_least(seed)
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_rows_are_those_of_an_array(seed: int) -> None:
     check(seed)
@@ -71,6 +92,7 @@ def test_rows_are_those_of_an_array(seed: int) -> None:
 def test_any_rows_are_those_of_an_array() -> None:
     for seed in range(30, 30 + int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))):
         check(seed)
+        check_least(10 + seed)
 
 
 @pytest.mark.parametrize("name", REPRESENTATIVES)
