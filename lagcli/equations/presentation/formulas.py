@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 
 import symengine as se
@@ -38,6 +38,8 @@ from lagcli.model.expression.grammar import Tree
 from lagcli.model.model import Model
 
 FORCE = Sign("Qᵢ", "Q_i")
+#: Least number of characters of equal factors of several multipliers that are written once.
+_COLLECTED = 16
 _SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ", "M": "ℳ", "B": "ℬ", "J": "𝒥"}
 
 
@@ -296,12 +298,25 @@ class Formulas:
         applied = self.arrange(self.equations.applied_forces[i])
         if forces_named and applied != ZERO:
             applied = general.force(self.coordinates[i])
-        terms = [(1, applied)]
+        return sum_of([(1, applied), *self._reactions(i)])
+
+    def _reactions(self, i: int) -> Iterator[tuple[int, Node]]:
+        """Yield the terms of Σ_β λ_β b_iβ; multipliers with the same long b, or −b, as one term."""
+        groups: dict[Basic, list[tuple[int, ConstraintEquation]]] = {}
         for c in self.equations.constraints:
             if i in c.row:
-                label = Symbol(c.constraint.name, kind="multiplier")
-                terms.append((1, product_of([label, self.arrange(c.row[i])])))
-        return sum_of(terms)
+                b = c.row[i]
+                opposite = se.Add(*[-x for x in b.args]) if isinstance(b, se.Add) else -b
+                sign = -1 if b not in groups and opposite in groups else 1
+                groups.setdefault(opposite if sign < 0 else b, []).append((sign, c))
+        for b, members in groups.items():
+            named = [(sign, Symbol(c.constraint.name, kind="multiplier")) for sign, c in members]
+            factor = self.arrange(b)
+            if len(members) > 1 and len(members) * weight(factor) >= _COLLECTED:
+                yield 1, product_of([sum_of(named), factor])
+                continue
+            for (_, label), (_, c) in zip(named, members, strict=True):
+                yield 1, product_of([label, self.arrange(c.row[i])])
 
     def equation_line(self, i: int) -> Line:
         """Return the i-th equation of motion, assembled."""

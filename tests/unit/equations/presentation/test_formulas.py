@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import os
+import random
+
 import pytest
 import symengine as se
 
 import lagcli
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.presentation.formulas import FORCE, Signs, coefficients, law, total_rate
+from lagcli.equations.presentation.formulas import (
+    FORCE,
+    Formulas,
+    Signs,
+    coefficients,
+    law,
+    total_rate,
+)
+from lagcli.equations.presentation.terms import equation_terms, term_expressions
 from lagcli.equations.typesetting.nodes import Sum
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.text import TextFormula
+from lagcli.model.loader import load_text
 
 HOOP = """
 coordinates: [{names}]
@@ -68,3 +82,65 @@ def test_without_constraints_the_law_has_no_reactions() -> None:
     free = lagcli.load_text("coordinates: [x]\nT: x'^2\ninitial: {x: 0, x': 0}\n")
     assert law(free)[1] is FORCE
     assert coefficients(derive(free)) == {}
+
+
+def test_multipliers_with_equal_long_factors_are_collected() -> None:
+    text = """\
+coordinates: [a, b]
+parameters: {l: 1, d: 2}
+T: a'^2/2 + b'^2/2
+constraints:
+  one: l*sin(a + b) + d*cos(a) = 1
+  two: 1 - l*sin(a + b) - d*cos(a) = b
+  three: l*sin(a + b) + d*cos(a) + b^2 = 0
+  four: a = b
+initial: {a: {guess: 1}, b: {guess: 1}, a': {guess: 0}, b': {guess: 0}}
+"""
+    f = Formulas(derive(load_text(text)))
+    shown = TextFormula(Notation(f.model)).text(f.right_side(0))
+    assert shown == "(λ_one − λ_two + λ_three) [l cos(a + b) − d sin a] + λ_four"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_collected_terms_have_the_values_of_the_multipliers_times_the_jacobian(seed: int) -> None:
+    assert_collected(seed)
+
+
+@pytest.mark.fuzz
+def test_collected_terms_of_many_systems() -> None:
+    for seed in range(int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))):
+        assert_collected(seed)
+
+
+def assert_collected(seed: int) -> None:
+    """Compare right sides as printed with Q + Σ λ b, for constraints with common parts."""
+    draw = random.Random(seed)
+    parts = ["l*sin(a + b)", "d*cos(a)*b", "sqrt(a^2 + b^2 + 3)", "a*b^2", "b", "c^2*a", "exp(c*b)"]
+    sides = []
+    for _ in range(draw.randint(3, 7)):
+        terms = draw.sample(parts, draw.randint(1, 3))
+        if sides and draw.random() < 0.6:
+            terms = [f"({draw.choice(['-', '', '2*'])}({draw.choice(sides)}))", terms[0]]
+        sides.append(" + ".join(terms))
+    constraints = "\n".join(f"  r{k}: {side} = {k}" for k, side in enumerate(sides))
+    text = f"""\
+coordinates: [a, b, c]
+parameters: {{l: 1.3, d: 0.7}}
+T: (a'^2 + b'^2 + c'^2)/2
+Q: {{a: 'd*a^2'}}
+constraints:
+{constraints}
+initial: {{a: {{guess: 1}}, b: {{guess: 1}}, c: {{guess: 1}}, a': {{guess: 0}}, b': {{guess: 0}},
+  c': {{guess: 0}}}}
+"""
+    e = derive(load_text(text))
+    f = Formulas(e)
+    values = {x: draw.uniform(0.3, 1.5) for x in (*e.q, *e.v, *e.a, *e.multipliers)}
+    values |= {se.Symbol(n): x for n, x in e.model.parameter_values.items()}
+    for i in range(3):
+        expected = float(e.applied_forces[i].subs(values))
+        for symbol, c in zip(e.multipliers, e.constraints, strict=True):
+            expected += float(values[symbol] * c.row.get(i, se.Integer(0)).subs(values))
+        terms = [t for t in equation_terms(f.equation_line(i)) if t.side == 1]
+        found = sum(float(x.subs(values)) for x in term_expressions(tuple(terms), e.model))
+        assert found == pytest.approx(expected, rel=1e-12, abs=1e-12), text
