@@ -97,6 +97,10 @@ _PLACES = {
 }
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 if "IPython" in sys.modules:  # in a notebook: rich display of models, equations and runs
     from lagcli.pictures.report.notebook import register
 

@@ -72,6 +72,7 @@ def _open_sweep(name: str) -> Any:
     from lagcli.sweeps.file.store import open_sweep
 
     try:
+        import h5netcdf  # noqa: F401  # xarray reads HDF5 by it, and finds it itself
         import xarray
     except ImportError as error:
         raise FileError(

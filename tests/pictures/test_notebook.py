@@ -9,7 +9,14 @@ from page_checks import TEXTS
 from patience import PATIENCE
 
 import lagcli
-from lagcli.pictures.report.notebook import _RESULTS, analysis_html, trajectory_html
+from lagcli.pictures.report.notebook import (
+    _RESULTS,
+    analysis_html,
+    check_markdown,
+    model_html,
+    sweep_html,
+    trajectory_html,
+)
 from lagcli.settings.settings import SettingsOverrides
 
 
@@ -31,8 +38,8 @@ def test_a_notebook_is_executed():
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in sources])
     nbclient.NotebookClient(notebook, timeout=int(PATIENCE), kernel_name="python3").execute()
     model, equations, run, dataset = (cell.outputs[-1].data for cell in notebook.cells)
-    for shown in (model, equations):
-        assert r"m \ddot{x} &= 2 \, \lambda \, x" in shown["text/markdown"]
+    assert "Coordinates" in model["text/html"]
+    assert r"m \ddot{x} &= 2 \, \lambda \, x" in equations["text/markdown"]
     assert "<iframe" in run["text/html"]
     assert "data:image/png;base64," in run["text/html"]
     assert "xarray.Dataset" in dataset["text/html"]
@@ -44,6 +51,44 @@ def test_the_html_of_a_run(run):
     (page,) = re.findall(r'srcdoc="([^"]*)"', text)
     assert html.unescape(page).startswith("<!doctype html>")
     assert "Plot of the run" in text
+    still, plot = re.findall(r'<img [^>]*alt="([^"]*)"', text)
+    assert (still, plot) == ("Last frame of the animation", "Plot of the run")
+
+
+def test_a_model_is_a_card():
+    card = model_html(lagcli.load("pendulum_cartesian"))
+    assert "<b>Pendulum</b>" in card
+    assert "Constraints: <code>rod</code>." in card
+    assert "<details>" not in card
+    assert len(card) < 4000
+    many = model_html(lagcli.load("chain"))
+    assert "<summary>Coordinates: 40</summary>" in many
+    assert "rod[12]</code> and 8 more." in many
+    assert "&lt;b&gt;" in model_html(_titled("<b>"))
+
+
+def _titled(title):
+    text = f"title: '{title}'\ncoordinates: [x]\nT: x'^2\ninitial: {{x: 0, x': 0}}\n"
+    return lagcli.load_text(text)
+
+
+def test_a_check_is_its_page_in_latex():
+    shown = check_markdown(lagcli.check(lagcli.load("parallelogram")))
+    assert "## Multipliers" in shown
+    assert "Not unique: right" in shown
+    assert r"\lambda_{" in shown
+
+
+def test_a_sweep_is_a_table_of_its_measures(tmp_path):
+    model = lagcli.load("pendulum_cartesian")
+    done = lagcli.sweep(model, ["m=1,2"], tmp_path / "s.h5", measures={"high": "max(y)"}, t_end=0.1)
+    shown = sweep_html(done)
+    assert "2 of 2 rows completed" in shown
+    assert "<code>high</code>" in shown
+
+
+def test_the_functions_are_listed():
+    assert set(lagcli.__all__) <= set(dir(lagcli))
 
 
 def test_results_of_analyses_are_tables():

@@ -22,6 +22,8 @@ from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.overview import constraints_step, freedom_step
 from lagcli.equations.symmetry.conserved import ConservedQuantity, Proof
+from lagcli.equations.typesetting.latex import LatexFormula
+from lagcli.equations.typesetting.markdown import render_markdown
 from lagcli.equations.typesetting.nodes import (
     ONE,
     Line,
@@ -180,6 +182,18 @@ def page(checked: Check, width: int = 80) -> str:
         Ends with a newline.
     """
     model = checked.equations.model
+    formula = TextFormula(Notation(model), written_decimals(model))
+    return render_text(model, _steps(checked), formula, width, numbered=False)
+
+
+def markdown(checked: Check) -> str:
+    """Return a check in Markdown with LaTeX, as a notebook shows it."""
+    model = checked.equations.model
+    formula = LatexFormula(Notation(model), written_decimals(model))
+    return render_markdown(model, _steps(checked), formula, numbered=False)
+
+
+def _steps(checked: Check) -> list[Step]:
     f = Formulas(checked.equations, freedom=checked.rank.freedom)
     steps = [
         constraints_step(f),
@@ -192,10 +206,9 @@ def page(checked: Check, width: int = 80) -> str:
         _time_scales(checked),
         Step("Units", (), " ".join(checked.units.sentences())),
     ]
-    formula = TextFormula(Notation(model), written_decimals(model))
+    model = checked.equations.model
     indexed = IndexForm(model).steps([step for step in steps if step is not None])
-    shown = Extent(f).shortened(indexed)
-    return render_text(model, shown, formula, width, numbered=False)
+    return Extent(f).shortened(indexed)
 
 
 def _integrability(f: Formulas, checked: Check) -> list[Step]:

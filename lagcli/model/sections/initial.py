@@ -600,15 +600,55 @@ def _report_missing(draft: Draft, attempted: Collection[str]) -> None:
         return
     entry = draft.root.entries.get("initial")
     missing = list(dict.fromkeys(_whole(draft, n, missing) for n in missing))
-    shown = missing[:_SHOWN]
-    rest = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
+    entries = _entries(draft, missing)
+    names = [name for name, _ in entries]
+    shown = entries[:_SHOWN]
+    rest = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     draft.report.add(
         "missing-initial",
-        "no initial value for " + ", ".join(f"`{n}`" for n in shown) + rest,
+        "no initial value for " + ", ".join(f"`{n}`" for n in names[:_SHOWN]) + rest,
         entry[0].location if entry else draft.source.location(0, 0),
         "every coordinate and velocity needs a number, or {guess: …} where the constraints"
-        " determine it:\ninitial:\n" + "\n".join(f"  {n}: {_example(draft, n)}" for n in shown),
+        " determine it:\ninitial:\n" + "\n".join(f"  {example}" for _, example in shown),
     )
+
+
+_MEMBER = re.compile(r"(.+)\[(\d+)\](['.\w]*)")
+
+
+def _entries(draft: Draft, missing: list[str]) -> list[tuple[str, str]]:
+    """Return missing names and entries that give them a value, one for consecutive members.
+
+    x[1]', …, x[20]' are ``x[1..20]'``, given by ``x[i = 1..N]': 0`` if they are declared with N.
+    """
+    runs: list[tuple[str, str, int, int]] = []  # before and after the index, first and last
+    places: dict[tuple[str, str], int] = {}
+    for name in missing:
+        match = _MEMBER.fullmatch(name)
+        before, after = (match[1], match[3]) if match else (name, "")
+        index = int(match[2]) if match else -1
+        place = places.get((before, after), -1)
+        if match and place >= 0 and runs[place][3] == index - 1:
+            runs[place] = (before, after, runs[place][2], index)
+        else:
+            places[before, after] = len(runs)
+            runs.append((before, after, index, index))
+    letter = next(x for x in ("i", "j", "k", "n", "index") if x not in draft.names.lines)
+    entries: list[tuple[str, str]] = []
+    for before, after, first, last in runs:
+        if last - first < 2:
+            single = [f"{before}[{k}]{after}" for k in range(first, last + 1)]
+            names = single if first >= 0 else [before]
+            entries += [(x, f"{x}: {_example(draft, x)}") for x in names]
+            continue
+        span = rf"(?<!\w){re.escape(before)}\[\s*{first}\s*\.\.\s*([A-Za-z]\w*)\s*\]"
+        declared = re.search(span, draft.source.text)
+        members = sum(family_of(x) == f"{before}[]" for x in draft.names.coordinates)
+        end = declared[1] if declared and members == last - first + 1 else str(last)
+        value = _example(draft, f"{before}[{first}]{after}")
+        key = f"{before}[{letter} = {first}..{end}]{after}"
+        entries.append((f"{before}[{first}..{last}]{after}", f"{key}: {value}"))
+    return entries
 
 
 def _whole(draft: Draft, name: str, missing: Collection[str]) -> str:

@@ -9,14 +9,21 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from lagcli.errors import LagcliError
+from lagcli.model.expression.units import si_notation
 
 if TYPE_CHECKING:
+    from lagcli.analysis.check.check import Check
     from lagcli.equations.derivation.lagrange import Equations
     from lagcli.model.model import Model
+    from lagcli.sweeps.run import Summary
     from lagcli.trajectory.trajectory import Trajectory
 
 
 _HEIGHT = 560  # pixels of an animation
+_STILL = 0.04  # duration of a film of the first and the last frame, s
+#: Largest numbers of constraints, and of rows of a table, that are shown without folding, and of
+#: rows at all.
+_LISTED, _ROWS = 12, 200
 #: Results of analyses: their modules in `lagcli.analysis` and their types.
 _RESULTS = (
     ("compare.comparison", "FormulationComparison"),
@@ -40,7 +47,9 @@ def register() -> None:
         return
     formatters = shell.display_formatter.formatters
     for format_, module, type_, function in (
-        ("text/markdown", "lagcli.model.model", "Model", model_markdown),
+        ("text/html", "lagcli.model.model", "Model", model_html),
+        ("text/markdown", "lagcli.analysis.check.check", "Check", check_markdown),
+        ("text/html", "lagcli.sweeps.run", "Summary", sweep_html),
         ("text/markdown", "lagcli.equations.derivation.lagrange", "Equations", equations_markdown),
         ("text/html", "lagcli.trajectory.trajectory", "Trajectory", trajectory_html),
         *(
@@ -51,11 +60,86 @@ def register() -> None:
         formatters[format_].for_type_by_name(module, type_, function)
 
 
-def model_markdown(model: Model) -> str:
-    """Return the equations of a model, in Markdown with LaTeX."""
-    from lagcli.equations.derivation.lagrange import derive
+def model_html(model: Model) -> str:
+    """Return a model as a card in HTML: its size, coordinates, constraints and parameters."""
+    from lagcli.pictures.page import number, paragraphs, unit
 
-    return equations_markdown(derive(model))
+    coordinates = [[_named(c.name), unit(c.unit), _text(c.description)] for c in model.coordinates]
+    parameters = [
+        [
+            _named(p.name),
+            number(p.value),
+            unit(p.unit and si_notation(p.unit)),
+            _text(p.description),
+        ]
+        for p in model.parameters.values()
+    ]
+    constraints = ", ".join(map(_named, model.constraint_names[:_LISTED]))
+    more = len(model.constraint_names) - _LISTED
+    constraints += f" and {more} more" if more > 0 else ""
+    parts = [
+        f"<p><b>{html.escape(model.title)}</b></p>{paragraphs(model.description)}",
+        _cut("Coordinates", ["Name", "Unit", "Meaning"], coordinates),
+        f"<p>Constraints: {constraints or 'none'}.</p>",
+        _cut("Parameters, in SI", ["Name", "Value", "Unit", "Meaning"], parameters, numeric=(1,)),
+        "<p><code>lagcli.derive(model)</code> shows the equations.</p>",
+    ]
+    return "\n".join(x for x in parts if x)
+
+
+def _cut(title: str, head: list[str], rows: list[list[str]], numeric: tuple[int, ...] = ()) -> str:
+    """Return a table of the first rows, folded if it is long; nothing without rows."""
+    from lagcli.pictures.page import table
+
+    if not rows:
+        return ""
+    shown = table(title, head, rows[:_ROWS], numeric=numeric)
+    more = f"<p>{len(rows) - _ROWS} more.</p>" if len(rows) > _ROWS else ""
+    if len(rows) <= _LISTED:
+        return shown
+    return f"<details><summary>{title}: {len(rows)}</summary>{shown}{more}</details>"
+
+
+def _named(name: str) -> str:
+    return f"<code>{html.escape(name)}</code>"
+
+
+def _text(text: str | None) -> str:
+    return html.escape(text or "")
+
+
+def check_markdown(checked: Check) -> str:
+    """Return a check in Markdown with LaTeX."""
+    from lagcli.analysis.check.description import markdown
+
+    return markdown(checked)
+
+
+def sweep_html(summary: Summary) -> str:
+    """Return the summary of a sweep in HTML: its rows, failures and ranges of measures."""
+    from lagcli.pictures.page import number, table, unit
+
+    said = f"{summary.ok} of {summary.rows} rows completed, {number(summary.seconds, 3)} s"
+    said += f"; {_named(summary.output)}" if summary.output else ""
+    parts = [f"<p><b>Sweep</b>: {summary.status}, {said}</p>"]
+    failures = [[html.escape(why), str(count)] for why, count in summary.failed.items()]
+    ranges = [
+        [
+            _named(name),
+            number(x["min"]),
+            str(x["row_min"]),
+            number(x["max"]),
+            str(x["row_max"]),
+            unit(x["unit"]),
+        ]
+        for name, x in summary.ranges.items()
+    ]
+    if ranges:
+        head = ["Measure", "Least", "in row", "Largest", "in row", "Unit"]
+        parts.append(table("Measures", head, ranges, numeric=(1, 2, 3, 4)))
+    if failures:
+        parts.append(table("Failed rows", ["Reason", "Rows"], failures, numeric=(1,)))
+    return "\n".join(parts)
 
 
 def equations_markdown(equations: Equations) -> str:
@@ -76,7 +160,10 @@ def analysis_html(result: object) -> str:
 
 
 def trajectory_html(trajectory: Trajectory) -> str:
-    """Return a run in HTML: its status, animation and plot."""
+    """Return a run in HTML: its status, animation, last frame and plot.
+
+    Pages that keep no scripts, such as exported notebooks, show the frame alone.
+    """
     from lagcli.pictures.page import with_code
     from lagcli.results.metadata import model_title
 
@@ -85,7 +172,7 @@ def trajectory_html(trajectory: Trajectory) -> str:
     span = f", t = {times[0]:g} to {times[-1]:g} s, {len(times)} samples" if len(times) else ""
     message = f": {with_code(trajectory.message)}" if trajectory.message else ""
     title = f"<p><b>{html.escape(name)}</b>: {trajectory.status}{message}{span}</p>"
-    return "\n".join([title, *(_picture(make, trajectory) for make in (_animation, _plot))])
+    return "\n".join([title, *(_picture(make, trajectory) for make in (_animation, _still, _plot))])
 
 
 def _picture(make: Any, trajectory: Trajectory) -> str:
@@ -107,10 +194,31 @@ def _animation(trajectory: Trajectory, folder: Path) -> str:
     return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{page}"></iframe>'
 
 
+def _still(trajectory: Trajectory, folder: Path) -> str:
+    """Return the last frame of the animation; nothing if there is no animation."""
+    from lagcli.pictures.animation.animate import animate
+
+    film, target = folder / "still.gif", folder / "still.png"
+    try:
+        animate(trajectory, film, duration=_STILL, fps=1 / _STILL)
+    except LagcliError:
+        return ""
+    from PIL import Image
+
+    with Image.open(film) as frames:
+        frames.seek(frames.n_frames - 1)  # type: ignore[attr-defined]
+        frames.convert("RGB").save(target)
+    return _image(target, "Last frame of the animation")
+
+
 def _plot(trajectory: Trajectory, folder: Path) -> str:
     from lagcli.pictures.plots.plot import plot
 
     target = folder / "plot.png"
     plot(trajectory, target, dpi=100)
-    data = base64.b64encode(target.read_bytes()).decode()
-    return f'<img style="max-width: 100%" alt="Plot of the run" src="data:image/png;base64,{data}">'
+    return _image(target, "Plot of the run")
+
+
+def _image(file: Path, caption: str) -> str:
+    data = base64.b64encode(file.read_bytes()).decode()
+    return f'<img style="max-width: 100%" alt="{caption}" src="data:image/png;base64,{data}">'

@@ -406,3 +406,29 @@ def test_settings_have_units_of_their_dimension(entry: str, message: str) -> Non
     assert found.location is not None
     assert found.location.line == 4
     assert load_text(text.replace(entry, "t_end: 2 min")).settings.t_end == 120.0
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "given", "entry"),
+    [
+        ("x[1..N]", "", "x[i = 1..N]: 0"),
+        ("x[1..N]", "x[i = 1..N]: 0", "x[i = 1..N]': 0"),
+        ("x[1..4]", "", "x[i = 1..4]: 0"),
+        ("x[1..N]", "x[1]: 0, x[1]': 0", "x[i = 2..4]: 0"),
+        ("x[1..N], i", "", "x[j = 1..N]: 0"),
+    ],
+)
+def test_the_entries_proposed_for_missing_initial_values_are_valid(coordinates, given, entry):
+    def text(initial):
+        extra = "+ i'^2" if ", i" in coordinates else ""
+        return (
+            f"coordinates: [{coordinates}]\nparameters: {{N: 4}}\n"
+            f"T: sum(x[k]'^2, k = 1..4) {extra}\ninitial: {{{initial}}}\n"
+        )
+
+    with pytest.raises(ModelError) as raised:
+        load_text(text(given))
+    (found,) = raised.value.diagnostics
+    assert found.help.splitlines()[2].strip() == entry
+    proposed = [f"{key}" for key in map(str.strip, found.help.splitlines()[2:])]
+    assert load_text(text(", ".join([*([given] if given else []), *proposed])))
