@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 
 import symengine as se
@@ -300,23 +300,26 @@ class Formulas:
             applied = general.force(self.coordinates[i])
         return sum_of([(1, applied), *self._reactions(i)])
 
-    def _reactions(self, i: int) -> Iterator[tuple[int, Node]]:
-        """Yield the terms of Σ_β λ_β b_iβ; multipliers with the same long b, or −b, as one term."""
-        groups: dict[Basic, list[tuple[int, ConstraintEquation]]] = {}
-        for c in self.equations.constraints:
-            if i in c.row:
-                b = c.row[i]
-                opposite = se.Add(*[-x for x in b.args]) if isinstance(b, se.Add) else -b
-                sign = -1 if b not in groups and opposite in groups else 1
-                groups.setdefault(opposite if sign < 0 else b, []).append((sign, c))
+    def _reactions(self, i: int) -> list[tuple[int, Node]]:
+        """Return the terms of Σ_β λ_β b_iβ; those with the same long b, or −b, as one term."""
+        held = [c for c in self.equations.constraints if i in c.row]
+        groups: dict[Basic, list[tuple[int, int]]] = {}
+        for place, c in enumerate(held):
+            b = c.row[i]
+            opposite = se.Add(*[-x for x in b.args]) if isinstance(b, se.Add) else -b
+            sign = -1 if b not in groups and opposite in groups else 1
+            groups.setdefault(opposite if sign < 0 else b, []).append((sign, place))
+        labels = [Symbol(c.constraint.name, kind="multiplier") for c in held]
+        pairs = zip(labels, held, strict=True)
+        terms: list[Node | None] = [product_of([x, self.arrange(c.row[i])]) for x, c in pairs]
         for b, members in groups.items():
-            named = [(sign, Symbol(c.constraint.name, kind="multiplier")) for sign, c in members]
             factor = self.arrange(b)
             if len(members) > 1 and len(members) * weight(factor) >= _COLLECTED:
-                yield 1, product_of([sum_of(named), factor])
-                continue
-            for (_, label), (_, c) in zip(named, members, strict=True):
-                yield 1, product_of([label, self.arrange(c.row[i])])
+                together = sum_of((sign, labels[place]) for sign, place in members)
+                for _, place in members:
+                    terms[place] = None
+                terms[members[0][1]] = product_of([together, factor])
+        return [(1, term) for term in terms if term is not None]
 
     def equation_line(self, i: int) -> Line:
         """Return the i-th equation of motion, assembled."""
