@@ -397,11 +397,17 @@ def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
                 for rows in displays(belonging, formula, TEXT_WIDTH - _NUMBER)
             )
             if named is not None:
-                note = f" ({escape(named.remark)})" if named.remark else ""
+                stated = named.remark and not notes_apart(belonging)
+                note = f" ({escape(named.remark or '')})" if stated else ""
                 label = rf"\textit{{{escape(str(named.label))}}}"
                 display = f"\\noindent {label}{note}:\n{display}"
             parts.append(display)
     return parts
+
+
+def notes_apart(group: Sequence[Line]) -> bool:
+    """Whether the notes of a labelled group are of single formulas: sticks, slips."""
+    return any(line.note for line in group[1:])
 
 
 def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
@@ -454,11 +460,13 @@ def displays(
     # with a long left side, or conditions, all lines start at the margin
     flush = aligned > width / 4 or any(len(line.sides) == 1 for line in group)
     parts: list[list[Row]] = [[]]
+    apart = notes_apart(group)
     for line, head in zip(group, heads, strict=True):
+        note = _note(line) if apart or not isinstance(line.label, str) else []
         if flush:
-            texts = _flush(line, head, formula, width)
+            texts = _flush(line, head, note, formula, width)
         else:
-            texts = _aligned(line, head, formula, width - aligned - measure("= "))
+            texts = _aligned(line, head, note, formula, width - aligned - measure("= "))
         rows = [Row(text, None) for text in texts[:-1]] + [Row(texts[-1], line)]
         for i in range(0, len(rows), _ROWS):
             if parts[-1] and len(parts[-1]) + len(rows[i : i + _ROWS]) > _ROWS:
@@ -475,11 +483,13 @@ def _head(line: Line, formula: LatexFormula) -> str:
     return rf"{formula.latex(label)}\colon\quad "
 
 
-def _flush(line: Line, head: str, formula: LatexFormula, width: float) -> list[str]:
+def _flush(
+    line: Line, head: str, note: list[Token], formula: LatexFormula, width: float
+) -> list[str]:
     """Return the rows of a formula, each side on a new one if they do not fit on one."""
     room = width - measure(head)
     sides = [list(formula.tokens(side)) for side in line.sides]
-    sides[-1] += _note(line)
+    sides[-1] += note
     whole = " = ".join(map(flat, sides))
     if measure(whole) <= room:
         return [rf"{head}&{whole}"]
@@ -495,10 +505,12 @@ def _flush(line: Line, head: str, formula: LatexFormula, width: float) -> list[s
     return rows
 
 
-def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[str]:
+def _aligned(
+    line: Line, head: str, note: list[Token], formula: LatexFormula, room: float
+) -> list[str]:
     """Return the rows of a formula, aligned at the equality sign."""
     first, *others = [formula.tokens(side) for side in line.sides]
-    others[-1] = [*others[-1], *_note(line)]
+    others[-1] = [*others[-1], *note]
     head += flat(first)
     rest = " = ".join(map(flat, others))
     if measure(rest) <= room:
@@ -512,9 +524,7 @@ def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[
 
 
 def _note(line: Line) -> list[Token]:
-    """Return note and range of a line, written after the formula; those of a label stay with it."""
-    if isinstance(line.label, str):
-        return []
+    """Return note and range of a line, written after the formula."""
     parts = [rf"\text{{{escape(line.note)}}}"] if line.note else []
     parts += [f"({line.span.latex})"] if line.span is not None else []
     tokens: list[Token] = []

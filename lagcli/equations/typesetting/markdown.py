@@ -6,7 +6,14 @@ import re
 from collections.abc import Sequence
 from itertools import groupby
 
-from lagcli.equations.typesetting.latex import LatexFormula, Row, displays, is_item, paragraphs
+from lagcli.equations.typesetting.latex import (
+    LatexFormula,
+    Row,
+    displays,
+    is_item,
+    notes_apart,
+    paragraphs,
+)
 from lagcli.equations.typesetting.nodes import Line, Step
 from lagcli.model.model import Model
 
@@ -55,7 +62,8 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
             continue
         for named, belonging in paragraphs(list(group)):
             if named is not None:
-                note = f" ({escape(named.remark)})" if named.remark else ""
+                stated = named.remark and not notes_apart(belonging)
+                note = f" ({escape(named.remark or '')})" if stated else ""
                 parts.append(f"*{escape(str(named.label))}*{note}:")
             parts += [
                 "$$\n\\begin{aligned}\n" + _rows(rows) + "\n\\end{aligned}\n$$"

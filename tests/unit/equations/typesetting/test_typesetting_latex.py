@@ -267,3 +267,13 @@ def test_conditions_of_contact_are_numbered_displays():
     contact = latex.split("Contact and friction")[1].split("Degrees of freedom")[0]
     assert r"0 \le \lambda_{\mathrm{upper}} \perp" in contact
     assert contact.count(r"\begin{align}") == contact.count(r"\end{align}") == 6
+
+
+@pytest.mark.parametrize("form", ["latex", "markdown"])
+def test_sticking_and_slipping_are_named_at_their_equations(form):
+    text = render(equations_of(next(p for p in MODELS if p.stem == "stick_slip_belt")), form)
+    (sticks,) = re.findall(r".*text\{sticks\}.*", text)
+    (slips,) = re.findall(r".*text\{slips\}.*", text)
+    assert r"\le F_{s}" in sticks
+    assert r"\operatorname{sign}" in slips
+    assert "(sticks)" not in text
