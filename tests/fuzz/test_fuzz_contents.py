@@ -182,6 +182,27 @@ def test_a_comparison_without_an_optional_part_is_read(
         assert status == 0, said
 
 
+@pytest.mark.parametrize(("part", "number"), [("velocity", 1e308), ("position", 0.0)])
+def test_modes_without_a_finite_motion(
+    tmp_path: Path, originals: dict[str, bytes], part: str, number: float
+) -> None:
+    path = tmp_path / "modes.h5"
+    path.write_bytes(originals["modes"])
+    with h5py.File(path, "a") as root:
+        content = json.loads(root.attrs["content"])
+        for name in content["modes"][0][part]:
+            content["modes"][0][part][name] = [number, number]
+        root.attrs["content"] = np.bytes_(json.dumps(content))
+    with path.open("r+b") as file:
+        seal.seal(file)
+    page = ["-o", str(tmp_path / "out.html")]
+    for command in (["report", str(path)], ["animate", str(path), "--mode", "1"]):
+        status, said = answer(*command, *page)
+        assert status == 3
+        assert "has no finite values" in said
+        assert "Traceback" not in said
+
+
 @pytest.mark.parametrize("values", [(0.0, 1e308), (-1e308, 1e308), (1e308, 1e308)])
 def test_numbers_too_large_for_an_axis(
     tmp_path: Path, originals: dict[str, bytes], values: tuple[float, float]

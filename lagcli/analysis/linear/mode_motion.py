@@ -18,7 +18,7 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block
 from lagcli.engine.system import State
-from lagcli.errors import UsageError
+from lagcli.errors import NumericalError, UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_display
@@ -236,11 +236,12 @@ def _motion(
 ) -> Trajectory:
     """Return the motion of a mode about a point; ``wave`` are times and factors of its shape."""
     model = local.model
-    if amplitude is None:
-        amplitude = _LARGE / np.abs(mode.position / local.lengths).max()
-    elif not (np.isfinite(amplitude) and amplitude > 0):
+    if amplitude is not None and not (np.isfinite(amplitude) and amplitude > 0):
         raise UsageError(f"--amplitude {amplitude:g}: give a positive number")
-    block = _block(local, point, mode, float(amplitude), *wave)
+    with np.errstate(all="ignore"):
+        if amplitude is None:
+            amplitude = _LARGE / np.abs(mode.position / local.lengths).max()
+        block = _block(local, point, mode, float(amplitude), *wave)
     columns = DerivedColumns(local.whole_system, point.p)
     samples = columns(block)
     record = Record(
@@ -277,9 +278,14 @@ def _block(
     moving = np.zeros(len(point.q))
     moving[list(local.entering)] = point.v[list(local.entering)]
     guesses = point.q + np.outer(time, moving) + deviation(mode.position)
-    q = np.array([_placed(local, point.t + t, q) for t, q in zip(time, guesses, strict=True)])
     v, a = point.v + deviation(mode.velocity), point.a + deviation(s * mode.velocity)
     multipliers = point.multipliers + deviation(mode.multipliers)
+    if not all(np.isfinite(x).all() for x in (guesses, v, a, multipliers)):
+        raise NumericalError(
+            f"the motion of a mode of {local.model.name} has no finite values: its eigenvalue"
+            f" {s:.3g} 1/s or its shape is too large, or no coordinate moves"
+        )
+    q = np.array([_placed(local, point.t + t, q) for t, q in zip(time, guesses, strict=True)])
     points = (
         Point(point.t + float(t), q[i], v[i], a[i], multipliers[i], point.p)
         for i, t in enumerate(time)
