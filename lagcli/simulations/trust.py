@@ -83,22 +83,24 @@ class Trust:
 
         They are the changes of T and V over the relative change of the state.
         """
-        some = [0, -1]
+        some = [0, -1, 0, -1]
         t, q, v, a = (getattr(samples, x)[some] for x in ("time", "q", "v", "a"))
+        # all entries differ, so that their changes cannot cancel
+        change = _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
+        sign = np.array([[-1], [-1], [1], [1]])
+        nq = q.shape[1]
+        at, rate = q * (1 + sign * change[:nq]), v * (1 + sign * change[nq:])
+        kinetic, potential, *_ = Batch(self.system, self.p, t, at, rate).report(
+            a, samples.multipliers[some]
+        )
         parts = np.zeros(2)
-        for sign in (-1, 1):
-            # all entries differ, so that their changes cannot cancel
-            change = 1 + sign * _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
-            at, rate = q * change[: q.shape[1]], v * change[q.shape[1] :]
-            kinetic, potential, *_ = Batch(self.system, self.p, t, at, rate).report(
-                a, samples.multipliers[some]
-            )
-            with np.errstate(invalid="ignore"):
-                for energy, before in (
-                    (kinetic, samples.energy_kinetic[some]),
-                    (potential, samples.energy_potential[some]),
-                ):
-                    parts = np.fmax(parts, np.abs(energy - before) / _CHANGE)
+        with np.errstate(invalid="ignore"):
+            for energy, before in (
+                (kinetic, samples.energy_kinetic[some]),
+                (potential, samples.energy_potential[some]),
+            ):
+                for both in np.split(np.abs(energy - before) / _CHANGE, 2):
+                    parts = np.fmax(parts, both)
         return np.where(np.isfinite(parts), parts, 0.0)
 
     def _remedy(self) -> str:

@@ -93,15 +93,12 @@ class Extremes:
             self.first = float(time[0])
         self.samples += len(time)
         self.last = float(time[-1])
-        for extreme, values in zip(
-            self.multipliers.values(), columns["multipliers"].T, strict=True
-        ):
-            widen(extreme, time, values)
+        widen(list(self.multipliers.values()), time, columns["multipliers"])
         for drift, values in zip(self.conserved.values(), columns["conserved"].T, strict=True):
             if math.isnan(drift.first):
                 drift.first = float(values[0])
             drift.drift = float(np.fmax(drift.drift, np.fmax.reduce(np.abs(values - drift.first))))
-        widen(self._potential, time, columns["energy_potential"])
+        widen([self._potential], time, columns["energy_potential"][:, None])
         for quantity in ERRORS:
             largest = np.fmax.reduce(np.abs(columns[quantity.name]), axis=0)
             so_far = np.fmax(getattr(self, quantity.name), largest)
@@ -116,19 +113,28 @@ def known(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
-def widen(extreme: Extreme, time: Array, values: Array) -> None:
-    """Update with more values of a quantity; of equal ones the first counts, NaN never.
+def widen(extremes: Sequence[Extreme], time: Array, values: Array) -> None:
+    """Update with more values of quantities; of equal ones the first counts, NaN never.
 
     Parameters
     ----------
-    extreme : Extreme
+    extremes : sequence of n Extreme
         Modified in place.
-    time, values : (n,) arrays
+    time : (nt,) array
+    values : (nt, n) array
+        A column for each.
     """
-    if np.isnan(values).all():
+    some = np.flatnonzero(~np.isnan(values).all(axis=0))
+    columns = values[:, some]
+    if not columns.size:
         return
-    low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
-    if not values[low] >= extreme.low:
-        extreme.low, extreme.low_time = float(values[low]), float(time[low])
-    if not values[high] <= extreme.high:
-        extreme.high, extreme.high_time = float(values[high]), float(time[high])
+    low, high = np.nanargmin(columns, axis=0), np.nanargmax(columns, axis=0)
+    every = np.arange(len(some))
+    least, most = columns[low, every].tolist(), columns[high, every].tolist()
+    found = zip(some.tolist(), least, time[low].tolist(), most, time[high].tolist(), strict=True)
+    for which, lowest, low_time, highest, high_time in found:
+        extreme = extremes[which]
+        if not lowest >= extreme.low:
+            extreme.low, extreme.low_time = lowest, low_time
+        if not highest <= extreme.high:
+            extreme.high, extreme.high_time = highest, high_time

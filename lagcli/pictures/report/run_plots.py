@@ -154,7 +154,7 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme
             new = len(joined) - 1
             kept.append(_thinned(times[new:], drawn[new:], of_plot * len(time) / run.count))
         for curve, extreme in extremes.items():
-            widen(extreme, time, curve.of(block))
+            widen([extreme], time, curve.of(block)[:, None])
     for plot, kept in zip(plots, pieces, strict=True):
         time = np.concatenate([time for time, _ in kept] or [np.empty(0)])
         empty = np.empty((0, len(plot.curves)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from trajectories import make
 
-from lagcli.trajectory.extremes import Extremes
+from lagcli.trajectory.extremes import Extreme, Extremes, widen
 from lagcli.trajectory.trajectory import Trajectory
 
 
@@ -63,3 +63,23 @@ def test_without_samples_there_are_none() -> None:
     assert np.isnan(extremes.residual_velocity).all()
     assert math.isnan(extremes.conserved["p_phi"].drift)
     assert extremes.energy_scale == 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_columns_together_are_those_one_by_one(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    together = [Extreme() for _ in range(7)]
+    alone = [Extreme() for _ in range(7)]
+    for block in range(4):
+        time = block + np.arange(3.0)
+        values = random.integers(-3, 4, (3, 7)).astype(float)  # some are equal
+        values[random.random((3, 7)) < 0.4] = np.nan
+        values[:, random.integers(7)] = np.nan
+        widen(together, time, values)
+        for extreme, column in zip(alone, values.T, strict=True):
+            for t, x in zip(time.tolist(), column.tolist(), strict=True):
+                if x < extreme.low or (x == x and extreme.low != extreme.low):
+                    extreme.low, extreme.low_time = x, t
+                if x > extreme.high or (x == x and extreme.high != extreme.high):
+                    extreme.high, extreme.high_time = x, t
+    np.testing.assert_equal([vars(x) for x in together], [vars(x) for x in alone])
