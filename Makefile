@@ -22,7 +22,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrat
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install core targets demo test test-kernels test-fma fuzz mutants lint coverage docs docs-check gallery dist bench sanitize valgrind clean
+.PHONY: help install core targets demo test test-kernels test-fma fuzz mutants lint coverage docs docs-check gallery dist wheels bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,9 +40,13 @@ $(BIN)/.installed: pyproject.toml
 core: install ## Compile what has changed in the core
 	$(BIN)/python building/core_library.py
 
-targets: install ## Compile the core for WebAssembly and five platforms, by ziglang (100 MB)
+# the compiler for other platforms, 100 MB
+$(BIN)/.zig: building/core_library.py $(BIN)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  $$(cd building && $(abspath $(BIN))/python -c "import core_library; print(core_library.ZIG)")
+	@touch $@
+
+targets: $(BIN)/.zig ## Compile the core for WebAssembly and five platforms, by ziglang
 	$(BIN)/python -m pytest -m slow tests/unit/engine/core/test_targets.py
 
 demo: install ## Derive the slider-crank's equations, simulate it, and look at the result
@@ -95,8 +99,8 @@ lint: $(BIN)/.extra-lint ## Check style, types and spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs lagcli models tests
-	$(BIN)/proselint --config .proselintrc.json check README.md CHANGELOG.md CONTRIBUTING.md docs
+	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md SECURITY.md docs lagcli models tests
+	$(BIN)/proselint --config .proselintrc.json check README.md CHANGELOG.md CONTRIBUTING.md SECURITY.md docs
 
 coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
 	@mkdir -p build
@@ -110,6 +114,14 @@ dist: $(BIN)/.extra-dist ## Build dist/*.tar.gz and *.whl; try the wheel in an e
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 	$(BIN)/python tests/support/try_wheel.py dist/*.whl
+
+# the core is compiled here, all else comes from the source distribution
+wheels: $(BIN)/.extra-dist $(BIN)/.zig ## Build dist/*.tar.gz and the wheels of all platforms; check them, and run this one's
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python building/wheels.py dist/*.whl
+	$(BIN)/python tests/support/check_wheels.py dist/*.whl
+	$(BIN)/python tests/support/try_wheel.py --tests dist
 
 $(BENCH)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(BENCH)

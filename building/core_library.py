@@ -46,6 +46,9 @@ FLAGS = (
     "-Wno-psabi",  # vectors are passed within one file alone
 )
 
+# A library of macOS contains its own name: by default the path where it was linked.
+_NAMED = {"darwin": ["-Wl,-install_name,@rpath/liblagcore.dylib"]}
+
 
 class CannotCompile(Exception):
     """No C compiler works, or one rejects the core."""
@@ -58,15 +61,18 @@ class Compiler(NamedTuple):
     ----------
     command : list of str
         The program, and what it always needs.
+    system : str
+        The system that the library is for, as `sys.platform` names it.
     """
 
     command: list[str]
+    system: str = sys.platform
 
     @property
     def compiling(self) -> list[str]:
         """The command that compiles a file."""
         own = os.environ.get("LAGCLI_CONTRACTION", "-ffp-contract=off").split()
-        relocatable = [] if sys.platform == "win32" else ["-fPIC"]
+        relocatable = [] if self.system == "win32" else ["-fPIC"]
         given = shlex.split(os.environ.get("CFLAGS", ""))
         return [*self.command, "-c", *FLAGS, *own, *relocatable, *self.target, *given]
 
@@ -74,12 +80,17 @@ class Compiler(NamedTuple):
     def linking(self) -> list[str]:
         """The command that links a library."""
         given = shlex.split(os.environ.get("LDFLAGS", ""))
-        return [*self.command, "-shared", *self.target, *given]
+        return [*self.command, "-shared", *self.target, *_NAMED.get(self.system, []), *given]
+
+    @property
+    def libraries(self) -> list[str]:
+        """What a library is linked with, after its objects."""
+        return [] if self.system == "win32" else ["-lm"]
 
     @property
     def target(self) -> list[str]:
         """The flags of the oldest system on which the library runs."""
-        oldest = sys.platform == "darwin" and "ziglang" not in self.command
+        oldest = self.system == "darwin" and "ziglang" not in self.command
         return [f"-mmacosx-version-min={MACOS}"] if oldest else []
 
     def works(self) -> str:
@@ -89,7 +100,7 @@ class Compiler(NamedTuple):
             source.write_text("#include <math.h>\nint tried(double x) { return isnan(x); }\n")
             for command in (
                 [*self.compiling, str(source), "-o", str(made)],
-                [*self.linking, str(made), "-o", str(made.with_suffix(".so")), *_libraries()],
+                [*self.linking, str(made), "-o", str(made.with_suffix(".so")), *self.libraries],
             ):
                 try:
                     subprocess.run(command, check=True, capture_output=True, text=True)
@@ -98,10 +109,6 @@ class Compiler(NamedTuple):
                 except subprocess.CalledProcessError as error:
                     return str(error.stderr).strip() or f"exit status {error.returncode}"
         return ""
-
-
-def _libraries() -> list[str]:
-    return [] if sys.platform == "win32" else ["-lm"]
 
 
 def _zig_target() -> str:
@@ -118,7 +125,11 @@ def _zig_target() -> str:
 
 def zig(target: str) -> Compiler:
     """Return Zig's compiler for a target, of the package `ziglang`."""
-    return Compiler([sys.executable, "-m", "ziglang", "cc", "-target", target])
+    system = target.split("-")[1].partition(".")[0]
+    return Compiler(
+        [sys.executable, "-m", "ziglang", "cc", "-target", target],
+        {"windows": "win32", "macos": "darwin"}.get(system, system),
+    )
 
 
 def _of_the_machine() -> tuple[Compiler | None, list[str]]:
@@ -231,7 +242,7 @@ def build(library: Path, compiler: Compiler | None = None) -> None:
     linked = folder / library.name
     if any(new for _, new in objects) or not linked.exists():
         paths = [str(path) for path, _ in objects]
-        _run([*compiler.linking, *paths, *_libraries(), "-o", str(linked)])
+        _run([*compiler.linking, *paths, *compiler.libraries, "-o", str(linked)])
     library.parent.mkdir(parents=True, exist_ok=True)
     partial = library.with_name(f"{library.name}.{os.getpid()}")
     partial.write_bytes(linked.read_bytes())

@@ -1,38 +1,95 @@
-"""Install a wheel in an empty environment and use it there, outside the checkout."""
+"""Install a wheel in an empty environment and use it there, outside the checkout.
+
+Of a folder, the wheel that fits this machine is taken. With --tests, tests run there too, with no
+program on the path but those of the environment: nothing may need a compiler.
+
+    python tests/support/try_wheel.py [--tests] dist
+"""
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 import urllib.parse
 import urllib.request
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 
+#: Tests that need neither the checkout's modules nor the core's sources.
+TESTS = ["tests/physics", "tests/unit/results", "tests/property/test_property_tapes.py"]
+#: Where programs of an environment are.
+PROGRAMS = "Scripts" if sys.platform == "win32" else "bin"
 
-def main(wheel: str) -> None:
+
+def fitting(folder: Path) -> Path:
+    """Return the wheel of a folder that an installation on this machine would take."""
+    from packaging.tags import sys_tags
+    from packaging.utils import parse_wheel_filename
+
+    wheels = {path: parse_wheel_filename(path.name)[3] for path in folder.glob("*.whl")}
+    for tag in sys_tags():
+        for path, tags in wheels.items():
+            if tag in tags:
+                return path
+    sys.exit(f"no wheel in {folder} fits this machine: {[path.name for path in wheels]}")
+
+
+class Environment:
+    """An environment that contains a wheel, with the extra `pictures`.
+
+    Parameters
+    ----------
+    place : Path
+        An empty folder.
+    wheel : Path
+    """
+
+    def __init__(self, place: Path, wheel: Path):
+        self.place, self.programs = place, place / "venv" / PROGRAMS
+        self.variables = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+        self.variables["PATH"] = str(self.programs)
+        subprocess.run([sys.executable, "-m", "venv", place / "venv"], check=True)
+        self.install(f"{wheel.resolve()}[pictures]")
+
+    def install(self, *what: str) -> None:
+        """Install packages; none of them may be compiled."""
+        self.run("python", "-m", "pip", "install", "-q", "--only-binary=:all:", *what)
+
+    def command(self, name: str, *arguments: str) -> list[str]:
+        """Return a command with the path of its program."""
+        print("$", name, *arguments, flush=True)
+        return [shutil.which(name, path=str(self.programs)) or name, *arguments]
+
+    def run(self, name: str, *arguments: str) -> str:
+        """Run a command; return what it prints."""
+        return subprocess.run(
+            self.command(name, *arguments),
+            cwd=self.place,
+            env=self.variables,
+            check=True,
+            stdout=subprocess.PIPE,
+            encoding="utf-8",
+        ).stdout
+
+
+def main(path: Path, tests: bool) -> None:
     """Stop at the first command that fails."""
-    with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-        environment["PATH"] = f"{place / 'venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"
-
-        def run(*command: str) -> str:
-            print("$", *command, flush=True)
-            return subprocess.run(
-                command, cwd=place, env=environment, check=True, stdout=subprocess.PIPE, text=True
-            ).stdout
-
-        run(sys.executable, "-m", "venv", "venv")
-        run("python", "-m", "pip", "install", "-q", f"{Path(wheel).resolve()}[pictures]")
+    wheel = fitting(path) if path.is_dir() else path
+    # servers and files that are still open on Windows keep their folder
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        place = Path(name).resolve()
+        environment = Environment(place, wheel)
+        run = environment.run
         run("lagcli", "new", "slider_crank.yaml", "--from", "slider_crank")
         where = run("python", "-c", "import lagcli; print(lagcli.__file__)").strip()
-        assert where.startswith(str(place)), where
-        version = Path(wheel).name.split("-")[1]
+        assert Path(where).resolve().is_relative_to(place), where
+        version = wheel.name.split("-")[1]
         assert run("lagcli", "--version") == f"lagcli {version}\n"
         assert "four_bar" in run("lagcli", "models")
         assert "λ" in run("lagcli", "derive", "slider_crank")
@@ -43,9 +100,26 @@ def main(wheel: str) -> None:
             run("lagcli", command, "run.h5", "-o", f"run.{suffix}")
         run("lagcli", "animate", "run.h5", "-o", "animation.html")
         assert (place / "run.html").stat().st_size > 100_000  # scripts and styles are inside
-        assert (place / where).with_name("py.typed").exists()
-        serve(place, environment)
-    print(f"{Path(wheel).name} works in an empty environment")
+        assert Path(where).with_name("py.typed").exists()
+        serve(environment)
+        if tests:
+            run_tests(environment)
+    print(f"{wheel.name} works in an empty environment")
+
+
+def run_tests(environment: Environment) -> None:
+    """Run tests of the checkout, copied without its package."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    environment.install(*project["optional-dependencies"]["test"])
+    for name in ("tests", "models", "docs"):
+        shutil.copytree(ROOT / name, environment.place / name)
+    shutil.copy(ROOT / "pyproject.toml", environment.place)
+    subprocess.run(
+        environment.command("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", *TESTS),
+        cwd=environment.place,
+        env=environment.variables,
+        check=True,
+    )
 
 
 def fetch(url: str) -> str:
@@ -55,14 +129,16 @@ def fetch(url: str) -> str:
     return text
 
 
-def serve(place: Path, environment: dict[str, str]) -> None:
+def serve(environment: Environment) -> None:
     """Fetch the page of `lagcli play` and all files that it names."""
-    command = ("lagcli", "play", "slider_crank.yaml", "--no-browser")
-    print("$", *command, flush=True)
     server = subprocess.Popen(
-        command, cwd=place, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        text=True,
-    )  # fmt: skip
+        environment.command("lagcli", "play", "slider_crank.yaml", "--no-browser"),
+        cwd=environment.place,
+        env=environment.variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+    )
     try:
         assert server.stdout
         url = next(word for line in server.stdout for word in line.split() if "://" in word)
@@ -77,4 +153,5 @@ def serve(place: Path, environment: dict[str, str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    options = sys.argv[1:]
+    main(Path(options[-1]), "--tests" in options)

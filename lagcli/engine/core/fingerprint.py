@@ -21,9 +21,9 @@ _PACKAGE = CORE.parents[1]
 GENERATED = ("tables.h", "layout.h", "settings.h")
 
 
-def library_in(folder: Path) -> Path:
-    """Return the path of the library in a folder."""
-    suffix = {"win32": "dll", "darwin": "dylib"}.get(sys.platform, "so")
+def library_in(folder: Path, system: str = sys.platform) -> Path:
+    """Return the path of the library in a folder, for a system as `sys.platform` names it."""
+    suffix = {"win32": "dll", "darwin": "dylib"}.get(system, "so")
     return folder / f"liblagcore.{suffix}"
 
 

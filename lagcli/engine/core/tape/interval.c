@@ -467,10 +467,10 @@ static void choice_jet(const lag_interval *a, const lag_interval *b, const lag_i
 static int has_no_value(int op, lag_interval A, const lag_interval *b)
 {
     switch (op) {
-#define DOMAIN(op, outside) \
+#define NO_VALUE(op, outside) \
     case op: \
         return outside;
-        LAG_DOMAINS(DOMAIN)
+        LAG_DOMAINS(NO_VALUE)
     case OP_POW:
         return A.high < 0.0 && b->low == b->high && b->low != floor(b->low);
     default:
