@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Sequence
 
 from lagcli.engine.tape.operations import Op
@@ -22,8 +23,14 @@ _RESERVED = words(
     " solve_constrained abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
     " asinh acosh atanh sqrt cbrt hypot erf erfc floor ceil fabs fmax fmin fmod round trunc rint"
     " free malloc calloc exit printf puts getc putc rand div abort system remove rename"
-    " linux unix i386"
+    " linux unix i386 L_ctermid L_cuserid L_tmpnam L_tmpnam_s P_tmpdir alloca environ"
+    " math_errhandling memcpy memset onexit_t pclose popen ru_first ru_last sa_handler"
+    " sa_sigaction sigmask sv_onstack sys_errlist sys_nerr w_coredump w_retcode w_stopsig w_stopval"
+    " w_termsig wpopen"
 )
+
+# the headers have hundreds, other ones on each system: EOF, M_PI, HUGE
+_MACRO = re.compile(r"[A-Z][0-9A-Z_]{2,}")
 
 
 def _function(op: Op) -> str:
@@ -49,7 +56,9 @@ _SYNTAX = Syntax(
 
 def write_c(content: Content) -> str:
     """Return the equations of a model as a program in C."""
-    writer = CodeWriter(content, _SYNTAX, "{0}[{1}]", _RESERVED)
+    named = (*content.system.coordinates, *content.system.parameters)
+    reserved = {*_RESERVED, *(x for x in named if _MACRO.fullmatch(x))}
+    writer = CodeWriter(content, _SYNTAX, "{0}[{1}]", reserved)
     counts, name = content.system.counts, Identifiers(_RESERVED).of(content.model.name)
     own = asset("model.c").replace("model_", f"{name}_").replace("MODEL_", f"{name.upper()}_")
     state, settings = content.start.state, content.settings

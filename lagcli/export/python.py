@@ -18,7 +18,7 @@ from lagcli.export.sections import CodeSection, CodeWriter
 _RESERVED = words(
     "False None True and as assert async await break class continue def del elif else except"
     " finally for from global if import in is lambda nonlocal not or pass raise return try while"
-    " with np jnp jax ca scipy erfc M f B gamma piece clipped abs float max min"
+    " yield with np jnp jax ca scipy erfc M f B gamma piece clipped abs float max min"
 )
 
 

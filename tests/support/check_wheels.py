@@ -28,6 +28,8 @@ SUPPORT = {
     *("_CRT_INIT", "___chkstk", "__mingw_module_is_dll", "atexit"),
     *("__mh_dylib_header", "___dso_handle"),
 }
+#: Functions of the standard, which a library has for FMUs.
+FMI = ("fmi2", "fmi3")
 MACHINES = {
     "x86_64": ("X86_64",),
     "aarch64": ("AARCH64",),
@@ -175,7 +177,8 @@ def check_library(wheel: Wheel, fingerprint: str) -> None:
     if tag[1]:
         stated = int(tag[1]), int(tag[2])
         demand(oldest <= stated, f"needs {oldest}, and the tag says {stated}")
-    demand(exports - SUPPORT == declared(), f"exports: {sorted((exports - SUPPORT) ^ declared())}")
+    own = {name for name in exports - SUPPORT if not name.startswith(FMI)}
+    demand(own == declared(), f"exports: {sorted(own ^ declared())}")
     strange = [name for name in needs if not re.fullmatch(SYSTEM_LIBRARIES, name)]
     demand(not strange, f"needs {strange}")
 
@@ -197,7 +200,7 @@ def main(paths: list[str]) -> None:
     sys.path.insert(0, str(ROOT))
     from lagcli.engine.core.fingerprint import fingerprint
 
-    common = None
+    common = functions = None
     for path in map(Path, paths):
         wheel = Wheel(path)
         try:
@@ -209,14 +212,16 @@ def main(paths: list[str]) -> None:
             own = {wheel.library, *(f"{wheel.information}/{n}" for n in ("WHEEL", "RECORD"))}
             rest = {name: content for name, content in wheel.files.items() if name not in own}
             demand(common in (None, rest), "other modules than those of the first wheel")
+            machine, exports, needs, oldest = described(wheel.files[wheel.library])
+            exports -= SUPPORT
+            demand(functions in (None, exports), "other functions than those of the first wheel")
         except WrongWheel as problem:
             sys.exit(f"{path.name}: {problem}")
-        common = rest
-        machine, exports, needs, oldest = described(wheel.files[wheel.library])
+        common, functions = rest, exports
         size = len(wheel.files[wheel.library]) // 1000
         print(
             f"{path.name}: {path.stat().st_size // 1000} kB; library {size} kB, {machine},"
-            f" {len(exports - SUPPORT)} functions, needs {', '.join(needs)}"
+            f" {len(exports)} functions, needs {', '.join(needs)}"
             + (f", from {'.'.join(map(str, oldest))}" if oldest else "")
         )
 

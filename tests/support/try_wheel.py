@@ -22,7 +22,17 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 #: Tests that need neither the checkout's modules nor the core's sources.
-TESTS = ["tests/physics", "tests/unit/results", "tests/property/test_property_tapes.py"]
+TESTS = [
+    "tests/physics/test_closed_forms.py",
+    "tests/physics/test_contact_models.py",
+    "tests/physics/test_convergence.py",
+    "tests/physics/test_event_times.py",
+    "tests/physics/test_identities.py",
+    "tests/physics/test_stiff.py",
+    "tests/physics/test_taylor.py",
+    "tests/property/test_property_tapes.py",
+    "tests/unit/results",
+]
 #: Where programs of an environment are.
 PROGRAMS = "Scripts" if sys.platform == "win32" else "bin"
 

@@ -167,6 +167,33 @@ def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
 
 
 @NEEDS_CC
+def test_words_of_the_languages_may_be_names_of_a_model(tmp_path: Path) -> None:
+    """Macros of headers, functions that the code calls, and words that end functions."""
+    names = ["EOF", "M_PI", "HUGE", "memset", "stderr", "L_tmpnam", "yield", "lambda", "np", "end"]
+    definitions = "".join(f"  {name}: {i + 1}\n" for i, name in enumerate(names))
+    text = (
+        "name: words\ncoordinates: [errno, BUFSIZ]\nparameters:\n"
+        + definitions
+        + "T: errno'^2/2 + BUFSIZ'^2/2\n"
+        + f"V: errno*({' + '.join(f'{n}*sin({n}*errno)' for n in names)})\n"
+        + "constraints: {c: errno^2 + BUFSIZ^2 = 4}\n"
+        + "initial: {errno: 1, errno': 0, BUFSIZ: {guess: 1.7}, BUFSIZ': {guess: 0}}\n"
+    )
+    model = lagcli.load_text(text)
+    f = lagcli.dynamics(model)
+    expected = f(f.t, f.q, f.v)
+    found = module(code(model, "python"), "own").dynamics(np.float64(f.t), f.q, f.v, f.p)
+    assert all(map(close, found, expected))
+    # by default compilers define more names than those of the standard
+    library = compiled(code(model, "c"), tmp_path, "-std=gnu11")
+    a, multipliers = np.zeros(2), np.zeros(2)
+    state = [c_double(f.t), *pointers(f.q, f.v, f.p)]
+    assert library.words_dynamics(*state, *pointers(a, multipliers)) == 0
+    assert close(a, expected[0])
+    assert close(multipliers[:1], expected[1])
+
+
+@NEEDS_CC
 @pytest.mark.parametrize("name", ["slider_crank", "rolling_disk", "parallelogram"])
 def test_programs_simulate_as_lagcli_does(name: str, tmp_path: Path) -> None:
     """Both methods have an error near the tolerance; it grows along the motion."""
