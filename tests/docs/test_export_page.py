@@ -59,7 +59,13 @@ def test_the_example_in_casadi_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     crank = ModuleType("crank")
     exec(code(lagcli.load("slider_crank"), "casadi"), crank.__dict__)
     monkeypatch.setitem(sys.modules, "crank", crank)
-    exec(indented("import casadi as ca, crank"), {})
+    examples = re.findall(r"^    import casadi as ca, crank\n(?:(?:    .*)?\n)*", PAGE, re.M)
+    linear, control = (re.sub(r"^    ", "", text, flags=re.M) for text in examples)
+    exec(linear, {})
+    printed = StringIO()
+    with redirect_stdout(printed):
+        exec(control, {})
+    assert f"# {printed.getvalue()}" in control
 
 
 @pytest.mark.slow

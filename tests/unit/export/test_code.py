@@ -95,6 +95,35 @@ def test_a_module_for_casadi_has_the_values_of_the_engine(name: str) -> None:
         assert float(ca.norm_inf(defect(point.t, x, z, point.p))) <= 1e-12 * size
 
 
+@pytest.mark.parametrize(
+    ("name", "by"),
+    [("slider_crank", ["m", "l", "phi'"]), ("rolling_disk", ["g", "x"]), ("parallelogram", ["m"])],
+)
+def test_gradients_of_a_motion_by_casadi_are_the_sensitivities(name: str, by: list[str]) -> None:
+    """By CVODES' forward sensitivities; the initial state changes with the parameters, too."""
+    ca = pytest.importorskip("casadi")
+    content, end = exported(name), 0.3
+    run = lagcli.simulate(content.model, t_end=end, samples=2, sensitivity=by, rtol=1e-11)
+    own = module(write_casadi(content), name)
+    t, q, v, p = own.symbols()
+    slope = ca.vertcat(v, own.solution(t, q, v, p)[0])
+    ode = {"t": t, "x": ca.vertcat(q, v), "p": p, "ode": slope}
+    options = {"abstol": 1e-12, "reltol": 1e-12}
+    motion = ca.integrator("motion", "cvodes", ode, float(own.START), end, options)
+    x, values = ca.MX.sym("x", 2 * own.NQ), ca.MX.sym("p", own.NP)
+    final = motion(x0=x, p=values)["xf"]
+    both = ca.Function("both", [x, values], [ca.jacobian(final, x), ca.jacobian(final, values)])
+    start = np.concatenate([run.q[0], run.v[0]])
+    by_state, by_value = map(np.array, both(start, own.values()))
+    found = by_state @ np.concatenate([run.dq[0], run.dv[0]])
+    names = list(own.PARAMETERS)
+    for j, parameter in enumerate(by):
+        if parameter in names:
+            found[:, j] += by_value[:, names.index(parameter)]
+    expected = np.concatenate([run.dq[-1], run.dv[-1]])
+    assert np.abs(found - expected).max() <= 1e-8 * np.abs(expected).max()
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_a_module_for_jax_has_the_values_and_derivatives_of_the_engine(name: str) -> None:
     jax = pytest.importorskip("jax")
@@ -164,6 +193,21 @@ def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no function `erf`"):
         code(model, "modelica")
     assert "ifelse(" in code(model, "matlab")
+
+
+@pytest.mark.parametrize("to", ["python", "casadi", "jax"])
+def test_models_without_constraints_are_written(to: str) -> None:
+    if to != "python":
+        pytest.importorskip(to)
+    model = lagcli.load_text(
+        "coordinates: [x, y]\nT: x'^2 + y'^2/2 + x'*y'/3\nV: x^2 + y^4\n"
+        "initial: {x: 1, x': 0, y: 1, y': 0}\n"
+    )
+    f, own = lagcli.dynamics(model), module(code(model, to), "own")
+    dynamics = own.dynamics() if to == "casadi" else own.dynamics
+    a, multipliers = dynamics(f.t, f.q, f.v, f.p)
+    assert close(a, f(f.t, f.q, f.v).a)
+    assert np.size(multipliers) == 0
 
 
 @NEEDS_CC
