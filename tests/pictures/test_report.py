@@ -383,7 +383,7 @@ def test_exit_statuses_and_messages(tmp_path, result, capsys):
     assert cli(["report", run, "-o", str(page), "--force", "--quiet"]) == 0
     assert not capsys.readouterr().out
     assert cli(["report", run]) == 2
-    assert cli(["report", run, "-o", str(tmp_path / "report.pdf")]) == 2
+    assert cli(["report", run, "-o", str(tmp_path / "report.docx")]) == 2
     assert "name it" in capsys.readouterr().err
     assert cli(["report", run, "-o", "-"]) == 2
     assert "written to a file" in capsys.readouterr().err
