@@ -138,19 +138,19 @@ def try_mutants(kind: str, original: bytes, folder: Path, count: int) -> Counter
     return counts
 
 
-#: Files that ended with tracebacks, and what `info` and `report` say; empty where they read it.
+#: Files that ended with tracebacks, and what `info` and `report` say.
 FOUND = {
-    "mut_cmp_5_1": ("content.model is 1e+300 and not a text",) * 2,
-    "mut_eq_5_2": ("content.parameter is [] and not a text",) * 2,
-    "mut_eq_5_3": ("content.",) * 2,
-    "mut_fit_2_19": ("correlation has shape",) * 2,
-    "mut_fit_5_7": ("parameters.c is [[[]]] and not a finite number",) * 2,
-    "mut_fit_5_9": ("content.degrees_of_freedom is null and not an integer",) * 2,
-    "mut_lin_5_5": ("content.inputs is",) * 2,
-    "mut_lin_5_9": ("", "set is 2.5 and not an object"),
-    "mut_modes_5_1": ("content.model is true and not a text",) * 2,
-    "mut_run_5_11": ("freedom has no constraints",) * 2,
-    "mut_sw_5_2": ("attributes.sweep has no set_initial",) * 2,
+    "mut_cmp_5_1": "content.model is 1e+300 and not a text",
+    "mut_eq_5_2": "content.parameter is [] and not a text",
+    "mut_eq_5_3": "content.",
+    "mut_fit_2_19": "correlation has shape",
+    "mut_fit_5_7": "parameters.c is [[[]]] and not a finite number",
+    "mut_fit_5_9": "content.degrees_of_freedom is null and not an integer",
+    "mut_lin_5_5": "content.inputs is",
+    "mut_lin_5_9": "set is 2.5 and not an object",
+    "mut_modes_5_1": "content.model is true and not a text",
+    "mut_run_5_11": "freedom has no constraints",
+    "mut_sw_5_2": "attributes.sweep has no set_initial",
 }
 
 
@@ -158,11 +158,11 @@ FOUND = {
 def test_files_that_ended_with_tracebacks(tmp_path: Path, name: str) -> None:
     path = Path(__file__).parents[1] / "found" / "contents" / f"{name}.h5"
     page = ["-o", str(tmp_path / "out.html")]
-    for command, said in zip((["info"], ["report", *page]), FOUND[name], strict=True):
+    for command in (["info"], ["report", *page]):
         status, text = answer(*command, str(path))
-        assert (status, text.count("\n") == 1) == ((4, True) if said else (0, False)), text
-        assert f"cannot read {path}: " in text or not said
-        assert said in text
+        assert (status, text.count("\n")) == (4, 1), text
+        assert f"cannot read {path}: " in text
+        assert FOUND[name] in text
 
 
 def test_a_comparison_without_an_optional_part_is_read(

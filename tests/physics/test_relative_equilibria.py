@@ -64,6 +64,7 @@ def test_conical_pendulum_in_cartesian_coordinates(seed: int) -> None:
     given: list[dict[str, float | None]] = [
         {"rate(J_1)": rate},
         {"z": -l * math.cos(angle)},  # the speed is looked for
+        {"z": -l * math.cos(angle), "y'": None},
         {"J_1": momentum},
         {"x*y' - y*x'": momentum / m},
     ]

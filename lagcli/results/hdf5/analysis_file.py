@@ -103,15 +103,20 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
         As `read_analysis`; also if the file contains no model.
     """
     with open_verified(path) as opened:
-        names = ("model", "model_path", "set", "set_initial")
-        text, origin, given, initial = (text_attribute(opened.root, name) for name in names)
+        text, origin = (text_attribute(opened.root, name) for name in ("model", "model_path"))
         if text is None:
             raise FileError(f"{os.fspath(path)} contains no model")
         check_model(text, text_attribute(opened.root, "model_sha256") or "")
-        changed = {"set": json.loads(given or "{}"), "set_initial": json.loads(initial or "{}")}
-        for name, values in changed.items():
-            check_json(values, _VALUES, name)
-        return ModelText(text, origin or os.fspath(path), **changed)
+        return ModelText(text, origin or os.fspath(path), **_given_values(opened.root))
+
+
+def _given_values(root: h5py.File) -> dict[str, dict[str, str]]:
+    """Return the values that replace those of the model: ``set`` and ``set_initial``."""
+    given = {}
+    for name in ("set", "set_initial"):
+        given[name] = json.loads(text_attribute(root, name) or "{}")
+        check_json(given[name], _VALUES, name)
+    return given
 
 
 def read_units(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -170,6 +175,7 @@ def opened_analysis(
         # numbers that JSON lacks are null; fit files had them once
         content = json.loads(text, parse_constant=lambda _: None)
         check_json(content, _schema(opened.kind), "content")
+        _given_values(opened.root)
         yield opened.root, content
 
 
