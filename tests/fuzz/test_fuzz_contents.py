@@ -182,6 +182,21 @@ def test_a_comparison_without_an_optional_part_is_read(
         assert status == 0, said
 
 
+@pytest.mark.parametrize("value", [1e308, -1e-308, 1e80])
+def test_forces_too_large_or_small_to_be_drawn(
+    tmp_path: Path, originals: dict[str, bytes], value: float
+) -> None:
+    path = tmp_path / "run.h5"
+    path.write_bytes(originals["run"])
+    with h5py.File(path, "a") as root:
+        root["constraint_force_by"][3:7] = value
+    with path.open("r+b") as file:
+        seal.seal(file)
+    status, said = answer("report", str(path), "-o", str(tmp_path / "r.html"))
+    assert status in (0, 2), said
+    assert "Warning" not in said
+
+
 @pytest.mark.parametrize(("part", "number"), [("velocity", 1e308), ("position", 0.0)])
 def test_modes_without_a_finite_motion(
     tmp_path: Path, originals: dict[str, bytes], part: str, number: float

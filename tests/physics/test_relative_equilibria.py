@@ -311,3 +311,18 @@ def test_motions_along_symmetries_are_equilibria_in_axes_that_turn(seed: int) ->
     one, other = (ordered(x.stability.eigenvalues) for x in (found, expected))
     assert len(one) == len(other)
     np.testing.assert_allclose(one, other, atol=1e-5 * np.abs(other).max())
+
+
+def test_linearize_names_a_start_along_a_symmetry() -> None:
+    """A top that sleeps is steady, though the rates of its quaternion change."""
+    model = lagcli.load_text(TOP + "initial: {e: 1, e': [0, 0, 40]}\n")
+    note = lagcli.linearize(model).notes[0]
+    assert note.startswith("the start is a steady motion along a symmetry")
+    given = dict(x.split("=") for x in note.split('"')[1::2])
+    assert list(given.values()) == ["40"]
+    steady = lagcli.linearize(
+        model, equilibrium=True, steady={k: float(v) for k, v in given.items()}
+    )
+    np.testing.assert_allclose(steady.operating_point.point.v, [0, 0, 0, 20], atol=1e-12)
+    tilted = lagcli.load_text(TOP + "initial: {e: [0.96, 0.28, 0, 0], e': [0, 0, 40]}\n")
+    assert "is not an equilibrium or a steady motion" in lagcli.linearize(tilted).notes[0]

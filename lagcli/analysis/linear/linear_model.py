@@ -12,6 +12,7 @@ from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.gradients import Gradients, ParameterPath, Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint, multipliers_of
+from lagcli.analysis.local.relative import rates_along
 from lagcli.analysis.local.steady import ignored_velocities
 from lagcli.analysis.local.steady_terms import Given
 from lagcli.arrays import Array
@@ -434,7 +435,14 @@ def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -
     point, name = operating_point.point, operating_point.name
     rate = np.abs(point.v / local.lengths).max(initial=0.0)
     turning = np.abs(point.a / local.lengths).max(initial=0.0) > _TURNING * rate**2
-    if not operating_point.steady:
+    along = {} if operating_point.steady else rates_along(local, point)
+    if along:
+        given = " ".join(f'--steady "{rate}={value:.6g}"' for rate, value in along.items())
+        notes.append(
+            f"{name} is a steady motion along a symmetry: the matrices hold at this instant only;"
+            f" those of --equilibrium {given} hold at all times, in axes that move along"
+        )
+    elif not operating_point.steady:
         notes.append(
             f"{name} is not an equilibrium or a steady motion: the matrices hold at this instant"
             " only; --equilibrium finds an equilibrium near the initial values"

@@ -17,16 +17,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.analysis.local.gradients import MotionJacobians
+from lagcli.analysis.local.gradients import MotionJacobians, Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import Condition, IndependentVelocities, Residual, SteadyProblem
 from lagcli.arrays import Array
-from lagcli.equations.symmetry.conserved import ConservedQuantity
+from lagcli.equations.symmetry.conserved import QUICK, ConservedQuantity, conserved_quantities
 from lagcli.errors import NumericalError
 
 #: Singular values of the fields below this part of the largest are rounding errors.
 _DEPENDENT = 1e-9
+#: Differences of velocities and accelerations, relative to the largest, that are rounding errors.
+_STEADY = 1e-9
 
 
 class SymmetryField(NamedTuple):
@@ -50,6 +52,30 @@ class SymmetryField(NamedTuple):
     def at(self, q: Array) -> Array:
         """Return ξ(q)."""
         return np.asarray(self.matrix @ q + self.shift)
+
+
+def rates_along(local: LocalEquations, point: Point) -> dict[str, float]:
+    """Return the rates of symmetries along which a motion is steady; none if there are no such.
+
+    Parameters
+    ----------
+    local : LocalEquations
+    point : Point
+        With its accelerations.
+    """
+    quantities = conserved_quantities(local.equations, QUICK).quantities
+    fields = [SymmetryField.of(local, x) for x in quantities if x.kind == "momentum"]
+    if not fields or not point.v.any():
+        return {}
+    columns = np.array([field.at(point.q) for field in fields]).T
+    rates, *_ = np.linalg.lstsq(columns, point.v, rcond=_DEPENDENT)
+    frame = sum(s * field.matrix for s, field in zip(rates, fields, strict=True))
+    for along, found in ((columns @ rates, point.v), (frame @ point.v, point.a)):
+        off, size = (np.abs(x / local.lengths).max() for x in (along - found, found))
+        if off > _STEADY * size:
+            return {}
+    least = _STEADY * np.abs(rates).max()
+    return {x.name: float(s) for x, s in zip(fields, rates, strict=True) if abs(s) > least}
 
 
 class RelativeProblem(SteadyProblem):

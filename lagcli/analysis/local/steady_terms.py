@@ -275,8 +275,8 @@ def _probes(local: LocalEquations) -> list[Array]:
 def nearest_steady_state(model: Model, steady: Given) -> SteadyState:
     """Return the equilibrium, or steady motion, to which Newton's method leads from the start.
 
-    With contacts, it is one that satisfies 0 ≤ φ ⊥ λ ≥ 0: see `ActiveSet`. If no motion with constant
-    independent velocities has the given ones, or the given coordinates, it is one along symmetries.
+    With contacts, it is one that satisfies 0 ≤ φ ⊥ λ ≥ 0: see `ActiveSet`. If no motion with
+    constant independent velocities has the given ones, it is one along symmetries.
 
     Raises
     ------

@@ -202,6 +202,8 @@ def _multipliers_in(components: Sequence[Basic], model: Model) -> tuple[str, ...
 
 #: Largest residual of the equations for F, relative to the largest force along the run.
 _LEFT = 1e-6
+#: Numbers from which no force is drawn: squares of their quotients overflow.
+_HUGE = 1e75
 #: Directions in which the points move less than this, relatively, count as fixed.
 _SINGULAR, _NEVER = 1e-9, 1e-6
 
@@ -257,7 +259,7 @@ class PointForce:
             row, column = divmod(i, len(self.columns))
             jacobian[:, column, row] = values
         work = work[:, self.columns]
-        finite = np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(work).all(axis=1)
+        finite = (np.abs(jacobian) < _HUGE).all(axis=(1, 2)) & (np.abs(work) < _HUGE).all(axis=1)
         finite &= np.isfinite(place).all(axis=1)
         force = np.full(place.shape, np.nan)
         # lengths relative to the whole view: points of a joint differ by rounding only
@@ -272,7 +274,7 @@ class PointForce:
         if not len(work):
             return np.empty(place.shape)
         size = np.sqrt((jacobian**2).sum(axis=2)).max(axis=0, initial=0.0)
-        size[size == 0] = 1.0
+        size[size < 1 / _HUGE] = 1.0
         # each equation in the unit of a force
         matrix, right = jacobian / size[:, None], work / size
         force, left, unique = _least_norm(matrix, right)
