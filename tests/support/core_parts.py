@@ -59,7 +59,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_first_change": (c_int, c_void_p, c_double, c_void_p, c_void_p),
     "lag_part_estimate_root": (c_double, c_void_p, c_double, c_double),
     "lag_part_watch": (c_int, c_void_p, c_double, *[c_void_p] * 3),
-    "lag_part_steps_over": (c_int, c_void_p, c_double, c_void_p, c_void_p),
+    "lag_part_steps_over": (c_int, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
     "lag_part_acceleration_terms": (Doubles, c_void_p),
     "lag_part_coefficients": (None, c_void_p, c_void_p),

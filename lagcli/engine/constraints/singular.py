@@ -42,12 +42,29 @@ _DESCENT = 0.02
 #: ... and below this part the path ahead is examined. Not later, because the rounding errors of a
 #: and λ grow with the inverse square of the value.
 _LOOK = 0.04
+#: Largest residual of a state that is on the constraints, relative to the coordinates' sizes.
+_OFF = 1e-9
+#: Number of parts of a path in which a singular configuration is searched for ...
+_PARTS = 16
+#: ... and length of B's path in a part relative to its chord.
+_CURVED = 1.25
 #: Number of states on each side used for a passage.
 _NODES = 4
 #: Rows below this part of their scale, which is one millionth of their usual length, count as zero.
 _VANISHING = 0.1
 #: Displacement of an initial state, relative to the coordinates' size, to test for a singularity.
 _ASIDE = 1e-3
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A point of a path: the scaled B there, its weakest singular value and its least value on the
+    constraints."""
+
+    t: float
+    scaled: Array
+    weakest: float
+    least: float
 
 
 @dataclass(frozen=True)
@@ -123,17 +140,67 @@ class RankWatch:
 
     # inside a step
 
-    def singular_time(self, path: Path, low: float, high: float) -> float | None:
-        """Return the time between two times at which a path is singular, or None."""
+    def singular_time(self, path: Path, low: float, high: float) -> tuple[float, bool] | None:
+        """Return the first time between two times at which a path is singular, or None.
+
+        No singular value changes by more than B does (Weyl). Two states between which B changes by
+        less than the sum of their weakest values have no singular one between them; others are
+        bisected.
+
+        Returns
+        -------
+        time : float
+            s.
+        certain : bool
+            Whether the path is on the constraints there. If not, the constraints may exclude the
+            singular configuration, and the motion turns away before it.
+        """
         from scipy.optimize import minimize_scalar
 
-        least = minimize_scalar(
-            lambda t: self.weakest(t, path(t)),
-            bounds=(low, high),
+        resolution = 1e-12 * max(abs(high), high - low)
+        later = [self._at(path, t) for t in np.linspace(high, low, _PARTS + 1)]
+        before = now = later.pop()
+        while later and now.least >= SINGULAR:
+            then = later[-1]
+            length = _CURVED * float(np.linalg.norm(then.scaled - now.scaled))
+            if length < now.least + then.least or then.t - now.t <= resolution:
+                before, now = now, later.pop()
+            else:
+                later.append(self._at(path, (now.t + then.t) / 2))
+        if now.least >= SINGULAR:
+            return None
+        while later and later[-1].weakest < now.weakest:
+            before, now = now, later.pop()
+        # from the time found so far: SciPy's tolerance is relative to the unknown
+        since = now.t
+        found = minimize_scalar(
+            lambda x: self.weakest(since + x, path(since + x)),
+            bounds=(before.t - since, (later[-1].t if later else high) - since),
             method="bounded",
-            options={"xatol": 1e-12 * max(abs(high), high - low)},
+            options={"xatol": resolution},
         )
-        return float(least.x) if least.fun < SINGULAR else None
+        if found.fun < now.weakest:
+            now = self._at(path, since + float(found.x))
+        certain = now.weakest < SINGULAR and self._residual(now.t, path(now.t)) < _OFF
+        return now.t, certain
+
+    def _at(self, path: Path, t: float) -> _Point:
+        y = path(t)
+        jacobian = self.motion.evaluator.constraints(t, *self.motion.split(y)).jacobian
+        scaled = jacobian * self.motion.sizes / self.motion.lengths[:, None]
+        weakest = self.weakest(t, y) if np.isfinite(scaled).all() else math.inf
+        return _Point(t, scaled, weakest, weakest - math.sqrt(2.0 * self._residual(t, y)))
+
+    def _residual(self, t: float, y: Array) -> float:
+        """Return the largest residual of the position constraints, as a change of the coordinates
+        over their sizes.
+
+        Where two branches of the motion miss each other by this, the weakest value is about the
+        square root of its double.
+        """
+        position = self.motion.evaluator.constraints(t, *self.motion.split(y)).position
+        lengths = self.motion.lengths[list(self.motion.evaluator.system.holonomic)]
+        return float(np.abs(position / lengths).max(initial=0.0))
 
     # ahead of the last step
 
@@ -180,12 +247,12 @@ class RankWatch:
             return q, v
 
         now = self._nodes[-1]
-        time = self.singular_time(
+        singular = self.singular_time(
             lambda t: np.concatenate(path(t)), now.t, now.t + 3 * now.weakest / rate
         )
-        if time is None:
+        if singular is None or not singular[1]:
             return None
-        return Ahead(time, tuple((node.t, node.y) for node in self._nodes), path)
+        return Ahead(singular[0], tuple((node.t, node.y) for node in self._nodes), path)
 
     # messages of stopped runs
 

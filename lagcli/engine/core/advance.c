@@ -70,8 +70,7 @@ int lag_start(lag_run *run)
     }
     if (lag_switch(run, run->switching.used ? run->switching.chosen : run->method) != LAG_RUNNING)
         return LAG_UNDEFINED;
-    run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
-    run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
+    lag_watch_restart(run);
     run->step.finishing = 0;
     run->watch.cancellation.last = 0.0;
     run->solver.inaccuracy = INFINITY; /* unknown */
@@ -98,6 +97,8 @@ static int finish(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     run->step.finishing = 0;
+    if (run->watch.mode)
+        lag_watch_accept(run);
     memcpy(run->step.y, run->step.y_new, (size_t)n * sizeof(double));
     if (run->method->uses_slope) {
         memcpy(run->step.f, run->step.f_new, (size_t)n * sizeof(double));
@@ -137,6 +138,12 @@ static void take_back(lag_run *run, double part)
     --run->step.steps;
     ++run->step.rejected;
     lag_restart(run);
+}
+
+void lag_repeat(lag_run *run)
+{
+    run->step.finishing = 0;
+    take_back(run, SHORTER);
 }
 
 /* The largest residual whose error in the velocities is below their tolerances in the last step. */

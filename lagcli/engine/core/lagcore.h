@@ -403,6 +403,9 @@ void lag_dense(lag_run *run, double t, double *y);
 /* Limit steps further than the settings do, from here on; INFINITY: no further. */
 void lag_limit(lag_run *run, double step);
 
+/* Take the last step back, after LAG_OVER; the next one is shorter. */
+void lag_repeat(lag_run *run);
+
 /* Continue from another state; lag_start must follow. */
 void lag_move(lag_run *run, double t, const double *y, int64_t times_next);
 

@@ -1,5 +1,6 @@
 #include "parts.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "batch/batch.h"
@@ -173,30 +174,28 @@ int lag_part_watch(lag_run *run, double t, const double *y, double *part, double
 {
     if (lag_derivative(run, t, y, run->step.f_new))
         return 1;
-    lag_watch_stage(run);
+    lag_watch_factors(run);
     *part = run->watch.cancellation.last;
     *pivot = lag_least_pivot(run, t, y);
     return 0;
 }
 
-int lag_part_steps_over(lag_run *run, double h, const double *before, const double *after)
+int lag_part_steps_over(lag_run *run, double h, double speed, const double *before, const double *after)
 {
     const size_t size = (size_t)lag_size(&run->system) * sizeof(double);
     memcpy(run->step.y_old, before, size);
     memcpy(run->step.y_new, after, size);
     run->step.t_old = run->step.t;
     run->step.t += run->step.h_old = h;
-    run->watch.cancellation.least = 0.0;
+    run->watch.path.speed = speed;
+    run->watch.path.length = INFINITY;
     return lag_stepped_over(run);
 }
 
 int lag_part_approaches(lag_run *run, double t, const double *y)
 {
-    lag_watch_step(run);
-    if (lag_stage(run, t, y, run->step.f))
-        return 0;
-    run->step.t = t;
-    memcpy(run->step.y, y, (size_t)lag_size(&run->system) * sizeof(double));
+    run->watch.pivot_at_end = lag_least_pivot(run, t, y);
+    run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot_at_end);
     return lag_approaches(run);
 }
 

@@ -111,8 +111,8 @@ typedef struct {
 } lag_rows;
 
 /*
- * Cancellation in the pivots of the elimination: the least part that a pivot keeps of the terms that it
- * is the sum of, 1 without cancellation, near 0 next to a singular configuration.
+ * Cancellation in the pivots of the elimination, of models with many rows of B: the least part that a pivot keeps of
+ * the terms that it is the sum of, 1 without cancellation, near 0 next to a singular configuration.
  */
 typedef struct {
     double least, most;                /* at the stages of the last step */
@@ -120,13 +120,27 @@ typedef struct {
     double last;                       /* at the last stage; 0 if it has not been evaluated */
 } lag_cancellation;
 
+/*
+ * The path of B, times sizes over lengths, in a step: from its beginning through its stages, by the Frobenius norm.
+ * No singular value changes by more than the path's length (Weyl).
+ */
+typedef struct {
+    double *begin, *last;              /* nb each: entries of B where the step began, and at its last stage */
+    const double *entries;             /* of the two, those from which the path continues */
+    double t;                          /* of these */
+    double length, speed;              /* of the path, and its largest speed between two stages */
+    double margin, margin_at_end;      /* of few rows: what the least singular value is not below, where the step began
+                                        * and where it ended */
+} lag_path;
+
 /* watch.c: the watch for singular configurations. */
 typedef struct {
     int mode;                          /* a lag_watching */
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
+    double pivot_at_end;               /* of the last step, before projection; INFINITY: far from 0 */
     int64_t examined;                  /* number of states whose least pivot was computed */
     double *combination;               /* nc: of rows, that inverse iteration found last */
-    double *jacobian;                  /* 2 nb: B's entries where a step of Taylor's began and ends */
+    lag_path path;
     lag_cancellation cancellation;
 } lag_watch;
 

@@ -76,6 +76,7 @@ core = Functions(
         "lag_take": (c_int64, c_void_p),
         "lag_dense": (None, c_void_p, c_double, c_void_p),
         "lag_limit": (None, c_void_p, c_double),
+        "lag_repeat": (None, c_void_p),
         "lag_move": (None, c_void_p, c_double, c_void_p, c_int64),
         "lag_sizes_again": (c_int, c_void_p),
         "lag_report_of": (lag_report, c_void_p),
@@ -294,6 +295,10 @@ class Integrator:
     def limit(self, step: float) -> None:
         """Limit the next steps further than the settings do, s; infinity: no further."""
         core.lag_limit(self._run, step)
+
+    def repeat(self) -> None:
+        """Take the last step back, after `Status.OVER`; the next one is shorter."""
+        core.lag_repeat(self._run)
 
     def move(self, t: float, y: ArrayLike, times_next: int) -> None:
         """Go on from another state; `start` must follow."""

@@ -114,7 +114,8 @@ static void allocate(lag_run *run)
     if (!lag_many_rows(run))
         allocate_rows(run);
     run->watch.combination = lag_doubles(pool, nc);
-    run->watch.jacobian = lag_doubles(pool, 2 * run->system.nb);
+    run->watch.path.entries = run->watch.path.begin = lag_doubles(pool, run->system.nb);
+    run->watch.path.last = lag_doubles(pool, run->system.nb);
     run->samples.y = lag_doubles(pool, n);
     run->failure.y = lag_doubles(pool, n);
     if (!pool->failed)

@@ -11,11 +11,13 @@
 #include "tape/vectors.h"
 
 #define LARGE 20000.0       /* number of operations above which the rows of B are not orthogonalized */
-#define OVER 0.05           /* of its largest value: the smallest pivot that is examined more closely */
+#define OVER 0.05           /* of its largest value: the least pivot below which a minimum is examined more closely ... */
+#define BELOW 0.9           /* ... if it is below this part of those at the ends of the step ... */
+#define SINGULAR 1e-4       /* ... or below this part of the largest one */
+#define PROBES 40           /* largest number of states at which a step is examined */
 #define ASIDE 0.1           /* weight of all rows in the initial vector of inverse iteration */
 #define ITERATIONS 8        /* largest number of iterations ... */
 #define SETTLED 0.9         /* ... and ratio of successive values at convergence */
-#define GOLDEN 0.6180339887498949
 
 /*
  * The least part that a pivot of the last factors keeps of the terms that it is the sum of,
@@ -158,18 +160,66 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     return lag_pivot(run->rows.scaled, nq, nc, run->rows.rank / s->blocks, run->rows.order, run->rows.components);
 }
 
+void lag_watch_restart(lag_run *run)
+{
+    const lag_system *s = &run->system;
+    lag_path *path = &run->watch.path;
+    if (!run->watch.mode)
+        return;
+    lag_evaluate(&s->dynamics, s, run->step.t, run->step.y, LAG_ALL);
+    for (int i = 0; i < s->nb / s->blocks; ++i)
+        path->begin[i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
+    run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
+    run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
+    path->margin = CERTAIN * run->watch.pivot;
+}
+
 void lag_watch_step(lag_run *run)
 {
+    lag_path *path = &run->watch.path;
+    path->length = path->speed = 0.0;
+    path->t = run->step.t;
+    path->entries = path->begin;
     run->watch.cancellation.least = INFINITY;
     run->watch.cancellation.most = 0.0;
 }
 
-void lag_watch_stage(lag_run *run)
+/* Keep B of the dynamics tape at time t, and its distance from the stage before. */
+static void extend_path(lag_run *run, double t)
+{
+    const lag_system *s = &run->system;
+    const double *entries = s->dynamics.registers;
+    const int32_t *places = s->dynamics.outputs + lag_first_jacobian(s);
+    lag_path *path = &run->watch.path;
+    double sum = 0.0;
+    for (int i = 0; i < s->nb / s->blocks; ++i) {
+        const double x = entries[places[i]];
+        const double part = (x - path->entries[i]) * run->rows.sizes[s->jacobian_column[i]]
+                            / run->rows.lengths[s->jacobian_row[i]];
+        sum += part * part;
+        path->last[i] = x;
+    }
+    const double length = sqrt(sum), speed = length / fabs(t - path->t);
+    path->entries = path->last;
+    path->length += length;
+    if (t != path->t)
+        path->speed = fmax(path->speed, speed);
+    path->t = t;
+}
+
+void lag_watch_stage(lag_run *run, double t)
+{
+    extend_path(run, t);
+    if (lag_many_rows(run))
+        lag_watch_factors(run);
+}
+
+void lag_watch_factors(lag_run *run)
 {
     double part = 0.0; /* every step is examined */
     if (lag_solving_by(run) != LAG_BY_LU)
         part = least_part(run);
-    else if (by_factors(run) && lag_many_rows(run))
+    else if (by_factors(run))
         part = least_part_of_dense(run);
     lag_cancellation *c = &run->watch.cancellation;
     c->last = part;
@@ -178,38 +228,45 @@ void lag_watch_stage(lag_run *run)
     c->largest = fmax(c->largest, part);
 }
 
+void lag_watch_accept(lag_run *run)
+{
+    lag_path *path = &run->watch.path;
+    double *last = path->last;
+    path->last = path->begin;
+    path->entries = path->begin = last;
+    path->margin = path->margin_at_end;
+}
+
 int lag_stage(lag_run *run, double t, const double *y, double *f)
 {
     if (lag_derivative(run, t, y, f))
         return 1;
     if (run->watch.mode)
-        lag_watch_stage(run);
+        lag_watch_stage(run, t);
     return 0;
 }
 
-/* Record the largest length of each row of B times sizes, or of B. */
-static void measure(lag_run *run, const double *sizes, double *lengths)
+/* Record the largest length of each row of B times sizes, or of B; returns the least ratio of the lengths before and
+ * after. */
+static double measure(lag_run *run, const double *sizes, double *lengths)
 {
     const lag_system *s = &run->system;
-    double *sum = run->step.work;
+    double *sum = run->step.work, ratio = 1.0;
     lag_row_squares(s, &s->constraint, lag_constraint_jacobian(s), sizes, sum);
     for (int i = 0; i < s->nc; ++i)
-        if (sum[i] > lengths[i] * lengths[i])
-            lengths[i] = sqrt(sum[i]);
+        if (sum[i] > lengths[i] * lengths[i]) {
+            const double length = sqrt(sum[i]);
+            ratio = fmin(ratio, lengths[i] / length);
+            lengths[i] = length;
+        }
+    return ratio;
 }
 
 void lag_measure(lag_run *run)
 {
     if (lag_solving_by(run) != LAG_BY_LU)
         measure(run, NULL, run->rows.plain_lengths);
-    measure(run, run->rows.sizes, run->rows.lengths);
-}
-
-/* Whether the stages of the last step indicate a singular configuration. */
-static int alarmed(const lag_run *run)
-{
-    const lag_cancellation *c = &run->watch.cancellation;
-    return c->least <= NEAR * c->largest || c->least < STEADY * c->most;
+    run->watch.path.margin *= measure(run, run->rows.sizes, run->rows.lengths);
 }
 
 /* The least pivot inside the last step, on the cubic through its ends: B depends on q and t alone. */
@@ -230,45 +287,75 @@ static double least_pivot_inside(lag_run *run, double x)
     return lag_least_pivot(run, run->step.t_old + x * h, y);
 }
 
+/*
+ * Whether the least pivot, of which the value at the end is given, may have a small minimum inside the last step:
+ * Piyavskii and Shubert's search for the minimum of a function with a known Lipschitz constant, here the speed of B,
+ * since no singular value changes faster.
+ *
+ * B. Shubert, A sequential method seeking the global maximum of a function, SIAM J. Numer. Anal. 9 (1972),
+ * doi:10.1137/0709036.
+ */
+static int dips(lag_run *run, double end)
+{
+    const double speed = run->watch.path.speed * run->step.h_old, largest = run->watch.largest_pivot;
+    double x[PROBES] = {0.0, 1.0}, value[PROBES] = {least_pivot_inside(run, 0.0), end};
+    int after[PROBES] = {1, -1}; /* the state at which the part that begins at a state ends */
+    const double least = fmin(value[0], value[1]);
+    const double small = fmin(OVER * largest, fmax(BELOW * least, SINGULAR * largest));
+    if (least < small)
+        return 1;
+    for (int count = 2; count < PROBES; ++count) {
+        /* the part of the step in which the least singular value may be smallest */
+        double bound = CERTAIN * small;
+        int at = -1;
+        for (int i = 0; i < count; ++i) {
+            const int j = after[i];
+            if (j < 0)
+                continue;
+            const double lowest = 0.5 * (CERTAIN * (value[i] + value[j]) - speed * (x[j] - x[i]));
+            if (lowest < bound)
+                bound = lowest, at = i;
+        }
+        if (at < 0)
+            return 0;
+        const int to = after[at];
+        const double width = x[to] - x[at], middle = 0.5 * (x[at] + x[to]);
+        const double aside = 0.5 * CERTAIN * (value[at] - value[to]) / speed;
+        x[count] = middle + fmin(fmax(aside, -0.3 * width), 0.3 * width);
+        value[count] = least_pivot_inside(run, x[count]);
+        if (value[count] < small)
+            return 1;
+        after[count] = to;
+        after[at] = count;
+    }
+    return 1;
+}
+
 int lag_stepped_over(lag_run *run)
 {
-    if (!alarmed(run))
+    lag_path *path = &run->watch.path;
+    const lag_cancellation *c = &run->watch.cancellation;
+    run->watch.pivot_at_end = INFINITY;
+    if (lag_many_rows(run)) {
+        path->margin_at_end = 0.0;
+        if (!(c->least <= NEAR * c->largest || c->least < STEADY * c->most))
+            return 0;
+    } else if (path->length < path->margin - CERTAIN * NEAR * run->watch.largest_pivot) {
+        path->margin_at_end = path->margin - path->length;
         return 0;
-    /* the neighbours of the ends show whether it falls or rises there */
-    static const double place[] = {0.0, 0.001, 0.25, 0.5, 0.75, 0.999, 1.0};
-    double value[7];
-    for (int i = 0; i < 7; ++i)
-        value[i] = least_pivot_inside(run, place[i]);
-    for (int i = 1; i < 6; ++i) {
-        if (value[i] > value[i - 1] || value[i] > value[i + 1])
-            continue;
-        /* golden section, until the bracket is short relative to the accuracy of a cubic */
-        double low = place[i - 1], high = place[i + 1], least = value[i];
-        double a = high - GOLDEN * (high - low), b = low + GOLDEN * (high - low);
-        double fa = least_pivot_inside(run, a), fb = least_pivot_inside(run, b);
-        for (int k = 0; k < 12; ++k) {
-            if (fa < fb) {
-                high = b, b = a, fb = fa;
-                fa = least_pivot_inside(run, a = high - GOLDEN * (high - low));
-            } else {
-                low = a, a = b, fa = fb;
-                fb = least_pivot_inside(run, b = low + GOLDEN * (high - low));
-            }
-            least = fmin(least, fmin(fa, fb));
-        }
-        if (least < OVER * run->watch.largest_pivot)
-            return 1;
     }
-    return 0;
+    const double end = lag_least_pivot(run, run->step.t_old + run->step.h_old, run->step.y_new);
+    run->watch.pivot_at_end = end;
+    run->watch.largest_pivot = fmax(run->watch.largest_pivot, end);
+    path->margin_at_end = CERTAIN * end;
+    if (!lag_many_rows(run) && path->length < path->margin + path->margin_at_end)
+        return 0;
+    return dips(run, end);
 }
 
 int lag_approaches(lag_run *run)
 {
-    const double before = run->watch.pivot;
-    run->watch.pivot = run->watch.largest_pivot;
-    if (!alarmed(run))
-        return 0;
-    run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
-    run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
-    return run->watch.pivot < fmin(before, NEAR * run->watch.largest_pivot);
+    const double before = run->watch.pivot, largest = run->watch.largest_pivot;
+    run->watch.pivot = fmin(run->watch.pivot_at_end, largest);
+    return run->watch.pivot < fmin(before, NEAR * largest);
 }

@@ -5,6 +5,7 @@
 #include "run.h"
 
 #define NEAR 0.3            /* of its largest value: smallest pivot near a singular configuration */
+#define CERTAIN 0.5         /* part of the least pivot that the least singular value is not below */
 #define STEADY 0.7          /* ratio of cancellation during a step below which it is examined more closely */
 
 /* Whether B, of the motion, has too many rows to orthogonalize them where factors tell as much. */
@@ -14,11 +15,20 @@ int lag_many_rows(const lag_run *run);
  * near 0 in a singular configuration. */
 double lag_least_pivot(lag_run *run, double t, const double *y);
 
+/* Begin to monitor at the current state. */
+void lag_watch_restart(lag_run *run);
+
 /* Begin to monitor a step. */
 void lag_watch_step(lag_run *run);
 
-/* Keep what shows at a stage of a step that B may be losing rank; the stage was accelerated last. */
-void lag_watch_stage(lag_run *run);
+/* Keep what shows at a stage of a step, at time t, that B may be losing rank; the stage was accelerated last. */
+void lag_watch_stage(lag_run *run, double t);
+
+/* Keep what the last factors show, of many rows. */
+void lag_watch_factors(lag_run *run);
+
+/* Continue at the end of the last step. */
+void lag_watch_accept(lag_run *run);
 
 /* y' at a stage of a step, keeping what shows there that B may be losing rank. Returns 0, or 1 where
  * it is undefined. */
@@ -27,10 +37,11 @@ int lag_stage(lag_run *run, double t, const double *y, double *f);
 /* Record the largest length of each row of B; the constraint tape contains the state. */
 void lag_measure(lag_run *run);
 
-/* Whether the least pivot passes a small minimum inside the last step. */
+/* Whether the last step may have passed a singular configuration. */
 int lag_stepped_over(lag_run *run);
 
-/* Whether the state after the last step is nearer to a singular configuration than the one before. */
+/* Whether the state after the last step, which was not stepped over, is nearer to a singular configuration than the
+ * one before. */
 int lag_approaches(lag_run *run);
 
 #endif

@@ -433,17 +433,22 @@ class Integration:
         self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
 
     def check_stepped_over(self) -> None:
-        """Stop if the last step passed a singular configuration."""
+        """Stop if the last step passed a singular configuration; repeat one that may have."""
         core = self.core
         t_old, t = core.step
         self.measure()
-        singular = self.watch.singular_time(core.dense, t_old, t)
-        if singular is not None:
-            while (status := core.sample_until(singular)) == Status.BLOCK_FULL:
-                self.collect()
-                self.progress(core.t)
-            self.handle_status(status)
-            raise self.watch.stop(singular, *self.split(core.dense(singular)))
+        found = self.watch.singular_time(core.dense, t_old, t)
+        if found is None:
+            return
+        singular, certain = found
+        if not certain:
+            core.repeat()
+            return
+        while (status := core.sample_until(singular)) == Status.BLOCK_FULL:
+            self.collect()
+            self.progress(core.t)
+        self.handle_status(status)
+        raise self.watch.stop(singular, *self.split(core.dense(singular)))
 
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""

@@ -92,6 +92,8 @@ static void allocate(lag_batch *s, int64_t slots)
     s->stages = lanes(pool, 16 * n);
     s->dense = lanes(pool, 7 * n);
     s->lengths = lanes(pool, s->system->nc);
+    s->path_begin = lanes(pool, s->system->nb);
+    s->path_last = lanes(pool, s->system->nb);
     s->atol = lanes(pool, n);
     s->size = lanes(pool, n);
     s->acceleration_terms = lanes(pool, nq);

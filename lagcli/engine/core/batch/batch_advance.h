@@ -70,12 +70,15 @@ static int batch_measure(lag_batch *s, int lanes)
             const vec x = READ(OUTPUT(c, lag_constraint_jacobian(system) + i) + k);
             AT(sum + system->jacobian_row[i] * LAG_LANES + k) += x * x;
         }
+        vec ratio = all(1.0);
         for (int i = 0; i < system->nc; ++i) {
             double *kept = s->lengths + i * LAG_LANES + k;
             const vec length = larger(root(READ(sum + i * LAG_LANES + k)), READ(kept));
+            ratio = smaller(READ(kept) / length, ratio);
             AT(kept) = choose(measured, length, READ(kept));
             none |= set_of(~(length > 0.0), k);
         }
+        AT(s->margin + k) *= choose(measured, ratio, all(1.0)); /* of the watch */
     }
     return none & lanes;
 }
@@ -283,6 +286,8 @@ static void batch_go_on(lag_batch *s, int lanes, const double *end)
     memcpy(f, s->projected + nq8, (size_t)nq8 * sizeof(double));
     batch_copy(s->stages, f, n, lanes);
     batch_copy(s->y, s->projected, n, lanes);
+    batch_copy(s->path_begin, s->path_last, system->nb, lanes);
+    batch_copy(s->margin, s->margin_at_end, 1, lanes);
     batch_sizes_update(s, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {

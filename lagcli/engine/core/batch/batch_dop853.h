@@ -42,10 +42,8 @@ static void batch_stages(lag_batch *s, const double *h)
     const int n = lag_size(s->system);
     const size_t moving = 2 * (size_t)s->system->nq * LAG_LANES * sizeof(double);
     const double *y = s->moving.dynamics.registers + LAG_LANES;
-    EACH_LANE (l) {
-        s->cancellation_least[l] = INFINITY;
-        s->cancellation_most[l] = 0.0;
-    }
+    if (s->watching)
+        batch_watch_step(s);
     for (int i = 1; i <= DOP_STAGES; ++i) {
         batch_stage(s, i, i == DOP_STAGES, h);
         if (s->detecting && i == DOP_STAGES - 1)

@@ -1,8 +1,41 @@
 /* The watch for singular configurations in eight lanes: what shows at the stages of a step is kept
  * lane by lane; what raises an alarm is looked at by the functions of watch.c, one lane at a time. */
 
+/* Begin to monitor a step in all lanes. */
+static void batch_watch_step(lag_batch *s)
+{
+    EACH_LANE (l) {
+        s->cancellation_least[l] = INFINITY;
+        s->cancellation_most[l] = s->path_length[l] = s->path_speed[l] = 0.0;
+        s->path_t[l] = s->t[l];
+    }
+    memcpy(s->path_last, s->path_begin, (size_t)s->system->nb * LAG_LANES * sizeof(double));
+}
+
+/* Keep B of the dynamics tape, at its time, and its distance from the stage before. */
+static void batch_extend_path(lag_batch *s)
+{
+    const lag_system *system = s->system;
+    const lag_batch_tape *d = &s->moving.dynamics;
+    EACH_PART (k) {
+        vec sum = all(0.0);
+        for (int i = 0; i < system->nb; ++i) {
+            double *last = s->path_last + i * LAG_LANES + k;
+            const vec x = READ(OUTPUT(d, lag_first_jacobian(system) + i) + k);
+            const vec part = (x - READ(last)) / READ(s->lengths + system->jacobian_row[i] * LAG_LANES + k);
+            sum += part * part;
+            AT(last) = x;
+        }
+        const vec t = READ(d->registers + k), length = root(sum);
+        const vec between = magnitude(t - READ(s->path_t + k)), speed = READ(s->path_speed + k);
+        AT(s->path_length + k) += length;
+        AT(s->path_speed + k) = choose(between > all(0.0), larger(length / between, speed), speed);
+        AT(s->path_t + k) = t;
+    }
+}
+
 /* Cancellation of the pivots, squared, and the lengths of the rows of B: see watch.c for one lane. */
-static void batch_watch_stage(lag_batch *s)
+static void batch_watch_factors(lag_batch *s)
 {
     const lag_system *system = s->system;
     const lag_batch_tape *d = &s->moving.dynamics;
@@ -25,9 +58,22 @@ static void batch_watch_stage(lag_batch *s)
     }
 }
 
-/* Whether the stages of a lane's last step indicate a singular configuration. */
-static int batch_alarmed(const lag_batch *s, int l)
+/* Keep what shows at a stage that B may be losing rank. */
+static void batch_watch_stage(lag_batch *s)
 {
+    if (lag_many_rows(s->single))
+        batch_watch_factors(s);
+    else
+        batch_extend_path(s);
+}
+
+/* Whether the stages of a lane's last step indicate a singular configuration. */
+static int batch_alarmed(lag_batch *s, int l)
+{
+    if (!lag_many_rows(s->single)) {
+        s->margin_at_end[l] = s->margin[l] - s->path_length[l];
+        return !(s->margin_at_end[l] > CERTAIN * NEAR * s->largest_pivot[l]);
+    }
     return !(s->cancellation_least[l] > NEAR * NEAR * s->cancellation_largest[l]
              && s->cancellation_least[l] >= STEADY * STEADY * s->cancellation_most[l]);
 }
@@ -62,15 +108,21 @@ static lag_run *batch_single(const lag_batch *s, int l, const double *y)
     run->watch.cancellation.least = sqrt(s->cancellation_least[l]);
     run->watch.cancellation.most = sqrt(s->cancellation_most[l]);
     run->watch.cancellation.largest = sqrt(s->cancellation_largest[l]);
+    run->watch.path.length = s->path_length[l];
+    run->watch.path.speed = s->path_speed[l];
+    run->watch.path.margin = s->margin[l];
     return run;
 }
 
-/* Measure the smallest pivot at the initial state of a lane's run. */
+/* Begin to monitor at the initial state of a lane's run, which the dynamics tape holds. */
 static void batch_watch_start(lag_batch *s, int l)
 {
+    for (int i = 0; i < s->system->nb; ++i)
+        s->path_begin[i * LAG_LANES + l] = OUTPUT(&s->moving.dynamics, lag_first_jacobian(s->system) + i)[l];
     s->pivot[l] = s->largest_pivot[l] = s->cancellation_largest[l] = 0.0;
     lag_run *run = batch_single(s, l, s->y);
     s->pivot[l] = s->largest_pivot[l] = lag_least_pivot(run, run->step.t, run->step.y);
+    s->margin[l] = CERTAIN * s->pivot[l];
 }
 
 /* Whether the step of size h that a lane takes, to y_new and projected, goes over or towards a
@@ -94,5 +146,6 @@ static int batch_singular(lag_batch *s, int l, double h, int alarmed)
         return 1;
     s->pivot[l] = run->watch.pivot;
     s->largest_pivot[l] = run->watch.largest_pivot;
+    s->margin_at_end[l] = run->watch.path.margin_at_end;
     return 0;
 }

@@ -94,7 +94,7 @@ static int step(lag_run *run)
                 memcpy(run->step.trial, y, (size_t)n * sizeof(double));
             bad = lag_derivative(run, run->step.t + c * h, y, stage + i * s);
             if (!bad && run->watch.mode && dop_watched[i])
-                lag_watch_stage(run);
+                lag_watch_stage(run, run->step.t + c * h);
         }
         double factor = 0.2;
         if (!bad) {

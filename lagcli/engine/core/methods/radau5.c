@@ -61,6 +61,7 @@ static int defects(lag_run *run, double h, const double *z, const double *w, dou
 {
     const int n = lag_size(&run->system);
     double *f = run->step.stages + 9 * n;
+    lag_watch_step(run);
     for (int i = 0; i < 3; ++i) {
         for (int m = 0; m < n; ++m)
             run->step.y_new[m] = run->step.y[m] + z[i * n + m];
@@ -91,7 +92,6 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
     const double enough = fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
     double *w = run->step.stages + 3 * n, *r = run->step.stages + 6 * n;
     double change = 0.0, before = 0.0, rate = 0.0;
-    lag_watch_step(run);
     predict(run, h, z, w);
     run->implicit->contraction = pow(fmax(run->implicit->contraction, DBL_EPSILON), 0.8);
     run->implicit->theta = FAST;

@@ -71,22 +71,14 @@ static int explicit_step(lag_run *run)
     return lag_dop853.step(run);
 }
 
-/* Record B at the state of the dynamics tape, for the beginning (0) or the end (1) of a step. */
-static void note_jacobian(lag_run *run, int at)
-{
-    const lag_system *s = &run->system;
-    for (int i = 0; i < s->nb; ++i)
-        run->watch.jacobian[at * s->nb + i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
-}
-
-/* The largest change of a row of B between the recorded states, relative to the row's length. */
+/* The largest change of a row of B from the step's beginning to its last stage, relative to the row's length. */
 static double turned(lag_run *run)
 {
     const lag_system *s = &run->system;
-    const double *before = run->watch.jacobian, *after = before + s->nb;
+    const double *before = run->watch.path.begin, *after = run->watch.path.last;
     double *sum = run->step.work, most = 0.0;
     memset(sum, 0, (size_t)s->nc * sizeof(double));
-    for (int i = 0; i < s->nb; ++i)
+    for (int i = 0; i < s->nb / s->blocks; ++i)
         sum[s->jacobian_row[i]] += (after[i] - before[i]) * (after[i] - before[i]);
     for (int i = 0; i < s->nc; ++i) {
         const double part = sum[i] / (run->rows.plain_lengths[i] * run->rows.plain_lengths[i]);
@@ -111,19 +103,24 @@ static int try_step(lag_run *run, double h, double cancellation_before, double *
     for (int i = run->watch.mode ? 0 : 1; i < 6; ++i) {
         double *y = i == 1 ? run->step.y_new : run->samples.y;
         lag_series_sum(&run->series, n, place[i] * h, y);
-        if (lag_stage(run, run->step.t + place[i] * h, y, run->step.f_new))
+        if (lag_derivative(run, run->step.t + place[i] * h, y, run->step.f_new))
             return LAG_UNDEFINED;
+        if (i > 1)
+            lag_watch_factors(run);
+        else if (run->watch.mode)
+            lag_watch_stage(run, run->step.t + place[i] * h);
         if (i != 1)
             continue;
         if (is_off(run, h))
             return LAG_INACCURATE;
         if (!run->watch.mode)
             break;
-        note_jacobian(run, 1);
         const double turn = turned(run);
         *factor = turn > 0.0 ? 0.9 * TURN / turn : LARGEST;
         if (turn > TURN)
             return LAG_INACCURATE;
+        if (!lag_many_rows(run))
+            break;
         const lag_cancellation *c = &run->watch.cancellation;
         const double least = fmin(c->least, cancellation_before);
         const double most = fmax(c->most, cancellation_before);
@@ -146,10 +143,6 @@ static int step(lag_run *run)
         || lag_series_expand(&run->series, s->nq, run->step.t, run->step.y))
         return explicit_step(run);
     run->stepped = &lag_taylor;
-    if (run->watch.mode && cancellation_before == 0.0) {
-        lag_evaluate(&s->dynamics, s, run->step.t, run->step.y, LAG_ALL);
-        note_jacobian(run, 0);
-    }
     run->step.h = fmin(run->step.h, step_of_series(run));
     int undefined = 0;
     for (;;) {
@@ -159,7 +152,6 @@ static int step(lag_run *run)
             return undefined ? LAG_UNDEFINED : explicit_step(run);
         const int status = try_step(run, h, cancellation_before, &factor);
         if (status == LAG_RUNNING) {
-            memcpy(run->watch.jacobian, run->watch.jacobian + s->nb, (size_t)s->nb * sizeof(double));
             lag_accept(run, h, factor);
             return LAG_RUNNING;
         }

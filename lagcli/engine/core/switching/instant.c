@@ -22,6 +22,7 @@
 #include "switching/search.h"
 #include "switching/settle.h"
 #include "switching/watched.h"
+#include "watch.h"
 
 #define ROUNDS 100          /* rounds at one instant after which it counts as endless */
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant not later than the last one */
@@ -256,6 +257,7 @@ static int restart(lag_run *run)
         change[nq + i] = -run->step.f[nq + i];
     if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
+    lag_watch_restart(run);
     lag_sizes_update(run);
     for (int i = 0; i < nq; ++i)
         change[nq + i] = run->step.h * (change[nq + i] + run->step.f[nq + i]);

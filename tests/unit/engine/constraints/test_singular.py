@@ -55,11 +55,11 @@ def test_the_weakest_value_is_the_cosine(watch: RankWatch, t: float) -> None:
 
 def test_the_singular_time_is_found_between_two(watch: RankWatch) -> None:
     found = watch.singular_time(y, SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2)
-    assert found == pytest.approx(SINGULAR_TIME, abs=1e-7)
+    assert found == (pytest.approx(SINGULAR_TIME, abs=1e-7), True)
     assert watch.singular_time(y, 0.0, SINGULAR_TIME - 0.1) is None
     # in microseconds
     found = watch.singular_time(lambda t: y(1e6 * t), 1e-7, 1e-6)
-    assert found == pytest.approx(1e-6 * SINGULAR_TIME, rel=1e-7)
+    assert found == (pytest.approx(1e-6 * SINGULAR_TIME, rel=1e-7), True)
 
 
 def test_steps_become_short_next_to_it(watch: RankWatch) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from core_parts import batch_sincos
 from integration_requests import changed
+from singular_motions import losing_rank, stated_time
 from tape_values import CONTRACTED
 
 import lagcli
@@ -352,6 +353,19 @@ def test_a_singular_configuration_leaves(core_statuses):
     assert [r.status for r in records] == [
         *("completed", "failed", "completed", "failed", "completed")
     ]
+
+
+def test_no_lane_passes_a_singular_configuration_unseen():
+    """Constraints that lose rank at the time s, or never."""
+    for seed in range(4):
+        text, _ = losing_rank(np.random.default_rng(seed))
+        times = np.random.default_rng(seed).uniform(0.2, 0.9, 6)
+        table = [*([0, s] for s in times), [1.3, 0.5], [1.3, 0.2]]
+        runs = Runs(lagcli.load_text(text), ["o", "s"], table, t_end=1.0, samples=2)
+        records = [run for _, run in runs()]
+        for singular, record in zip(times, records, strict=False):
+            assert stated_time(record.message) == pytest.approx(singular, abs=5e-3)
+        assert [record.status for record in records[6:]] == ["completed", "completed"]
 
 
 def test_undefined_values_leave(core_statuses):
