@@ -49,11 +49,15 @@ $(BIN)/.zig: building/core_library.py $(BIN)/.installed
 targets: $(BIN)/.zig ## Compile the core for WebAssembly and five platforms, by ziglang
 	$(BIN)/python -m pytest -m slow tests/unit/engine/core/test_targets.py
 
-demo: install ## Derive the slider-crank's equations, simulate it, and look at the result
+demo: install ## Derive the slider-crank's equations, simulate it, and write a report on it
 	@mkdir -p $(DEMO)
 	$(BIN)/lagcli derive models/slider_crank.yaml
 	$(BIN)/lagcli simulate models/slider_crank.yaml --force -o $(DEMO)/slider_crank.h5
 	$(BIN)/lagcli info $(DEMO)/slider_crank.h5
+	$(BIN)/lagcli report $(DEMO)/slider_crank.h5 --force --quiet -o $(DEMO)/slider_crank.html
+	@echo
+	@echo "report: $(CURDIR)/$(DEMO)/slider_crank.html"
+	@echo "next:   $(BIN)/lagcli play models/slider_crank.yaml"
 
 test: install ## Run the tests
 	@# the next run needs the rewritten assertions, which take as long as all imports
@@ -144,6 +148,8 @@ bench: install $(BENCH)/.installed ## Run the long tests; measure beside other p
 
 gallery: install ## Make the pictures, animations and reports of the models in docs/gallery
 	$(BIN)/python docs/gallery/build.py
+	$(BIN)/python docs/images/build.py
+	$(BIN)/python docs/first_picture.py
 
 docs-check: install ## Run the commands and check the statements of the documentation
 	$(BIN)/python -m pytest tests/docs

@@ -12,6 +12,10 @@ ROOT = Path(__file__).parents[1]
 #: Pages of the repository's root, and their places in the site, where README means the index.
 PAGES = {"README.md": "first-example.md", "CONTRIBUTING.md": "CONTRIBUTING.md"}
 PAGES["CHANGELOG.md"] = "CHANGELOG.md"
+GALLERY = "gallery/README.md"
+#: What `make gallery` adds: without it, the pictures of the gallery lead to the models.
+MADE = ROOT / "docs" / "gallery" / "pages"
+CELL = re.compile(r'\[<img src="(\w+)\.png"([^\]]*)\]\([^)]*\)')
 LINK = re.compile(r"\]\(([^)#:]+)(?=[)#])")
 
 
@@ -27,6 +31,8 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
     """Turn links between `docs/` and its parent folder into the site's."""
     place = page.file.src_uri
+    if place == GALLERY:
+        markdown = CELL.sub(_cell, markdown)
     if place in PAGES.values():
         return LINK.sub(lambda m: f"]({_of_root(m[1])}", markdown)
     depth = place.count("/")
@@ -38,6 +44,15 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
         return f"]({'../' * depth}{_of_root(link[1].removeprefix(leaving))}"
 
     return LINK.sub(inside, markdown)
+
+
+def _cell(cell: re.Match[str]) -> str:
+    """Return a picture of the gallery that moves and leads to its report, if both were made."""
+    name, rest = cell.groups()
+    if not (MADE / f"{name}-report.html").exists():
+        return cell[0]
+    film = f' data-film="pages/{name}.gif"' if (MADE / f"{name}.gif").exists() else ""
+    return f'<a href="pages/{name}-report.html"><img src="{name}.png"{film}{rest}</a>'
 
 
 def _of_root(target: str) -> str:

@@ -40,5 +40,7 @@ def test_all_examples(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
         said.append(done.stdout)
     assert len(said) >= 3
+    (part,) = re.findall(r"```text\n(.*?)```", PAGE, re.S)
+    assert part in said[0]
     assert any("h - p_phi*Omega" in text for text in said) or not shutil.which("jq")
     assert (tmp_path / "conserved.svg").exists()

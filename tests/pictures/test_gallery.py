@@ -1,5 +1,6 @@
-"""The gallery shows what its models look like now."""
+"""The gallery, and the first picture of the documentation, show what they look like now."""
 
+import re
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -18,13 +19,18 @@ MODELS = sorted(f.stem for f in (ROOT / "models").rglob("*.yaml"))
 _TOLERANCE = 3e-4
 
 
-@pytest.fixture(scope="module")
-def build():
-    """The program that makes the gallery."""
-    spec = spec_from_file_location("build", GALLERY / "build.py")
+def program(path):
+    """Return a program of the documentation as a module."""
+    spec = spec_from_file_location(path.stem, path)
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def build():
+    """The program that makes the gallery."""
+    return program(GALLERY / "build.py")
 
 
 def different(first, second):
@@ -65,3 +71,13 @@ def test_what_the_repository_keeps_is_small():
     assert film.stat().st_size < 300_000
     with Image.open(film) as frames:
         assert frames.n_frames > 30
+
+
+def test_the_first_picture_is_what_the_program_derives_and_computes():
+    drawn = program(GALLERY.parent / "first_picture.py")
+    both = drawn.picture(), drawn.PICTURE.read_text(encoding="utf-8")
+    number = re.compile(r"-?\d+\.?\d*")
+    assert number.sub("#", both[0]) == number.sub("#", both[1])
+    values = [np.array(number.findall(text), dtype=float) for text in both]
+    # pixels, rounded to tenths
+    np.testing.assert_allclose(*values, atol=0.15)
