@@ -80,6 +80,8 @@ PARAMETER = mapping(
             "number, number with a unit, or expression of other parameters", EXPRESSION
         ),
         "unit": described("unit of the value", TEXT),
+        "min": described("lower end of the slider in `lagcli play`", TEXT),
+        "max": described("upper end of the slider", TEXT),
         "description": _DESCRIPTION,
     },
     "value",

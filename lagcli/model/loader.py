@@ -68,7 +68,7 @@ MODEL = keys.mapping(
         ),
         "parameters": keys.described(
             "name → number, number with a unit, expression of other parameters, or {`value`,"
-            " `unit`, `description`}",
+            " `unit`, `min`, `max`, `description`}",
             keys.one_of(keys.named(keys.one_of(keys.EXPRESSION, keys.PARAMETER)), keys.EMPTY),
         ),
         "functions": keys.described(

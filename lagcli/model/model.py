@@ -123,7 +123,7 @@ class Parameter(NamedTuple):
 
     ``structural`` states whether coordinates, constraints or sums of the model depend on it: a new
     value then requires loading the model again. Any other parameter is an input of the equations.
-    ``location`` is the location of the value.
+    ``location`` is the location of the value; ``low`` and ``high`` are the ends of its slider.
     """
 
     name: str
@@ -134,6 +134,8 @@ class Parameter(NamedTuple):
     structural: bool = False
     written: Written | None = None
     location: SourceLocation | None = None
+    low: float | None = None
+    high: float | None = None
 
 
 class Definition(NamedTuple):

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from lagcli.equations.typesetting.notation import Notation
-from lagcli.model.expression.units import to_si
+from lagcli.model.expression.dimension import same
+from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Written
 from lagcli.model.names.members import family_of
 from lagcli.model.sections.parameters import names_used
@@ -107,6 +108,7 @@ class _Maker:
 
     def __init__(self, model: Model):
         self.given, self.names, self.sizes = model.set, Notation(model), _sizes(model)
+        self.positive = _without_sign(model)
         self.known = {*model.parameters, *map(family_of, model.parameters)}
 
     def follows(self, written: Written | None) -> bool:
@@ -122,7 +124,9 @@ class _Maker:
         """Return the control of a parameter."""
         name, unit = parameter.name, parameter.unit or ""
         value = _in_unit(parameter.value, unit)
-        low, high, step = _span(value, self.size(unit), parameter.structural)
+        one_sign = name in self.positive or _damps(parameter.unit)
+        low, high, step = _span(value, self.size(unit), parameter.structural, one_sign)
+        low, high, step = _bounded(parameter, (low, high, step))
         return Control(
             name,
             "parameter",
@@ -221,12 +225,46 @@ def _sizes(model: Model) -> dict[str, float]:
     return sizes
 
 
-def _span(value: float, size: float, whole: bool) -> tuple[float, float, float]:
+def _without_sign(model: Model) -> set[str]:
+    """Return the names of parameters that are coefficients of friction or restitution."""
+    coefficients = []
+    for constraint in model.constraints:
+        limit = constraint.limit
+        coefficients += [constraint.restitution]
+        coefficients += [limit.static, limit.kinetic] if limit is not None else []
+    return {s.name for x in coefficients if x is not None for s in x.free_symbols}
+
+
+def _damps(unit: str | None) -> bool:
+    """Return whether a unit is one of viscous friction, along a line or of a rotation."""
+    if not unit:
+        return False
+    dimension = read_unit(unit).dimension
+    return any(same(dimension, read_unit(x).dimension) for x in ("N*s/m", "N*m*s/rad"))
+
+
+def _bounded(parameter: Parameter, span: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the ends and the step of a slider with the ends that the model file has."""
+    unit = parameter.unit or ""
+    low, high = (
+        end if given is None else _in_unit(given, unit)
+        for end, given in zip(span, (parameter.low, parameter.high), strict=False)
+    )
+    if (low, high) == span[:2]:
+        return span
+    if parameter.structural:
+        return math.ceil(low), math.floor(high), 1.0
+    if low >= high:  # one end alone, beyond the other
+        low, high = (low, low + abs(low)) if parameter.high is None else (high - abs(high), high)
+    return low, high, _grid(low, high)[2]
+
+
+def _span(value: float, size: float, whole: bool, one_sign: bool) -> tuple[float, float, float]:
     """Return the ends and the step of a parameter's slider: from 0 to twice the value."""
     if whole:
         return 1.0, max(2 * value, 10.0), 1.0
     if not value:
-        return _grid(-size, size)
+        return _grid(0.0 if one_sign else -size, size)
     return _grid(min(0.0, 2 * value), max(0.0, 2 * value))
 
 

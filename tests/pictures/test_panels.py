@@ -6,6 +6,7 @@ import pytest
 import lagcli
 from lagcli.errors import UsageError
 from lagcli.pictures.curves import Catalogue, Curve
+from lagcli.pictures.plots import run_plot
 from lagcli.pictures.plots.run_plot import Panel, asked, split_by_scale, usual
 from lagcli.pictures.run_file import RunFile
 
@@ -97,6 +98,16 @@ def test_impulses_are_those_of_the_closed_form(tmp_path):
     lagcli.plot(run, tmp_path / "a.svg", ["impulse.floor"])
     picture = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert "floor impact" in picture
+    # a map: the state after each impact, where the run located it
+    fall = run_plot.at_event(RunFile(run), Catalogue(RunFile(run)).named("y_dot"), "floor")
+    np.testing.assert_allclose(fall, speed * np.array([0.5, 0.25]), rtol=1e-8)
+    lagcli.plot(run, tmp_path / "map.svg", ["y:y_dot@floor"])
+    with pytest.raises(UsageError, match=r"nothing of `wall`.*floor"):
+        lagcli.plot(run, tmp_path / "b.svg", ["y:y_dot@wall"])
+    with pytest.raises(UsageError, match=r"does not record `lambda\.floor`"):
+        lagcli.plot(run, tmp_path / "b.svg", ["y:lambda.floor@floor"])
+    with pytest.raises(UsageError, match="pairs are drawn"):
+        lagcli.plot(run, tmp_path / "b.svg", ["y@floor"])
     for wrong in ("y,impulse.floor", "y:impulse.floor"):
         with pytest.raises(UsageError, match="panels of their own"):
             lagcli.plot(run, tmp_path / "b.svg", [wrong])

@@ -143,7 +143,7 @@ def simulated(model=CRANK, **values):
 
 def test_a_slider_moves_and_the_curves_are_those_of_simulate(crank):
     p = crank
-    before = p.curve(1, 0)
+    before = p.curve(0, 0)
     p.slider("m").focus()
     for _ in range(7):
         p.slider("m").press("ArrowRight")
@@ -152,10 +152,10 @@ def test_a_slider_moves_and_the_curves_are_those_of_simulate(crank):
     assert float(mass) == p.values()["m"] == pytest.approx(1.035)
     assert p.field("m").input_value() == mass
     t = simulated(set={"m": mass})
-    assert np.array_equal(p.curve(0, 0), t.q[:, 0])
-    assert np.array_equal(p.curve(1, 0), t.multipliers[:, 0])
+    assert np.array_equal(p.curve(1, 0), t.q[:, 0])
+    assert np.array_equal(p.curve(0, 0), t.multipliers[:, 0])
     assert np.array_equal(p.curve(2, 2), t.energy_total)
-    assert not np.array_equal(before, p.curve(1, 0))
+    assert not np.array_equal(before, p.curve(0, 0))
     # the animation has the same run
     x = p.page.evaluate("Array.from(page.pictures.player.stage.data.points.A[0])")
     assert np.allclose(x, 0.1 * np.cos(t.q[:, 0]), rtol=0, atol=1e-15)
@@ -183,7 +183,7 @@ def test_two_clients_are_independent(crank, opened, served):
     assert (one.values()["m"], one.values()["r"]) == (3, 0.05)
     assert (two.values()["m"], two.values()["r"]) == (0.5, 0.1)
     t = simulated(set={"m": "0.5"})
-    assert np.array_equal(two.curve(1, 0), t.multipliers[:, 0])
+    assert np.array_equal(two.curve(0, 0), t.multipliers[:, 0])
 
 
 def test_a_wrong_token_gets_nothing(browser, served):
@@ -199,11 +199,11 @@ def test_a_wrong_token_gets_nothing(browser, served):
 
 def test_bad_values_show_the_models_error_and_the_last_good_curves(crank):
     p = crank
-    good = p.curve(0, 0)
+    good = p.curve(1, 0)
     p.enter("m", "0")
     assert "no inertia" in p.error()
     assert p.page.locator("#pictures.stale").count() == 1
-    assert np.array_equal(p.curve(0, 0), good)
+    assert np.array_equal(p.curve(1, 0), good)
     p.enter("m", "1 + nonsense")
     assert "uses `nonsense`, which is not declared" in p.error()
     assert "1 + nonsense\n" in p.error()
@@ -251,19 +251,19 @@ def test_guesses_are_freed_and_fixed(crank):
     assert "starts at" in p.note("phi")
     assert "'phi={guess: 0.5}'" in p.command()
     t = simulated(set_initial={"psi": "0.2", "phi": "{guess: 0.5}"})
-    assert np.array_equal(p.curve(0, 0), t.q[:, 0])
+    assert np.array_equal(p.curve(1, 0), t.q[:, 0])
 
 
 def test_a_run_is_kept_for_comparison(crank):
-    before = crank.curve(1, 0)
+    before = crank.curve(0, 0)
     crank.page.locator("#keep").click()
     crank.enter("m", "2")
     # the multiplier is proportional to the mass, without friction and torque
-    assert np.allclose(crank.curve(1, 0), 2 * before, rtol=1e-6)
-    assert np.allclose(crank.curve(1, 1), before)
+    assert np.allclose(crank.curve(0, 0), 2 * before, rtol=1e-6)
+    assert np.allclose(crank.curve(0, 1), before)
     assert crank.page.evaluate("page.pictures.player.stage.ghost !== null")
     crank.page.locator("#keep").click()
-    assert crank.page.evaluate("page.pictures.slots[1].plots[0].data.series.length") == 1
+    assert crank.page.evaluate("page.pictures.slots[0].plots[0].data.series.length") == 1
     assert crank.page.evaluate("page.pictures.player.stage.ghost === null")
 
 
@@ -288,7 +288,7 @@ def test_every_axis_has_a_symbol_and_a_unit(crank):
     plots = "page.pictures.slots.flatMap((s) => s.plots).filter((p) => !p.container.hidden)"
     labels = crank.page.evaluate(f"{plots}.map((p) => p.upright.textContent)")
     # angles of 40 rad and of 0.3 rad have their own panels
-    assert labels == ["φ [rad]", "ψ [rad]", "λ [N]", "T, V, E [J]"]
+    assert labels == ["λ [N]", "φ [rad]", "ψ [rad]", "T, V, E [J]"]
 
 
 def test_the_command_line_reproduces_the_run(crank, tmp_path, monkeypatch):
@@ -307,8 +307,8 @@ def test_the_command_line_reproduces_the_run(crank, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run([*words[1:], "--quiet"]) == 0
     t = lagcli.read("run.h5")
-    assert np.array_equal(p.curve(0, 1), t.q[:, 1])
-    assert np.array_equal(p.curve(1, 0), t.multipliers[:, 0])
+    assert np.array_equal(p.curve(1, 1), t.q[:, 1])
+    assert np.array_equal(p.curve(0, 0), t.multipliers[:, 0])
     assert t.time[-1] == 1.25
 
 
@@ -323,7 +323,7 @@ def test_the_saved_file_has_the_values_and_keeps_the_comments(crank, tmp_path):
     saved = tmp_path / "saved.yaml"
     download.value.save_as(saved)
     t = lagcli.simulate(lagcli.load(saved))
-    assert np.array_equal(p.curve(0, 0), t.q[:, 0])
+    assert np.array_equal(p.curve(1, 0), t.q[:, 0])
     assert np.array_equal(p.curve(2, 0), t.energy_kinetic)
     before, after = (x.read_text(encoding="utf-8").splitlines() for x in (CRANK, saved))
     changed = [new for old, new in zip(before, after, strict=True) if old != new]
@@ -336,14 +336,14 @@ def test_the_saved_file_has_the_values_and_keeps_the_comments(crank, tmp_path):
 
 def test_other_curves_can_be_chosen(crank):
     p = crank
-    p.page.locator(".slot select").nth(1).select_option("outputs")
+    p.page.locator(".slot select").nth(0).select_option("outputs")
     p.settled()
     t = simulated()
-    assert np.array_equal(p.curve(1, 1), t.outputs["rod_tension"])
-    legend = p.page.locator(".slot").nth(1).locator(".plot-legend button")
+    assert np.array_equal(p.curve(0, 1), t.outputs["rod_tension"])
+    legend = p.page.locator(".slot").nth(0).locator(".plot-legend button")
     names = [button.get_attribute("data-series") for button in legend.all()]
     assert names == ["slider", "rod_tension"]
-    p.page.locator(".slot select").nth(1).select_option("multipliers")
+    p.page.locator(".slot select").nth(0).select_option("multipliers")
     p.settled()
 
 
@@ -361,7 +361,7 @@ def test_dependent_values_follow_and_members_come_and_go(opened):
     p.settled()
     assert p.field("m[4]").input_value() == "0.5"
     t = lagcli.simulate(lagcli.load(MODELS / "chain.yaml", set={"N": 4, "m[4]": 0.5}), t_end=0.2)
-    assert np.array_equal(p.curve(1, 3), t.multipliers[:, 3])
+    assert np.array_equal(p.curve(0, 3), t.multipliers[:, 3])
     p.page.context.close()
     next(server, None)
 
@@ -377,7 +377,7 @@ def test_a_model_without_a_view_is_plotted_until_the_program_ends(opened, tmp_pa
     assert p.page.locator("h1").inner_text() == "falling <b>"
     p.enter("g", "1.5")
     t = p.page.evaluate("Array.from(page.answer.plots.coordinates.time)")
-    assert p.curve(0, 0) == pytest.approx(np.array(t) - 0.75 * np.array(t) ** 2, abs=1e-6)
+    assert p.curve(1, 0) == pytest.approx(np.array(t) - 0.75 * np.array(t) ** 2, abs=1e-6)
     assert "'" in p.command()
     next(server, None)
     p.page.locator("#notice.error").wait_for()
@@ -419,6 +419,7 @@ def on_screen(played, point):
 
 def dragged(played, point, right, down, steps=4):
     """Drag a point with the mouse, by CSS pixels; stop before its release."""
+    played.page.evaluate("scrollTo(0, 0)")
     x, y = on_screen(played, point)
     mouse = played.page.mouse
     mouse.move(x, y)
@@ -445,7 +446,7 @@ def test_a_body_is_dragged_and_the_initial_values_follow(crank):
     p.settled()
     assert p.command() == command
     t = simulated(set_initial={"phi": phi, "psi": "{guess: 0.2}", "psi'": "{guess: 0}"})
-    assert p.curve(0, 0) == pytest.approx(t.q[:, 0], abs=1e-7)
+    assert p.curve(1, 0) == pytest.approx(t.q[:, 0], abs=1e-7)
     assert p.page.evaluate("page.pictures.player.time") == 0
     # the fixed velocity is kept; the angle of the rod is still a guess
     assert "phi'=" not in command
@@ -611,7 +612,7 @@ def test_scenarios_are_kept_and_come_back(opened, served, tmp_path, monkeypatch)
     p.enter("r", "l/4")
     save("small <b>crank</b>")
     assert scenario("small").get_attribute("aria-current") == "true"
-    curve = p.curve(1, 0)
+    curve = p.curve(0, 0)
     scenario("heavy").click()
     p.settled()
     assert (p.values()["m"], p.values()["r"]) == (2.5, 0.1)
@@ -624,7 +625,7 @@ def test_scenarios_are_kept_and_come_back(opened, served, tmp_path, monkeypatch)
     assert p.values()["m"] == 1
     scenario("small").click()
     p.settled()
-    assert np.array_equal(p.curve(1, 0), curve)
+    assert np.array_equal(p.curve(0, 0), curve)
     # as command lines
     lines = copied("Copy as command lines").splitlines()
     assert [line for line in lines if line.startswith("#")] == [
@@ -656,7 +657,7 @@ def test_scenarios_are_kept_and_come_back(opened, served, tmp_path, monkeypatch)
     p.page.get_by_text("2 opened").wait_for()
     scenario("small").click()
     p.settled()
-    assert np.array_equal(p.curve(1, 0), curve)
+    assert np.array_equal(p.curve(0, 0), curve)
     (tmp_path / "none.json").write_text("[1]")
     p.page.locator("#scenarios input[type=file]").set_input_files(tmp_path / "none.json")
     p.page.get_by_text("the file holds no scenarios").wait_for()
@@ -684,7 +685,7 @@ def test_contacts_are_listed_marked_and_moved(browser, opened):
         entries.nth(1).locator("button").click()
         second = p.page.evaluate("page.answer.events.entries[1].time")
         assert p.page.evaluate("page.pictures.player.stage.motion.now") == second
-        marks = "Array.from(page.pictures.slots[0].plots[0].data.marks)"
+        marks = "Array.from(page.pictures.slots[1].plots[0].data.marks)"
         assert second in p.page.evaluate(marks)
         # e from 0.8 to 0.6: fewer impacts, sooner
         p.enter("e", "0.6")
@@ -739,7 +740,7 @@ def test_cutting_a_constraint_and_restoring_it(browser):
     opening_ = opening(browser)
     p = next(opening_)(next(serving_))
     p.settled()
-    whole = p.curve(0, 2)
+    whole = p.curve(1, 2)
     p.page.locator("#equations summary").first.click()
     p.page.locator(".balance").first.wait_for()
     p.page.evaluate("page.pictures.goTo(1)")
@@ -747,7 +748,7 @@ def test_cutting_a_constraint_and_restoring_it(browser):
     cut.click()
     p.settled()
     assert cut.text_content() == "Restore (cut at 1 s)"
-    assert np.abs(p.curve(0, 2)).max() > 2 * np.abs(whole).max()  # it flies off
+    assert np.abs(p.curve(1, 2)).max() > 2 * np.abs(whole).max()  # it flies off
     p.page.evaluate("page.pictures.goTo(2)")
     of_cut = p.page.locator(".live[data-coordinate=x_2] .balance-key.constraint .balance-value")
     assert of_cut.text_content() == "0 N"
@@ -756,7 +757,7 @@ def test_cutting_a_constraint_and_restoring_it(browser):
     assert p.page.evaluate(reach) < 3
     cut.click()
     p.settled()
-    assert np.array_equal(p.curve(0, 2), whole)
+    assert np.array_equal(p.curve(1, 2), whole)
     assert cut.text_content() == "Cut"
     next(opening_, None)
     next(serving_, None)

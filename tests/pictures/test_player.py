@@ -100,6 +100,34 @@ def test_scrubbing_moves_the_mechanism(slider_crank):
     assert float(shown.removesuffix(" s")) == pytest.approx(time(slider_crank), abs=1e-3)
 
 
+def test_space_and_arrows_act_on_the_whole_page(slider_crank):
+    assert slider_crank.evaluate("document.activeElement.tagName") == "BODY"
+    slider_crank.keyboard.press("ArrowRight")
+    assert 0 < time(slider_crank) < 0.1
+    slider_crank.keyboard.press("ArrowLeft")
+    assert time(slider_crank) == 0
+    slider_crank.keyboard.press("Space")
+    assert slider_crank.evaluate("player.playing")
+    slider_crank.keyboard.press("Space")
+    assert not slider_crank.evaluate("player.playing")
+    # a button keeps its own key: it is pressed once, and nothing else happens
+    slider_crank.get_by_role("button", name="Loop").focus()
+    slider_crank.keyboard.press("Space")
+    assert not slider_crank.evaluate("player.playing")
+    assert not slider_crank.evaluate("player.loop")
+
+
+def test_without_javascript_there_are_a_picture_and_a_sentence(pages, browser, result):
+    context = browser.new_context(java_script_enabled=False)
+    try:
+        opened = context.new_page()
+        opened.goto(pages("slider_crank").resolve().as_uri())
+        assert opened.locator(".still img").evaluate("x => x.naturalWidth") == 640
+        assert "JavaScript" in opened.locator(".still").inner_text()
+    finally:
+        context.close()
+
+
 def test_keys(slider_crank, until):
     first = picture(slider_crank)
     slider_crank.locator("canvas").focus()

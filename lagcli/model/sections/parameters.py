@@ -5,6 +5,7 @@ from __future__ import annotations
 import numbers
 from collections.abc import Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
 import symengine as se
@@ -43,6 +44,7 @@ class _ParameterEntry(NamedTuple):
     description: str | None
     value: YamlNode | None
     quantities: tuple[Quantity, ...] = ()
+    ends: Mapping[str, YamlNode] = MappingProxyType({})
 
 
 class _Job(NamedTuple):
@@ -51,6 +53,7 @@ class _Job(NamedTuple):
     member: Member
     quantity: Quantity
     description: str | None
+    ends: Mapping[str, YamlNode]
 
 
 def read_parameters(
@@ -134,7 +137,7 @@ class _ParameterReader:
             self.broken.add(member.name)
             self.draft.names.broken.add(family_of(member.name))
         else:
-            self.jobs[member.name] = _Job(member, quantity, entry.description)
+            self.jobs[member.name] = _Job(member, quantity, entry.description, entry.ends)
 
     def check_list(self, d: Declaration, entry: _ParameterEntry, count: int) -> None:
         """Report a list whose length differs from that of the range of its entry."""
@@ -154,11 +157,13 @@ class _ParameterReader:
         draft, what = self.draft, f"the parameter `{d.title}`"
         description, unit, good = None, None, True
         value: YamlNode | None = d.node
+        ends: Mapping[str, YamlNode] = {}
         if isinstance(d.node, MappingNode):
             fields = draft.fields(d.node, what, keys_of(PARAMETER))
             description = draft.text(fields.get("description"), f"`description` of {what}")
             unit, good = _unit(draft, fields.get("unit"), what)
             value = fields.get("value")
+            ends = {end: fields[end] for end in ("min", "max") if end in fields}
             if value is None and d.name not in self.overrides:
                 draft.report.add(
                     "missing-value",
@@ -166,7 +171,7 @@ class _ParameterReader:
                     d.node.location,
                     f"write `{d.title}: {{value: 1}}`, or just `{d.title}: 1`",
                 )
-        entry = _ParameterEntry(d, unit, description, value)
+        entry = _ParameterEntry(d, unit, description, value, ends=ends)
         if value is None or not good or (not d.spans and d.name in self.overrides):
             return entry
         nodes = value.items if isinstance(value, Sequence) and d.several else [value]
@@ -268,6 +273,7 @@ class _ParameterReader:
         value = self.values[id(quantity)].number(job.member.indices)
         if value is None:
             return None
+        low, high = self.ends(job, where)
         written = Written(parsed.tree, quantity.factor, job.member.indices)
         return Parameter(
             name,
@@ -277,7 +283,50 @@ class _ParameterReader:
             parsed.node.value,
             written=written,
             location=parsed.node.location,
+            low=low,
+            high=high,
         )
+
+    def ends(self, job: _Job, where: str) -> tuple[float | None, float | None]:
+        """Return the ends of the slider, where the entry has them."""
+        low, high = (
+            self.end(job, job.ends[end], f"`{end}` of {where}") if end in job.ends else None
+            for end in ("min", "max")
+        )
+        if low is not None and high is not None and low >= high:
+            self.draft.report.add(
+                "bad-setting",
+                f"{where}: `min` {low:g} is not below `max` {high:g}",
+                job.ends["max"].location,
+                "the slider of `lagcli play` extends from `min` to `max`",
+            )
+        return low, high
+
+    def end(self, job: _Job, node: YamlNode, what: str) -> float | None:
+        """Return an end of the slider, in SI; a number has the unit of the parameter."""
+        unit = job.quantity.unit
+        if id(node) not in self.values:
+            quantity = read_quantity(self.draft, node, what, None)
+            if quantity is None:
+                return None
+            if quantity.unit is None and unit is not None and is_number(quantity.parsed.node.value):
+                quantity = quantity._replace(unit=unit, factor=to_si(unit))
+            if (quantity.unit is None) != (unit is None) or (
+                unit is not None
+                and quantity.unit is not None
+                and not same(read_unit(quantity.unit).dimension, read_unit(unit).dimension)
+            ):
+                self.draft.report.add(
+                    "units",
+                    f"{what} is in {quantity.unit or 'no unit'}, and its value in"
+                    f" {unit or 'no unit'}",
+                    node.location,
+                    f"write a number in {unit or quantity.unit}",
+                )
+                return None
+            indices = job.member.declaration.indices
+            self.values[id(node)] = QuantityValue(self.draft, quantity, what, indices=indices)
+        return self.values[id(node)].number(job.member.indices)
 
     def cycle(self, cycle: list[str]) -> None:
         """Report parameters that are defined by each other."""

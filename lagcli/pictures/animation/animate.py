@@ -24,6 +24,7 @@ from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import Scene
+from lagcli.pictures.scene.still import still
 from lagcli.pictures.scene.timing import Timing, timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import evenly
@@ -284,6 +285,7 @@ class _Subject(NamedTuple):
     scripts: tuple[str, ...] = ()
     styles: tuple[str, ...] = ()
     stage: str = ""
+    still: str = ""  # HTML for pages without JavaScript
 
 
 def animation_page(
@@ -320,7 +322,8 @@ const options = {{...{script_data(options)}, {subject.stage}}};
 const player = new Player(document.getElementById("player"), data, options);"""
     text = page(
         title,
-        _body(title, _about(run, when), notes),
+        _body(title, _about(run, when), notes, subject.still),
+        images=bool(subject.still),
         styles=map(asset, (*subject.styles, *PLAYER_STYLES, "animation.css")),
         scripts=[asset(name) for name in (*subject.scripts, *PLAYER_SCRIPTS)],
         start=start,
@@ -338,7 +341,7 @@ def _scene(run: RunFile, samples: Indices, when: Timing, viewed: Model) -> _Subj
     for shape in data["shapes"]:
         if shape["kind"] == "trail":
             shape["seconds"] = when.trail
-    return _Subject(data, len(scene.time))
+    return _Subject(data, len(scene.time), still=still(scene, viewed.title))
 
 
 def _histories(run: RunFile, samples: Indices, when: Timing) -> _Subject:
@@ -368,7 +371,10 @@ def _about(run: RunFile, when: Timing) -> list[str]:
     return [text for text in (described, when.pace and f"{when.pace.capitalize()}.") if text]
 
 
-def _body(title: str, about: Sequence[str], notes: Sequence[str]) -> str:
+_NO_SCRIPT = "<noscript><p>The curves need JavaScript, which is switched off here.</p></noscript>"
+
+
+def _body(title: str, about: Sequence[str], notes: Sequence[str], still: str) -> str:
     paragraphs = [f"<p>{escape(text)}</p>" for text in about]
     paragraphs += [
         f'<p class="animation-note" role="note">{with_code(note[0].upper() + note[1:])}</p>'
@@ -377,9 +383,9 @@ def _body(title: str, about: Sequence[str], notes: Sequence[str]) -> str:
     return f"""<main class="animation">
 <h1>{escape(title)}</h1>
 {"".join(paragraphs)}
-<div id="player"></div>
-<p class="animation-keys">Space plays and pauses; arrow keys, Page Up and Page Down, Home and End
-move the time; F shows and hides forces.</p>
+<div id="player"></div>{still or _NO_SCRIPT}
+<p class="animation-keys">Space plays and pauses; arrow keys move the time; in the player, so do
+Page Up and Page Down, Home and End, and F shows and hides forces.</p>
 </main>"""
 
 

@@ -10,7 +10,8 @@
  *   player.setTime(1.25);      // does not call onTime, so that two views can follow each other
  *   player.setScene(other);    // another run; time, speed, arrows and the view stay
  *
- * Keys, wherever the focus is in the player: space plays and pauses, left and right go back and on by
+ * Space, left and right act wherever nothing else takes them, while the player is seen. Keys within
+ * it: space plays and pauses, left and right go back and on by
  * a frame, page up and down by a tenth, home and end to the ends; f is for arrows of force; in three
  * dimensions shift and an arrow key go around.
  *
@@ -25,6 +26,9 @@ class Player {
   /** Longest time between two frames that is played, s: after a pause of the page it goes on there. */
   static LONGEST_FRAME = 0.1;
   static FRAME = 1 / 30;
+  /** Keys that act on the whole page, and what takes them itself. */
+  static ANYWHERE = [" ", "ArrowLeft", "ArrowRight"];
+  static TAKEN = "input, select, textarea, button, summary, a, [tabindex], [contenteditable]";
 
   /**
    * @param {HTMLElement} element  becomes the player
@@ -243,6 +247,7 @@ class Player {
     this.#buildSwitches(find(".player-loop"), find(".player-switches"));
     this.turn.addEventListener("click", () => this.stage.resetView());
     element.addEventListener("keydown", (event) => this.#key(event));
+    document.addEventListener("keydown", (event) => this.#keyAnywhere(event));
   }
 
   #buildSpeeds(select) {
@@ -273,6 +278,14 @@ class Player {
       this.switches[quantity] = button;
       switches.append(button);
     }
+  }
+
+  /** Keys of the page, where no field, button or part that scrolls has the focus. */
+  #keyAnywhere(event) {
+    if (event.defaultPrevented || event.shiftKey || !Player.ANYWHERE.includes(event.key)) return;
+    if (event.target.closest?.(Player.TAKEN)) return;
+    const { top, bottom, width } = this.frame.getBoundingClientRect();
+    if (width && bottom > 0 && top < innerHeight) this.#key(event);
   }
 
   #key(event) {

@@ -42,16 +42,24 @@ class Panel(NamedTuple):
         Curves of the horizontal axis; empty for the time.
     joined : bool
         Whether the user joined the curves.
+    at : str
+        Name of an event or a contact: the pairs are drawn as points at its instants.
     """
 
     curves: tuple[Curve, ...]
     over: tuple[Curve, ...] = ()
     joined: bool = False
+    at: str = ""
 
     @property
     def log(self) -> bool:
         """Whether the panel's axis is logarithmic."""
         return not self.over and all(c.log for c in self.curves)
+
+    @property
+    def from_log(self) -> bool:
+        """Whether its values are those of the event log."""
+        return self.impulses or bool(self.at)
 
     @property
     def impulses(self) -> bool:
@@ -115,7 +123,8 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
     """
     together: dict[object, list[Curve]] = {}
     phases: list[Panel] = []
-    for place, text in enumerate(names):
+    for place, whole in enumerate(names):
+        text, _, at = whole.partition("@")
         parts = [part for part in split_names(text) if part]
         pairs = [part for part in parts if ":" in part]
         if not parts:
@@ -126,8 +135,10 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
             raise UsageError(
                 f"{text!r} mixes quantities drawn over time with others; give them separately"
             )
+        if at and not pairs:
+            raise UsageError(f"{whole!r}: pairs are drawn at the instants of an event, x:y@{at}")
         if pairs:
-            phases.append(_phase(catalogue, pairs))
+            phases.append(_phase(catalogue, pairs)._replace(at=at.strip()))
             together[place] = []
             continue
         curves = [curve for part in parts for curve in catalogue.find(part)]
@@ -240,7 +251,7 @@ def plot_runs(
     panels = [asked(c, names) if names else usual(c, len(runs) == 1) for c in catalogues]
     _check(runs, panels)
     drawn = [
-        {curve for p in own if not p.impulses for curve in (*p.curves, *p.over)} for own in panels
+        {curve for p in own if not p.from_log for curve in (*p.curves, *p.over)} for own in panels
     ]
     values = [read_curves(run, curves) for run, curves in zip(runs, drawn, strict=True)]
     over_time = [
@@ -379,6 +390,11 @@ class PanelDrawing:
                     self.stems(ax, number, curve, self.look(number, place, panel)["color"])
                     continue
                 over = panel.over[place] if panel.over else None
+                if panel.at and over is not None:
+                    color = self.look(number, place, panel)["color"]
+                    points = (at_event(self.runs[number], c, panel.at) for c in (over, curve))
+                    ax.plot(*points, linestyle="none", marker=".", markersize=4, color=color)
+                    continue
                 x, y = self.drawn(number, values, curve, over)
                 look = self.look(number, place, panel)
                 if panel.log:  # rounding errors are noise: a line would cover the panel
@@ -407,6 +423,8 @@ class PanelDrawing:
             ax.axhline(0, color=style.GREY, linewidth=0.7, zorder=0.6)
             ax.set_xlim(*_span(self.values))
         place = ax.get_position()
+        if first.at:
+            ax.set_title(f"at `{raw(first.at)}`", fontsize=8, loc="left")
         if first.over:
             ax.margins(0.05)
             ax.set_xlabel(_axis(first.over, place.width * self.figure.get_figwidth()))
@@ -634,6 +652,30 @@ def _unique(labels: list[str], runs: Sequence[RunFile]) -> list[str]:
         f"{label} ({raw(stem)})" if label else raw(stem)
         for label, stem in zip(labels, stems, strict=True)
     ]
+
+
+def at_event(run: RunFile, curve: Curve, event: str) -> Array:
+    """Return a curve right after the instants of an event or a contact, as the log has it.
+
+    Raises
+    ------
+    UsageError
+        There is no such entry, or it does not have the curve.
+    """
+    log = run.record.events
+    entries = [] if log is None else [i for i, name in enumerate(log.names) if name == event]
+    if log is None or not entries:
+        known = ", ".join(dict.fromkeys(() if log is None else log.names)) or "none"
+        raise UsageError(f"{run.name}: nothing of `{event}` is in the event log; it has: {known}")
+    places = np.array(entries)
+    places = places[np.unique(log.time[places], return_index=True)[1]]
+    if curve.place is not None and curve.field in ("q", "v"):
+        return np.asarray((log.q if curve.field == "q" else log.after)[places, curve.place[0]])
+    if curve.name not in log.records.columns:
+        raise UsageError(
+            f"{run.name}: `{event}` does not record `{curve.name}`; add it to `record` of the event"
+        )
+    return log.recorded(curve.name)[1][places]
 
 
 #: The fields with derivatives, and the fields of these.

@@ -11,7 +11,7 @@
  */
 
 class Pictures {
-  static USUAL = ["coordinates", "multipliers", "energies"];
+  static USUAL = ["multipliers", "coordinates", "energies"]; // the first below the mechanism
   static HIGH = 190; // of a plot, CSS pixels
   static LOW = 150; // of one of several panels
   static INSTEAD = "velocities"; // where a model has no constraints

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from lagcli.errors import ModelError
 from lagcli.model.loader import load, load_text
 from lagcli.play.controls import Control, controls
 from lagcli.settings.settings import SettingsOverrides, resolve
@@ -98,3 +99,46 @@ def test_the_end_of_the_run_can_be_moved_unless_the_sample_times_are_given() -> 
     assert "t_end" not in controls(
         model, resolve(SettingsOverrides(times=(0.1, 0.2)), model.settings)
     )
+
+
+BOUNDED = """
+coordinates: {x: m}
+parameters:
+  m: {value: 1 kg, min: 100 g, max: 5}
+  c: 0 N*s/m
+  k: {value: 10 N/m, max: 100}
+  Omega: {value: 3000 rpm, min: 0, max: 6000 rpm}
+  F: 0 N
+  mu: 0
+  N: 9.81 N
+T: m*x'^2/2
+V: k*x^2/2 - F*x
+Q: {x: -mu*N*sign(x') - c*x'}
+initial: {x: 0.1 m, x': 0 m/s}
+"""
+
+
+def test_sliders_end_at_min_and_max_and_have_the_sign_of_their_quantity() -> None:
+    model = load_text(BOUNDED)
+    made = controls(model, resolve(SettingsOverrides(), model.settings))
+    found = {name: (made[name].low, made[name].high) for name in model.parameters}
+    assert found["m"] == (0.1, 5.0)
+    assert found["k"] == (0.0, 100.0)
+    assert found["Omega"] == (0.0, 6000.0)
+    # viscous and dry friction are not negative; a force may be
+    assert found["c"] == (0.0, 1.0)
+    assert found["mu"][0] == 0.0
+    assert found["F"][0] < 0
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("{value: 1 kg, min: 5 m}", "`min` of the parameter `m` is in m, and its value in kg"),
+        ("{value: 1 kg, min: 5, max: 2}", "`min` 5 is not below `max` 2"),
+        ("{value: 1 kg, max: m}", "is in no unit, and its value in kg"),
+    ],
+)
+def test_ends_of_sliders_are_checked(entry: str, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        load_text(BOUNDED.replace("{value: 1 kg, min: 100 g, max: 5}", entry))

@@ -1,0 +1,45 @@
+"""A still picture of a scene for pages that are read without JavaScript."""
+
+from __future__ import annotations
+
+import io
+from base64 import b64encode
+from html import escape
+from importlib.util import find_spec
+
+from lagcli.pictures.scene.drawing import SceneDrawing
+from lagcli.pictures.scene.scene import Scene
+
+_SIZE = (640, 480)
+#: The part of the motion after which the picture is taken.
+_MOMENT = 0.45
+
+
+def still(scene: Scene, label: str) -> str:
+    """Return HTML that shows a scene where there is no JavaScript.
+
+    Without matplotlib, which draws the picture, the sentence is alone.
+
+    Parameters
+    ----------
+    scene : Scene
+    label : str
+        What is shown, in words.
+    """
+    time = scene.time[0] + _MOMENT * (scene.time[-1] - scene.time[0])
+    picture = ""
+    if find_spec("matplotlib") is not None and find_spec("PIL") is not None:
+        from PIL import Image
+
+        held, frame = io.BytesIO(), SceneDrawing(scene, *_SIZE).frame(time, f"t = {time:.4g} s")
+        # few colours: text and lines on paper
+        Image.fromarray(frame).quantize(32).save(held, "png", optimize=True)
+        width, height = _SIZE
+        picture = (
+            f'<img alt="{escape(label)}" width="{width}" height="{height}"'
+            f' src="data:image/png;base64,{b64encode(held.getvalue()).decode()}">'
+        )
+    return (
+        f'<noscript><figure class="still">{picture}<figcaption>The picture moves with JavaScript,'
+        " which is switched off here.</figcaption></figure></noscript>"
+    )
