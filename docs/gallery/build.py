@@ -186,7 +186,7 @@ p {{ margin: 0.1rem 0; }}
 {"".join(items)}
 </ul>
 <script>
-// a film is fetched when it is looked at, and begins anew each time
+// a film is fetched when it is looked at, and begins again each time
 for (const link of document.querySelectorAll("a:has(.moving)")) {{
   const film = link.querySelector(".moving");
   const play = () => {{ film.src = film.dataset.src; }};

@@ -28,7 +28,7 @@ from lagcli.trajectory.extremes import Extreme
 MODELS = Path(__file__).parents[2] / "models"
 MB = 1_000_000
 #: Elements that have no end tag.
-VOID = {"meta", "wbr", "input", "br", "path"}
+VOID = {"img", "meta", "wbr", "input", "br", "path"}
 
 
 class Outline(HTMLParser):
