@@ -46,8 +46,6 @@ from lagcli.pictures.report.run_plots import (
 )
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
-from lagcli.pictures.scene.scene import Scene
-from lagcli.pictures.scene.still import still
 from lagcli.pictures.scene.timing import timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import chosen, evenly
@@ -107,9 +105,9 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         "name": title or model.title,
         "palette": list(PALETTE),
         "colors": colors,
-        "scene": None if scene is None else {**scene.to_json(), "colors": colors},
+        "scene": scene and {**scene, "colors": colors},
         "balance": balance,
-        "speed": 1 if scene is None else timing(scene.time[0], scene.time[-1]).speed,
+        "speed": timing(*_ends(scene)).speed if scene else 1,
         "plots": [to_json(plot, packed) for section in every for plot in section.plots],
         "arrays": list(packed.texts),
         "marks": marks(run.record.events).tolist(),
@@ -133,19 +131,19 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         ],
         styles=map(asset, (*_STYLES, *(["analysis.css"] if asked else []))),
         scripts=[f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)],
-        layout="without-motion" if scene is None else "with-motion",
+        layout="with-motion" if scene else "without-motion",
         status=tables.status(run),
         start=[x[0] for x in start.values()] if run.count else (),
         conserved=system.conserved(),
         steps=system.steps(),
         data=script_data(data),
-        motion="" if scene is None else _MOTION.format(still=still(scene, title or model.title)),
+        motion=_MOTION if scene else "",
         plots=_plots(plotted, run.count),
         residuals=_residual_plots(every),
         events=events_section(run),
         sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
-        images=bool(asked) or scene is not None,
+        images=bool(asked),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),
@@ -154,7 +152,7 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
 
 
 _MOTION = """<aside id="motion" aria-label="Animation">
-<div id="player"></div>{still}
+<div id="player"></div>
 <figure id="lambda"></figure>
 <p class="hint">Point at a term, an arrow or a curve to see what belongs to it; click a term to keep
 it emphasized. Point at a plot, or click it, to show that time.</p>
@@ -162,15 +160,17 @@ it emphasized. Point at a plot, or click it, to show that time.</p>
 </aside>"""
 
 
-def _scene(run: RunFile, model: Model) -> Scene | None:
-    """Return the scene at some of the samples; None if there is none."""
+def _scene(run: RunFile, model: Model) -> dict[str, Any] | None:
+    """Return the scene as JSON values, at some of the samples; None if there is none."""
     if model.view is None or run.count < 2:
         return None
     few = scene_of(run, evenly(run.count, 2), model)
     assert few is not None
     series = sum(len(axes) for axes in few.points.values()) + 4 * len(few.vectors) + 1
     frames = max(100, min(_FRAMES, _FRAME_NUMBERS // series))
-    return scene_of(run, evenly(run.count, frames), model)
+    scene = scene_of(run, evenly(run.count, frames), model)
+    assert scene is not None
+    return scene.to_json()
 
 
 def _balance(run: RunFile, system: EquationSystem, packed: Packed) -> dict[str, Any] | None:
@@ -186,6 +186,10 @@ def _balance(run: RunFile, system: EquationSystem, packed: Packed) -> dict[str, 
         "time": packed.add(columns["time"]),
         "equations": balance.to_json(columns, run.terms, values, units, packed.add),
     }
+
+
+def _ends(scene: Mapping[str, Any]) -> tuple[float, float]:
+    return scene["time"][0], scene["time"][-1]
 
 
 def _looked_at(catalogue: Catalogue) -> list[Curve]:
