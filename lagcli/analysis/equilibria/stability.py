@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -32,6 +33,8 @@ _SYMMETRIC, _ZERO = 1e-10, 1e-11
 _SLOW = 1e-7
 #: Largest eigenvalue of a motion along a set of equilibria, relative to the same: it is a zero.
 _NEUTRAL = 1e-5
+#: Rounding errors of a coordinate at an equilibrium, relative to it.
+_ROUNDED = 32 * np.finfo(float).eps
 #: Eigenvalues closer than this, relative to the largest, may be a multiple one; the least singular
 #: value of their states, of length 1, where these are linearly dependent: rounding separates a
 #: defective pair by √ε.
@@ -101,7 +104,8 @@ def stability_of(
     order = np.argsort(np.abs(pairs), kind="stable")
     values, states = pairs[order], states[:, order]
     rate = _rate(local, operating_point)
-    values[np.abs(values) <= _SLOW * rate] = 0.0
+    slow = max(_SLOW * rate, math.sqrt(_rounding_of_stiffness(local, operating_point)))
+    values[np.abs(values) <= slow] = 0.0
     largest = max(rate, np.abs(values).max(initial=0.0))
     for k in range(min(dimension, len(values))):
         if 0.0 < np.abs(values[k]) <= _NEUTRAL * largest:
@@ -109,7 +113,25 @@ def stability_of(
             values[opposite] = values[k] = 0.0
     rounding = _GROWING * largest
     stability = Stability("undecided", values, stiffness, rounding)
-    return stability._replace(verdict=_verdict(stability, states, (_SLOW * rate) ** 2, dimension))
+    return stability._replace(verdict=_verdict(stability, states, slow**2, dimension))
+
+
+def _rounding_of_stiffness(local: LocalEquations, operating_point: OperatingPoint) -> float:
+    """Return how much rounding errors of the coordinates change the stiffness, 1/s².
+
+    Forces that cancel have a stiffness whose rounding errors their sizes do not show.
+    """
+    point = operating_point.point
+    moved = point.q * (1.0 + _ROUNDED * np.where(np.arange(len(point.q)) % 2, -1.0, 1.0))
+    before = local.jacobians(point).force_position
+    change = np.abs(local.jacobian_tape.at(point._replace(q=moved)).force_position - before)
+    mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+    basis = np.abs(operating_point.tangent.velocity_basis)
+    inertia = np.sqrt(np.diag(basis.T @ np.abs(mass) @ basis))
+    moving = inertia > 0.0
+    by_place = (basis.T @ change @ basis)[np.ix_(moving, moving)]
+    largest = (by_place / np.outer(inertia[moving], inertia[moving])).max(initial=0.0)
+    return float(largest) if np.isfinite(largest) else 0.0
 
 
 def _rate(local: LocalEquations, operating_point: OperatingPoint) -> float:
