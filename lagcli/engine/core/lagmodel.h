@@ -120,7 +120,8 @@ lag_run *lag_run_of(lag_simulation *simulation);
 int lag_simulate(lag_simulation *simulation, int64_t steps);
 
 /* Go on to a time, where a step ends, also beyond t_end, but not beyond the last break of known functions. Returns
- * LAG_RUNNING, LAG_DONE where an event has ended the simulation before, or why it failed. LAG_NEAR is accepted. */
+ * LAG_RUNNING, LAG_DONE where an event has ended the simulation before, or why it failed. LAG_NEAR is accepted; after LAG_OVER
+ * shorter steps are tried. */
 int lag_simulate_to(lag_simulation *simulation, double t);
 
 /* The event that has ended it, or -1. */

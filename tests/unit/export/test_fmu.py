@@ -270,6 +270,34 @@ simulation: {t_end: 0.1 s}
     instance.free()
 
 
+@pytest.mark.parametrize(("rod", "passes"), [(1.0, False), (1.0001, True)])
+def test_a_singular_configuration_is_not_passed(rod: float, passes: bool, tmp_path: Path) -> None:
+    """A slider-crank with arms of equal length is singular where the slider is at its axis."""
+    text = f"""
+coordinates: {{a: rad, b: rad, x: m}}
+parameters: {{m: 1 kg, l: 1 m, r: {rod} m, J: 1 kg*m^2}}
+T: J*a'^2/2 + J*b'^2/2 + m*x'^2/2
+V: 0
+constraints: {{along: l*cos(a) + r*cos(b) = x, across: l*sin(a) = r*sin(b)}}
+initial: {{a: 0.3, b: {{guess: 0.3}}, x: {{guess: 1.9}}, a': 2, b': {{guess: 2}}, x': {{guess: -1}}}}
+simulation: {{t_end: 2}}
+"""
+    model = lagcli.load_text(text)
+    run = lagcli.simulate(model)
+    assert (run.status == "completed") == passes
+    instance = unpacked(model, tmp_path).instance()
+    instance.begin(0.0)
+    if passes:
+        for i in range(40):
+            instance.step(i / 20, 0.05)
+        assert instance.get("a", "b", "x") == pytest.approx(run.q[-1].tolist(), rel=1e-6)
+    else:
+        with pytest.raises(FmuError, match="singular"):
+            for i in range(40):
+                instance.step(i / 20, 0.05)
+    instance.free()
+
+
 def test_damaged_resources_are_refused(tmp_path: Path) -> None:
     fmu = unpacked(lagcli.load("slider_crank"), tmp_path)
     rng = np.random.default_rng(7)

@@ -21,7 +21,7 @@
 
 static const char *const reasons[] = {
     [LAG_UNDEFINED] = "the equations have no finite value",
-    [LAG_FLOOR] = "the step size fell to its minimum",
+    [LAG_FLOOR] = "the step size fell to its minimum, near a singular configuration or where a force is not smooth",
     [LAG_OVER] = "the constraints have become singular",
     [LAG_OFF] = "the motion cannot be brought back to the constraints",
     [LAG_INACCURATE] = "the linear equations cannot be solved accurately",

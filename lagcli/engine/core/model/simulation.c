@@ -12,6 +12,7 @@
 
 #define LOG_ROWS 512     /* entries of the run's log, at least */
 #define RETRIES 16       /* at one time: beyond it, dense solutions are no help */
+#define REPEATS 10       /* of a step that may have passed a singular configuration, each shorter than the last one */
 #define LEAST_PERIOD (64.0 * DBL_EPSILON) /* of a clock, relative to times: shorter ones are rounding errors */
 
 /* Whether the settings are in their ranges; NaN is within none but of what may be left out. */
@@ -306,7 +307,7 @@ int lag_simulate(lag_simulation *s, int64_t steps)
 int lag_simulate_to(lag_simulation *s, double t)
 {
     lag_run *run = s->run;
-    int status = lag_simulate(s, 0);
+    int status = lag_simulate(s, 0), repeated = 0;
     if (!(run->settings.t_end > t))
         run->settings.t_end = t + (t - run->step.t_start) + 1.0;
     while (status == LAG_RUNNING && run->step.t < t) {
@@ -315,6 +316,11 @@ int lag_simulate_to(lag_simulation *s, double t)
         status = lag_simulate(s, 1);
         if (status == LAG_NEAR)
             status = LAG_RUNNING;
+        repeated = status == LAG_OVER ? repeated + 1 : 0;
+        if (repeated && repeated < REPEATS) {
+            lag_repeat(run);
+            status = LAG_RUNNING;
+        }
     }
     return status;
 }
