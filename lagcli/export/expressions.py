@@ -154,8 +154,9 @@ class Syntax(NamedTuple):
         if op is Op.NEG:
             return f"-{self._within(operands[0], _ATOM)}", _SUM
         if op is Op.SELECT:
-            chosen = (self.condition(operands[0]), *map(self.text, operands[1:]))
-            return self._chosen(*chosen)
+            # in Python, a choice within the first value would take the second for its own
+            values = self._within(operands[1], _SUM), self.text(operands[2])
+            return self._chosen(self.condition(operands[0]), *values)
         if op in _RELATIONS or op in self.logic:
             return self._chosen(self.condition(e), self.number(1.0), self.number(0.0))
         if op is Op.POW and self.power:

@@ -22,6 +22,8 @@ from lagcli.export.python import write_casadi, write_numpy
 #: Beyond this, rounding makes two solutions of the same equations differ.
 CONDITION = 1e6
 TOLERANCE = 1e-9
+#: A program in C has tolerances from a run, which may be stiff.
+SETTINGS = "name: random\nsimulation: {t_end: 0.01, samples: 3, max_steps: 200}\n"
 
 
 def differ(found: object, expected: object) -> float:
@@ -71,7 +73,8 @@ def check(seed: int, content: Content, folder: Path) -> None:
             arrays = [np.zeros(x.size + 1) for x in expected]
             library[f"{name}_equations"](*arguments, *pointers(*arrays))
             for found, own in zip(arrays, expected, strict=True):
-                assert np.array_equal(found[: own.size], own.ravel()), seed
+                # a compiler computes functions of constants itself, with another rounding
+                assert differ(found, own) < 1e-13, seed
         if content.redundant:
             continue
         border = np.block([[mass, -jacobian.T], [jacobian, np.zeros((counts.nc, counts.nc))]])
@@ -99,8 +102,8 @@ def test_code_of_random_models_has_their_values(fuzz_count: int, tmp_path: Path)
     written = 0
     for seed in range(fuzz_count):
         try:
-            text = f"name: random\n{RandomModel(seed).text()}"
-            content = content_of(lagcli.load_text(text))
+            content = content_of(lagcli.load_text(RandomModel(seed).text() + SETTINGS))
+            content.rows  # noqa: B018  (refused where they are not clear)
         except LagcliError:  # no consistent initial state, or no value there
             continue
         written += 1

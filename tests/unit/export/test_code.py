@@ -195,6 +195,16 @@ def test_functions_and_names_of_all_kinds_are_written(tmp_path: Path) -> None:
     assert "ifelse(" in code(model, "matlab")
 
 
+def test_a_choice_within_a_choice_is_written() -> None:
+    model = lagcli.load_text(
+        "coordinates: [x]\nT: x'^2/2\nV: 0\nQ: {x: 'if(x < 1, if(x > 0, 2, 3), 5)'}\n"
+        "initial: {x: 1, x': 0}\n"
+    )
+    own = module(code(model, "python"), "own")
+    forces = [own.dynamics(0.0, np.array([x]), np.zeros(1), np.zeros(0))[0] for x in (0.5, -1, 1.5)]
+    assert np.array_equal(np.ravel(forces), [2.0, 3.0, 5.0])
+
+
 @pytest.mark.parametrize("to", ["python", "casadi", "jax"])
 def test_models_without_constraints_are_written(to: str) -> None:
     if to != "python":
