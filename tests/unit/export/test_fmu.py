@@ -279,7 +279,8 @@ parameters: {{m: 1 kg, l: 1 m, r: {rod} m, J: 1 kg*m^2}}
 T: J*a'^2/2 + J*b'^2/2 + m*x'^2/2
 V: 0
 constraints: {{along: l*cos(a) + r*cos(b) = x, across: l*sin(a) = r*sin(b)}}
-initial: {{a: 0.3, b: {{guess: 0.3}}, x: {{guess: 1.9}}, a': 2, b': {{guess: 2}}, x': {{guess: -1}}}}
+initial:
+  {{a: 0.3, b: {{guess: 0.3}}, x: {{guess: 1.9}}, a': 2, b': {{guess: 2}}, x': {{guess: -1}}}}
 simulation: {{t_end: 2}}
 """
     model = lagcli.load_text(text)
@@ -293,8 +294,7 @@ simulation: {{t_end: 2}}
         assert instance.get("a", "b", "x") == pytest.approx(run.q[-1].tolist(), rel=1e-6)
     else:
         with pytest.raises(FmuError, match="singular"):
-            for i in range(40):
-                instance.step(i / 20, 0.05)
+            instance.step(0.0, 2.0)
     instance.free()
 
 
