@@ -81,6 +81,6 @@ def _open_sweep(name: str) -> Any:
     with open_sweep(name):
         pass
     try:
-        return xarray.load_dataset(name, engine="h5netcdf")
+        return xarray.load_dataset(name, engine="h5netcdf", phony_dims="access")
     except DAMAGE as error:
         raise damage(name, error) from error

@@ -31,7 +31,7 @@ def test_commands():
 
 def test_options_and_their_values():
     assert {"--set", "--samples"} < set(words("simulate", "--s"))
-    assert words("info", "--") == ["--json"]
+    assert words("info", "--") == ["--quantiles", "--json"]
     assert words("simulate", "--method", "Rad") == ["Radau"]
     assert words("derive", "--format", "") == ["text", "latex", "markdown", "json", "pdf"]
     assert words("simulate", "--samples", "") == []
