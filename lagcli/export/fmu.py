@@ -157,7 +157,10 @@ class _Fmu:
 
     @cached_property
     def method(self) -> str:
-        """The method of the run with the model's settings, the last one that `auto` took."""
+        """The method of the model's settings; of `auto`, the last one that a run takes."""
+        chosen = self.simulation.settings.method
+        if chosen != "auto":
+            return chosen
         record = self.simulation.run(lambda samples: None)
         return str(record.options["method"]).split(", ")[-1]
 
@@ -341,20 +344,17 @@ class _Fmu:
         return attributes
 
     def _capabilities(self, kind: str) -> dict[str, str]:
-        upper = "FMUstate" if self.version == "2.0" else "FMUState"
+        two = self.version == "2.0"
         capabilities = {
             "modelIdentifier": self.identifier,
-            f"canGetAndSet{upper}": "true",
+            "canGetAndSetFMUstate" if two else "canGetAndSetFMUState": "true",
         }
-        if kind == "ModelExchange":
-            key = (
-                "completedIntegratorStepNotNeeded"
-                if self.version == "2.0"
-                else ("needsCompletedIntegratorStep")
-            )
-            capabilities[key] = "false" if self.version == "2.0" else "true"
-        else:
+        if kind == "CoSimulation":
             capabilities["canHandleVariableCommunicationStepSize"] = "true"
+        elif two:
+            capabilities["completedIntegratorStepNotNeeded"] = "false"
+        else:
+            capabilities["needsCompletedIntegratorStep"] = "true"
         return capabilities
 
     def _variables_of_2(
@@ -362,17 +362,7 @@ class _Fmu:
     ) -> None:
         listed = Xml.SubElement(root, "ModelVariables")
         for v in variables:
-            attributes = {
-                "name": v.name,
-                "valueReference": str(v.reference),
-                "causality": v.causality,
-                "variability": v.variability,
-            }
-            if v.initial:
-                attributes["initial"] = v.initial
-            if v.description:
-                attributes["description"] = v.description
-            one = Xml.SubElement(listed, "ScalarVariable", attributes)
+            one = Xml.SubElement(listed, "ScalarVariable", _attributes_of(v))
             # without the time, the number of a variable is its value reference
             Xml.SubElement(one, "Real", _numbers(v, units, self.exchanges))
         structure = Xml.SubElement(root, "ModelStructure")
@@ -392,17 +382,7 @@ class _Fmu:
     ) -> None:
         listed = Xml.SubElement(root, "ModelVariables")
         for v in variables:
-            attributes = {
-                "name": v.name,
-                "valueReference": str(v.reference),
-                "causality": v.causality,
-                "variability": v.variability,
-            }
-            if v.initial:
-                attributes["initial"] = v.initial
-            if v.description:
-                attributes["description"] = v.description
-            attributes |= _numbers(v, units, self.exchanges)
+            attributes = _attributes_of(v) | _numbers(v, units, self.exchanges)
             Xml.SubElement(listed, "Float64", attributes)
         structure = Xml.SubElement(root, "ModelStructure")
         for v in variables:
@@ -475,6 +455,19 @@ def _library_of(wheel: str, suffix: str) -> bytes:
 def _initial_unknowns(variables: Sequence[FmuVariable]) -> list[FmuVariable]:
     """Return what the initialization computes."""
     return [v for v in variables if v.initial in ("calculated", "approx")]
+
+
+def _attributes_of(v: FmuVariable) -> dict[str, str]:
+    """Return the attributes that variables of all types have."""
+    attributes = {
+        "name": v.name,
+        "valueReference": str(v.reference),
+        "causality": v.causality,
+        "variability": v.variability,
+        "initial": v.initial,
+        "description": v.description,
+    }
+    return {name: text for name, text in attributes.items() if text}
 
 
 def _numbers(v: FmuVariable, units: dict[str, dict[str, str]], exchanges: bool) -> dict[str, str]:
