@@ -4,6 +4,14 @@
 
 #include "fmi/instance.h"
 
+/* A function of FMI with one answer, whatever its arguments. */
+#define LAG_ALWAYS(type, status, name, ...)                                                                           \
+    type name(void *component, __VA_ARGS__)                                                                           \
+    {                                                                                                                 \
+        (void)component;                                                                                              \
+        return status;                                                                                                \
+    }
+
 typedef struct {
     lag_fmu *fmu;
     char *name;

@@ -166,47 +166,36 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 }
 
 /* What modelDescription.xml says is not available. */
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
-{
-    (void)c, (void)state, (void)size;
-    return fmi2Error;
-}
-
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    (void)c, (void)state, (void)bytes, (void)size;
-    return fmi2Error;
-}
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    (void)c, (void)bytes, (void)size, (void)state;
-    return fmi2Error;
-}
-
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t unknown_count,
-                                        const fmi2ValueReference knowns[], size_t known_count,
-                                        const fmi2Real of_knowns[], fmi2Real of_unknowns[])
-{
-    (void)c, (void)unknowns, (void)unknown_count, (void)knowns, (void)known_count, (void)of_knowns, (void)of_unknowns;
-    return fmi2Error;
-}
-
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference references[], size_t count,
-                                       const fmi2Integer orders[], const fmi2Real values[])
-{
-    (void)c, (void)references, (void)count, (void)orders, (void)values;
-    return fmi2Error;
-}
-
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference references[], size_t count,
-                                        const fmi2Integer orders[], fmi2Real values[])
-{
-    (void)c, (void)references, (void)count, (void)orders, (void)values;
-    return fmi2Error;
-}
+#define UNAVAILABLE(name, ...) LAG_ALWAYS(fmi2Status, fmi2Error, name, __VA_ARGS__)
+/* States of a step that is under way, which steps never are. */
+#define NO_STATUS(name, type) LAG_ALWAYS(fmi2Status, fmi2Discard, name, const fmi2StatusKind kind, type *value)
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+UNAVAILABLE(fmi2SerializedFMUstateSize, fmi2FMUstate state, size_t *size)
+UNAVAILABLE(fmi2SerializeFMUstate, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+UNAVAILABLE(fmi2DeSerializeFMUstate, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+UNAVAILABLE(fmi2GetDirectionalDerivative, const fmi2ValueReference unknowns[], size_t unknown_count,
+            const fmi2ValueReference knowns[], size_t known_count, const fmi2Real of_knowns[], fmi2Real of_unknowns[])
+UNAVAILABLE(fmi2SetRealInputDerivatives, const fmi2ValueReference references[], size_t count,
+            const fmi2Integer orders[], const fmi2Real values[])
+UNAVAILABLE(fmi2GetRealOutputDerivatives, const fmi2ValueReference references[], size_t count,
+            const fmi2Integer orders[], fmi2Real values[])
+NO_STATUS(fmi2GetStatus, fmi2Status)
+NO_STATUS(fmi2GetIntegerStatus, fmi2Integer)
+NO_STATUS(fmi2GetStringStatus, fmi2String)
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
 
 /* Co-simulation */
+
+fmi2Status fmi2CancelStep(fmi2Component c)
+{
+    (void)c;
+    return fmi2Error;
+}
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real step, fmi2Boolean no_return)
 {
@@ -217,18 +206,6 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real step, fmi2Boolean no
     return fmu->phase == LAG_FMU_ENDED ? fmi2Discard : fmi2OK; /* an event has ended the simulation */
 }
 
-fmi2Status fmi2CancelStep(fmi2Component c)
-{
-    (void)c;
-    return fmi2Error;
-}
-
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
 {
     if (kind != fmi2LastSuccessfulTime)
@@ -237,24 +214,12 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Rea
     return fmi2OK;
 }
 
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 {
     if (kind != fmi2Terminated)
         return fmi2Discard;
     *value = INSTANCE(c)->phase == LAG_FMU_ENDED;
     return fmi2OK;
-}
-
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
 }
 
 /* Model exchange */

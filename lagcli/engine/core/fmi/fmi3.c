@@ -245,12 +245,7 @@ NOTHING(fmi3EnterContinuousTimeMode)
 NOTHING(fmi3EnterStepMode)
 
 /* Functions of what modelDescription.xml does not declare. */
-#define UNAVAILABLE(name, ...)                                                                                        \
-    fmi3Status name(fmi3Instance c, __VA_ARGS__)                                                                      \
-    {                                                                                                                 \
-        (void)c;                                                                                                      \
-        return fmi3Error;                                                                                             \
-    }
+#define UNAVAILABLE(name, ...) LAG_ALWAYS(fmi3Status, fmi3Error, name, __VA_ARGS__)
 #if defined(__GNUC__)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-parameter"

@@ -481,14 +481,11 @@ int lag_fmu_drifted(lag_fmu *fmu)
     lag_run *run = lag_run_of(fmu->simulation);
     const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
-    double largest = 0.0;
     lag_evaluate(c, s, run->step.t, run->step.y, LAG_ALL);
-    for (int i = 0; i < s->nh; ++i)
-        largest = fmax(largest, fabs(OUT(c, i)) / OUT(c, lag_constraint_position_scale(s) + i));
-    for (int i = 0; i < s->nc; ++i)
-        largest = fmax(largest, fabs(OUT(c, lag_constraint_velocity(s) + i))
-                                    / OUT(c, lag_constraint_velocity_scale(s) + i));
-    return largest > DRIFT;
+    const double position = lag_largest_residual(c, s->nh, 0, lag_constraint_position_scale(s));
+    const double velocity =
+        lag_largest_residual(c, s->nc, lag_constraint_velocity(s), lag_constraint_velocity_scale(s));
+    return fmax(position, velocity) > DRIFT;
 }
 
 int lag_fmu_project(lag_fmu *fmu)

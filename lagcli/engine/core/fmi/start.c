@@ -104,12 +104,11 @@ static void write_rows(lag_start_search *s, const int *fixed)
         s->lengths[i] = sqrt(s->lengths[i]);
 }
 
-/* The largest of n outputs over their scales, from places on; INFINITY where one is not finite. */
-static double worst(const lag_start_search *s, int n, int first, int scale)
+double lag_largest_residual(const lag_tape *tape, int n, int first, int scale)
 {
     double largest = 0.0;
     for (int i = 0; i < n; ++i) {
-        const double value = OUT(&s->constraint, first + i), size = OUT(&s->constraint, scale + i);
+        const double value = OUT(tape, first + i), size = OUT(tape, scale + i);
         if (!isfinite(value))
             return INFINITY;
         if (value != 0.0)
@@ -124,7 +123,7 @@ static int find_positions(lag_start_search *s, double t, const int *fixed, doubl
     const lag_equations *e = &s->model->equations;
     const int nq = e->nq, scale = e->nh + e->nb + e->nc;
     evaluate(s, t, y);
-    double residual = worst(s, e->nh, 0, scale);
+    double residual = lag_largest_residual(&s->constraint, e->nh, 0, scale);
     for (int iteration = 0; iteration < ITERATIONS && residual > RESIDUAL; ++iteration) {
         if (!isfinite(residual))
             return LAG_START_UNDEFINED;
@@ -141,7 +140,7 @@ static int find_positions(lag_start_search *s, double t, const int *fixed, doubl
             for (int j = 0; j < nq; ++j)
                 y[j] = s->tried[j] + part * s->model->problem.sizes[j] * s->x[j];
             evaluate(s, t, y);
-            after = worst(s, e->nh, 0, scale);
+            after = lag_largest_residual(&s->constraint, e->nh, 0, scale);
         }
         if (!(after < residual)) { /* rounding errors, or the least residual, are reached */
             memcpy(y, s->tried, (size_t)nq * sizeof *y);
@@ -161,7 +160,7 @@ static int find_velocities(lag_start_search *s, double t, const int *fixed, doub
     double residual = INFINITY;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
         evaluate(s, t, y);
-        const double now = worst(s, e->nc, first, scale);
+        const double now = lag_largest_residual(&s->constraint, e->nc, first, scale);
         if (!isfinite(now) && iteration == 0)
             for (int i = 0; i < e->nc; ++i)
                 if (!isfinite(OUT(&s->constraint, first + i)))

@@ -14,6 +14,10 @@ enum lag_start_status {
     LAG_START_SINGULAR,     /* the rank of B is not that of the data */
 };
 
+/* The largest of n outputs of a tape from `first` on over their scales, those from `scale` on; INFINITY where one is
+ * not finite. */
+double lag_largest_residual(const lag_tape *tape, int n, int first, int scale);
+
 /* The search: its tape and its scratch. */
 typedef struct {
     const lag_model *model;
