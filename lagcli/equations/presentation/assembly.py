@@ -29,6 +29,7 @@ from lagcli.equations.presentation.overview import (
     convention,
     in_matrices,
     in_short,
+    many_parameters_last,
     overview,
     quantities,
 )
@@ -92,6 +93,7 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
     steps = [*before, *_arranged(f, after, contents.full)]
     if "first" in kinds or "maggi" in kinds or contents.solve:
         steps.append(convention(f))
+    steps = list(many_parameters_last(steps))
     return _cited(steps if contents.full else with_hint(steps))
 
 

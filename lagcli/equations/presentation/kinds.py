@@ -13,6 +13,7 @@ from lagcli.equations.presentation.extent import abridged
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import abbreviate
+from lagcli.equations.presentation.overview import quantity
 from lagcli.equations.presentation.steps import energy_sides
 from lagcli.equations.reduction.closed_forms import Solution
 from lagcli.equations.reduction.elimination import SolvedUnknown
@@ -188,6 +189,7 @@ _NONE = "There are none: the constraints determine the motion."
 
 #: Operations of the equations of motion above which they are printed as M a = f, abbreviated.
 LONGEST = 1200
+_ROUNDING = 1e-12  # below it, and below this part of the largest coordinate, a root is printed as 0
 _KEPT = 1.3  # largest ratio of lengths at which the written structure is kept
 
 
@@ -230,9 +232,11 @@ def _dependent(f: Formulas, second: SecondKind) -> Step | None:
             continue
         implicit = True
         names = ", ".join(e.constraints[i].constraint.name for i in solved.block.rows)
+        rounding = _ROUNDING * max(1, *(abs(second.partition.values[x]) for x in e.q))
         for i in solved.block.columns:
             value = second.partition.values[e.q[i]]
-            note = f"implicit: the root of {names} near {value:.6g}"
+            near = quantity(value if abs(value) > rounding else 0, None).text
+            note = f"implicit: the root of {names} near {near}"
             lines.append(Line((f.coordinates[i], _root(f, second, i)), note=note))
     if not lines:
         return None
@@ -248,8 +252,10 @@ def _dependent(f: Formulas, second: SecondKind) -> Step | None:
 
 def _root(f: Formulas, second: SecondKind, i: int) -> Node:
     free = [f.coordinates[j] for j in second.partition.independent]
-    name = f.model.coordinate_names[i]
-    return Call(f"R_{name}", tuple(free))
+    if any(c.rheonomic for c in f.equations.constraints):
+        free.append(Symbol("t"))
+    name = f"R_{f.model.coordinate_names[i]}"
+    return Call(name, tuple(free)) if free else Symbol(name)
 
 
 def _solution_lines(f: Formulas, second: SecondKind, s: Solution) -> list[Line]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -42,7 +43,8 @@ def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     if in_matrices(f, full):
         return in_short(f)
     steps = _written_out(f)
-    return tuple(steps if full else Extent(f).shortened(IndexForm(f.model).steps(steps)))
+    shown = steps if full else Extent(f).shortened(IndexForm(f.model).steps(steps))
+    return many_parameters_last(shown)
 
 
 def in_matrices(f: Formulas, full: bool = False) -> bool:
@@ -101,6 +103,9 @@ def before_equations(f: Formulas) -> list[Step]:
 
 
 _FREEDOM = "Degrees of freedom"
+_PARAMETERS = "Parameters"
+_CONVENTION = "Sign convention"
+_FEW = 12  # largest number of parameters that are listed before the equations
 _SHOWN = 12  # largest number of listed components that hold identically
 
 
@@ -178,7 +183,7 @@ def convention(f: Formulas) -> Step:
                 " Chetaev's rule, a postulate, puts the force of a constraint that is nonlinear in"
                 f" the velocities along ∂{signs.velocity_residual}/∂q̇; such a force may do work."
             )
-    return Step("Sign convention", tuple(lines), remark)
+    return Step(_CONVENTION, tuple(lines), remark)
 
 
 def _coordinates(f: Formulas) -> Step:
@@ -203,9 +208,21 @@ def parameters_step(f: Formulas) -> Step | None:
         if p.unit and stated not in (None, 1) and not f.values:
             sides.insert(1, quantity(p.value / float(stated or 1), p.unit))
         lines.append(Line(tuple(sides), note=p.description))
-    # values without a meaning fit side by side
-    packed = not any(line.note for line in lines) and not any("[" in x for x in f.model.parameters)
-    return Step("Parameters", tuple(lines), packed=packed) if lines else None
+    # values without a meaning fit side by side; so do the others where there are many
+    families = any("[" in name for name in f.model.parameters)
+    packed = not families and (len(lines) > _FEW or not any(line.note for line in lines))
+    return Step(_PARAMETERS, tuple(lines), packed=packed) if lines else None
+
+
+def many_parameters_last(steps: Sequence[Step]) -> tuple[Step, ...]:
+    """Return steps in which a long list of parameters follows the equations of motion.
+
+    The sign convention stays the last step.
+    """
+    values = [s for s in steps if s.title == _PARAMETERS and s.packed and len(s.lines) > _FEW]
+    others = [s for s in steps if s not in values]
+    last = len(others) - (bool(others) and others[-1].title == _CONVENTION)
+    return (*others[:last], *values, *others[last:])
 
 
 def quantity(value: float, unit: str | None) -> Sign:

@@ -11,7 +11,7 @@ If the result is longer than the original expression, the original structure is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
@@ -397,7 +397,17 @@ class Arranger:
         first = self._expanded(se.Add(*moving), self._whole)
         if first is None:
             return None
+        if self._is_collected(moving):
+            first = min(self._structured(se.Add(*moving)), first, key=weight)
         return sum_of([(1, first), (1, self.arrange(se.Add(*resting), follows=True))])
+
+    def _is_collected(self, terms: Iterable[Basic]) -> bool:
+        """Whether each acceleration is in one term, without functions: (x − a) ẍ."""
+        of_terms = [s for x in terms for s in x.free_symbols]
+        accelerations = [s for s in of_terms if self._whole.class_of(s) == "acceleration"]
+        used = {g for x in terms for m in self._whole.polynomial(x) for g, _ in m}
+        plain = all(self._whole.generators[g].head == "symbol" for g in used)
+        return plain and len(set(accelerations)) == len(accelerations)
 
     def _defined_roots(self, model: Model) -> dict[tuple[Basic, int], str]:
         """Return definitions that are roots, by radicand and degree: s = √(x² + y²)."""

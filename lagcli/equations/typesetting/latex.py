@@ -382,8 +382,12 @@ class _Labels:
 def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
     if step.packed:
         # TeX breaks inline formulas
-        inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
-        body = ";\n\\quad ".join(f"${text}$" for text in inline)
+        inline = [
+            f"${' = '.join(map(formula.latex, line.sides))}$"
+            + (f" ({escape(line.note)})" if line.note else "")
+            for line in step.lines
+        ]
+        body = ";\n\\quad ".join(inline)
         return [f"\\begin{{flushleft}}\n{body}\n\\end{{flushleft}}"]
     parts = []
     for alone, group in groupby(step.lines, key=is_item):

@@ -53,8 +53,12 @@ def render_markdown(
 
 def _body(step: Step, formula: LatexFormula) -> list[str]:
     if step.packed:
-        inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
-        return ["\n".join(f"${text}$;" for text in inline)]
+        inline = [
+            f"${' = '.join(map(formula.latex, line.sides))}$"
+            + (f" ({escape(line.note)})" if line.note else "")
+            for line in step.lines
+        ]
+        return ["\n".join(f"{text};" for text in inline)]
     parts = []
     for alone, group in groupby(step.lines, key=is_item):
         if alone:

@@ -304,6 +304,7 @@ def _grammar_base(node: Node) -> str:
 NARROWEST = 40
 _INDENT = "  "
 _APART = ";  "  # between short formulas side by side
+_GAP = "   "  # between columns
 _UNEVEN = 8  # maximum difference of left sides that are aligned, in columns
 _SHORT = 3  # maximum columns of a side that stays on the line before it: = 0
 _SHORT_LEFT = 8  # maximum columns of a left side that shares its line
@@ -410,6 +411,8 @@ def _is_entry(line: Line) -> bool:
 
 def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
     """Return lines packed side by side, as many as fit."""
+    if all(map(_is_entry, group)):
+        return _in_columns(group, formula, width)
     packed: list[str] = []
     room = width - len(_INDENT)
     for line in group:
@@ -421,6 +424,30 @@ def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str
         else:
             packed.append(text)
     return [_INDENT + text for text in packed]
+
+
+def _in_columns(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
+    """Return values in as many columns as fit; those with a note follow on lines of their own."""
+    entries = [line for line in group if not line.note]
+    names = [formula.text(line.sides[0]) for line in entries]
+    values = [" = ".join(("", *map(formula.text, line.sides[1:]))) for line in entries]
+    room = width - len(_INDENT)
+    for count in range(len(entries), 1, -1):
+        columns = range(count)
+        left, right = (
+            [max(map(display_width, texts[i::count])) for i in columns] for texts in (names, values)
+        )
+        if sum(left) + sum(right) + len(_GAP) * (count - 1) <= room:
+            break
+    else:
+        return _group(group, formula, width)
+    cells = [
+        _padded(_padded(name, left[i % count]) + value, left[i % count] + right[i % count])
+        for i, (name, value) in enumerate(zip(names, values, strict=True))
+    ]
+    rows = [_GAP.join(cells[i : i + count]).rstrip() for i in range(0, len(cells), count)]
+    noted = [line for line in group if line.note]
+    return [*(_INDENT + row for row in rows), *(_group(noted, formula, width) if noted else [])]
 
 
 def _label(line: Line, formula: TextFormula) -> str:

@@ -63,6 +63,9 @@ class Suspect(NamedTuple):
 def unit_diagnostics(model: Model, units: ModelUnits, severity: str = "error") -> list[Diagnostic]:
     """Return the disagreements in a model as diagnostics, in the order of the file.
 
+    Where another unit of one name removes all of them, the first one stands for all: it has a note
+    with the lines of the others.
+
     Parameters
     ----------
     model : Model
@@ -79,7 +82,13 @@ def unit_diagnostics(model: Model, units: ModelUnits, severity: str = "error") -
     for finding in units.findings:
         diagnostic = _Message(model, units, places, finding).diagnostic(suspects, severity)
         diagnostics.setdefault((diagnostic.message, diagnostic.location), diagnostic)
-    return sorted(diagnostics.values(), key=_position)
+    first, *others = sorted(diagnostics.values(), key=_position)
+    if not suspects or not others:
+        return [first, *others]
+    lines = dict.fromkeys(_position(x)[0] for x in others)
+    where = f"line{'s' * (len(lines) > 1)} {', '.join(map(str, lines))}"
+    note = f"{len(others)} more for the same reason in {where}"
+    return [first._replace(notes=(*first.notes, (note, None)))]
 
 
 class TakenUnit(NamedTuple):

@@ -10,6 +10,7 @@ import symengine as se
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.reduction.partition import number
 from lagcli.equations.reduction.second_kind import Maggi, second_kind, second_kind_is_short
+from lagcli.equations.render import render
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.simulations.partition import partition
@@ -83,3 +84,23 @@ def test_nonholonomic_constraints_have_no_second_kind() -> None:
 )
 def test_where_the_second_kind_is_short(name: str, short: bool) -> None:
     assert second_kind_is_short(partition(derive(load(MODELS / f"{name}.yaml")))) is short
+
+
+# the crank is driven, and no coordinate is independent
+DRIVEN = """\
+coordinates: [a, x]
+parameters: {w: 2, k: 0.1}
+T: x'^2/2 + a'^2/2
+constraints:
+  drive: a = w*t
+  cam: x + k*sin(x) = cos(a) + DELAY
+initial: {a: {guess: 0}, a': {guess: 2}, x: {guess: 1}, x': {guess: 0}}
+"""
+
+
+@pytest.mark.parametrize("start", ["0", "-1"])
+def test_roots_of_a_driven_mechanism_are_functions_of_time(start: str) -> None:
+    driven = load_text(DRIVEN.replace("DELAY", start))
+    text = render(derive(driven), kinds=("second",), partition=partition(derive(driven)))
+    near = "0.920415\n" if start == "0" else "0\n"
+    assert f"x = R_x(t)   implicit: the root of cam near {near}" in text

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 import symengine as se
 from formula_values import MODELS, equations_of, model_of
@@ -92,14 +94,42 @@ def test_long_closed_forms_are_omitted():
 
 def test_parameters_with_values_units_and_meaning():
     text = page("woodpecker")
-    assert "  m_S = 4.5 g = 0.0045 kg    mass of the bird\n" in text
-    assert "  J_M = 5×10⁻⁹ kg·m²\n" in text
+    assert "  m_S = 4.5 g = 0.0045 kg   mass of the bird\n" in text
+    assert re.search(r"  J_M = 5×10⁻⁹ kg·m² +J_S = 7×10⁻⁷ kg·m²", text)
     assert "m_S = 0.0045 kg" in page("woodpecker", numeric=True)
     latex = page("woodpecker", format="latex")
-    assert r"J_{M} &= 5 \times 10^{-9} \, \mathrm{kg} \cdot \mathrm{m}^{2} \notag" in latex
+    assert r"$J_{M} = 5 \times 10^{-9} \, \mathrm{kg} \cdot \mathrm{m}^{2}$;" in latex
+    assert r"$\mu = 0.3$ (coefficient of friction);" in latex
+    assert "$e = 0.5$ (restitution of the beak);" in page("woodpecker", format="markdown")
     steps = page("chain", steps=True)
     assert "mᵢ = 0.05 kg                 i = 1, …, N" in steps
     assert steps.index("1. Coordinates: k = 40") < steps.index("2. Parameters")
+
+
+def test_many_parameters_are_in_columns_after_the_equations():
+    e = equations_of(next(p for p in MODELS if p.stem == "andrews_squeezer"))
+    for width in (60, 80, 120):
+        text = render(e, width=width)
+        assert text.index("Equations of motion") < text.index("Parameters")
+        assert text.index("Parameters") < text.index("Sign convention")
+        listed = text.split("Parameters\n")[1].split("\n\n")[0].splitlines()
+        assert max(map(len, listed)) <= width
+        # a value begins below a value, and each parameter is listed once
+        rows = [x for x in listed if x.count("=") == listed[0].count("=")]
+        places = {tuple(i for i, c in enumerate(x) if c == "=") for x in rows}
+        assert len(places) == 1
+        assert sum(x.count("=") for x in listed) == len(e.model.parameters)
+    assert len(render(e, width=120).splitlines()) < len(render(e, width=60).splitlines())
+
+
+def test_differences_with_and_without_a_square_are_treated_alike():
+    disk = load_text(
+        "coordinates: [x, y]\nparameters: {X: 0.2, R: 0.3}\nT: (x'^2 + y'^2)/2\n"
+        "constraints: {rim: (x - X)^2 + (y - R)^2 = R^2}\n"
+        "initial: {x: 0.2, y: 0, x': 0, y': 0}\n"
+    )
+    text = render(derive(disk), steps=True)
+    assert "2 (x − X) ẍ + 2 (y − R) ÿ + 2 (ẋ² + ẏ²) = 0" in text
 
 
 def test_unilateral_constraints_stay_inequalities_in_the_derivation():
