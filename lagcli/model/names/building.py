@@ -6,7 +6,7 @@ size of each result is bounded, and every constant is checked as soon as it is b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import symengine as se
@@ -90,6 +90,17 @@ def build(tree: Tree, scope: Scope) -> Sized:
     return _ExpressionBuilder(scope).operand(tree)
 
 
+def _outermost_sums(tree: Tree) -> Iterator[IndexedSumExpr]:
+    """Yield the indexed sums of a tree, without those in their terms."""
+    stack = [tree]
+    while stack:
+        top = stack.pop()
+        if isinstance(top, IndexedSumExpr):
+            yield top
+        else:
+            stack.extend(reversed(top.parts))
+
+
 def _is_boolean(value: object) -> bool:
     return isinstance(value, (bool, Boolean))
 
@@ -108,6 +119,7 @@ class _ExpressionBuilder:
     def __init__(self, scope: Scope):
         self.scope = scope
         self.terms = 0  # number of terms of indexed sums
+        self.summing = False  # within the term of one
 
     def any(self, tree: Tree) -> Sized:
         """Build a value or a condition."""
@@ -227,19 +239,16 @@ class _ExpressionBuilder:
         return self.made(tree, total, parts)
 
     def series(self, tree: IndexedSumExpr) -> Sized:
+        outermost = not self.summing
+        if outermost:
+            self.count_terms(tree)
+        self.summing = True
         parts: list[Sized] = []
         term: ExpressionTemplate | None = None
         for _ in self.scope.each(tree):
             term = term or ExpressionTemplate(tree.term, self.scope, self.operand)
-            self.terms += 1
-            if self.terms > MAX_TERMS:
-                raise error_at(
-                    "too-large",
-                    f"the sums of this expression have more than {MAX_TERMS:,} terms",
-                    tree,
-                    "use a recursive definition, such as `s[i = 1..N]: s[i-1] + x[i]`",
-                )
             parts.append(term.value())
+        self.summing = not outermost
         if not parts:
             return Sized(se.Integer(0), constant=True)
         if not isinstance(parts[0].value, Tensor):
@@ -248,6 +257,21 @@ class _ExpressionBuilder:
         for part in parts[1:]:
             total = tensors.add(total, part.value)
         return self.made(tree, total, parts)
+
+    def count_terms(self, tree: IndexedSumExpr) -> None:
+        """Count the terms of a sum and of the sums in it, before any of them is built."""
+        inner = list(_outermost_sums(tree.term))
+        for _ in self.scope.each(tree):
+            self.terms += 1
+            if self.terms > MAX_TERMS:
+                raise error_at(
+                    "too-large",
+                    f"the sums of this expression have more than {MAX_TERMS:,} terms",
+                    tree,
+                    "use a recursive definition, such as `s[i = 1..N]: s[i-1] + x[i]`",
+                )
+            for part in inner:
+                self.count_terms(part)
 
     def product(self, tree: ProductExpr) -> Sized:
         parts = [self.operand(factor) for _, factor in tree.factors]

@@ -320,6 +320,20 @@ def test_a_million_terms_are_rejected_before_they_are_read(term: str) -> None:
     assert "too-large" in diagnostics(f"coordinates: [x]\nT: x'^2/2\noutputs:\n{lines}")[0]
 
 
+@pytest.mark.parametrize("last", ["1000", "i + 900"])
+def test_a_million_terms_of_sums_are_rejected_before_they_are_built(last: str) -> None:
+    text = f"""coordinates: [x]
+T: x'^2/2
+V: sum(i*x + sum(x^2/(i + j), j = 1..{last}), i = 1..1000) + sum(i*x, i = 1..10)
+initial: {{x: 0, x': 0}}
+"""
+    (found,) = diagnostics(text)
+    assert "the sums of this expression have more than 100,000 terms" in found
+    # building one term takes some hundred calls
+    assert calls_to_read(text) < 1_000_000
+    assert diagnostics(text.replace("i = 1..1000", "i = 1..3")) == []
+
+
 def test_a_constraint_that_is_expensive_to_expand() -> None:
     many = " + ".join(["x", "y", "x'", "y'", "t", "l", "m", "g", "1"])
     text = TEXT.replace("knife: {expr: x'*y", f"knife: {{expr: ({many})^300")
