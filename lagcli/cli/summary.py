@@ -85,6 +85,7 @@ def summarize(
         },
         "events": None if record.events is None else record.events.to_mapping(),
         "parameters": record.parameters,
+        "given": record.display["given"],
         "initial": dict(initial),
         "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
         "coordinates": len(initial) // 2,
@@ -165,7 +166,7 @@ def format_summary(summary: Mapping[str, Any], model: Model, columns: int = 100)
     columns : int
         Length of the longest line.
     """
-    from lagcli.results.listing import entry
+    from lagcli.results.listing import entry, pairs
 
     s = summary
 
@@ -186,6 +187,9 @@ def format_summary(summary: Mapping[str, Any], model: Model, columns: int = 100)
     said("tolerance", f"rtol {s['rtol']:g}, atol {_absolute(s)}")
     if s["status"] in ENDED:
         said("", s["message"])
+    if given := s["given"]:
+        units = {name: model.units.of(name) or "" for name in given}
+        said("in SI", pairs({name: s["parameters"][name] for name in given}, units, given))
     lines += _start(s["initial_correction"], columns)
     if s["redundant"]:
         said("constraints", _redundancy(s, model))

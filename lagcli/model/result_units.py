@@ -7,6 +7,7 @@ from typing import Any
 from symengine import Symbol
 
 from lagcli.columns import ColumnName
+from lagcli.model.given_units import given_units
 from lagcli.model.model import TIME, Model, coordinate
 
 
@@ -36,11 +37,17 @@ def result_units(model: Model) -> dict[str, str]:
 
 
 def result_display(model: Model) -> dict[str, Any]:
-    """Return the data of a model for pictures, as in ``Record.display``."""
+    """Return the data of a model for pictures and lists, as in ``Record.display``."""
+    given = given_units(model)
     return {
         "latex": {c.name: c.latex for c in model.coordinates if c.latex},
         "definitions": [*model.definitions, *model.inputs],
         "jumping": _jumping_outputs(model) if model.switches else [],
+        "given": {
+            p.name: given[p.name].written(p.value)
+            for p in model.parameters.values()
+            if p.name in given
+        },
     }
 
 

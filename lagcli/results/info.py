@@ -66,7 +66,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     metadata = to_metadata(file.record)
     model = metadata.pop("model")
     formulas = metadata.pop("conserved_formulas")
-    del metadata["display"]
+    given = metadata.pop("display").get("given", {})
     balance = known(extremes.energy_balance)
     return {
         "path": path,
@@ -74,6 +74,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "bytes": os.path.getsize(path),
         "kind": KIND,
         **metadata,
+        "given": given,
         "model_name": model_name(model),
         "sizes": {
             "samples": extremes.samples,
@@ -175,7 +176,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
         lines += _entry(
             "derivatives", "of q, v and lambda with respect to " + ", ".join(info["sensitivity"])
         )
-    lines += _entry("parameters", pairs(info["parameters"], units))
+    lines += _entry("parameters", pairs(info["parameters"], units, info["given"]))
     lines += _entry("options", pairs(info["options"]))
     lines += _entry("atol at end", pairs(info["tolerances"]))
     lines += _entry("counts", pairs(info["counts"]))

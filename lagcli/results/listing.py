@@ -88,10 +88,20 @@ def folded(items: Iterable[tuple[str, str]]) -> list[str]:
     return shown
 
 
-def pairs(values: Mapping[str, Any], units: Mapping[str, str] | None = None) -> str:
-    """Return ``name = value unit`` for each entry; of many, the first ones."""
-    units = units or {}
-    shown = folded((name, _value(x, units.get(name, ""))) for name, x in values.items())
+def pairs(
+    values: Mapping[str, Any],
+    units: Mapping[str, str] | None = None,
+    given: Mapping[str, str] | None = None,
+) -> str:
+    """Return ``name = value unit`` for each entry; of many, the first ones.
+
+    What was ``given`` in another unit precedes the value: ``omega = 1500 rpm = 157.08 rad/s``.
+    """
+    units, given = units or {}, given or {}
+    shown = folded(
+        (name, (f" = {given[name]}" if name in given else "") + _value(x, units.get(name, "")))
+        for name, x in values.items()
+    )
     return ", ".join(shortened(shown))
 
 

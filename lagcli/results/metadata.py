@@ -40,13 +40,14 @@ MAPPINGS = (
 
 #: The schema of lists of names.
 NAMES: dict[str, Any] = {"type": "array", "items": {"type": "string"}}
-#: The schema of ``display``, which is not printed; it is empty in older files.
+#: The schema of ``display``, of which only ``given`` is printed; it is empty in older files.
 DISPLAY: dict[str, Any] = {
     "type": "object",
     "properties": {
         "latex": {"type": "object", "additionalProperties": {"type": "string"}},
         "definitions": NAMES,
         "jumping": NAMES,
+        "given": {"type": "object", "additionalProperties": {"type": "string"}},
     },
 }
 

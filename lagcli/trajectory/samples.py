@@ -257,7 +257,8 @@ class Record:
     display : mapping
         What pictures need of the model: ``latex``, the declared LaTeX of coordinates;
         ``definitions``, names of definitions and inputs, which the names of coordinates must not
-        look like; ``jumping``, outputs that jump at events. Empty if unknown.
+        look like; ``jumping``, outputs that jump at events; ``given``, parameters in units other
+        than SI as they were given, such as ``1500 rpm``. Empty if unknown.
     inputs : mapping of str to InputTable
         The tables of the model's inputs, by name.
     events : EventLog or None

@@ -51,6 +51,54 @@ def test_result_files_state_the_units(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "motor_power [W]" in text
 
 
+ENGINEERS = """
+coordinates: {phi: rad}
+parameters: {m: 500 g, l: 250 mm, g: 9.81 m/s^2, omega: 1500 rpm, M: 0.1 kNm, P: 2 hp, a: 30°}
+T: m*l^2*phi'^2/2
+V: -m*g*l*cos(phi - a)
+Q: {phi: M*sin(omega*t)}
+initial: {phi: 10 deg, phi': 0}
+"""
+#: What commands print of each parameter.
+GIVEN = (
+    "m = 500 g = 0.5 kg",
+    "l = 250 mm = 0.25 m",
+    "omega = 1500 rpm = 157.08 rad/s",
+    "M = 0.1 kNm = 100 N*m",
+    "P = 2 hp = 1491.4 W",
+    "a = 30 ° = 0.523599 rad",
+)
+
+
+def test_values_in_si_are_shown_beside_those_in_other_units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_text(ENGINEERS)
+
+    def printed(*arguments: str) -> str:
+        assert run(list(arguments)) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    assert "Converted to SI: " + "; ".join(GIVEN) + "; phi = 10 deg = " in printed(
+        "check", "m.yaml"
+    )
+    text = printed("derive", "m.yaml").replace("ω", "omega").replace("·", "*")
+    assert [x for x in GIVEN if x not in text] == []
+
+    faster = GIVEN[2].replace("1500", "3000").replace("157.08", "314.159")
+    listed = ", ".join(GIVEN).replace(GIVEN[2], faster)
+    simulate = ("simulate", "m.yaml", "--t-end", "0.1", "--set", "omega=3000 rpm")
+    assert f" in SI {listed} energy" in printed(*simulate, "-o", "run.h5")
+    printed(*simulate, "-o", "run.csv", "--meta")
+    for name in ("run.h5", "run.csv"):
+        text = printed("info", name).replace("g = 9.81 m/s^2, ", "")
+        assert f" parameters {listed} options" in text
+        found = json.loads(printed("info", name, "--json"))
+        assert found["given"]["omega"] == "3000 rpm"
+        assert found["parameters"]["omega"] == pytest.approx(314.159265)
+
+
 def test_one_unit_is_stated_with_the_array(tmp_path: Path) -> None:
     path = str(tmp_path / "run.h5")
     model = str(MODELS / "pendulum_cartesian.yaml")

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.reporting import TakenUnit, taken_units, unit_diagnostics
-from lagcli.model.expression.units import si_notation, to_si
+from lagcli.model.expression.units import si_notation
+from lagcli.model.given_units import given_units
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of, format_members
 
@@ -151,12 +152,9 @@ def report_units(model: Model) -> UnitReport:
 
 def _converted(model: Model) -> Iterator[tuple[str, Conversion]]:
     """Yield the quantities in units other than SI: name, and value in both units."""
-    given = [(p.name, p.value, p.unit) for p in model.parameters.values()]
-    given += [(name, x.value, x.unit) for name, x in model.initial.items()]
-    for name, value, unit in given:
-        factor = to_si(unit) if unit else 1
-        if unit and factor != 1:
-            yield name, Conversion(value / float(factor), unit, value, si_notation(unit))
+    for name, (unit, factor) in given_units(model).items():
+        value = (model.parameters.get(name) or model.initial[name]).value
+        yield name, Conversion(value / factor, unit, value, si_notation(unit))
 
 
 def families(names: Iterable[str]) -> list[str]:

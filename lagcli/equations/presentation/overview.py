@@ -21,7 +21,8 @@ from lagcli.equations.presentation.switching import (
     is_friction,
 )
 from lagcli.equations.typesetting.nodes import Call, Line, Node, Sign, Step, Symbol, sum_of, whole
-from lagcli.model.expression.units import plain_notation, si_notation, to_si
+from lagcli.model.expression.units import plain_notation, si_notation
+from lagcli.model.given_units import given_units
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
@@ -201,12 +202,13 @@ def _coordinates(f: Formulas) -> Step:
 def parameters_step(f: Formulas) -> Step | None:
     """Return the parameters with their values, as given and in SI."""
     lines = []
+    given = {} if f.values else given_units(f.model)
     for p in f.model.parameters.values():
-        stated = None if p.unit is None else to_si(p.unit)
         si = quantity(p.value, si_notation(p.unit) if p.unit else None)
         sides = [Symbol(p.name), si]
-        if p.unit and stated not in (None, 1) and not f.values:
-            sides.insert(1, quantity(p.value / float(stated or 1), p.unit))
+        if p.name in given:
+            unit, factor = given[p.name]
+            sides.insert(1, quantity(p.value / factor, unit))
         lines.append(Line(tuple(sides), note=p.description))
     # values without a meaning fit side by side; so do the others where there are many
     families = any("[" in name for name in f.model.parameters)

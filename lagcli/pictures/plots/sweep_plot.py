@@ -13,13 +13,14 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.column_units import NOT_STATED
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import UsageError
+from lagcli.model.given_units import GivenUnit
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
 from lagcli.pictures.curves import look_of_value, pretty_unit
-from lagcli.pictures.given_units import GivenUnit, given_units_of
+from lagcli.pictures.given_units import given_units_of
 from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, evenly

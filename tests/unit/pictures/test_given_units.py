@@ -7,7 +7,8 @@ import math
 import pytest
 
 import lagcli
-from lagcli.pictures.given_units import given_units, given_units_of
+from lagcli.model.given_units import given_units
+from lagcli.pictures.given_units import given_units_of
 
 MODEL = """
 coordinates: {phi: rad}

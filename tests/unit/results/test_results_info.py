@@ -70,6 +70,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "units": run.units,
         "time": {"first": 1.0, "last": 2.0},
         "parameters": run.parameters,
+        "given": {},
         "options": run.options,
         "counts": run.counts,
         "seconds": run.seconds,
