@@ -85,8 +85,8 @@ test-fma: install ## Run the core's tests with a core that multiplies and adds i
 	LAGCLI_CONTRACTION=fast PYTHONPATH=build/fma:. $(BIN)/pytest -p no:cacheprovider \
 	  -m "not slow and not fuzz and not bits" $(CORE_TESTS)
 
-fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
-	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests/fuzz
+fuzz: install ## Run all tests of many damaged files and random cases: make fuzz FUZZ_COUNT=10000
+	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests
 
 mutants: install ## Change the code in random places, and count the changes that tests notice: make mutants MUTANTS=100
 	$(BIN)/python tests/mutation/mutate.py --count $(MUTANTS)

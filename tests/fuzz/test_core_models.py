@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
@@ -10,10 +9,10 @@ from pathlib import Path
 
 import pytest
 from core_runs import data_of
+from random_cases import FUZZ_COUNT
 
 from lagcli.engine.core.fingerprint import CORE, c_files
 
-COUNT = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))
 MUTANTS = Path(__file__).parents[1] / "unit" / "engine" / "core" / "mutants.c"
 FLAGS = ["-O1", "-g", "-Wno-psabi", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
@@ -67,11 +66,12 @@ def test_damaged_models_end_with_a_status(
 ) -> None:
     file = tmp_path / "model"
     file.write_bytes(data_of(name, (method,)))
-    done = subprocess.run([program, file, method, str(COUNT), "1"], capture_output=True, text=True)
+    command = [program, file, method, str(FUZZ_COUNT), "1"]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     accepted, *rejected = map(int, done.stdout.split())
-    assert accepted + sum(rejected) == COUNT
+    assert accepted + sum(rejected) == FUZZ_COUNT
     # enough of both, so that the checks and the runs have been tried; some checks reject one
     # mutant of 300, others one of five
-    assert accepted > COUNT / 20
-    assert sum(1 for count in rejected if count) >= (5 if COUNT >= 1000 else 2)
+    assert accepted > FUZZ_COUNT / 20
+    assert sum(1 for count in rejected if count) >= (5 if FUZZ_COUNT >= 1000 else 2)

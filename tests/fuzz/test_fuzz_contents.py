@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from answers import answer
 from mutants import changed_content
+from random_cases import FUZZ_COUNT
 
 import lagcli
 from lagcli.errors import LagcliError
@@ -244,7 +245,5 @@ def test_a_few_wrong_contents(tmp_path: Path, originals: dict[str, bytes], kind:
 
 @pytest.mark.fuzz
 @pytest.mark.parametrize("kind", FILES)
-def test_many_wrong_contents(
-    tmp_path: Path, originals: dict[str, bytes], kind: str, fuzz_count: int
-) -> None:
-    print(f"{kind}: {dict(try_mutants(kind, originals[kind], tmp_path, fuzz_count))}")
+def test_many_wrong_contents(tmp_path: Path, originals: dict[str, bytes], kind: str) -> None:
+    print(f"{kind}: {dict(try_mutants(kind, originals[kind], tmp_path, FUZZ_COUNT))}")

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 from known_event_cases import EVENT_CASES
 from known_events import judge, summary
 from known_force_cases import FORCE_CASES
 from known_rest_cases import REST_CASES
+from random_cases import FUZZ_COUNT
 
 CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
 #: Ten times as many cases as other tests try: each takes a few hundredths of a second.
-PER_KIND = 10 * int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000")) // len(CASES) + 1
+PER_KIND = 10 * FUZZ_COUNT // len(CASES) + 1
 
 
 @pytest.mark.fuzz

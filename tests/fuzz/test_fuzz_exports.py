@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exported import compiled, module, pointers
+from random_cases import FUZZ_COUNT
 from random_models import RandomModel
 
 import lagcli
@@ -98,9 +99,9 @@ def check(seed: int, content: Content, folder: Path) -> None:
 
 @pytest.mark.fuzz
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # values out of a domain
-def test_code_of_random_models_has_their_values(fuzz_count: int, tmp_path: Path) -> None:
+def test_code_of_random_models_has_their_values(tmp_path: Path) -> None:
     written = 0
-    for seed in range(fuzz_count):
+    for seed in range(FUZZ_COUNT):
         try:
             content = content_of(lagcli.load_text(RandomModel(seed).text() + SETTINGS))
             content.rows  # noqa: B018  (refused where they are not clear)
@@ -108,4 +109,4 @@ def test_code_of_random_models_has_their_values(fuzz_count: int, tmp_path: Path)
             continue
         written += 1
         check(seed, content, tmp_path / str(seed))
-    assert written > 0.2 * fuzz_count
+    assert written > 0.2 * FUZZ_COUNT

@@ -11,6 +11,7 @@ from fmi import FmuError, Unpacked
 from known_event_cases import EVENT_CASES
 from known_force_cases import FORCE_CASES
 from known_rest_cases import REST_CASES
+from random_cases import FUZZ_COUNT
 
 import lagcli
 
@@ -21,8 +22,8 @@ REFUSED = "an event sets values that the constraints do not allow"
 
 @pytest.mark.fuzz
 @pytest.mark.parametrize("kind", CASES)
-def test_random_communication_points(kind: str, fuzz_count: int, tmp_path: Path) -> None:
-    for seed in range(fuzz_count // len(CASES) + 1):
+def test_random_communication_points(kind: str, tmp_path: Path) -> None:
+    for seed in range(FUZZ_COUNT // len(CASES) + 1):
         case = CASES[kind](seed)
         # the settings of the case are those of the model
         listed = ", ".join(f"{key}: {value}" for key, value in case.options.items())

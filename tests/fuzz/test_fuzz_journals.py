@@ -11,6 +11,7 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 import pytest
+from random_cases import FUZZ_COUNT
 
 import lagcli
 from lagcli.errors import LagcliError
@@ -200,9 +201,9 @@ def test_mutants_of_journals(swept: Swept, tmp_path: Path, mutation: Callable[..
 @pytest.mark.fuzz
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda f: f.__name__)
 def test_many_mutants_of_journals(
-    swept: Swept, tmp_path: Path, mutation: Callable[..., bytes], fuzz_count: int
+    swept: Swept, tmp_path: Path, mutation: Callable[..., bytes]
 ) -> None:
-    check(swept, tmp_path, mutation, max(1, fuzz_count // len(MUTATIONS)))
+    check(swept, tmp_path, mutation, max(1, FUZZ_COUNT // len(MUTATIONS)))
 
 
 def test_a_whole_journal_needs_no_runs(swept: Swept, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lowered import Lowered, lowered
+from random_cases import FUZZ_COUNT
 from random_models import FUNCTIONS, EveryKey, Meaning, NoValue, RandomModel, State
 
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -167,7 +168,7 @@ def test_random_models(part: int) -> None:
 
 
 @pytest.mark.fuzz
-def test_many_random_models(fuzz_count: int) -> None:
-    counts = summary(range(1000, 1000 + fuzz_count))
+def test_many_random_models() -> None:
+    counts = summary(range(1000, 1000 + FUZZ_COUNT))
     print(counts)
-    assert counts["equal"] > 0.8 * fuzz_count
+    assert counts["equal"] > 0.8 * FUZZ_COUNT

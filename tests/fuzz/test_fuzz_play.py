@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 import aiohttp
 import pytest
 from patience import PATIENCE
+from random_cases import FUZZ_COUNT
 
 MODEL = """\
 name: ball
@@ -133,9 +134,9 @@ def test_mutated_requests(served: Served) -> None:
 
 
 @pytest.mark.fuzz
-def test_many_mutated_requests(served: Served, fuzz_count: int) -> None:
+def test_many_mutated_requests(served: Served) -> None:
     r = random.Random(2)
-    for _ in range(fuzz_count):
+    for _ in range(FUZZ_COUNT):
         data = mutated(served, r)
         assert status(served, data, WAIT) < 500, data
 
@@ -187,6 +188,6 @@ def test_odd_messages(served: Served) -> None:
 
 
 @pytest.mark.fuzz
-def test_many_odd_messages(served: Served, fuzz_count: int) -> None:
+def test_many_odd_messages(served: Served) -> None:
     r = random.Random(4)
-    talk(served, [message(r) for _ in range(fuzz_count)])
+    talk(served, [message(r) for _ in range(FUZZ_COUNT)])

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from answers import answer
 from mutants import changed_bytes, changed_structure, changed_table
+from random_cases import FUZZ_COUNT
 from trajectories import make_log
 
 import lagcli
@@ -208,28 +209,28 @@ def test_a_few_damaged_tables(tmp_path: Path, originals: dict[str, bytes]) -> No
 @pytest.mark.parametrize("name", SEALED)
 @pytest.mark.parametrize("way", ["bytes", "structure", "forged"])
 def test_many_damaged_files(
-    tmp_path: Path, originals: dict[str, bytes], name: str, way: str, fuzz_count: int
+    tmp_path: Path, originals: dict[str, bytes], name: str, way: str
 ) -> None:
     trial, r = _trial(tmp_path, name, originals), random.Random(f"{name} {way}")
     if way == "bytes":
-        _bytes(trial, r, fuzz_count, strict=True)
+        _bytes(trial, r, FUZZ_COUNT, strict=True)
     else:
         forged = way == "forged"
-        _structures(trial, r, fuzz_count, sealed=forged, strict=not forged)
-    print(f"{name}, {way}: {fuzz_count} mutants, {dict(trial.counts)}")
+        _structures(trial, r, FUZZ_COUNT, sealed=forged, strict=not forged)
+    print(f"{name}, {way}: {FUZZ_COUNT} mutants, {dict(trial.counts)}")
 
 
 @pytest.mark.fuzz
-def test_many_damaged_tables(tmp_path: Path, originals: dict[str, bytes], fuzz_count: int) -> None:
+def test_many_damaged_tables(tmp_path: Path, originals: dict[str, bytes]) -> None:
     for name in ("run.csv", "alone.csv"):
         (tmp_path / name.partition(".")[0]).mkdir()
         trial = _trial(tmp_path / name.partition(".")[0], name, originals)
         r = random.Random(name)
-        _tables(trial, r, fuzz_count, strict=name == "run.csv")
-        print(f"{name}: {fuzz_count} mutants, {dict(trial.counts)}")
+        _tables(trial, r, FUZZ_COUNT, strict=name == "run.csv")
+        print(f"{name}: {FUZZ_COUNT} mutants, {dict(trial.counts)}")
         if name == "run.csv":
             trial.counts.clear()
             trial.path.write_bytes(trial.original)
-            _sidecars(trial, r, fuzz_count)
-            print(f"{name}.json: {fuzz_count} mutants, {dict(trial.counts)}")
-    print(f"values.csv: {fuzz_count} mutants, {_values(tmp_path, r, fuzz_count)}")
+            _sidecars(trial, r, FUZZ_COUNT)
+            print(f"{name}.json: {FUZZ_COUNT} mutants, {dict(trial.counts)}")
+    print(f"values.csv: {FUZZ_COUNT} mutants, {_values(tmp_path, r, FUZZ_COUNT)}")

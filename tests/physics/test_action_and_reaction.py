@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from random_cases import FUZZ_COUNT
 from trajectories import all_terms
 
 import lagcli
@@ -129,7 +129,7 @@ def test_the_forces_of_a_rod_are_opposite_and_whole() -> None:
 
 @pytest.mark.fuzz
 def test_the_forces_of_many_rods() -> None:
-    for seed in range(40, 40 + int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))):
+    for seed in range(40, 40 + FUZZ_COUNT):
         check(seed)
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import pytest
+
+#: Mutants, or random models, that each long test (marked ``fuzz``, run by ``make fuzz``) tries.
+FUZZ_COUNT = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))
 
 
 def seeds(few: int, many: int) -> list[Any]:

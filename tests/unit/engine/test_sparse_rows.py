@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
+from random_cases import FUZZ_COUNT
 from shipped import PATHS, REPRESENTATIVES
 
 import lagcli
@@ -90,7 +89,7 @@ def test_rows_are_those_of_an_array(seed: int) -> None:
 
 @pytest.mark.fuzz
 def test_any_rows_are_those_of_an_array() -> None:
-    for seed in range(30, 30 + int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))):
+    for seed in range(30, 30 + FUZZ_COUNT):
         check(seed)
         check_least(10 + seed)
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 import random
 
 import numpy as np
 import pytest
+from random_cases import FUZZ_COUNT
 
 from lagcli.analysis.check.check import check
 from lagcli.model.loader import load_text
 
-COUNT = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000")) // 3
+COUNT = FUZZ_COUNT // 3
 
 
 class Mechanism:

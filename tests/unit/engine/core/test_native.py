@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from core_parts import NativeProgram
 from core_runs import pendulum
+from random_cases import FUZZ_COUNT
 from random_streams import NOTHING, SPECIAL, random_numbers, random_program
 from shipped import PATHS, every_model
 
@@ -110,7 +111,7 @@ def test_random_streams(seed: int) -> None:
 
 @pytest.mark.fuzz
 def test_many_random_streams() -> None:
-    for seed in range(5 * int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))):
+    for seed in range(5 * FUZZ_COUNT):
         rng = np.random.default_rng(seed)
         length, count = int(rng.integers(1, 60)), int(rng.integers(12, 200))
         check(random_program(rng, rng.choice([0.0, 0.2, 0.9]), length, count), 1)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import random
 
 import pytest
 import symengine as se
+from random_cases import FUZZ_COUNT
 
 import lagcli
 from lagcli.equations.derivation.lagrange import derive
@@ -108,7 +108,7 @@ def test_collected_terms_have_the_values_of_the_multipliers_times_the_jacobian()
 
 @pytest.mark.fuzz
 def test_collected_terms_of_many_systems() -> None:
-    count = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000"))
+    count = FUZZ_COUNT
     assert sum(map(assert_collected, range(count))) > count / 2
 
 

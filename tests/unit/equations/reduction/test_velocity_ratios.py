@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import random
 from pathlib import Path
 
 import numpy as np
 import pytest
+from random_cases import FUZZ_COUNT
 
 import lagcli
 from lagcli.equations.presentation.assembly import Contents, shown_steps
@@ -17,7 +17,7 @@ from lagcli.errors import LagcliError
 from lagcli.model.loader import load, load_text
 
 MODELS = Path(__file__).parents[4] / "models"
-COUNT = int(os.environ.get("LAGCLI_FUZZ_COUNT", "1000")) // 5
+COUNT = FUZZ_COUNT // 5
 #: Two four-bars in a row, and a slider driven by the second, with masses that depend on positions.
 TWO_LOOPS = """\
 coordinates: [a, b, c, e, s]
