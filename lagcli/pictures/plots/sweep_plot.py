@@ -497,7 +497,7 @@ def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
     Parameters
     ----------
     varied : dict of str to (rows,) array
-        By label.
+        By label; NaN for values that are too large to be drawn.
     measure : (rows,) array
         NaN for rows without a value.
 
@@ -506,7 +506,7 @@ def effects(varied: dict[str, Array], measure: Array) -> list[Effect]:
     UsageError
         Too few rows have a value.
     """
-    good = np.isfinite(measure)
+    good = np.isfinite([measure, *varied.values()]).all(axis=0)
     changing = {k: x[good] for k, x in varied.items() if len(np.unique(x[good])) > 1}
     y = measure[good]
     if not changing or len(y) <= len(changing):

@@ -23,8 +23,9 @@ def test_a_linear_fit_to_sampled_values() -> None:
     a, b = np.random.default_rng(1).uniform(1, 2, (2, 40))
     measure = 3 * a - 0.5 * b
     measure[7] = np.nan
+    a[9] = np.nan  # of a damaged file, too large to be drawn
     found = {e.label: e for e in effects({"a": a, "b": b}, measure)}
-    good = np.arange(40) != 7
+    good = ~np.isin(np.arange(40), [7, 9])
     assert found["a"].high - found["a"].low == pytest.approx(3 * np.ptp(a[good]))
     assert found["b"].high - found["b"].low == pytest.approx(-0.5 * np.ptp(b[good]))
     assert found["b"].least == found["b"].high
