@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ import symengine as se
 
 from lagcli.arrays import Array, Flags
 from lagcli.columns import ColumnName
+from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
@@ -60,15 +62,20 @@ class Monitor(NamedTuple):
 NO_MONITOR = Monitor()
 
 
-def monitor_of(equations: Equations) -> Monitor:
+def monitor_of(equations: Equations, system: System, start: ConsistentState) -> Monitor:
     """Return a monitor of the conserved quantities of a model other than its energy.
 
     The energy balance already shows the drift of the energy. Finding the quantities takes a few per
     cent of the time before the first step; in a large model only coordinates that do not occur are
-    considered.
+    considered. Momenta that vanish on the constraints are left out, unless constraints switch.
     """
     eq = equations
     quantities = monitored_quantities(eq)
+    if quantities and not eq.model.switches:
+        from lagcli.engine.constraints.random_states import random_states
+        from lagcli.simulations.momenta import distinct
+
+        quantities = distinct(eq, system, start, partial(random_states, system, start), quantities)
     if not quantities:
         return NO_MONITOR
     from lagcli.model.dimensions.deriving import symbolic_unit

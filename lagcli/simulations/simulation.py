@@ -121,9 +121,8 @@ def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulati
     equations = derive(model)
     derived = time.perf_counter()
     system = lower(equations)
-    monitor = monitor_of(equations)
     seconds = {"derive": derived - began, "compile": time.perf_counter() - derived}
-    simulation = ready(equations, system, chosen, seconds, monitor=monitor)
+    simulation = _monitored(ready(equations, system, chosen, seconds))
     return simulation.with_derivatives(chosen.sensitivity) if chosen.sensitivity else simulation
 
 
@@ -133,7 +132,6 @@ def ready(
     settings: Settings,
     seconds: dict[str, float],
     prepared: Prepared | None = None,
-    monitor: Monitor = NO_MONITOR,
 ) -> Simulation:
     """Find the initial state of a model whose System exists; the last part of `prepare`.
 
@@ -147,8 +145,6 @@ def ready(
         Elapsed time by phase.
     prepared : Prepared, optional
         See `lagcli.engine.contract.IntegrationRequest`.
-    monitor : Monitor, optional
-        Monitor of the conserved quantities.
     """
     began = time.perf_counter()
     if equations.model.inputs:
@@ -162,9 +158,17 @@ def ready(
     with one_thread():
         start = find_start(equations, system, settings.t_start, settings.closed)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
-    return Simulation(
-        equations.model, settings, equations, system, start, seconds, prepared, monitor=monitor
-    )
+    return Simulation(equations.model, settings, equations, system, start, seconds, prepared)
+
+
+def _monitored(simulation: Simulation) -> Simulation:
+    """Return the simulation with a monitor of the conserved quantities."""
+    began = time.perf_counter()
+    with one_thread():
+        monitor = monitor_of(simulation.equations, simulation.system, simulation.start)
+    spent = simulation.seconds["compile"] + time.perf_counter() - began
+    seconds = {**simulation.seconds, "compile": spent}
+    return replace(simulation, monitor=monitor, seconds=seconds)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

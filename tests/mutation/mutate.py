@@ -111,12 +111,14 @@ AREAS = {
     "rank": Area(
         (
             "lagcli/engine/constraints/singular.py",
+            "lagcli/engine/constraints/random_states.py",
             "lagcli/analysis/check/rank.py",
             "lagcli/engine/core/watch.c",
         ),
         (
             "tests/unit/engine/core/test_core_watch.py",
             "tests/unit/engine/constraints/test_singular.py",
+            "tests/unit/engine/constraints/test_random_states.py",
             "tests/unit/analysis/check/test_rank.py",
             "tests/unit/engine/integrate/test_watch.py",
             "tests/physics/test_found_mechanisms.py",

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import symengine as se
 
 from lagcli.analysis.check.integrability import VelocityConstraint, check_integrability
-from lagcli.analysis.check.momenta import distinct
-from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
+from lagcli.analysis.check.rank import RankCheck, check_rank
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
 from lagcli.analysis.check.units import UnitReport, report_units
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.constraints.random_states import random_states
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.lower import lower
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -21,6 +21,7 @@ from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities,
 from lagcli.model.dimensions.deriving import symbolic_unit
 from lagcli.model.model import TIME, Model
 from lagcli.simulations.contacts import model_at_start
+from lagcli.simulations.momenta import distinct
 from lagcli.simulations.start import find_start, freedom_at
 from lagcli.simulations.threads import one_thread
 
@@ -108,7 +109,7 @@ def check(model: Model) -> Check:
         analysis = conserved_quantities(equations)
         found = analysis.quantities
         if freedom.held is None:  # others hold while constraints switch
-            found = distinct(equations, system, start, states, found)
+            found = distinct(equations, system, start, lambda: states, found)
     conserved = analysis._replace(quantities=tuple(generalized(equations, q) for q in found))
     return Check(
         equations=equations,

@@ -12,9 +12,10 @@ import numpy as np
 from symengine import Basic
 
 from lagcli.analysis.check.check import Check
-from lagcli.analysis.check.rank import MOST_COORDINATES, Combination
+from lagcli.analysis.check.rank import Combination
 from lagcli.analysis.check.units import families
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.constraints.random_states import MOST_COORDINATES
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step, title_of
 from lagcli.equations.presentation.extent import Extent

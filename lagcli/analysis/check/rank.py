@@ -11,21 +11,14 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import (
     ConsistentState,
-    NoStart,
     almost_dependent,
-    consistent_state,
-    coordinate_reach,
 )
+from lagcli.engine.constraints.random_states import MOST_COORDINATES
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.dense import decompose
-from lagcli.engine.system import State, System
+from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 
-#: Number of random consistent states, and the largest number of coordinates for which they are
-#: computed: for larger models, each takes seconds.
-_STATES, MOST_COORDINATES = 20, 60
-#: Their distance from the initial state, relative to the sizes of the coordinates.
-_SPREAD = 0.5
 #: Entries of normalized combinations above this count: vanishing ones are about 1e-8, the tolerance
 #: of the rank.
 _COUNTS = 1e-6
@@ -94,7 +87,7 @@ def check_rank(
     freedom : DegreesOfFreedom
         Degrees of freedom at the initial state.
     states : sequence of ConsistentState
-        Other states, from `random_states`.
+        Other states, from `lagcli.engine.constraints.random_states`.
     """
     ranks = tuple(state.rank for state in states)
     names = system.constraints
@@ -115,53 +108,6 @@ def check_rank(
         tuple(c for members in sets for c in _combinations(null, members, names)),
         near,
     )
-
-
-def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
-    """Return random consistent states near the initial state, reproducibly.
-
-    A random walk: each state is a step along the position constraints from the previous one,
-    projected onto them. Guesses far from the constraints would converge to singular configurations.
-
-    Returns
-    -------
-    list of ConsistentState
-        Up to 20; none for a large system, without constraints, or if these determine all
-        positions.
-    """
-    random, state = np.random.default_rng(8), start.state
-    free = np.zeros(len(state.q), dtype=bool)
-    if not system.constraints or len(free) > MOST_COORDINATES:
-        return []
-    size = coordinate_reach(Evaluator(system, state.p), state)
-    states: list[ConsistentState] = []
-    for _ in range(2 * _STATES):
-        tangents = _tangents(system, state)
-        if not tangents.shape[1]:
-            break
-        step = tangents @ random.normal(size=tangents.shape[1])
-        step *= _SPREAD * random.uniform() / (np.abs(step / size).max() or 1.0)
-        v = state.v + random.normal(size=len(free)) * np.maximum(np.abs(state.v), size)
-        try:
-            guess = State(state.t, state.q + step, v, state.p)
-            states.append(consistent_state(system, guess, free, free))
-        except (NoStart, np.linalg.LinAlgError):
-            state = start.state
-            continue
-        state = states[-1].state
-        if len(states) == _STATES:
-            break
-    return states
-
-
-def _tangents(system: System, state: State) -> Array:
-    """Return a basis of the admissible changes of the coordinates, (nq, n)."""
-    evaluator = Evaluator(system, state.p)
-    sizes = evaluator.sizes(state.t, state.q, state.v)
-    if not system.holonomic:
-        return np.diag(sizes)
-    jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
-    return decompose(jacobian[list(system.holonomic)], sizes=sizes).null
 
 
 def _null_space(system: System, start: ConsistentState) -> Array:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 import random
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 from random_cases import FUZZ_COUNT
 
 from lagcli.analysis.check.check import check
+from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.equations.symmetry.conserved import monitored_quantities
 from lagcli.model.loader import load_text
+from lagcli.simulations.momenta import distinct
+from lagcli.simulations.simulation import prepare
 
 COUNT = FUZZ_COUNT // 3
 
@@ -108,6 +113,7 @@ def assert_distinct(seed: int) -> int:
     checked = check(model)
     shown = [q for q in checked.conserved.quantities if q.kind == "momentum"]
     assert len(shown) == len(mechanism.momenta), mechanism.text
+    assert prepare(model).monitor.names == tuple(q.name for q in shown), mechanism.text
     symbols = [*checked.equations.q, *checked.equations.v]
     draw, rows, known = random.Random(seed + 1), [], []
     for _ in range(24):
@@ -131,6 +137,50 @@ def assert_distinct(seed: int) -> int:
 def _value(text: str, at: dict[str, tuple[float, float]]) -> float:
     name = text.removeprefix("-")
     return 1.0 if name == "1" else (-1 if text != name else 1) * at[name][0]
+
+
+#: At its start, above the origin, the rotation about the vertical axis vanishes.
+SPHERICAL = """
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+V: 9.81*z
+constraints: {rod: x^2 + y^2 + z^2 = 1}
+initial: {x: 0, y: 0, z: {guess: 1}, x': 1, y': 0.3, z': {guess: 0}}
+"""
+
+
+def test_a_field_that_vanishes_at_the_start_alone_is_kept() -> None:
+    model = load_text(SPHERICAL)
+    assert len(prepare(model).monitor.names) == 1
+    assert [q.kind for q in check(model).conserved.quantities] == ["momentum", "energy"]
+
+
+def test_states_are_drawn_only_where_the_start_does_not_tell() -> None:
+    def refuse() -> list[ConsistentState]:
+        raise AssertionError
+
+    for start, drawn in (("x: 0.6, y: 0", False), ("x: 0, y: 0", True)):
+        simulation = prepare(load_text(SPHERICAL.replace("x: 0, y: 0", start)))
+        equations = simulation.equations
+        quantities = monitored_quantities(equations)
+        with pytest.raises(AssertionError) if drawn else nullcontext():
+            kept = distinct(equations, simulation.system, simulation.start, refuse, quantities)
+            assert kept == quantities
+
+
+@pytest.mark.parametrize("size", [20, 21])
+def test_nothing_is_omitted_from_a_large_model_by_its_start_alone(size: int) -> None:
+    """More than 60 coordinates have no random states; a chain that hangs down can rotate."""
+    text = f"""
+coordinates: [x[1..N], y[1..N], z[1..N]]
+parameters: {{N: {size}}}
+definitions: {{x[0]: 0, y[0]: 0, z[0]: 0}}
+T: sum((x[i]'^2 + y[i]'^2 + z[i]'^2)/2, i = 1..N)
+V: sum(9.81*z[i], i = 1..N)
+constraints: {{rod[i = 1..N]: (x[i] - x[i-1])^2 + (y[i] - y[i-1])^2 + (z[i] - z[i-1])^2 = 1}}
+initial: {{x[1..N]: 0, y[1..N]: 0, z[i = 1..N]: -i, x[1..N]': 0, y[1..N]': 0, z[1..N]': 0}}
+"""
+    assert [q.kind for q in check(load_text(text)).conserved.quantities] == ["momentum", "energy"]
 
 
 def test_momenta_that_vanish_or_repeat_are_omitted() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import symengine as se
@@ -14,6 +14,7 @@ from lagcli.engine.constraints.initial import (
     consistent_state,
     coordinate_reach,
 )
+from lagcli.engine.constraints.random_states import tangents
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.system import State, System
@@ -33,44 +34,56 @@ def distinct(
     equations: Equations,
     system: System,
     start: ConsistentState,
-    states: Sequence[ConsistentState],
+    states: Callable[[], Sequence[ConsistentState]],
     quantities: Sequence[ConservedQuantity],
 ) -> tuple[ConservedQuantity, ...]:
     """Return the quantities without momenta that vanish on the constraints or depend on others.
 
     A field ξ with B ξ = 0 is an admissible velocity. Its momentum p·ξ − F changes by ξᵀM ξ along
     it, and is constant on all consistent states only if ξ is zero there. Fields are compared at
-    random consistent states, each with those before it.
+    the initial state and, if one vanishes or depends on those before it there, at random consistent
+    states.
 
     Parameters
     ----------
     equations : Equations
     system : System
     start : ConsistentState
-    states : sequence of ConsistentState
-        Random consistent states, from `random_states`; none if the constraints determine all
-        positions.
+    states : callable
+        Returns random consistent states, as `random_states` does.
     quantities : sequence of ConservedQuantity
 
     Notes
     -----
-    Nothing is omitted from a rheonomic system without a consistent state at another time: a field
-    may vanish at the start only.
+    A field may vanish at the start only. Nothing is omitted without other consistent states, unless
+    the constraints determine all positions, nor from a rheonomic system without a consistent state
+    at another time.
     """
     momenta = [q for q in quantities if q.kind == "momentum"]
     if not system.constraints or all(_is_constant(q, equations) for q in momenta):
         return tuple(quantities)
-    points = [start.state, *(x.state for x in states)]
+    reach = coordinate_reach(Evaluator(system, start.state.p), start.state)
+    fields = _Fields(equations, momenta, reach)
+    points = [start.state]
+    if not _dependent(momenta, *fields.at(points)):
+        return tuple(quantities)
+    points += [x.state for x in states()]
+    if len(points) == 1 and tangents(system, start.state).shape[1]:
+        return tuple(quantities)
     if any(c.rheonomic for c in equations.constraints):
         later = _later(system, start.state)
         if not later:
             return tuple(quantities)
         points += later
-    reach = coordinate_reach(Evaluator(system, start.state.p), start.state)
-    on, off = _fields(equations, momenta, points, reach)
+    omitted = _dependent(momenta, *fields.at(points))
+    return tuple(q for q in quantities if q.name not in omitted)
+
+
+def _dependent(momenta: Sequence[ConservedQuantity], on: Array, off: Array) -> set[str]:
+    """Return the momenta whose fields on the constraints vanish or depend on those before them."""
     sizes = np.linalg.norm(off, axis=1)
     kept: list[Array] = []  # orthonormal
-    omitted = set()
+    dependent = set()
     for quantity, field, size in zip(momenta, on, sizes, strict=True):
         rest = field / size
         for direction in (*kept, *kept):  # twice, against cancellation
@@ -79,8 +92,8 @@ def distinct(
         if length > _ZERO:
             kept.append(rest / length)
         else:
-            omitted.add(quantity.name)
-    return tuple(q for q in quantities if q.name not in omitted)
+            dependent.add(quantity.name)
+    return dependent
 
 
 def _is_constant(quantity: ConservedQuantity, equations: Equations) -> bool:
@@ -100,33 +113,34 @@ def _later(system: System, state: State) -> list[State]:
     return later
 
 
-def _fields(
-    equations: Equations,
-    momenta: Sequence[ConservedQuantity],
-    points: Iterable[State],
-    reach: Array,
-) -> tuple[Array, Array]:
-    """Return the fields on the constraints and at random points off them, (n, points × nq)."""
-    entries = [(k, i, x) for k, q in enumerate(momenta) for i, x in q.field.items()]
-    parameters = [se.Symbol(n) for n in equations.model.parameters]
-    tape = ScalarTape(
-        compile_tape(
-            [x for _, _, x in entries],
-            [TIME, *equations.q],
-            parameters,
-            input_functions(equations.model),
+class _Fields:
+    """The fields of momenta, relative to the coordinates' reach."""
+
+    def __init__(self, equations: Equations, momenta: Sequence[ConservedQuantity], reach: Array):
+        entries = [(k, i, x) for k, q in enumerate(momenta) for i, x in q.field.items()]
+        self.places = [(k, i) for k, i, _ in entries]
+        self.count, self.reach = len(momenta), reach
+        self.tape = ScalarTape(
+            compile_tape(
+                [x for _, _, x in entries],
+                [TIME, *equations.q],
+                [se.Symbol(n) for n in equations.model.parameters],
+                input_functions(equations.model),
+            )
         )
-    )
-    random = np.random.default_rng(8)
 
-    def values(t: float, q: Array, p: tuple[float, ...]) -> Array:
-        fields = np.zeros((len(momenta), len(q)))
-        for (k, i, _), x in zip(entries, tape((t, *q.tolist(), *p)), strict=True):
-            fields[k, i] = x / reach[i]
+    def at(self, points: Iterable[State]) -> tuple[Array, Array]:
+        """Return the fields at points and at random ones off them, (n, points × nq)."""
+        random = np.random.default_rng(8)
+        on, off = [], []
+        for s in points:
+            on.append(self._values(s, s.q))
+            off.append(self._values(s, s.q + self.reach * random.normal(size=len(self.reach))))
+        return np.concatenate(on, axis=1), np.concatenate(off, axis=1)
+
+    def _values(self, state: State, q: Array) -> Array:
+        fields = np.zeros((self.count, len(q)))
+        values = self.tape((state.t, *q.tolist(), *state.p))
+        for (k, i), x in zip(self.places, values, strict=True):
+            fields[k, i] = x / self.reach[i]
         return fields
-
-    on, off = [], []
-    for s in points:
-        on.append(values(s.t, s.q, s.p))
-        off.append(values(s.t, s.q + reach * random.normal(size=len(reach)), s.p))
-    return np.concatenate(on, axis=1), np.concatenate(off, axis=1)
