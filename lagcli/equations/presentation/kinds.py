@@ -12,7 +12,7 @@ from lagcli.equations.presentation import formulas as general
 from lagcli.equations.presentation.extent import abridged
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.index_form import IndexForm
-from lagcli.equations.presentation.matrices import abbreviate
+from lagcli.equations.presentation.matrices import abbreviate, without_single_uses
 from lagcli.equations.presentation.overview import quantity
 from lagcli.equations.presentation.steps import energy_sides
 from lagcli.equations.reduction.closed_forms import Solution
@@ -537,6 +537,7 @@ def in_matrices(
     )
     if short is None or (len(short.named) > _MANY and not full):
         return [_unlisted(f, title)]
+    short = without_single_uses(short, f.arrange)
     named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
     steps = [Step(title, (law,), remark)]
     if named:

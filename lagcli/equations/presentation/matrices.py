@@ -12,7 +12,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.equations.presentation.formulas import Formulas, Signs
-from lagcli.equations.typesetting.nodes import Entry, Line, Node, Sign, Step, Symbol
+from lagcli.equations.typesetting.nodes import Entry, Line, Node, Sign, Step, Symbol, symbols_in
 from lagcli.model.names.members import family_of
 
 _LETTERS = ("z", "s", "u", "h", "zeta", "xi", "eta")
@@ -90,6 +90,52 @@ def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbre
             needed[name] = value
             used.update(s.name for s in value.free_symbols)
     return Abbreviations(dict(reversed(list(needed.items()))), expressions)
+
+
+def without_single_uses(
+    short: Abbreviations, arrange: Callable[[Basic], Node], kept: Collection[str] = ()
+) -> Abbreviations:
+    """Write out the abbreviations that the arranged formulas use only once.
+
+    Arranging collects terms: z q̇₁ q̇₂ + z q̇₂ q̇₁ uses z twice, 2 z q̇₁ q̇₂ once.
+
+    Parameters
+    ----------
+    short : Abbreviations
+        From `abbreviate`.
+    arrange : callable
+        Returns the printed form of an expression.
+    kept : collection of str
+        Definitions of the model, which keep their names.
+
+    Returns
+    -------
+    Abbreviations
+        Numbered anew.
+    """
+    named, expressions = dict(short.named), short.expressions
+    numbered = [x for x in named if x not in kept]
+    while True:
+        # equal entries are printed together
+        printed = map(arrange, [*named.values(), *dict.fromkeys(expressions)])
+        uses = Counter(symbols_in(printed))
+        single = [x for x in numbered if x in named and uses[x] < 2]
+        if not single:
+            break
+        values: dict[Basic, Basic] = {}
+        for name in single:
+            values[se.Symbol(name)] = _replaced(named.pop(name), values)
+        named = {name: _replaced(x, values) for name, x in named.items()}
+        expressions = tuple(_replaced(x, values) for x in expressions)
+    if len(named) == len(short.named):
+        return short
+    remaining = [x for x in numbered if x in named]
+    names = dict(zip(remaining, numbered, strict=False))
+    symbols = {se.Symbol(old): se.Symbol(new) for old, new in names.items() if old != new}
+    return Abbreviations(
+        {names.get(name, name): _replaced(x, symbols) for name, x in named.items()},
+        tuple(_replaced(x, symbols) for x in expressions),
+    )
 
 
 def _uses(parts: Sequence[Basic], expressions: Sequence[Basic]) -> Counter[Basic]:
@@ -184,7 +230,10 @@ class Matrices:
             for name, d in self.model.definitions.items()
             if isinstance(d.value, Basic) and not isinstance(d.value, se.Symbol | se.Number)
         }
-        return abbreviate(list(self.entries.values()), names, known)
+        short = abbreviate(list(self.entries.values()), names, known)
+        if len(short.named) > _COUNTED:
+            return short
+        return without_single_uses(short, self.formulas.arrange, self.model.definitions)
 
     @cached_property
     def size(self) -> float:
@@ -323,6 +372,8 @@ def _without(signs: Signs) -> str:
 _ALIKE = 4
 #: Number of characters of a name with its equality sign, and of a line.
 _NAME, _LINE = 8.0, 92.0
+#: Number of abbreviations above which their uses are not counted, because that arranges them twice.
+_COUNTED = 200
 #: Number of operations above which lengths are estimated, because arranging takes seconds.
 _ESTIMATED = 8000
 

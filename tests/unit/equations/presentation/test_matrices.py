@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import time
+from collections import Counter
 from functools import cache, partial
 from pathlib import Path
 
@@ -118,6 +119,28 @@ def test_abbreviations_keep_the_names_of_definitions_and_avoid_names_of_the_mode
         values[se.Symbol(name)] = value.xreplace(values)
     for wanted, short in zip(given, found.expressions, strict=True):
         assert se.expand(short.xreplace(values) - wanted) == 0
+
+
+@pytest.mark.parametrize("name", ["bennett", pytest.param("armx5", marks=pytest.mark.slow)])
+def test_no_abbreviation_is_used_once(name: str) -> None:
+    equations = system(FOUND / f"{name}.yaml")
+    text = render(equations, "text", width=100)
+    names = Counter(re.findall("z[₀-₉]+", text))
+    assert len(names) > 100
+    assert min(names.values()) > 2, "its definition, and two uses"
+    lowered = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
+    numbers = sorted(int(x[1:].translate(lowered)) for x in names)
+    assert numbers == list(range(1, len(names) + 1))
+    # written out, the entries are those without abbreviations
+    matrices = Matrices(Formulas(equations))
+    rng = random.Random(7)
+    free = {s for x in matrices.entries.values() for s in x.free_symbols}
+    values = {s: se.RealDouble(rng.uniform(0.5, 1.5)) for s in sorted(free, key=str)}
+    for short, value in matrices.short.named.items():
+        values[se.Symbol(short)] = value.xreplace(values)
+    for entry, short in zip(matrices.entries.values(), matrices.short.expressions, strict=True):
+        exact = float(entry.xreplace(values))
+        assert float(short.xreplace(values)) == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
 def test_whipple_bicycle_is_readable() -> None:
