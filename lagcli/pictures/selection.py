@@ -114,6 +114,40 @@ def scale_groups(largest: Sequence[float]) -> list[list[int]]:
     return sorted(map(sorted, groups))
 
 
+#: Least number of members of a family that is drawn by itself.
+_LARGE = 4
+
+
+def family_of(name: str) -> tuple[str, str]:
+    """Return the name of a curve before and after its index: x and ' of x[1]'."""
+    before, _, after = name.partition("[")
+    return before, after.partition("]")[2]
+
+
+def by_family(names: Sequence[str], most: int) -> list[list[int]]:
+    """Group curves by large families, if there are more than a legend distinguishes.
+
+    Parameters
+    ----------
+    names : sequence of str
+    most : int
+        Number up to which all curves are one group.
+
+    Returns
+    -------
+    list of list of int
+        The indices of the curves of each large family, then those of the others.
+    """
+    if len(names) <= most:
+        return [list(range(len(names)))]
+    families: dict[tuple[str, str], list[int]] = {}
+    for i, name in enumerate(names):
+        families.setdefault(family_of(name), []).append(i)
+    large = [x for x in families.values() if len(x) >= _LARGE]
+    rest = [i for x in families.values() if len(x) < _LARGE for i in x]
+    return [*large, rest] if rest else large
+
+
 _Item = TypeVar("_Item")
 
 #: Larger values would overflow the differences and margins of an axis.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from lagcli.pictures.selection import by_family
+
 #: Okabe & Ito, "Color Universal Design", 2008, ordered so that neighbours also differ most in grey;
 #: without black and yellow, which are invisible on dark and on white pages.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -41,11 +43,36 @@ ROLES = {
 COLORMAP = "viridis"
 
 
+#: Colours of the members of a large family, from the first to the last, on light and dark pages.
+_FAMILY = ("#7A5CC0", "#3B7DC4", "#1D9A94", "#55AD3C", "#B79A00")
+
+
 def constraint_colors(constraints: Sequence[str]) -> dict[str, str]:
     """Return the colour of each constraint, by name."""
-    return {
+    colors = {
         name: CONSTRAINT_COLORS[i % len(CONSTRAINT_COLORS)] for i, name in enumerate(constraints)
     }
+    return colors | family_colors(constraints)
+
+
+def family_colors(names: Sequence[str]) -> dict[str, str]:
+    """Return the colours of the members of families that are larger than the palette, by name."""
+    colors: dict[str, str] = {}
+    for family in by_family(names, len(PALETTE)):
+        members = [names[i] for i in family]
+        if len(members) > len(PALETTE) and all("[" in name for name in members):
+            last = len(members) - 1
+            colors |= {name: _graded(i / last) for i, name in enumerate(members)}
+    return colors
+
+
+def _graded(part: float) -> str:
+    """Return a colour between those of the first and the last member of a family."""
+    place = part * (len(_FAMILY) - 1)
+    k = min(int(place), len(_FAMILY) - 2)
+    ends = [[int(x[n : n + 2], 16) for n in (1, 3, 5)] for x in _FAMILY[k : k + 2]]
+    mixed = [round(a + (place - k) * (b - a)) for a, b in zip(*ends, strict=True)]
+    return "#" + "".join(f"{x:02X}" for x in mixed)
 
 
 def line(number: int) -> dict[str, Any]:

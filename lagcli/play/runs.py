@@ -31,8 +31,8 @@ from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
-from lagcli.pictures.selection import chosen, scale_groups
-from lagcli.pictures.style import constraint_colors
+from lagcli.pictures.selection import by_family, chosen, scale_groups
+from lagcli.pictures.style import PALETTE, constraint_colors, family_colors
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
 from lagcli.play.equations import PlayEquations
@@ -451,7 +451,8 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
     table = np.array([values[name] for name in names]).reshape(len(shown), len(time)).T
     units = [unit(c.unit) if stated else "" for c in shown]
     residuals = any(q.role == "residual" for q in quantities)
-    panels = [0] * len(shown) if residuals else _panels(units, table)
+    colors = family_colors(names)
+    panels = [0] * len(shown) if residuals else _panels(names, units, table)
     time, table = Jumps(run).inserted(time, names, table)
     return {
         "title": group.capitalize(),
@@ -469,6 +470,7 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
                 "panel": panel,
                 "constraint": c.constraint,
                 "values": drawn,
+                **({"color": colors[c.name]} if c.name in colors else {}),
             }
             for c, unit_, panel, drawn in zip(shown, units, panels, table.T, strict=True)
         ],
@@ -476,15 +478,20 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
     }
 
 
-def _panels(units: list[str], values: Array) -> list[int]:
-    """Return the panel of each curve: curves of the same unit and similar size share one."""
+def _panels(names: list[str], units: list[str], values: Array) -> list[int]:
+    """Return the panel of each curve: curves of the same unit and similar size share one.
+
+    A large family has a panel of its own.
+    """
     groups: list[list[int]] = []
     largest = np.fmax.reduce(np.abs(values), axis=0, initial=0.0).tolist()
     for symbol in dict.fromkeys(units):
-        places = [i for i, stated in enumerate(units) if stated == symbol]
-        groups += [
-            [places[k] for k in group] for group in scale_groups([largest[i] for i in places])
-        ]
+        alike = [i for i, stated in enumerate(units) if stated == symbol]
+        for family in by_family([names[i] for i in alike], len(PALETTE)):
+            places = [alike[k] for k in family]
+            groups += [
+                [places[k] for k in group] for group in scale_groups([largest[i] for i in places])
+            ]
     panels = [0] * len(units)
     for number, group in enumerate(sorted(groups)):
         for i in group:

@@ -439,13 +439,20 @@ class TimePlot {
     return /^#0{3,6}$/.test(colour) ? this.#style("--plot-text", colour) : colour;
   }
 
+  /** Return the number of the dashes of a curve: curves of one colour differ by them. */
+  #dashed(i) {
+    if ("ghostOf" in this.data.series[i]) return 2;
+    const colour = this.#colour(i);
+    const before = this.data.series.slice(0, i).filter((_, k) => this.#colour(k) === colour);
+    return before.length % TimePlot.DASHES.length;
+  }
+
   #strokes(series, i) {
-    const dashes = TimePlot.DASHES;
     return {
       label: series.label ?? series.name,
       stroke: () => this.#colour(i),
       width: "ghostOf" in series ? TimePlot.STROKE / 2 : TimePlot.STROKE,
-      dash: "ghostOf" in series ? [2, 3] : dashes[Math.floor(i / this.palette.length) % dashes.length],
+      dash: TimePlot.DASHES[this.#dashed(i)],
       show: !this.hidden.has(series.name),
       pxAlign: 0,
       points: { show: this.data.time.length === 1 },
@@ -499,8 +506,7 @@ class TimePlot {
       button.setAttribute("aria-pressed", String(!this.hidden.has(series.name)));
       button.style.setProperty("--series", this.#colour(i));
       const swatch = document.createElement("span");
-      const round = Math.floor(i / this.palette.length) % TimePlot.DASHES.length;
-      swatch.className = `plot-swatch plot-dash-${"ghostOf" in series ? 2 : round}`;
+      swatch.className = `plot-swatch plot-dash-${this.#dashed(i)}`;
       const label = document.createElement("span");
       label.className = "plot-label";
       label.append(TimePlot.#named(series.label ?? series.name));

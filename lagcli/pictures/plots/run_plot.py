@@ -27,7 +27,7 @@ from lagcli.pictures.curves import (
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.selection import drawable, scale_groups, thin
+from lagcli.pictures.selection import by_family, drawable, family_of, scale_groups, thin
 from lagcli.trajectory.samples import ENDED
 
 
@@ -69,7 +69,10 @@ class Panel(NamedTuple):
     @property
     def members(self) -> list[float] | None:
         """The indices of the members of one large family, which colours tell apart."""
-        if len(self.curves) <= len(style.PALETTE) or len(set(map(_family, self.curves))) > 1:
+        if (
+            len(self.curves) <= len(style.PALETTE)
+            or len({family_of(c.name) for c in self.curves}) > 1
+        ):
             return None
         indices = [_INDEX.search(curve.name) for curve in self.curves]
         if all(indices):
@@ -87,27 +90,14 @@ class Panel(NamedTuple):
 
 #: Matches the index of a member of a family with one index.
 _INDEX = re.compile(r"\[(\d+)\]")
-#: Least number of members of a family that has a panel of its own, among more than in a legend.
-_FAMILY = 4
-
-
-def _family(curve: Curve) -> tuple[str, str]:
-    """Return the name of a curve before and after the index."""
-    before, _, after = curve.name.partition("[")
-    return before, after.partition("]")[2]
 
 
 def _by_family(panel: Panel) -> list[Panel]:
     """Return panels of single families, if there are more curves than a legend distinguishes."""
-    if panel.over or panel.joined or len(panel.curves) <= len(style.PALETTE):
+    if panel.over or panel.joined:
         return [panel]
-    families: dict[tuple[str, str], list[Curve]] = {}
-    for curve in panel.curves:
-        families.setdefault(_family(curve), []).append(curve)
-    large = [x for x in families.values() if len(x) >= _FAMILY]
-    rest = [curve for x in families.values() if len(x) < _FAMILY for curve in x]
-    groups = [*large, rest] if rest else large
-    return [Panel(tuple(group)) for group in groups]
+    groups = by_family([curve.name for curve in panel.curves], len(style.PALETTE))
+    return [Panel(tuple(panel.curves[i] for i in group)) for group in groups]
 
 
 def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:

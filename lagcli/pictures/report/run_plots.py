@@ -14,7 +14,8 @@ from lagcli.pictures.curves import Catalogue, Curve
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.page import axis_unit
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.selection import ROUNDING, chosen, scale_groups, thin
+from lagcli.pictures.selection import ROUNDING, by_family, chosen, scale_groups, thin
+from lagcli.pictures.style import PALETTE, family_colors
 from lagcli.trajectory.extremes import Extreme, widen
 
 #: Largest number of curves in a plot, and of constraints whose forces are drawn.
@@ -189,6 +190,7 @@ def without_errors(plots: Sequence[Plot]) -> list[Plot]:
 
 def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
     """Return a plot for plots.js, with packed numbers."""
+    colors = family_colors([c.name for c in plot.curves])
     return {
         "title": plot.title,
         # λ is drawn in the colour of its constraint
@@ -199,15 +201,17 @@ def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
         "height": 130 if plot.log else 220,
         "time": packed.add(plot.time),
         "series": [
-            {**_described(c), "values": packed.add(plot.values[:, i])}
+            {**_described(c, colors), "values": packed.add(plot.values[:, i])}
             for i, c in enumerate(plot.curves)
         ],
     }
 
 
-def _described(curve: Curve) -> dict[str, Any]:
-    """Return the name and the label of a curve, and the constraint that it belongs to."""
+def _described(curve: Curve, colors: Mapping[str, str]) -> dict[str, Any]:
+    """Return name, label and colour of a curve, and the constraint that it belongs to."""
     described = {"name": curve.name, "label": curve.label}
+    if curve.name in colors:
+        described["color"] = colors[curve.name]
     return {**described, "constraint": curve.constraint} if curve.constraint else described
 
 
@@ -253,7 +257,11 @@ def _plots(curves: Sequence[Curve], unknown: str = "") -> list[Plot]:
     """
     groups = _by_unit(curves)
     missing = unknown if len(groups) > 1 else ""
-    return [_abridged(Plot("", unit or missing, group)) for unit, group in groups.items()]
+    return [
+        _abridged(Plot("", unit or missing, [group[i] for i in family]))
+        for unit, group in groups.items()
+        for family in by_family([curve.name for curve in group], len(PALETTE))
+    ]
 
 
 def _forces(catalogue: Catalogue) -> Section:

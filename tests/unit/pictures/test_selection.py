@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from lagcli.pictures.selection import evenly, scale_groups, thin
+from lagcli.pictures.selection import by_family, evenly, scale_groups, thin
+from lagcli.pictures.style import CONSTRAINT_COLORS, PALETTE, constraint_colors, family_colors
 
 
 def envelope(x: np.ndarray, y: np.ndarray, edges: np.ndarray) -> list[tuple[float, float]]:
@@ -96,3 +97,37 @@ def test_evenly(count: int, most: int) -> None:
 )
 def test_groups(largest: list[float], groups: list[list[int]]) -> None:
     assert scale_groups(largest) == groups
+
+
+def members(family: str, count: int, after: str = "") -> list[str]:
+    return [f"{family}[{i + 1}]{after}" for i in range(count)]
+
+
+def test_large_families_are_groups_of_their_own() -> None:
+    x, y = members("x", 5), members("y", 4)
+    assert by_family(["a", "b", *x[:3]], 6) == [[0, 1, 2, 3, 4]]
+    mixed = [name for pair in zip(x, [*y, "a"], strict=True) for name in pair]
+    assert by_family(mixed, 6) == [[0, 2, 4, 6, 8], [1, 3, 5, 7], [9]]
+    assert by_family([*members("x", 4), *members("x", 4, "'")], 6) == [[0, 1, 2, 3], [4, 5, 6, 7]]
+
+
+def luminance(color: str) -> float:
+    """Return the relative luminance (WCAG 2.2)."""
+    parts = [int(color[n : n + 2], 16) / 255 for n in (1, 3, 5)]
+    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_colours_of_large_families() -> None:
+    assert family_colors(["a", *members("x", len(PALETTE))]) == {}
+    colors = family_colors(["a", *members("x", 20)])
+    assert list(colors) == members("x", 20)
+    assert len(set(colors.values())) == 20
+    for color in colors.values():
+        for page in (1.0, luminance("#16191d")):  # light and dark
+            high, low = sorted((page, luminance(color)), reverse=True)
+            assert (high + 0.05) / (low + 0.05) > 2.5
+    # of constraints, others keep the colours of their places
+    constraints = constraint_colors(["a", *members("rod", 20)])
+    assert constraints["a"] == CONSTRAINT_COLORS[0]
+    assert constraints["rod[20]"] == colors["x[20]"]
