@@ -238,6 +238,20 @@ def test_numbers_too_large_for_an_axis(
             assert status == 0, f"{name}: {command}: {said}"
 
 
+def test_residuals_whose_squares_overflow(tmp_path: Path, originals: dict[str, bytes]) -> None:
+    path = tmp_path / "fit.h5"
+    path.write_bytes(originals["fit"])
+    with h5py.File(path, "a") as root:
+        root["data_1"]["sigmas"][...] = 1e-200
+        measured, model = root["data_1"]["measured"][()], root["data_1"]["model"][()]
+    with path.open("r+b") as file:
+        seal.seal(file)
+    status, said = answer("info", str(path))
+    assert status == 0, said
+    rms = np.sqrt(np.mean((measured - model) ** 2)) / 1e-200
+    assert f"rms x {rms:.3g} sigma" in said
+
+
 @pytest.mark.parametrize("kind", FILES)
 def test_a_few_wrong_contents(tmp_path: Path, originals: dict[str, bytes], kind: str) -> None:
     try_mutants(kind, originals[kind], tmp_path, FEW)

@@ -241,7 +241,11 @@ class FitResult:
 def _rms(values: Array) -> float:
     """Return the root mean square of the values that are not NaN."""
     finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if len(finite) else np.nan
+    if not len(finite):
+        return np.nan
+    # a power of two, which changes no digit and keeps squares from overflowing
+    scale = math.ldexp(1.0, math.frexp(np.abs(finite).max())[1] - 1)
+    return scale * float(np.sqrt(np.mean((finite / scale) ** 2)))
 
 
 _WIDTH = 80
@@ -274,11 +278,8 @@ def format_fit(result: FitResult) -> str:
     if strong:
         lines += _entry("correlation", "; ".join(strong))
     for data in result.data:
-        parts = []
-        for j, name in enumerate(result.observed):
-            kept = data.residuals[:, j][np.isfinite(data.residuals[:, j])]
-            if len(kept):
-                parts.append(f"{name} {float(np.sqrt(np.mean(kept**2))):.3g} sigma")
+        sizes = {name: _rms(data.residuals[:, j]) for j, name in enumerate(result.observed)}
+        parts = [f"{name} {x:.3g} sigma" for name, x in sizes.items() if not math.isnan(x)]
         lines += _entry("residuals", f"{data.path}: rms {', '.join(parts)}")
     if len(result.costs) > 1:
         agreeing = result.agreeing_starts

@@ -203,13 +203,15 @@ def _draw_models(
     axes[0].set_yscale("log")
     axes[0].set_ylabel(_COMPARED["q"])
     for ax, name in zip(axes[1:], shown, strict=True):
-        for number, (side, model) in enumerate((("first", "model"), ("second", "other"))):
+        for number, side in enumerate(("first", "second")):
             look = {"color": style.PALETTE[number], "ls": ("-", (0, (4, 2)))[number]}
-            values = _numbers(curves["multipliers"][name][side])
-            ax.plot(time, values, lw=1.2, label=raw(content[model]), **look)
+            ax.plot(time, _numbers(curves["multipliers"][name][side]), lw=1.2, **look)
         ax.set_ylabel(labels.of(f"lambda.{name}"))
         plain_ticks(ax.yaxis)
-    style.legend_beside(axes[min(1, len(axes) - 1)])
+    if shown:
+        style.legend_beside(
+            axes[1], axes[1].get_lines(), [raw(content[x]) for x in ("model", "other")]
+        )
     for ax in axes:
         ax.margins(x=0)
     axes[-1].set_xlabel("$t$ [s]")
