@@ -40,6 +40,7 @@ MISTAKES = {
     "printed_index": (["derive", "printed_index.yaml"], 2),
     "differential_quotient": (["derive", "differential_quotient.yaml"], 2),
     "contact_in_the_second_kind": (["derive", "bouncing_ball", "--kind", "second"], 2),
+    "sweep_to_standard_output": (["sweep", "model.yaml", "--vary", "m=1 kg,2 kg", "-o", "-"], 2),
     "singular": (["simulate", "singular.yaml", "--quiet"], 3),
 }
 

@@ -41,6 +41,8 @@ WRITTEN = [
     *(
         ("mm4", 1e-12, "m^4"),
         ("kg/m3", 1.0, "kg/m^3"),
+        ("g/cm^3", 1e3, "kg/m^3"),
+        ("cm³", 1e-6, "m^3"),
         ("µm", 1e-6, "m"),
         ("PS/kg", 735.49875, "W/kg"),
     ),
@@ -62,6 +64,8 @@ REFUSED = [
     ("NM", "did you mean `Nm` or `nm`"),
     ("kn", "kN for kilonewtons"),
     ("kmh", "km/h"),
+    ("ccm", "write cm\\^3"),
+    ("Upm", "write U/min"),
     ("Gal", "cm/s"),
     ("smoot", "not a unit"),  # a unit of Pint
     ("enzyme_unit", "not a unit"),

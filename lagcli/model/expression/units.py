@@ -453,6 +453,8 @@ REFUSED = {
     **dict.fromkeys(["Grad", "grad", "grade"], "write deg for degrees, gon for 1/400 of a turn"),
     **dict.fromkeys(["kmh", "kph", "kmph"], "write km/h"),
     **dict.fromkeys(["fps"], "write ft/s"),
+    **dict.fromkeys(["ccm", "cc"], "write cm^3"),
+    **dict.fromkeys(["Upm", "UpM"], "write U/min or rpm"),
     **dict.fromkeys(
         ["lbft", "ftlb", "lbfft", "ftlbf", "footpound"], "write ft*lbf for a torque or an energy"
     ),
