@@ -273,7 +273,7 @@ class _Composer:
         """Report entries without a colon, and rejoin values that a comma has split."""
         rejoined: list[_ComposedEntry] = []
         cut: list[YamlNode] = []  # the keys into which commas have split one value
-        for entry in composed:
+        for entry in self.closed(composed):
             key = entry.key
             if not entry.bare:
                 self.join(cut, rejoined)
@@ -289,6 +289,31 @@ class _Composer:
                 self.report("yaml", f"{key.what} has no value", key, "write `name: value`")
         self.join(cut, rejoined)
         return rejoined
+
+    def closed(self, composed: list[_ComposedEntry]) -> list[_ComposedEntry]:
+        """Report keys with an open parenthesis, which commas have split, and rejoin them."""
+        entries: list[_ComposedEntry] = []
+        first: int | None = None  # the entry with the parenthesis
+        for entry in composed:
+            entries.append(entry)
+            if not isinstance(key := entry.key, Scalar):
+                first = None
+            elif entry.bare and key.value.count("(") > key.value.count(")"):
+                first = len(entries) - 1
+            elif first is not None and not entry.bare:
+                start = entries[first].key.start
+                text = self.source.between(start, key.end)
+                del entries[first:]
+                whole = Scalar(self.source, start, key.end, f"{text})")
+                self.report(
+                    "yaml",
+                    f"`(` is not closed in the key `{shorten(text)}`",
+                    whole,
+                    f"write `{shorten(text)}): …`",
+                )
+                entries.append(entry._replace(key=whole))
+                first = None
+        return entries
 
     def join(self, cut: list[YamlNode], rejoined: list[_ComposedEntry]) -> None:
         """Rejoin a value that commas have split, and report it."""

@@ -209,6 +209,20 @@ l: {m: 1, n: 2}  # (o, p
     }
 
 
+@pytest.mark.parametrize("before", ["", "g(a): a, ", "g(a, b): a + b, "])
+@pytest.mark.parametrize("arguments", ["u, v", "u, v, w"])
+def test_an_open_parenthesis_of_a_key_is_one_error(before: str, arguments: str) -> None:
+    root, diagnostics = compose(Source(f"a: {{{before}f({arguments}: u*v, h(x): x}}", "f"))
+    (found,) = diagnostics
+    assert found.message == f"`(` is not closed in the key `f({arguments}`"
+    assert found.help == f"write `f({arguments}): …`"
+    assert found.location is not None
+    assert found.location.column == 5 + len(before)
+    inner = root.entries["a"][1]
+    assert isinstance(inner, Mapping)
+    assert [key for key, _, _ in inner][-2:] == [f"f({arguments})", "h(x)"]
+
+
 def test_braces_for_parentheses_are_text() -> None:
     assert value("a: {m*g}").value == "{m*g}"
 
