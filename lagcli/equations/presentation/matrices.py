@@ -111,7 +111,7 @@ def without_single_uses(
     Returns
     -------
     Abbreviations
-        Numbered anew.
+        Numbered from the first one on.
     """
     named, expressions = dict(short.named), short.expressions
     numbered = [x for x in named if x not in kept]
