@@ -22,7 +22,7 @@ CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrat
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install core targets demo test test-kernels test-fma fuzz mutants lint coverage docs docs-check gallery dist wheels bench sanitize valgrind clean
+.PHONY: help install core wasm targets demo test test-kernels test-fma fuzz mutants lint coverage docs docs-check gallery dist wheels bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -45,6 +45,9 @@ $(BIN)/.zig: building/core_library.py $(BIN)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  $$(cd building && $(abspath $(BIN))/python -c "import core_library; print(core_library.ZIG)")
 	@touch $@
+
+wasm: $(BIN)/.zig ## Compile the core to WebAssembly, for pages that simulate a model
+	$(BIN)/python building/wasm.py
 
 targets: $(BIN)/.zig ## Compile the core for WebAssembly and five platforms, by ziglang
 	$(BIN)/python -m pytest -m slow tests/unit/engine/core/test_targets.py
@@ -120,7 +123,7 @@ dist: $(BIN)/.extra-dist ## Build dist/*.tar.gz and *.whl; try the wheel in an e
 	$(BIN)/python tests/support/try_wheel.py dist/*.whl
 
 # the core is compiled here, all else comes from the source distribution
-wheels: $(BIN)/.extra-dist $(BIN)/.zig ## Build dist/*.tar.gz and the wheels of all platforms; check them, and run this one's
+wheels: $(BIN)/.extra-dist wasm ## Build dist/*.tar.gz and the wheels of all platforms; check them, and run this one's
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 	$(BIN)/python building/wheels.py dist/*.whl

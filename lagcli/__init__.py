@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from lagcli.export.dynamics import dynamics
     from lagcli.export.fmu import fmu
     from lagcli.export.formats import code
+    from lagcli.live.page import live_page
     from lagcli.model.loader import load, load_text
     from lagcli.pictures.animation.animate import animate
     from lagcli.pictures.plots.plot import plot
@@ -53,6 +54,7 @@ __all__ = [
     "fmu",
     "follow_equilibria",
     "linearize",
+    "live_page",
     "load",
     "load_text",
     "modes",
@@ -79,6 +81,7 @@ _PLACES = {
     "dynamics": "lagcli.export.dynamics",
     "equilibrium": "lagcli.analysis.equilibria.equilibrium",
     "fmu": "lagcli.export.fmu",
+    "live_page": "lagcli.live.page",
     "follow_equilibria": "lagcli.analysis.equilibria.diagram",
     "linearize": "lagcli.analysis.linear.linear_model",
     "fit": "lagcli.analysis.fit.fit",

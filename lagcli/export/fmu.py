@@ -1,7 +1,4 @@
-"""FMUs of FMI 2.0 and 3.0: the core's libraries, the model as data, and its variables.
-
-`core/fmi/instance.h` states what the files of an FMU's resources contain.
-"""
+"""FMUs of FMI 2.0 and 3.0: the core's libraries, the model as data, and its variables."""
 
 from __future__ import annotations
 
@@ -19,11 +16,7 @@ from xml.etree import ElementTree as Xml
 
 from lagcli.columns import ColumnName, unit_of_column
 from lagcli.engine.core.library import LIBRARY
-from lagcli.engine.core.run import METHODS as CORE_METHODS
-from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
-from lagcli.engine.program.program import assemble
-from lagcli.engine.switching.kinks import frozen_of
-from lagcli.engine.tape.tape import Arithmetic, Tape
+from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import UsageError
 from lagcli.export.content import LICENCE
@@ -31,14 +24,12 @@ from lagcli.export.names import Identifiers
 from lagcli.model.expression.units import UnknownUnit, read_unit
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
-from lagcli.model.values import independent_parameters
-from lagcli.simulations.directions import start_tape
+from lagcli.simulations.resources import DerivedTape, method_of, resources, settable_parameters
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.version import __version__
 
 #: The versions of FMI.
 VERSIONS = ("2.0", "3.0")
-_MAGIC = int.from_bytes(b"llvalue1", "little")
 #: The bases of units that FMI knows, as `lagcli.model.expression.dimension.Dimension` has them.
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
@@ -131,7 +122,7 @@ class _Fmu:
     def __init__(self, simulation: Simulation, version: str, inputs: Sequence[str]):
         self.simulation, self.model, self.system = simulation, simulation.model, simulation.system
         self.version = version
-        self.settable = independent_parameters(self.model)
+        self.settable = settable_parameters(self.model)
         self.inputs = tuple(inputs)
         self._check_inputs()
         self.identifier = Identifiers(()).of(self.model.name)
@@ -156,15 +147,6 @@ class _Fmu:
         return not self.model.switches and not self.model.inputs and not self.system.has_kinks
 
     @cached_property
-    def method(self) -> str:
-        """The method of the model's settings; of `auto`, the last one that a run takes."""
-        chosen = self.simulation.settings.method
-        if chosen != "auto":
-            return chosen
-        record = self.simulation.run(lambda samples: None)
-        return str(record.options["method"]).split(", ")[-1]
-
-    @cached_property
     def derived(self) -> tuple[tuple[str, str], ...]:
         """The derived values with their units: constraint forces, energies and powers, outputs."""
         units = result_units(self.model)
@@ -177,8 +159,8 @@ class _Fmu:
 
     def packed(self, libraries: Mapping[tuple[str, str], bytes]) -> bytes:
         """Return the FMU as the contents of its file."""
-        model = model_data(self.system, self.simulation.request, [self.method])
-        values = self.values()
+        method = method_of(self.simulation)
+        model, values = resources(self.simulation, method, self._derived_tape(), self.inputs)
         token = hashlib.sha256(model + values + self.version.encode()).hexdigest()
         out = io.BytesIO()
         with zipfile.ZipFile(out, "w") as file:
@@ -197,52 +179,10 @@ class _Fmu:
                 file.writestr(entry, content, zipfile.ZIP_DEFLATED)
         return out.getvalue()
 
-    # values.bin
-
-    def values(self) -> bytes:
-        """Return what the core needs beside the model, as `core/fmi/instance.h` describes it."""
-        places = {name: i for i, name in enumerate(self.system.parameters)}
-        fixed = [
-            int(x.fixed)
-            for table in (self.model.initial_positions, self.model.initial_velocities)
-            for x in (table[name] for name in self.model.coordinate_names)
-        ]
-        parts = [
-            word_data(CORE_METHODS.index(self.method)),
-            word_data(len(self.model.parameters)),
-            integers_data([places[name] for name in self.settable]),
-            integers_data([places[name] for name in self.inputs]),
-            integers_data(fixed),
-            program_data(assemble(start_tape(self.model, self.settable))),
-            program_data(assemble(self._columns_tape())),
-        ]
-        body = b"".join(parts)
-        return word_data(_MAGIC) + word_data(2 + len(body) // 8) + body
-
-    def _columns_tape(self) -> Tape:
-        """Return the tape (t, q, v, a, λ, p) → the derived values."""
-        frozen = frozen_of(self.system)  # branches of forces that jump are parameters of the core
-        system = self.system if frozen is None else frozen.system
-        report, nq, nc = system.report, len(system.coordinates), len(system.constraints)
-        builder = Arithmetic(report.inputs, report.parameters, functions=report.functions)
-        every = range(report.inputs)
-        state, unknowns = 1 + 2 * nq, 1 + 3 * nq + nc
-        forces = [builder.zero] * nq
-        if nc:
-            layout = system.dynamics_layout.jacobian
-            inputs = [*every[:state], *every[unknowns:]]
-            places = range(len(system.dynamics.outputs))[layout]
-            entries = builder.splice(system.dynamics, inputs, places)
-            for (i, j), entry in zip(system.jacobian_pattern, entries, strict=True):
-                force = builder.times(entry, every[1 + 3 * nq + i])
-                forces[j] = builder.plus(forces[j], force)
-            switching = system.switching
-            if switching is not None and switching.forces is not None:
-                own = switching.force_coordinates
-                reactive = builder.splice(switching.forces, every, range(len(own)))
-                for j, force in zip(own, reactive, strict=True):
-                    forces[j] = builder.plus(forces[j], force)
-        return builder.finish([*(forces if nc else ()), *builder.splice(report, every)])
+    def _derived_tape(self) -> Tape:
+        tape = DerivedTape(self.system)
+        forces = tape.forces if self.system.constraints else []
+        return tape.builder.finish([*forces, *tape.reported])
 
     # modelDescription.xml
 

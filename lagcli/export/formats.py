@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ExportOptions(NamedTuple):
-    """Options of exports to FMUs.
+    """Options of exports to FMUs and pages.
 
     Parameters
     ----------
@@ -24,11 +24,22 @@ class ExportOptions(NamedTuple):
         Parameters that are inputs.
     wheels : str, optional
         A folder with wheels for other platforms.
+    lang : str
+        Language of a page.
     """
 
     fmi: str = "2.0"
     inputs: Sequence[str] = ()
     wheels: str | None = None
+    lang: str = "en"
+
+    def check(self, of: str) -> None:
+        """Raise UsageError if there are options of another format than ``"fmu"`` or ``"page"``."""
+        mine = ExportOptions()
+        if of != "fmu" and self._replace(lang="en") != mine:
+            raise UsageError("--fmi, --input and --wheels are options of FMUs: -o model.fmu")
+        if of != "page" and self.lang != mine.lang:
+            raise UsageError("--lang is an option of pages: -o page.html")
 
 
 class ExportFormat(NamedTuple):
@@ -58,8 +69,7 @@ def _code(write: Callable[[Content], str]) -> Callable[[Model, ExportOptions], b
     def written(model: Model, options: ExportOptions) -> bytes:
         from lagcli.export.content import content_of
 
-        if options != ExportOptions():
-            raise UsageError("--fmi, --input and --wheels are options of FMUs: -o model.fmu")
+        options.check("code")
         return write(content_of(model)).encode()
 
     return written
@@ -104,7 +114,15 @@ def _modelica(content: Content) -> str:
 def _fmu(model: Model, options: ExportOptions) -> bytes:
     from lagcli.export.fmu import fmu
 
+    options.check("fmu")
     return fmu(model, options.fmi, options.inputs, options.wheels)
+
+
+def _page(model: Model, options: ExportOptions) -> bytes:
+    from lagcli.live.page import live_page
+
+    options.check("page")
+    return live_page(model, options.lang).encode()
 
 
 #: The formats, by the names that ``--to`` has.
@@ -118,6 +136,7 @@ FORMATS = {
         ExportFormat("matlab", ".m", True, _code(_matlab)),
         ExportFormat("modelica", ".mo", True, _code(_modelica)),
         ExportFormat("fmu", ".fmu", True, _fmu),
+        ExportFormat("page", ".html", True, _page),
     )
 }
 SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.chosen)
@@ -167,6 +186,7 @@ def code(model: Model, to: str) -> str:
         There is no consistent initial state.
     """
     chosen = format_of(to, None)
-    if chosen.name == "fmu":
-        raise UsageError("an FMU is not text: lagcli.fmu returns it")
+    if chosen.name in ("fmu", "page"):
+        own = {"fmu": "lagcli.fmu", "page": "lagcli.live_page"}[chosen.name]
+        raise UsageError(f"{chosen.name} is not code: {own} returns it")
     return chosen.write(model, ExportOptions()).decode()

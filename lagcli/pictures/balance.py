@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from html import escape
 from typing import Any
@@ -50,6 +50,8 @@ class Balance:
     model : Model
     terms : dict of int to tuple of EquationTerm
         The terms of the remaining equations.
+    expressions : list of expressions
+        Their values, in order.
     """
 
     def __init__(self, formulas: Formulas, lines: Mapping[int, Line]):
@@ -58,7 +60,7 @@ class Balance:
         changed = {name for event in model.events for name in event.action.set}
         changed &= {*model.parameters}
         self.terms: dict[int, tuple[EquationTerm, ...]] = {}
-        self._expressions: list[Basic] = []
+        self.expressions: list[Basic] = []
         for i, line in lines.items():
             if line.span is not None or any(map(_indexed, line.sides)):
                 continue
@@ -66,12 +68,12 @@ class Balance:
             values = term_expressions(terms, model)
             if terms and not any(changed & {s.name for s in x.free_symbols} for x in values):
                 self.terms[i] = terms
-                self._expressions += values
+                self.expressions += values
         self._text = TextFormula(Notation(model), written_decimals(model))
 
     @cached_property
     def _evaluator(self) -> ColumnEvaluator:
-        return ColumnEvaluator(self.model, self._expressions)
+        return ColumnEvaluator(self.model, self.expressions)
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -101,7 +103,20 @@ class Balance:
         numbers : callable
             Function that converts an array, (nt,), or (1,) if constant.
         """
-        values = iter(self._evaluator.values(columns, terms, parameters))
+        values = self._evaluator.values(columns, terms, parameters)
+        return self.described(units, map(numbers, values))
+
+    def described(self, units: Mapping[str, str], values: Iterable[Any]) -> list[dict[str, Any]]:
+        """Return the equations as JSON values.
+
+        Parameters
+        ----------
+        units : mapping of str to str
+            SI units, by name.
+        values : iterable of JSON values
+            The values of ``expressions``.
+        """
+        values = iter(values)
         names = self.model.coordinate_names
         force = BY_NAME["constraint_force"]
         return [
@@ -115,7 +130,7 @@ class Balance:
                         "kind": term.kind,
                         "constraint": term.constraints[0] if len(term.constraints) == 1 else None,
                         "label": self._label(term),
-                        "values": numbers(next(values)),
+                        "values": next(values),
                     }
                     for term in each
                 ],

@@ -39,18 +39,21 @@ def script_data(value: Any) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def content_policy(script: str, style: str) -> str:
-    """Return a content security policy that permits only this script and style.
+def content_policy(script: str, style: str, sources: Sequence[str] = ()) -> str:
+    """Return a content security policy that permits only this script and style, and more sources.
 
     Each of them is between two line ends in its element.
     """
+    own = "script-src "
+    more = "".join(f" {source.removeprefix(own)}" for source in sources if source.startswith(own))
+    rest = "".join(f"; {source}" for source in sources if not source.startswith(own))
 
     def digest(text: str) -> str:
         return base64.b64encode(hashlib.sha256(f"\n{text}\n".encode()).digest()).decode()
 
     return (
-        f"default-src 'none'; script-src 'sha256-{digest(script)}';"
-        f" style-src 'sha256-{digest(style)}'; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src 'sha256-{digest(script)}'{more};"
+        f" style-src 'sha256-{digest(style)}'; base-uri 'none'; form-action 'none'{rest}"
     )
 
 
@@ -63,6 +66,8 @@ def page(
     start: str = "",
     layout: str = "",
     images: bool = False,
+    sources: Sequence[str] = (),
+    lang: str = "en",
 ) -> str:
     """Return a self-contained page.
 
@@ -80,13 +85,17 @@ def page(
         Class of the body.
     images : bool
         Whether images with data URLs are permitted.
+    sources : sequence of str
+        More of the content security policy; ``script-src`` is added to that of the script.
+    lang : str
+        Language of the page.
     """
     style = "\n".join(styles)
     script = "\n".join([*scripts, start] if start else scripts)
-    policy = content_policy(script, style) + ("; img-src data:" if images else "")
+    policy = content_policy(script, style, (*sources, *["img-src data:"] * images))
     kind = f' class="{layout}"' if layout else ""
     return f"""<!doctype html>
-<html lang="en">
+<html lang="{lang}">
 <head>
 <meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="{policy}">

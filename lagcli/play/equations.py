@@ -25,23 +25,25 @@ class PlayEquations:
     Parameters
     ----------
     equations : Equations
+    cuttable : bool
+        Whether constraints have buttons that release them.
 
     Attributes
     ----------
     html : str
-        The equations of motion, and the constraints with buttons that release them.
+        The equations of motion, and the constraints.
     balance : Balance
         The terms of the equations.
     """
 
-    def __init__(self, equations: Equations):
+    def __init__(self, equations: Equations, cuttable: bool = True):
         f = Formulas(equations)
         large = len(f.coordinates) > MOST_COORDINATES or in_matrices(f)
         motion = {} if large else {i: f.equation_line(i) for i in range(len(f.coordinates))}
         self.balance = Balance(f, motion)
-        self.html = "" if large else self._html(f, motion)
+        self.html = "" if large else self._html(f, motion, cuttable)
 
-    def _html(self, f: Formulas, motion: Mapping[int, Line]) -> str:
+    def _html(self, f: Formulas, motion: Mapping[int, Line], cuttable: bool) -> str:
         names, decimals = Notation(f.model), written_decimals(f.model)
         mathml, text = MathmlFormula(names, decimals), TextFormula(names, decimals)
         parts = ["<h3>Equations of motion</h3>"]
@@ -51,9 +53,9 @@ class PlayEquations:
             parts.append("<h3>Constraints</h3>")
         for c in constraints:
             name = escape(c.constraint.name)
+            button = f'<button type="button" data-cut="{name}" aria-pressed="false">Cut</button>'
             parts.append(
-                f'<div class="cuttable"><span>{name}</span>'
-                f'<button type="button" data-cut="{name}" aria-pressed="false">Cut</button>'
+                f'<div class="cuttable"><span>{name}</span>{button if cuttable else ""}'
                 f"{equation(f.constraint_line(c), mathml, text)}</div>"
             )
         return "".join(parts)

@@ -336,7 +336,7 @@ class Played:
         if request.cuts:  # they are in the saved file
             words = ["lagcli", "simulate", f"{started.name}_changed.yaml", "-o", "run.h5"]
             return shlex.join(words)
-        words = ["lagcli", "simulate", _model_word(started.path)]
+        words = ["lagcli", "simulate", model_word(started.path)]
         for option, values in (
             ("--set", {**started.set, **request.set}),
             ("--set-initial", {**started.set_initial, **request.set_initial}),
@@ -369,7 +369,7 @@ class Played:
         )
 
 
-def _model_word(path: str) -> str:
+def model_word(path: str) -> str:
     """Return the argument for the model on the command line: its name for a shipped one."""
     if path == "<stdin>":
         return "-"

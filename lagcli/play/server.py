@@ -17,6 +17,7 @@ import traceback
 from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
 from pathlib import PurePosixPath
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -210,6 +211,8 @@ def _files() -> dict[str, bytes]:
         for file in files(package).joinpath(*folder.split("/")).iterdir():
             if PurePosixPath(file.name).suffix in _TYPES:
                 contents[file.name] = file.read_bytes()
+    page, body = contents["play.html"].decode(), contents.pop("play_body.html").decode()
+    contents["play.html"] = Template(page).substitute(body=body).encode()
     return contents
 
 

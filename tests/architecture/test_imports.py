@@ -54,6 +54,7 @@ FOREIGN = {
     "export": {"yaml", "scipy", "sympy", "symengine", "h5py", "rich", "matplotlib"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "rich"},
     "play": {"yaml", "sympy", "h5py", "rich", "scipy", "symengine"},
+    "live": {"yaml", "sympy", "scipy", "h5py", "rich", "matplotlib"},
 }
 
 #: What finds the core's library and its sources: of the engine, only this knows of files.
@@ -97,7 +98,7 @@ HEAVY = {
         *("analysis", "export", "play", "cli"),
     },
     "symengine": {
-        *("model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"),
+        *("model", "equations", "engine", "simulations", "live", "pictures", "sweeps", "analysis"),
     },
 }
 #: Packages whose modules beside the folders count as one folder in the search for cycles.

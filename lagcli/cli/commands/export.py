@@ -1,4 +1,4 @@
-"""`lagcli export`: a model as code, or as an FMU."""
+"""`lagcli export`: a model as code, as an FMU, or as a page that simulates it."""
 
 import sys
 from enum import StrEnum
@@ -27,6 +27,16 @@ class ExportTarget(StrEnum):
     matlab = "matlab"
     modelica = "modelica"
     fmu = "fmu"
+    page = "page"
+
+
+class Language(StrEnum):
+    """Languages of pages."""
+
+    en = "en"
+    de = "de"
+    fr = "fr"
+    es = "es"
 
 
 class FmiVersion(StrEnum):
@@ -64,14 +74,18 @@ def export(
             help="Wheels of lagcli for other platforms, on which the FMU is to run, too.",
         ),
     ] = None,
+    lang: Annotated[
+        Language, Option("--lang", help="Language of the words of a page.")
+    ] = Language.en,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a model for other programs: its equations of motion as code, or an FMU.
+    """Write a model for other programs: as code, as an FMU, or as a page that simulates it.
 
     The code computes M, f, B and γ, accelerations, multipliers, residuals, energies and outputs.
     Files end in .c, .py (NumPy; CasADi or JAX with --to), .m (MATLAB, Octave) or .mo (Modelica).
-    An FMU (.fmu) simulates the model, also with contacts and events, in any tool that knows FMI.
+    An FMU (.fmu) simulates the model, also with contacts and events, in any tool that knows FMI; a
+    page (.html) does in any browser, with sliders, without lagcli or a network.
     """
     from lagcli.export.formats import ExportOptions, format_of
     from lagcli.model.loader import load
@@ -83,7 +97,8 @@ def export(
     if target is not None:
         check_writable(target, force)
     loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
-    content = chosen.write(loaded, ExportOptions(fmi.value, tuple(input or ()), wheels))
+    options = ExportOptions(fmi.value, tuple(input or ()), wheels, lang.value)
+    content = chosen.write(loaded, options)
     if target is None:
         if chosen.name == "fmu":
             sys.stdout.buffer.write(content)

@@ -152,6 +152,8 @@ typedef struct {
     int64_t rows, used;
     int extra;                         /* multipliers of rows that switch */
     double *y;                         /* n: scratch */
+    void (*written)(void *context, const double *row); /* called with each sample, while the parameters are those at it; NULL */
+    void *context;
 } lag_samples;
 
 /* breaks.c: times at which the right side is not smooth. */

@@ -57,9 +57,12 @@ static int write_row(lag_run *run, double t, double *y, double *row)
 static int sample(lag_run *run, double t, double *y)
 {
     const int64_t width = lag_sample_size(&run->system) + run->samples.extra + lag_width_of_changes(run);
-    const int status = write_row(run, t, y, run->samples.block + run->samples.used * width);
+    double *row = run->samples.block + run->samples.used * width;
+    const int status = write_row(run, t, y, row);
     if (status != LAG_RUNNING)
         return status;
+    if (run->samples.written)
+        run->samples.written(run->samples.context, row);
     ++run->samples.used;
     ++run->samples.next;
     return LAG_RUNNING;

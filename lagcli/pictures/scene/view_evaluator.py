@@ -71,15 +71,25 @@ class ViewEvaluator:
     ----------
     needs : tuple of str
         The fields of `Samples` that `scene` needs.
+    expressions : list of expressions
+        What is evaluated: the following are indices into it.
+    points : dict of str to list of int
+        Components of the points.
+    discs : list of (int, int or None, list of int or None)
+        Radius, angle and normal of the discs.
+    arrows : list of list of int
+        Components of the vectors; empty for forces of constraints.
+    forces : list of (PointForce, list of int) or None
+        Forces of constraints, and their entries; None for other vectors.
     """
 
     def __init__(self, model: Model):
         assert model.view is not None
         self._model, self._view = model, model.view
         view = self._view
-        self._slots: list[Basic] = []
-        self._points = {name: self._put(place) for name, place in view.points.items()}
-        self._discs = [
+        self.expressions: list[Basic] = []
+        self.points = {name: self._put(place) for name, place in view.points.items()}
+        self.discs = [
             (
                 self._put([d.radius])[0],
                 None if d.angle is None else self._put([d.angle])[0],
@@ -87,24 +97,24 @@ class ViewEvaluator:
             )
             for d in view.discs
         ]
-        self._arrows = [self._put(a.components) for a in view.vectors]
-        self._forces: list[tuple[PointForce, list[int]] | None] = []
+        self.arrows = [self._put(a.components) for a in view.vectors]
+        self.forces: list[tuple[PointForce, list[int]] | None] = []
         for arrow in view.vectors:
             force = point_force(model, arrow) if arrow.constraint is not None else None
-            self._forces.append(None if force is None else (force, self._put(force.entries)))
+            self.forces.append(None if force is None else (force, self._put(force.entries)))
         discs = {disc.center for disc in view.discs}
         bare = {name: place for name, place in view.points.items() if name not in discs}
         self._masses = masses(model, bare) if view.masses is None else view.masses
-        self._evaluator = ColumnEvaluator(model, self._slots)
+        self._evaluator = ColumnEvaluator(model, self.expressions)
         needs = dict.fromkeys(self._evaluator.needs)
-        if any(self._forces):
+        if any(self.forces):
             needs["constraint_force_by"] = None
         self.needs: tuple[str, ...] = tuple(needs)
 
     def _put(self, expressions: Sequence[Basic]) -> list[int]:
         """Add expressions to evaluate; return their indices."""
-        self._slots.extend(expressions)
-        return list(range(len(self._slots) - len(expressions), len(self._slots)))
+        self.expressions.extend(expressions)
+        return list(range(len(self.expressions) - len(expressions), len(self.expressions)))
 
     def scene(
         self,
@@ -131,7 +141,7 @@ class ViewEvaluator:
         view, model = self._view, self._model
         given = parameters or model.parameter_values
         values: list[Any] = list(self._evaluator.values(columns, terms, given))
-        points = {name: tuple(values[i] for i in at) for name, at in self._points.items()}
+        points = {name: tuple(values[i] for i in at) for name, at in self.points.items()}
         discs = tuple(
             DrawnDisc(
                 d.name,
@@ -140,15 +150,15 @@ class ViewEvaluator:
                 None if angle is None else values[angle],
                 None if normal is None else tuple(values[i] for i in normal),
             )
-            for d, (radius, angle, normal) in zip(view.discs, self._discs, strict=True)
+            for d, (radius, angle, normal) in zip(view.discs, self.discs, strict=True)
         )
         vectors: list[DrawnVector] = []
-        for arrow, places, force in zip(view.vectors, self._arrows, self._forces, strict=True):
-            unit = self._unit(arrow)
+        for arrow, places, force in zip(view.vectors, self.arrows, self.forces, strict=True):
+            unit = self.unit_of(arrow)
             if force is None:
                 components = tuple(values[i] for i in places)
                 at = arrow.points[0]
-                shown = _multipliers_in(arrow.components, model)
+                shown = multipliers_in(arrow.components, model)
                 vectors.append(
                     DrawnVector(arrow.name, arrow.quantity, at, components, unit, parts=shown)
                 )
@@ -183,7 +193,7 @@ class ViewEvaluator:
             masses=self._masses,
         )
 
-    def _unit(self, arrow: Arrow) -> str:
+    def unit_of(self, arrow: Arrow) -> str:
         """Return the unit of a vector: for points in metres, if the model has units."""
         if arrow.unit is not None:
             return arrow.unit
@@ -194,7 +204,7 @@ class ViewEvaluator:
         return {"velocity": "m/s", "force": "N"}[arrow.quantity] if stated else ""
 
 
-def _multipliers_in(components: Sequence[Basic], model: Model) -> tuple[str, ...]:
+def multipliers_in(components: Sequence[Basic], model: Model) -> tuple[str, ...]:
     """Return the constraints whose multipliers occur in the components of a vector."""
     free: set[Basic] = set().union(*(x.free_symbols for x in components))
     return tuple(name for name in model.constraint_names if multiplier(name) in free)

@@ -241,6 +241,7 @@ class Row {
     this.said = Row.text("span", "", "");
     this.note.append(this.said);
     this.restore();
+    if (control.follows) this.#fix();
     this.slider.addEventListener("input", (event) => moved(event, this.#value()));
     this.field.addEventListener("change", (event) => {
       const text = this.field.value.trim();
@@ -248,6 +249,13 @@ class Row {
       else reset(event);
     });
     this.undo.addEventListener("click", reset);
+  }
+
+  /** A value that only follows from others. */
+  #fix() {
+    this.element.classList.add("follows");
+    for (const input of [this.slider, this.field]) input.disabled = true;
+    if (this.scale) this.scale.hidden = true;
   }
 
   /** Let the slider reach as far as at first. */

@@ -1,7 +1,13 @@
 "use strict";
 
 /*
- * The page: asks the program for the run of the values that the controls show, and draws it.
+ * The page: asks for the run of the values that the controls show, and draws it.
+ *
+ *   const page = new Page(connection, scenarios);
+ *
+ * The connection is a Socket to the program, or a Simulator in an exported page: send(request), `open`,
+ * onMessage(take), onClose(closed); `refines`, whether runs while a slider moves are less accurate. The
+ * store of scenarios has read() and write(list).
  *
  * Each change is sent at once. The program leaves out requests that newer ones have overtaken; an
  * answer to an older request than the last one drawn is not drawn.
@@ -10,7 +16,8 @@
 class Page {
   static PATIENCE = 300; // ms before the page says that it waits
 
-  constructor() {
+  constructor(connection, store) {
+    [this.connection, this.store] = [connection, store];
     const found = (id) => document.getElementById(id);
     this.elements = Object.fromEntries(
       ["name", "description", "status", "notice", "pictures", "command"].map((id) => [id, found(id)]),
@@ -21,6 +28,9 @@ class Page {
     this.delays = []; // ms from a move to its drawing, the last hundred
     this.answer = null;
     this.controls = new Controls(found("controls"), (event) => this.ask(event));
+    found("controls").addEventListener("change", (event) => {
+      if (connection.refines && event.target.type === "range") this.ask(event);
+    });
     found("reset").addEventListener("click", (event) => {
       this.equations.restore();
       this.controls.reset(event);
@@ -34,38 +44,40 @@ class Page {
       keep.textContent = kept ? "Remove the kept run" : "Keep this run for comparison";
       this.pictures.keep(kept);
     });
-    this.socket = new WebSocket(new URL("socket", location.href.replace(/^http/, "ws")));
-    this.socket.binaryType = "arraybuffer";
-    this.socket.addEventListener("message", ({ data }) => this.#take(decodeFrame(data)));
-    this.socket.addEventListener("close", () => this.#close());
+    connection.onClose((text) => this.#close(text));
+    connection.onMessage((answer) => this.#take(answer));
   }
+
+  /** Called when the page has its controls: for what another page adds. */
+  begun() {}
 
   /** Ask for the run of the values as they are. */
   ask(event = null) {
-    this.#send({});
+    this.#send({ coarse: event?.type === "input" && event.target.type === "range" });
     this.scenarios?.mark();
     if (event) this.asked.set(this.number, event.timeStamp);
     this.waiting ??= setTimeout(() => this.#say("computing …"), Page.PATIENCE);
   }
 
   #send(more) {
-    if (this.socket.readyState !== WebSocket.OPEN) return;
+    if (!this.connection.open) return;
     const plots = this.pictures.groups();
     const { members } = this;
     const live = this.equations.request();
     const message = { number: ++this.number, ...this.controls.changes(), plots, members, ...live, ...more };
-    this.socket.send(JSON.stringify(message));
+    this.connection.send(message);
   }
 
   #take(answer) {
     if ("palette" in answer) this.#begin(answer);
-    else if ("file" in answer) this.#download(answer.file);
+    else if ("file" in answer) download(`${this.#fileName()}_changed.yaml`, answer.file);
+    else if ("files" in answer) for (const [name, text] of Object.entries(answer.files)) download(name, text);
     else if (answer.number > this.drawn) this.#draw(answer);
   }
 
   #begin(hello) {
     const { elements } = this;
-    document.title = `${hello.name} – lagcli play`;
+    document.title = hello.page ?? `${hello.name} – lagcli play`;
     elements.name.textContent = hello.name;
     this.slug = hello.slug;
     elements.description.textContent = hello.description;
@@ -98,7 +110,9 @@ class Page {
       chosen: (state, event) => this.controls.goTo(state, event),
       say: (text) => this.#say(text, true),
       slug: () => this.#fileName(),
+      store: this.store,
     });
+    this.begun();
     this.ask();
   }
 
@@ -186,13 +200,6 @@ class Page {
     notice.replaceChildren(...parts);
   }
 
-  #download(text) {
-    const address = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
-    const download = `${this.#fileName()}_changed.yaml`;
-    Object.assign(document.createElement("a"), { href: address, download }).click();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
-  }
-
   /** The name of the model, as the beginning of the name of a file. */
   #fileName() {
     return this.slug.replace(/[^\p{L}\p{N}._-]+/gu, "_");
@@ -209,11 +216,16 @@ class Page {
     }
   }
 
-  #close() {
+  #close(text) {
     this.elements.pictures.classList.add("stale");
-    this.#notice("The server has stopped. To continue, start it again: lagcli play MODEL", "error");
+    this.#notice(text, "error");
     document.getElementById("values").inert = true;
   }
 }
 
-const page = new Page();
+/** Let the reader save a text as a file. */
+function download(name, text, type = "application/yaml") {
+  const address = URL.createObjectURL(new Blob([text], { type }));
+  Object.assign(document.createElement("a"), { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
+}

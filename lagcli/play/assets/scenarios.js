@@ -3,13 +3,12 @@
 /*
  * Scenarios: values of the page under a name, to come back to.
  *
- *   const scenarios = new Scenarios(element, { now, chosen, say });
+ *   const scenarios = new Scenarios(element, { now, chosen, say, slug, store });
  *   scenarios.mark();         // which of them the page has now
  *   scenarios.mark(command);  // as the program answered
  *
- * They are kept in the fragment of the page's address, which no program but the browser reads: they
- * survive a reload and are in a bookmark. The address ends with the program: a file that is downloaded
- * holds them for the next one.
+ * They are kept in the page's address, and survive a reload. A file that is downloaded holds them for
+ * another page.
  */
 
 class Scenarios {
@@ -21,10 +20,11 @@ class Scenarios {
    * @param {function(Array, Event)} calls.chosen  with the state of a scenario
    * @param {function(string)} calls.say
    * @param {function(): string} calls.slug  the beginning of the name of a file
+   * @param {object} calls.store  keeps the list as a text: read() and write(text), "" for none
    */
   constructor(element, calls) {
     this.calls = calls;
-    this.list = Scenarios.#kept();
+    this.list = Scenarios.#parsed(calls.store.read());
     const form = document.createElement("form");
     this.field = Object.assign(document.createElement("input"), {
       type: "text",
@@ -127,25 +127,11 @@ class Scenarios {
   }
 
   #keep() {
-    const kept = this.list.length ? `#${encodeURIComponent(JSON.stringify(this.list))}` : "#";
-    history.replaceState(null, "", kept);
-  }
-
-  /** Return the scenarios in the address. */
-  static #kept() {
-    try {
-      return Scenarios.#parsed(decodeURIComponent(location.hash.slice(1)));
-    } catch {
-      return [];
-    }
+    this.calls.store.write(this.list.length ? JSON.stringify(this.list) : "");
   }
 
   #download() {
-    const text = JSON.stringify(this.list, null, 1);
-    const address = URL.createObjectURL(new Blob([text], { type: "application/json" }));
-    const file = { href: address, download: `${this.calls.slug()}_scenarios.json` };
-    Object.assign(document.createElement("a"), file).click();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
+    download(`${this.calls.slug()}_scenarios.json`, JSON.stringify(this.list, null, 1), "application/json");
   }
 
   /** Add the scenarios of a file; those of the same name are replaced. */

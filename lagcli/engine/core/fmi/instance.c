@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "bind.h"
+#include "breaks.h"
 #include "evaluate.h"
 #include "fmi/file.h"
 #include "model/reader.h"
@@ -115,27 +116,23 @@ static int place_of_parameters(const lag_fmu *fmu)
     return (int)(fmu->count - fmu->own);
 }
 
-lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *message, void *context)
+/* An instance without a model. */
+static lag_fmu *new_instance(int exchange, lag_fmu_message *message, void *context)
 {
     lag_pool pool = lag_pool_of(NULL);
     lag_fmu *fmu = lag_get(&pool, 1, sizeof *fmu);
-    if (!fmu)
-        return NULL;
-    *fmu = (lag_fmu){.pool = pool, .run_pool = lag_pool_of(NULL), .exchange = exchange, .message = message, .context = context};
-    int64_t model_bytes = 0, values_bytes = 0;
-    const void *model = contents(fmu, resources, "model.bin", &model_bytes);
-    const void *values = model ? contents(fmu, resources, "values.bin", &values_bytes) : NULL;
-    if (!values) {
-        lag_fmu_close(fmu);
-        return NULL;
-    }
+    if (fmu)
+        *fmu = (lag_fmu){.pool = pool, .run_pool = lag_pool_of(NULL), .exchange = exchange, .message = message, .context = context};
+    return fmu;
+}
+
+/* Read the model and the values, and allocate what a simulation needs. Returns 0, or 1, and a message. */
+static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const void *values, int64_t values_bytes)
+{
     const int status = lag_read_model(model, model_bytes, &fmu->model);
-    if (status != LAG_MODEL_READ || read_values(fmu, values, values_bytes)) {
-        fail(fmu, "%s is damaged, or of another version of lagcli",
-             status != LAG_MODEL_READ ? "model.bin" : "values.bin");
-        lag_fmu_close(fmu);
-        return NULL;
-    }
+    if (status != LAG_MODEL_READ || read_values(fmu, values, values_bytes))
+        return fail(fmu, "%s is damaged, or of another version of lagcli",
+                    status != LAG_MODEL_READ ? "model.bin" : "values.bin");
     lag_model *m = &fmu->model;
     const int nq = fmu->nq, nc = m->equations.nc;
     /* the solution that the run ends with from its start: nothing is allocated later */
@@ -152,14 +149,38 @@ lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *mess
     fmu->y = lag_doubles(&fmu->pool, 2 * nq + 1);
     fmu->lengths = lag_doubles(&fmu->pool, nc);
     fmu->plain_lengths = lag_doubles(&fmu->pool, nc);
+    fmu->held = lag_doubles(&fmu->pool, m->equations.np);
     fmu->row = lag_doubles(&fmu->pool, 2 + 3 * (int64_t)nq + fmu->nc);
     fmu->values = lag_doubles(&fmu->pool, fmu->count);
-    if (lag_start_bind(&fmu->pool, &fmu->search, m)) {
-        fail(fmu, "there is no memory");
+    if (lag_start_bind(&fmu->pool, &fmu->search, m))
+        return fail(fmu, "there is no memory");
+    lag_fmu_reset(fmu);
+    return 0;
+}
+
+lag_fmu *lag_fmu_make(const void *model, int64_t model_bytes, const void *values, int64_t values_bytes, int exchange,
+                      lag_fmu_message *message, void *context)
+{
+    lag_fmu *fmu = new_instance(exchange, message, context);
+    if (fmu && complete(fmu, model, model_bytes, values, values_bytes)) {
         lag_fmu_close(fmu);
         return NULL;
     }
-    lag_fmu_reset(fmu);
+    return fmu;
+}
+
+lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *message, void *context)
+{
+    lag_fmu *fmu = new_instance(exchange, message, context);
+    if (!fmu)
+        return NULL;
+    int64_t model_bytes = 0, values_bytes = 0;
+    const void *model = contents(fmu, resources, "model.bin", &model_bytes);
+    const void *values = model ? contents(fmu, resources, "values.bin", &values_bytes) : NULL;
+    if (!values || complete(fmu, model, model_bytes, values, values_bytes)) {
+        lag_fmu_close(fmu);
+        return NULL;
+    }
     return fmu;
 }
 
@@ -217,7 +238,7 @@ static void evaluate_start(lag_fmu *fmu)
         fmu->parameters[i] = OUT(&fmu->start, i);
     for (int i = 0; i < 2 * nq; ++i) {
         fmu->y[i] = fmu->is_given[i] ? fmu->initial[i] : OUT(&fmu->start, fmu->own + i);
-        fmu->is_fixed[i] = fmu->is_given[i] || fmu->fixed[i];
+        fmu->is_fixed[i] = fmu->is_given[i] ? fmu->is_given[i] == LAG_FMU_FIXED : fmu->fixed[i];
     }
     fmu->y[2 * nq] = 0.0;
 }
@@ -235,8 +256,7 @@ static int is_nominal(const lag_fmu *fmu)
     return fmu->started_at == p->t;
 }
 
-/* Make the simulation from what was set. */
-static int make_simulation(lag_fmu *fmu)
+int lag_fmu_prepare(lag_fmu *fmu)
 {
     lag_model model = fmu->model;
     const lag_problem *nominal = &fmu->model.problem;
@@ -274,8 +294,7 @@ static int make_simulation(lag_fmu *fmu)
     return 0;
 }
 
-/* Report why the simulation has ended at its present time. Returns 1. */
-static int fail_at(lag_fmu *fmu, int status)
+int lag_fmu_fail_at(lag_fmu *fmu, int status)
 {
     const int known = status >= 0 && status < (int)(sizeof reasons / sizeof *reasons) && reasons[status];
     fmu->phase = LAG_FMU_FAILED;
@@ -283,20 +302,29 @@ static int fail_at(lag_fmu *fmu, int status)
                 known ? reasons[status] : "the simulation cannot go on");
 }
 
+int lag_fmu_start(lag_fmu *fmu)
+{
+    const int status = lag_simulate_to(fmu->simulation, fmu->started_at);
+    if (status != LAG_RUNNING && status != LAG_DONE && status != LAG_BLOCK_FULL)
+        return lag_fmu_fail_at(fmu, status);
+    if (lag_is_violated(fmu->simulation, fmu->y)) {
+        fmu->phase = LAG_FMU_FAILED;
+        return fail(fmu, "a contact is violated at the initial state");
+    }
+    fmu->phase = status == LAG_DONE ? LAG_FMU_ENDED : LAG_FMU_STARTED;
+    fmu->current = 0;
+    return 0;
+}
+
 int lag_fmu_begin(lag_fmu *fmu)
 {
     if (fmu->phase == LAG_FMU_STARTED || fmu->phase == LAG_FMU_ENDED)
         return 0;
-    if (make_simulation(fmu)) {
+    if (lag_fmu_prepare(fmu)) {
         fmu->phase = LAG_FMU_FAILED;
         return 1;
     }
-    const int status = lag_simulate_to(fmu->simulation, fmu->started_at);
-    if (status != LAG_RUNNING && status != LAG_DONE)
-        return fail_at(fmu, status);
-    fmu->phase = status == LAG_DONE ? LAG_FMU_ENDED : LAG_FMU_STARTED;
-    fmu->current = 0;
-    return 0;
+    return lag_fmu_start(fmu);
 }
 
 double lag_fmu_time(const lag_fmu *fmu)
@@ -330,7 +358,7 @@ int lag_fmu_advance(lag_fmu *fmu, double from, double t)
     if (status == LAG_DONE)
         fmu->phase = LAG_FMU_ENDED;
     else if (status != LAG_RUNNING)
-        return fail_at(fmu, status);
+        return lag_fmu_fail_at(fmu, status);
     return 0;
 }
 
@@ -349,14 +377,29 @@ static int sample_without_projection(lag_fmu *fmu)
     return LAG_RUNNING;
 }
 
+void lag_fmu_evaluate_at(lag_fmu *fmu, const double *row)
+{
+    const lag_run *run = lag_run_of(fmu->simulation);
+    const size_t known = 1 + 3 * (size_t)fmu->nq + (size_t)fmu->nc;
+    memcpy(fmu->held, lag_parameters_of(fmu->simulation), (size_t)run->np * sizeof(double));
+    lag_pieces_at(run, row[0], fmu->held); /* the step may have ended where the next ones begin */
+    lag_tape_set(&fmu->columns, run->np, fmu->held);
+    memcpy(fmu->columns.registers, row, known * sizeof(double));
+    lag_tape_run(&fmu->columns, &fmu->columns.stream);
+    memcpy(fmu->values, row, known * sizeof(double));
+    for (int64_t i = 0; i < fmu->derived; ++i)
+        fmu->values[known + (size_t)i] = OUT(&fmu->columns, i);
+    memcpy(fmu->values + place_of_parameters(fmu), fmu->held, (size_t)fmu->own * sizeof(double));
+}
+
 /* Evaluate all values at the state. */
 static int evaluate(lag_fmu *fmu)
 {
     const int nq = fmu->nq;
     if (fmu->phase == LAG_FMU_INITIALIZING) {
-        const int status = make_simulation(fmu) ? -1 : lag_simulate_to(fmu->simulation, fmu->started_at);
+        const int status = lag_fmu_prepare(fmu) ? -1 : lag_simulate_to(fmu->simulation, fmu->started_at);
         if (status != LAG_RUNNING && status != LAG_DONE)
-            return status < 0 ? 1 : fail_at(fmu, status);
+            return status < 0 ? 1 : lag_fmu_fail_at(fmu, status);
     }
     if (!fmu->simulation) { /* before it begins */
         evaluate_start(fmu);
@@ -375,16 +418,8 @@ static int evaluate(lag_fmu *fmu)
     if (status == LAG_RUNNING)
         status = fmu->exchange ? sample_without_projection(fmu) : lag_sample_here(run, fmu->row);
     if (status != LAG_RUNNING)
-        return fail_at(fmu, status);
-    const size_t known = 1 + 3 * (size_t)nq + (size_t)fmu->nc;
-    const double *p = lag_parameters_of(fmu->simulation);
-    lag_tape_set(&fmu->columns, run->np, p);
-    memcpy(fmu->columns.registers, fmu->row, known * sizeof(double));
-    lag_tape_run(&fmu->columns, &fmu->columns.stream);
-    memcpy(fmu->values, fmu->row, known * sizeof(double));
-    for (int64_t i = 0; i < fmu->derived; ++i)
-        fmu->values[known + (size_t)i] = OUT(&fmu->columns, i);
-    memcpy(fmu->values + place_of_parameters(fmu), p, (size_t)fmu->own * sizeof(double));
+        return lag_fmu_fail_at(fmu, status);
+    lag_fmu_evaluate_at(fmu, fmu->row);
     fmu->current = 1;
     return 0;
 }
@@ -435,7 +470,7 @@ int lag_fmu_set(lag_fmu *fmu, const unsigned *references, size_t count, const do
                 return 1;
         } else if (which >= 1 && which < 1 + 2 * (uint64_t)fmu->nq && fmu->phase <= LAG_FMU_INITIALIZING) {
             fmu->initial[which - 1] = values[i];
-            fmu->is_given[which - 1] = 1;
+            fmu->is_given[which - 1] = LAG_FMU_FIXED;
         } else {
             return fail(fmu, "the variable with the value reference %u cannot be set now", references[i]);
         }
@@ -493,7 +528,7 @@ int lag_fmu_project(lag_fmu *fmu)
     lag_run *run = lag_run_of(fmu->simulation);
     const int status = lag_project(run, run->step.t, run->step.y);
     fmu->current = 0;
-    return status == LAG_RUNNING ? 0 : fail_at(fmu, status);
+    return status == LAG_RUNNING ? 0 : lag_fmu_fail_at(fmu, status);
 }
 
 struct lag_fmu_state {

@@ -22,6 +22,9 @@
 /* Receives what is wrong. */
 typedef void lag_fmu_message(void *context, const char *text);
 
+/* Whether an initial value was set: not; it holds; the search for a consistent state may change it. */
+enum lag_fmu_given { LAG_FMU_NOT_GIVEN, LAG_FMU_FIXED, LAG_FMU_GUESS };
+
 enum lag_fmu_phase { LAG_FMU_MADE, LAG_FMU_INITIALIZING, LAG_FMU_STARTED, LAG_FMU_ENDED, LAG_FMU_FAILED };
 
 typedef struct {
@@ -39,8 +42,9 @@ typedef struct {
     const int32_t *place, *input, *fixed;
     double *given;                     /* settable: their values ... */
     double *initial;                   /* 2 nq: initial values that were set ... */
-    int *is_given, *is_fixed;          /* 2 nq: ... whether they were; whether the search may not change them */
+    int *is_given, *is_fixed;          /* 2 nq: ... a lag_fmu_given; whether the search may not change them */
     double *parameters, *y, *lengths, *plain_lengths; /* np, 2 nq + 1, nc, nc: of the start */
+    double *held;                      /* np: parameters at a sample */
     double *row;                       /* a sample */
     double *values;                    /* count */
     double started_at;                 /* t at the start */
@@ -53,6 +57,10 @@ typedef struct {
 
 /* Make an instance of the files in a folder, whose name ends in a separator, for model exchange or co-simulation. NULL, and a message, if that fails. */
 lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *message, void *context);
+
+/* Make an instance of the contents of these files, aligned as numbers, which must live as long as it. */
+lag_fmu *lag_fmu_make(const void *model, int64_t model_bytes, const void *values, int64_t values_bytes, int exchange,
+                      lag_fmu_message *message, void *context);
 void lag_fmu_close(lag_fmu *fmu);
 
 /* Forget the simulation and what was set. */
@@ -67,6 +75,18 @@ int lag_fmu_initialize(lag_fmu *fmu, double start, double stop);
 
 /* Find the consistent initial state, and begin. */
 int lag_fmu_begin(lag_fmu *fmu);
+
+/* The first part of it: make the simulation, of fmu->model's problem with the values that were set. */
+int lag_fmu_prepare(lag_fmu *fmu);
+
+/* The second part: let what switches begin. Returns 0; 1, and a message. The simulation may be over: an event has ended it. */
+int lag_fmu_start(lag_fmu *fmu);
+
+/* Report why the simulation has ended at its present time, a lag_status. Returns 1. */
+int lag_fmu_fail_at(lag_fmu *fmu, int status);
+
+/* Evaluate all values at a sample of the simulation's last step: t, q, v, a, lambda. */
+void lag_fmu_evaluate_at(lag_fmu *fmu, const double *row);
 
 /* Go on from the present time to another. `fmu->phase` is LAG_FMU_ENDED if an event has ended the simulation before. */
 int lag_fmu_advance(lag_fmu *fmu, double from, double t);

@@ -10,6 +10,8 @@
 #define RESIDUAL 2e-15      /* of the constraint's scale: end of the search */
 #define ACCEPTED 1e-10      /* of the scale: largest residual of a state that counts as consistent */
 #define INDEPENDENT 1e-6    /* part of a row that can be changed, at least */
+#define LEAST_PART 1e-3     /* as in engine/scales.py: part of the size of the state that a scale is, at least */
+#define OF_GUESS 1e-5       /* part of the scale at the guess that a scale is, at least */
 #define OF_RANK 1e-8        /* part of a row that is independent of the rows before it, at least */
 
 int lag_start_bind(lag_pool *pool, lag_start_search *s, const lag_model *model)
@@ -21,6 +23,8 @@ int lag_start_bind(lag_pool *pool, lag_start_search *s, const lag_model *model)
     s->lengths = lag_doubles(pool, nc);
     s->x = lag_doubles(pool, nq);
     s->tried = lag_doubles(pool, nq);
+    s->own = lag_doubles(pool, nc);
+    s->least = lag_doubles(pool, nc);
     lag_bind_program(pool, &s->constraint, &model->equations.constraint, LAG_PORTABLE);
     if (!pool->failed)
         s->constraint.parameters = s->constraint.registers + model->equations.constraint.inputs - model->equations.np;
@@ -117,13 +121,50 @@ double lag_largest_residual(const lag_tape *tape, int n, int first, int scale)
     return largest;
 }
 
+/*
+ * The largest of n residuals, outputs from `first` on, over their scales; INFINITY where one is not finite. All terms of
+ * a constraint may vanish at a state: a scale is at least what the sizes of the coordinates x (q or v) imply, and a
+ * part of that at the guess, where the search begins. `constraint` are the numbers of the constraints; NULL: from 0 on.
+ */
+static double residual_at(lag_start_search *s, int n, int first, int scale, const int32_t *constraint, const double *x,
+                          int begins)
+{
+    const lag_equations *e = &s->model->equations;
+    const double *sizes = s->model->problem.sizes;
+    double largest = 0.0, size = 0.0;
+    for (int j = 0; j < e->nq; ++j)
+        size = fmax(size, fabs(x[j]) / sizes[j]);
+    memset(s->own, 0, (size_t)e->nc * sizeof *s->own);
+    memset(s->lengths, 0, (size_t)e->nc * sizeof *s->lengths);
+    for (int i = 0; i < e->nb; ++i) {
+        const int j = e->jacobian_column[i], row = e->jacobian_row[i];
+        const double b = OUT(&s->constraint, e->nh + i);
+        s->own[row] += fabs(b * x[j]);
+        s->lengths[row] += b * sizes[j] * b * sizes[j];
+    }
+    for (int i = 0; i < n; ++i) {
+        const int row = constraint ? constraint[i] : i;
+        const double value = OUT(&s->constraint, first + i);
+        double terms = fmax(OUT(&s->constraint, scale + i), s->own[row]);
+        terms = fmax(terms, LEAST_PART * size * sqrt(s->lengths[row]));
+        if (begins)
+            s->least[row] = OF_GUESS * terms;
+        terms = fmax(terms, s->least[row]);
+        if (!isfinite(value))
+            return INFINITY;
+        if (value != 0.0)
+            largest = fmax(largest, terms > 0.0 ? fabs(value) / terms : INFINITY);
+    }
+    return largest;
+}
+
 /* Move the free positions to phi = 0. */
 static int find_positions(lag_start_search *s, double t, const int *fixed, double *y)
 {
     const lag_equations *e = &s->model->equations;
     const int nq = e->nq, scale = e->nh + e->nb + e->nc;
     evaluate(s, t, y);
-    double residual = lag_largest_residual(&s->constraint, e->nh, 0, scale);
+    double residual = residual_at(s, e->nh, 0, scale, e->holonomic, y, 1);
     for (int iteration = 0; iteration < ITERATIONS && residual > RESIDUAL; ++iteration) {
         if (!isfinite(residual))
             return LAG_START_UNDEFINED;
@@ -140,7 +181,7 @@ static int find_positions(lag_start_search *s, double t, const int *fixed, doubl
             for (int j = 0; j < nq; ++j)
                 y[j] = s->tried[j] + part * s->model->problem.sizes[j] * s->x[j];
             evaluate(s, t, y);
-            after = lag_largest_residual(&s->constraint, e->nh, 0, scale);
+            after = residual_at(s, e->nh, 0, scale, e->holonomic, y, 0);
         }
         if (!(after < residual)) { /* rounding errors, or the least residual, are reached */
             memcpy(y, s->tried, (size_t)nq * sizeof *y);
@@ -160,7 +201,7 @@ static int find_velocities(lag_start_search *s, double t, const int *fixed, doub
     double residual = INFINITY;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
         evaluate(s, t, y);
-        const double now = lag_largest_residual(&s->constraint, e->nc, first, scale);
+        const double now = residual_at(s, e->nc, first, scale, NULL, y + nq, iteration == 0);
         if (!isfinite(now) && iteration == 0)
             for (int i = 0; i < e->nc; ++i)
                 if (!isfinite(OUT(&s->constraint, first + i)))

@@ -23,6 +23,7 @@ typedef struct {
     const lag_model *model;
     lag_tape constraint;
     double *rows, *right, *lengths, *x, *tried; /* nc * nq, nc, nc, nq, nq */
+    double *own, *least;               /* nc, nc: see residual_at */
 } lag_start_search;
 
 /* Prepare it. Returns 0, or 1 where there is no memory. */

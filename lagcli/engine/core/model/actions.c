@@ -203,6 +203,15 @@ static int can_engage(const lag_simulation *s, int row, const double *y)
     return (sw->law[row] == LAG_UNILATERAL ? -sw->sign[row] * gap : gap < 0.0 ? -gap : gap) <= lag_gap_of_none(s->run, row);
 }
 
+int lag_is_violated(const lag_simulation *s, const double *y)
+{
+    const lag_switching *sw = &s->run->switching;
+    for (int i = 0; i < sw->exported; ++i)
+        if (sw->law[i] == LAG_UNILATERAL && sw->active[i] && !can_engage(s, i, y))
+            return 1;
+    return 0;
+}
+
 /* Perform the actions of one event. */
 static int act(lag_simulation *s, int number)
 {

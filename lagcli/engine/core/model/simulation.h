@@ -59,6 +59,10 @@ const double *lag_parameters_of(lag_simulation *s);
 /* Give the first parameters other values; the motion goes on from its state. */
 void lag_change_parameters(lag_simulation *s, const double *p, int count);
 
+/* Whether a contact is beyond its surface at a state, once the motion has begun: it begins on the surfaces of contacts
+ * that are closed or beyond them. */
+int lag_is_violated(const lag_simulation *s, const double *y);
+
 /* Append the entries of the run's log. Returns 0, or 1 where there is no memory. */
 int lag_events_collect(lag_simulation *s);
 

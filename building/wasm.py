@@ -1,0 +1,43 @@
+"""Compile the core to WebAssembly, for pages that simulate a model: `make wasm`.
+
+By Zig's compiler. The same sources give the same module, on every machine.
+
+    python building/wasm.py
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+
+from core_library import ROOT, CannotCompile, Compiler, build, core, zig
+
+#: The module, which wheels and source distributions contain.
+MODULE = ROOT / "lagcli" / "live" / "assets" / "core.wasm"
+
+
+class WasmCompiler(Compiler):
+    """Zig's compiler for a module without imports, with the functions of ``page/page.h``."""
+
+    __slots__ = ()
+
+    @property
+    def compiling(self) -> list[str]:
+        """The command that compiles a file."""
+        return [*(flag for flag in super().compiling if flag != "-fPIC"), "-msimd128"]
+
+    @property
+    def linking(self) -> list[str]:
+        """The command that links the module."""
+        header = (core.CORE / "page" / "page.h").read_text("utf-8")
+        names = ["_initialize", "lag_fingerprint", *re.findall(r"\b(lag_page_\w+)\(", header)]
+        exports = [f"-Wl,--export={name}" for name in names]
+        module = ["-mexec-model=reactor", "-Wl,--no-entry", "-Wl,--strip-all"]
+        return [*self.command, *module, *exports]
+
+
+if __name__ == "__main__":
+    try:
+        build(MODULE, WasmCompiler(*zig("wasm32-wasi")))
+    except CannotCompile as error:
+        sys.exit(str(error))

@@ -1,0 +1,1 @@
+"""A model as a page that simulates it: the core as WebAssembly, the model as data."""

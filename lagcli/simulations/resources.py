@@ -1,0 +1,153 @@
+"""What the core needs to simulate a model elsewhere: the model as data, and values beside it.
+
+`core/fmi/instance.h` states what both contain. FMUs have them as files, pages in their text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+from lagcli.engine.core.run import METHODS as CORE_METHODS
+from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
+from lagcli.engine.program.program import assemble
+from lagcli.engine.switching.kinks import frozen_of
+from lagcli.engine.system import System
+from lagcli.engine.tape.tape import Arithmetic, Tape
+from lagcli.model.model import Model
+from lagcli.model.values import dependent_values, independent_parameters
+from lagcli.simulations.directions import start_tape
+from lagcli.simulations.simulation import Simulation
+
+_MAGIC = int.from_bytes(b"llvalue1", "little")
+
+
+class Resources(NamedTuple):
+    """A model for the core.
+
+    Parameters
+    ----------
+    model : bytes
+        The model as data.
+    values : bytes
+        Its method, what can be set, and the derived values.
+    """
+
+    model: bytes
+    values: bytes
+
+
+def settable_parameters(model: Model) -> list[str]:
+    """Return the parameters that can be set: the ticks of clocks are numbers in the data."""
+    names = independent_parameters(model)
+    dependent = dependent_values(model, names)
+    clocks = [event.clock for event in model.events if event.clock is not None]
+    timed = {x.name for clock in clocks for x in (clock.period + clock.offset).free_symbols}
+    timed |= {x.name for name in timed & dependent.keys() for x in dependent[name].free_symbols}
+    return [name for name in names if name not in timed]
+
+
+def method_of(simulation: Simulation) -> str:
+    """Return the method of the model's settings; of `auto`, the last one that a run takes."""
+    chosen = simulation.settings.method
+    if chosen != "auto":
+        return chosen
+    record = simulation.run(lambda samples: None)
+    return str(record.options["method"]).split(", ")[-1]
+
+
+def resources(
+    simulation: Simulation, method: str, derived: Tape, inputs: Sequence[str] = ()
+) -> Resources:
+    """Return what the core needs.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    method : str
+        The method of all runs.
+    derived : Tape
+        (t, q, v, a, λ, p) → the derived values; see `DerivedTape`.
+    inputs : sequence of str
+        Parameters that may change during a run.
+    """
+    model, system = simulation.model, simulation.system
+    settable = settable_parameters(model)
+    places = {name: i for i, name in enumerate(system.parameters)}
+    fixed = [
+        int(x.fixed)
+        for table in (model.initial_positions, model.initial_velocities)
+        for x in (table[name] for name in model.coordinate_names)
+    ]
+    parts = [
+        word_data(CORE_METHODS.index(method)),
+        word_data(len(model.parameters)),
+        integers_data([places[name] for name in settable]),
+        integers_data([places[name] for name in inputs]),
+        integers_data(fixed),
+        program_data(assemble(start_tape(model, settable))),
+        program_data(assemble(derived)),
+    ]
+    body = b"".join(parts)
+    values = word_data(_MAGIC) + word_data(2 + len(body) // 8) + body
+    return Resources(model_data(system, simulation.request, [method]), values)
+
+
+class DerivedTape:
+    """Builds the tape of derived values: (t, q, v, a, λ, p) → constraint forces, energies and more.
+
+    Branches of forces that jump are parameters of the core.
+
+    Parameters
+    ----------
+    system : System
+
+    Attributes
+    ----------
+    builder : Arithmetic
+        Operations are added to it.
+    """
+
+    def __init__(self, system: System):
+        frozen = frozen_of(system)
+        self.system = system if frozen is None else frozen.system
+        report = self.system.report
+        self.builder = Arithmetic(report.inputs, report.parameters, functions=report.functions)
+
+    @property
+    def unknowns(self) -> int:
+        """The number of inputs before the parameters."""
+        return 1 + 3 * len(self.system.coordinates) + len(self.system.constraints)
+
+    @cached_property
+    def force_terms(self) -> dict[tuple[int, int], int]:
+        """The registers of λ_β b_βi, by constraint and coordinate."""
+        system, builder, nq = self.system, self.builder, len(self.system.coordinates)
+        inputs = [*range(1 + 2 * nq), *range(self.unknowns, builder.inputs)]
+        places = range(len(system.dynamics.outputs))[system.dynamics_layout.jacobian]
+        entries = builder.splice(system.dynamics, inputs, places)
+        return {
+            (i, j): builder.times(entry, 1 + 3 * nq + i)
+            for (i, j), entry in zip(system.jacobian_pattern, entries, strict=True)
+        }
+
+    @cached_property
+    def forces(self) -> list[int]:
+        """The registers of the generalized constraint forces."""
+        system, builder = self.system, self.builder
+        forces = [builder.zero] * len(system.coordinates)
+        for (_, j), term in self.force_terms.items():
+            forces[j] = builder.plus(forces[j], term)
+        switching = system.switching
+        if switching is not None and switching.forces is not None:
+            own = switching.force_coordinates
+            reactive = builder.splice(switching.forces, range(builder.inputs), range(len(own)))
+            for j, force in zip(own, reactive, strict=True):
+                forces[j] = builder.plus(forces[j], force)
+        return forces
+
+    @cached_property
+    def reported(self) -> list[int]:
+        """The registers of the columns `REPORTED`, and of the outputs."""
+        return self.builder.splice(self.system.report, range(self.builder.inputs))

@@ -1,0 +1,264 @@
+"""An exported page in a real browser, opened from a file without a network."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from live import needs_core
+from page_checks import AXES, TEXTS
+from shipped import every_model
+
+import lagcli
+from lagcli.simulations.simulation import simulate
+
+#: An answer has been drawn for the last request.
+DRAWN = "page.number > 0 && page.drawn === page.number"
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory):
+    """Return the page of a shipped model, made once."""
+    needs_core()
+    folder = tmp_path_factory.mktemp("pages")
+
+    def of(name, lang="en"):
+        path = folder / f"{name}-{lang}.html"
+        if not path.exists():
+            path.write_text(lagcli.live_page(lagcli.load(name), lang), encoding="utf-8")
+        return path
+
+    return of
+
+
+@pytest.fixture
+def opened(visit, until):
+    """Open a page, and wait for its first run."""
+
+    def of(path, **options):
+        page = visit(path, reduced_motion="reduce", **options)
+        until(page, DRAWN)
+        return page
+
+    return of
+
+
+def enter(page, until, name, text):
+    field = page.locator(f'.control[data-name="{name}"] input[type=text]')
+    field.fill(text)
+    field.press("Enter")
+    until(page, DRAWN)
+
+
+def curves(page, group):
+    """Return the time and the curves of a plot, by name, as the page has them."""
+    plot = page.evaluate(
+        """(group) => {
+          const { time, series } = page.answer.plots[group];
+          const curves = series.map(({ name, values }) => [name, [...values]]);
+          return { time: [...time], series: curves };
+        }""",
+        group,
+    )
+    return np.array(plot["time"]), {name: np.array(x) for name, x in plot["series"]}
+
+
+@pytest.mark.parametrize("name", every_model())
+def test_the_page_shows_the_motion_of_simulate(name, pages, opened):
+    path = pages(name)
+    assert path.stat().st_size < 1_000_000
+    page = opened(path)
+    model = lagcli.load(name)
+    run = simulate(model)
+    time, found = curves(page, "coordinates")
+    for coordinate, values in found.items():
+        column = run.q[:, model.coordinate_names.index(coordinate)]
+        # a page has two more samples at each instant, of which the curve's values before and after
+        same = np.interp(run.time, time, values)
+        jumps = [] if run.events is None else run.events.time
+        away = np.array([abs(jumps - t).min(initial=1.0) > 1e-9 for t in run.time])
+        scale = np.abs(run.q).max()
+        assert np.abs(same - column)[away].max() < 1e-6 * scale, coordinate
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_a_slider_and_a_field_start_another_run(pages, opened, until):
+    page = opened(pages("slider_crank"))
+    enter(page, until, "m", "2")
+    expected = simulate(lagcli.load("slider_crank", {"m": "2*1"})).multipliers[:, 0]
+    _, found = curves(page, "multipliers")
+    np.testing.assert_allclose(found["lambda.guide"], expected, rtol=0.0, atol=1e-5)
+    assert "--set m=2" in page.locator("#command").inner_text()
+    slider = page.locator('.control[data-name="m"] input[type=range]')
+    slider.fill("1.5")  # both an input and a change
+    until(page, DRAWN)
+    assert page.evaluate("page.answer.values.m") == 1.5
+    # the run of the change has the model's accuracy, after that of the input
+    fine = page.evaluate("page.answer.counts.steps")
+    moved = "{ type: 'input', target: { type: 'range' }, timeStamp: 0 }"
+    page.evaluate(f"page.controls.changed({moved})")
+    until(page, DRAWN)
+    assert page.evaluate("page.answer.counts.steps") < 0.7 * fine
+
+
+def test_a_slider_redraws_within_50_ms(pages, opened, until):
+    page = opened(pages("slider_crank"))
+    slider = page.locator('.control[data-name="m"] input[type=range]')
+    for i in range(20):
+        slider.fill(str(1 + i / 20))
+        until(page, DRAWN)
+    delays = page.evaluate("page.delays.slice(4)")
+    # the least: other programs of this machine make answers wait
+    assert min(delays) < 50.0, delays
+
+
+def test_a_failed_run_is_marked_and_a_wrong_value_is_named(pages, opened, until):
+    page = opened(pages("slider_crank"))
+    enter(page, until, "m", "two")
+    notice = page.locator("#notice.error")
+    assert "m: a value on this page is a number, not two" in notice.inner_text()
+    assert "stale" in page.locator("#pictures").get_attribute("class")
+    enter(page, until, "m", "1")
+    assert page.locator("#notice").is_hidden()
+    assert "stale" not in (page.locator("#pictures").get_attribute("class") or "")
+    enter(page, until, "t_end", "-1")
+    assert "t_end: the end is after the start" in notice.inner_text()
+    ball = opened(pages("bouncing_ball"))
+    enter(ball, until, "y", "-1")
+    assert "violated" in ball.locator("#notice.error").inner_text()
+    enter(ball, until, "y", "1")
+    enter(ball, until, "e", "1.5")
+    assert "must be between 0 and 1" in ball.locator("#notice.error").inner_text()
+
+
+def test_the_link_holds_the_values(pages, opened, until):
+    path = pages("slider_crank")
+    page = opened(path)
+    enter(page, until, "m", "2")
+    enter(page, until, "psi", "0.2")
+    until(page, "location.hash.includes('psi')")
+    link = page.locator("#share input").input_value()
+    assert link.endswith("#m=2&psi=0.2")
+    page.goto("about:blank")
+    page.goto(link)
+    until(page, DRAWN)
+    assert page.evaluate("[page.answer.values.m, page.answer.values.psi]") == [2, 0.2]
+    page.goto("about:blank")
+    page.goto(f"{path.as_uri()}#m=1.5&mass=3&phi=~0.1")
+    until(page, DRAWN)
+    assert page.evaluate("page.answer.values.m") == 1.5
+    assert "mass" in page.locator("#unknown").inner_text()
+    assert page.evaluate("page.controls.state()") == [
+        ["m", {"text": "1.5", "free": False}],
+        ["phi", {"text": "0.1", "free": True}],
+    ]
+
+
+def test_values_have_the_units_of_the_file(tmp_path, opened, until):
+    """A frequency in rpm and an angle in degrees are given to the core in SI."""
+    needs_core()
+    model = lagcli.load_text(
+        "parameters: {m: 2 kg, l: 50 cm, omega: 60 rpm}\n"
+        "coordinates: {phi: rad}\n"
+        "T: m/2*l^2*phi'^2\n"
+        "V: -m*9.81*l*cos(phi)\n"
+        "outputs: {rate: omega}\n"
+        "initial: {phi: 30 deg, phi': 0}\n"
+        "simulation: {t_end: 1}\n"
+    )
+    target = tmp_path / "page.html"
+    target.write_text(lagcli.live_page(model), encoding="utf-8")
+    page = opened(target)
+    enter(page, until, "phi", "60")
+    enter(page, until, "omega", "120")
+    enter(page, until, "l", "25")
+    shown = {"m": 2, "l": 25, "omega": 120, "phi": 60, "phi'": 0}
+    assert page.evaluate("page.answer.values") == shown
+    page.locator(".slot select").first.select_option("outputs")
+    until(page, f"{DRAWN} && 'outputs' in page.answer.plots")
+    assert curves(page, "outputs")[1]["rate"][0] == pytest.approx(4 * np.pi, rel=1e-15)
+    assert curves(page, "coordinates")[1]["phi"][0] == pytest.approx(np.pi / 3, rel=1e-15)
+
+
+def test_texts_of_a_model_are_not_markup(tmp_path, opened):
+    needs_core()
+    model = lagcli.load_text(
+        "name: </script><b>bold</b> & co\n"
+        "description: '<img src=x onerror=alert(1)> </script>'\n"
+        "parameters: {m: 1}\n"
+        "coordinates: {x: {unit: m, description: '<i>place</i>'}}\n"
+        "T: m/2*x'^2\n"
+        "initial: {x: 1, x': 0}\n"
+    )
+    target = tmp_path / "page.html"
+    target.write_text(lagcli.live_page(model), encoding="utf-8")
+    page = opened(target)
+    assert page.title() == "</script><b>bold</b> & co"
+    assert page.locator("h1").inner_text() == "</script><b>bold</b> & co"
+    assert page.locator("b, i, img").count() == 0
+
+
+def test_a_sandboxed_frame_simulates(pages, tmp_path, visit, until):
+    frame = f'<iframe src="{pages("slider_crank").as_uri()}#m=3" sandbox="allow-scripts"></iframe>'
+    outer = tmp_path / "outer.html"
+    outer.write_text(f"<!doctype html><title>outer</title>{frame}", encoding="utf-8")
+    page = visit(outer)
+    inner = page.frames[1]
+    until(inner, DRAWN)
+    assert inner.evaluate("page.answer.values.m") == 3
+    assert inner.evaluate("origin") == "null"
+
+
+def test_the_code_of_a_frame_shows_the_page(pages, tmp_path, opened, visit, until):
+    path = pages("slider_crank")
+    page = opened(path)
+    until(page, "page.frame.value !== ''")
+    code = page.evaluate("page.frame.value")
+    assert re.fullmatch(rf'<iframe src="{escape(path.name)}".*></iframe>', code)
+
+
+def test_the_model_can_be_downloaded(pages, opened):
+    page = opened(pages("slider_crank"))
+    with page.expect_download() as event:
+        page.get_by_role("button", name="Download the model").click()
+    text = Path(event.value.path()).read_text("utf-8")
+    assert text == lagcli.load("slider_crank").text
+
+
+def test_a_body_is_dragged(pages, opened, until):
+    page = opened(pages("four_bar"))
+    before = page.evaluate("page.answer.start")
+    box = page.locator("#player canvas").bounding_box()
+    stage = "page.pictures.player.stage"
+    x, y = page.evaluate(f"{stage}.camera.project({stage}.motion.point('C'))")[:2]
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + x - 30, box["y"] + y + 5, steps=3)
+    page.mouse.up()
+    until(page, f"{DRAWN} && !page.pictures.dragging.active")
+    state = dict(page.evaluate("page.controls.state()"))
+    assert state
+    assert page.locator("#notice.error").count() == 0
+    assert page.evaluate("page.answer.start") != before
+
+
+def test_a_narrow_and_a_wide_screen_have_room(pages, opened):
+    for size in ({"width": 390, "height": 844}, {"width": 1280, "height": 800}):
+        page = opened(pages("woodpecker"))
+        page.set_viewport_size(size)
+        page.wait_for_timeout(300)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.evaluate(TEXTS) == []
+        assert page.evaluate(AXES) == []
+
+
+def test_forbidden_webassembly_is_explained(pages, tmp_path, visit, until):
+    text = pages("slider_crank").read_text("utf-8")
+    path = tmp_path / "forbidden.html"
+    path.write_text(text.replace(" 'wasm-unsafe-eval'", ""), encoding="utf-8")
+    page = visit(path)
+    until(page, "!document.getElementById('notice').hidden")
+    assert "cannot simulate here" in page.locator("#notice").inner_text()
