@@ -104,13 +104,14 @@ def test_a_slider_and_a_field_start_another_run(pages, opened, until):
     assert page.evaluate("page.answer.counts.steps") < 0.7 * fine
 
 
+@pytest.mark.slow
 def test_a_slider_redraws_within_50_ms(pages, opened, until):
     page = opened(pages("slider_crank"))
     slider = page.locator('.control[data-name="m"] input[type=range]')
-    for i in range(20):
-        slider.fill(str(1 + i / 20))
+    for i in range(40):
+        slider.fill(str(1 + i / 40))
         until(page, DRAWN)
-    delays = page.evaluate("page.delays.slice(4)")
+    delays = page.evaluate("page.delays")
     # the least: other programs of this machine make answers wait
     assert min(delays) < 50.0, delays
 
