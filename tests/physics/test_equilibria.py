@@ -285,14 +285,19 @@ def test_exchange_of_stability_is_transcritical_and_its_branches_are_followed() 
         assert (branch.stable == (branch.parameter > 0)).all()
 
 
-def test_branch_point_on_a_curved_branch_is_located_to_rounding_errors() -> None:
+@pytest.mark.parametrize(
+    ("first", "last"), [(0.8, 1.2), pytest.param(0.3, 1.7, marks=pytest.mark.slow)]
+)
+def test_branch_point_on_a_curved_branch_is_located_to_rounding_errors(
+    first: float, last: float
+) -> None:
     # x = s² with y = 0, and y² = s − 1 with x between
     text = (
-        "coordinates: [x, y]\nparameters: {s: 0.8}\nT: (x'^2 + y'^2)/2\n"
+        f"coordinates: [x, y]\nparameters: {{s: {first}}}\nT: (x'^2 + y'^2)/2\n"
         "V: (x - s^2)^2/2 + (1 + 0.1*x)*(y^4/4 - (s - 1)*y^2/2)\n"
-        "initial: {x: 0.64, y: 0, x': 0, y': 0}\n"
+        f"initial: {{x: {first**2}, y: 0, x': 0, y': 0}}\n"
     )
-    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.8, 1.2)
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", first, last)
     (point,) = diagram.special
     assert (point.kind, point.crossing) == ("branch point", "pitchfork")
     assert point.parameter == pytest.approx(1.0, rel=1e-12)

@@ -310,7 +310,7 @@ def test_the_work_is_proportional_to_the_number_of_terms(term: str) -> None:
     assert time.process_time() - began < 2  # 0.2 s alone
 
 
-@pytest.mark.parametrize("term", ["x", "3*x"])
+@pytest.mark.parametrize("term", ["x", pytest.param("x^2", marks=pytest.mark.slow), "3*x"])
 def test_a_million_terms_are_rejected_before_they_are_read(term: str) -> None:
     text = f"coordinates: [x]\nT: x'^2/2\nV: {' + '.join([term] * 10**6)}\n"
     (found,) = diagnostics(text)

@@ -20,7 +20,7 @@ PACKAGE = Path("lagcli") / "engine" / "core"
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """A copy of the package with its library, without the record of the files' times."""
-    without = shutil.ignore_patterns("__pycache__", "*.sources")
+    without = shutil.ignore_patterns("*.sources")
     shutil.copytree(ROOT / "lagcli", tmp_path / "lagcli", ignore=without)
     return tmp_path
 

@@ -256,8 +256,11 @@ def test_factors_that_fit_on_a_line_are_not_broken(name):
             assert_whole_factors(text, width)
 
 
+@pytest.mark.parametrize(
+    "widths", [range(60, 141, 20), pytest.param(range(70, 131, 20), marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", every_model())
-def test_every_page_at_every_width(name):
+def test_every_page_at_every_width(name, widths):
     """Both kinds, Maggi's equations, closed forms and the derivation, at 60 to 140 columns."""
     path = PATHS[name]
     model = equations_of(path).model
@@ -270,7 +273,7 @@ def test_every_page_at_every_width(name):
             assert not re.search(r"[+−] [+−]|^[+]", text), text
             assert not re.search(r"(?:^|[ (\[{])1 [^+−=≤≥)\]}]", text), text  # a factor 1
             assert "{{" not in text, text
-        for width in range(60, 141, 20):
+        for width in widths:
             text = render_text(model, steps, formula, width, numbered=True)
             assert max(map(display_width, text.splitlines())) <= width
             assert_whole_factors(text, width)
