@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from lagcli.pictures.selection import by_family
 
 #: Okabe & Ito, "Color Universal Design", 2008, ordered so that neighbours also differ most in grey;
@@ -92,8 +94,8 @@ def line(number: int) -> dict[str, Any]:
     return {"color": PALETTE[place], "linestyle": DASHES[(place + turn) % len(DASHES)]}
 
 
-def shade(part: float) -> Any:
-    """Return the colour of a value between 0 and 1."""
+def shade(part: Any) -> Any:
+    """Return the colours of values between 0 and 1."""
     from matplotlib import colormaps
 
     return colormaps[COLORMAP](0.9 * part)  # without the bright end, which is invisible on white
@@ -116,7 +118,7 @@ def grades(values: Any, log: bool = False) -> Any:
     from matplotlib.colors import ListedColormap, LogNorm, Normalize
 
     norm = (LogNorm if log else Normalize)(min(values), max(values))
-    return ScalarMappable(norm, ListedColormap([shade(i / 255) for i in range(256)]))
+    return ScalarMappable(norm, ListedColormap(shade(np.arange(256) / 255)))
 
 
 def legend_beside(ax: Any, *entries: Any) -> None:
