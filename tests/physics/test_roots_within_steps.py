@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
+import lagcli
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, run_contact
 
@@ -40,6 +42,41 @@ def test_all_three_roots_of_a_cubic_within_a_step() -> None:
     np.testing.assert_allclose(
         [x.time for x in found.entries("event", "rises")], [1, 3], atol=1e-12
     )
+
+
+def test_a_force_that_is_negative_for_a_part_of_a_step() -> None:
+    """Cubics that are large and level at three of four control points, below zero at the other."""
+    random = np.random.default_rng(0)
+    for _ in range(24):
+        start, levels = random.uniform(0.1, 0.6), random.uniform(1.0, 1.5, 4)
+        levels[1] = -random.uniform(1.4, 3.0)
+        s = Polynomial([-start, 1.0]) / (1.0 - start)
+        basis = ((1 - s) ** 3, 3 * (1 - s) ** 2 * s, 3 * (1 - s) * s**2, s**3)
+        force = 1000 * sum((x * p for x, p in zip(levels, basis, strict=True)), Polynomial([0.0]))
+        terms = " + ".join(f"({float(c)!r})*x^{i}" for i, c in enumerate(force.convert().coef))
+        model = load_text(
+            f"coordinates: [x, y]\nT: (x'^2 + y'^2)/2\nconstraints: {{rail: y = 0}}\n"
+            f"Q: {{y: -({terms})}}\nevents: {{pulls: {{when: lambda.rail < 0}}}}\n"
+            "initial: {x: 0, x': 1, y: 0, y': 0}\nsimulation: {times: [0, 1]}\n"
+        )
+        events = lagcli.simulate(model).events
+        assert events is not None
+        roots = force.roots()
+        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+        falls = real[(real > 0) & (real < 1) & (force.deriv()(real) < 0)]
+        np.testing.assert_allclose(events.time, falls, rtol=0, atol=1e-11)
+
+
+def test_an_acceleration_is_watched_while_redundant_contacts_share_forces() -> None:
+    """A plate on three supports in a line; it is pushed along them by a growing force."""
+    model = load_text(
+        "coordinates: {x: m, y: m, phi: rad}\nT: (x'^2 + y'^2)/2 + 0.1*phi'^2/2\nV: 9.81*y\n"
+        "Q: {x: t}\nevents: {fast: {when: x'' >= 2}}\n"
+        "constraints: {a: y - 0.5*phi >= 0, b: y >= 0, c: y + 0.5*phi >= 0}\n"
+        "initial: {x: 0, x': 1, y: 0, y': 0, phi: 0, phi': 0}\nsimulation: {times: [0, 3]}\n"
+    )
+    (event,) = run_contact(model).entries("event", "fast")
+    assert event.time == pytest.approx(2, abs=1e-12)
 
 
 @pytest.mark.parametrize("depth", [1e-4, 1e-8, 1e-12])

@@ -87,7 +87,7 @@ static lag_interval range_of(const double *b, int degree)
         r.low = least(r.low, b[j]);
         r.high = most(r.high, b[j]);
     }
-    return b[degree] == b[degree] && r.low <= r.high ? r : LAG_ANYTHING;
+    return r.low <= r.high ? r : LAG_ANYTHING; /* not so if the last one is undefined */
 }
 
 static lag_interval widened(lag_interval a)

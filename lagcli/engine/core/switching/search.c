@@ -518,14 +518,14 @@ int lag_find_instant(lag_run *run)
                 nodes[k * NODES + i] = sw->values[k];
         }
         if (run->step.dense_inaccurate)
-            return 0;
+            return 0; /* the caller repeats the step */
     }
     if (enclosed_busy)
         lag_enclosure_stray(run);
     if (busy || enclosed_busy) {
         sw->instant = first_of_all(run, nodes);
         if (run->step.dense_inaccurate)
-            return 0;
+            return 0; /* the caller repeats the step */
         if (isnan(sw->instant))
             return LAG_NOT_RESOLVED;
         end_conditions(run, sw->instant);
