@@ -31,7 +31,7 @@ SUMMARY_KEYS = {
     *("energy_balance", "energy_scale", "multipliers", "parameters", "initial"),
     *("initial_correction", "coordinates", "seconds", "warnings", "rtol", "atol", "tolerances"),
     *("constraints", "rank", "degrees_of_freedom", "redundant", "conserved", "sensitivity"),
-    *("events", "impulses", "nonlinear", "choice"),
+    *("events", "impulses", "nonlinear", "choice", "given"),
 }
 
 
