@@ -94,14 +94,15 @@ class DynamicsLayout(Layout):
 class UnrolledLayout(DynamicsLayout):
     """The outputs of the dynamics tape with the elimination unrolled.
 
-    The solution is a, λ, and the power of all forces. It is followed by the cancellation of the
-    pivots, the squares of the lengths of B's rows, the solution for another right side (a, λ), and
-    a for a right side of the constraints only.
+    The solution is a, λ, and the power of all forces. It is followed by ln |det [[M, Bᵀ], [B, 0]]|,
+    but for a constant, the solution for another right side (a, λ), and a for a right side of the
+    constraints only.
     """
 
     solution: Unknowns
     total_power: One
-    cancellation: Rest
+    determinant: One
+    others: Rest
 
 
 class ConstraintLayout(Layout):

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
+from singular_motions import stated_time
 
 import lagcli
+from lagcli.arrays import Array
 from lagcli.trajectory.trajectory import Trajectory
 
 FOUND = Path(__file__).parents[1] / "found"
@@ -147,6 +150,37 @@ def test_terms_that_vanish_up_to_a_singular_configuration() -> None:
     assert worst_residual(t) <= 1e-12
     np.testing.assert_allclose(t.q[:, 0], 1 - t.time, atol=1e-9)
     np.testing.assert_allclose(t.multipliers[:, 0], 9.81 / t.q[:, 0], rtol=1e-9)
+
+
+def test_a_platform_on_many_cranks_is_a_pendulum() -> None:
+    """Eleven pairs of constraints are redundant, and all lose rank where the cranks lie flat; the
+    motion goes on there. Beside SciPy on the equation of one angle."""
+    t = lagcli.simulate(lagcli.load(FOUND / "cranks.yaml"), t_end=3, samples=61)
+    through = lagcli.simulate(
+        lagcli.load(FOUND / "cranks.yaml"), t_end=3, samples=61, through_singular=True
+    )
+    count, length, mass, crank, g = 12, 0.3, 4.0, 0.2, 9.81
+    rate = (mass + count * crank / 2) * g / ((mass + count * crank / 3) * length)
+
+    def flat(_: float, y: Array) -> float:
+        return float(y[0])
+
+    exact = solve_ivp(
+        lambda _, y: [y[1], -rate * np.cos(y[0])], (0, 3), [t.q[0, 3], 0],
+        rtol=1e-11, atol=1e-11, events=flat, dense_output=True,
+    )  # fmt: skip
+    assert stated_time(t.message) == pytest.approx(exact.t_events[0][0], abs=1e-7)
+    assert through.status == "completed"
+    for found in (t, through):
+        a, rates = exact.sol(found.time)
+        np.testing.assert_allclose(found.q[:, 3:] - a[:, None], 0, atol=1e-7)
+        x, y = length * np.cos(a), length * np.sin(a)
+        np.testing.assert_allclose(found.q[:, :3], np.stack([x, y, 0 * a], axis=1), atol=1e-7)
+        # the cranks carry the platform together
+        turn = -rate * np.cos(a)
+        forces = mass * np.stack([-x * rates**2 - y * turn, g - y * rates**2 + x * turn])
+        multipliers = found.multipliers.reshape(len(a), 2, count).sum(axis=2).T
+        np.testing.assert_allclose(multipliers, forces, atol=1e-5)
 
 
 #: Those of the others that have constraints; the rest of them has none, or is of the reader alone.

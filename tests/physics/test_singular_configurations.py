@@ -28,6 +28,21 @@ def check_losing_rank(seed: int, method: str) -> None:
     assert kept.status == "completed", (seed, method, kept.message)
 
 
+def check_many_rows(seed: int, method: str) -> None:
+    """With as many rows as are watched by the determinant, and fewer."""
+    rng = np.random.default_rng([seed, 28])
+    rows, miss = int(np.exp(rng.uniform(np.log(12), np.log(60)))), 10 ** rng.uniform(-6, -2)
+    state = rng.bit_generator.state
+    text, time = losing_rank(rng, rows)
+    found = lagcli.simulate(lagcli.load_text(text), t_end=1.0, samples=2, method=method)
+    assert found.status == "failed", (seed, method)
+    assert stated_time(found.message) == pytest.approx(time, abs=5e-3), (seed, method)
+    rng.bit_generator.state = state
+    text, _ = losing_rank(rng, rows, miss)
+    kept = lagcli.simulate(lagcli.load_text(text), t_end=1.0, samples=2, method=method)
+    assert kept.status == "completed", (seed, method, kept.message)
+
+
 def check_singular_passage(
     seed: int, method: str, make: Callable[[np.random.Generator, float], Passage]
 ) -> None:
@@ -62,6 +77,11 @@ def test_constraints_that_lose_rank_stop_the_run(method: str) -> None:
         check_losing_rank(seed, method)
 
 
+@pytest.mark.parametrize(("seed", "method"), [(5, "Radau")])
+def test_many_constraints_that_lose_rank_stop_the_run(seed: int, method: str) -> None:
+    check_many_rows(seed, method)
+
+
 @pytest.mark.parametrize("make", LINKAGES)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_linkage_stops_where_its_branches_meet(
@@ -87,6 +107,7 @@ def test_many_random_models(method: str) -> None:
     for seed in range(100, 500):
         check_losing_rank(seed, method)
     for seed in range(100, 150):
+        check_many_rows(seed, method)
         for make in LINKAGES:
             check_singular_passage(seed, method, make)
             for short in SHORT:

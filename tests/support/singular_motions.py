@@ -12,13 +12,17 @@ import numpy as np
 from lagcli.arrays import Array
 
 
-def losing_rank(rng: np.random.Generator) -> tuple[str, float]:
+def losing_rank(
+    rng: np.random.Generator, rows: int | None = None, miss: float = 0.0
+) -> tuple[str, float]:
     """Return a model with constraints B(t) q = 0 at rest, and the time at which B loses rank.
 
     B = P diag(1, …, 1, o + sin(ω(t − s))) Q with random P and Q of full rank, many of whose entries
-    may be zero. The parameter o is 0; from 1 on, B keeps its rank.
+    may be zero. The parameter o is 0; from 1 on, B keeps its rank. With `miss`, the sine is
+    √(sin² + 2 miss), as where two branches of a motion miss each other by this. There are `rows`
+    constraints, by default one to four.
     """
-    rows = int(rng.integers(1, 5))
+    rows = rows or int(rng.integers(1, 5))
     columns = rows + int(rng.integers(0, 4))
     part = float(rng.choice([1.0, 0.5, 0.35]))
 
@@ -32,10 +36,12 @@ def losing_rank(rng: np.random.Generator) -> tuple[str, float]:
     constant, moving = p[:, :-1] @ q[:-1], np.outer(p[:, -1], q[-1])
     rate, time = (round(float(rng.uniform(*ends)), 4) for ends in ((0.3, 3.0), (0.2, 0.9)))
     masses = (10 ** rng.uniform(-1, 1, columns)).round(4)
+    sine = f"sin({rate}*(t - s))"
+    sine = f"sqrt({sine}^2 + {2 * miss!r})" if miss else sine
     lines = [
         f"  c{i}: "
         + " + ".join(
-            f"({constant[i, j]:.9f} + {moving[i, j]:.9f}*(o + sin({rate}*(t - s))))*q{j}"
+            f"({constant[i, j]:.9f} + {moving[i, j]:.9f}*(o + {sine}))*q{j}"
             for j in range(columns)
             if abs(constant[i, j]) > 1e-9 or moving[i, j]
         )

@@ -62,7 +62,7 @@ class _Point:
     constraints."""
 
     t: float
-    scaled: Array
+    scaled: Array  # or its nonzero entries
     weakest: float
     least: float
 
@@ -113,26 +113,36 @@ class RankWatch:
 
     def values(self, t: float, q: Array, v: Array) -> Array | None:
         """Return the singular values of the scaled B, largest first; None if undefined."""
-        jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
+        return self._values(self.motion.evaluator.constraints(t, q, v).jacobian)
+
+    def _values(self, jacobian: Array) -> Array | None:
         if not np.isfinite(jacobian).all():
             return None
         return dense.singular_values(jacobian, self.motion.lengths, self.motion.sizes)
 
     def weakest(self, t: float, y: Array) -> float:
         """Return the singular value that vanishes at a singular configuration."""
-        if not self.motion.redundant:
-            c = self.motion.evaluator.constraint_rows(t, *self.motion.split(y))
-            if isinstance(c.jacobian, SparseRows):
-                return self._least(c.jacobian)
-        values = self.values(t, *self.motion.split(y)) if self.rank else None
+        return self._weakest(self._rows(t, y).jacobian) if self.rank else 1.0
+
+    def _weakest(self, jacobian: Array | SparseRows) -> float:
+        """Return the same of a B; 1 if it is undefined."""
+        if isinstance(jacobian, SparseRows) and not self.motion.redundant:
+            scaled = self._scaled(jacobian)
+            if not np.isfinite(scaled).all():
+                return 1.0
+            return jacobian.with_values(scaled).least_singular_value()
+        values = self._values(np.asarray(jacobian))
         return 1.0 if values is None else float(values[self.rank - 1])
 
-    def _least(self, rows: SparseRows) -> float:
-        """Return the same for the nonzero entries of B."""
-        if not np.isfinite(rows.values).all():
-            return 1.0
-        scaled = rows.values * self.motion.sizes[rows.column] / self.motion.lengths[rows.row]
-        return rows.with_values(scaled).least_singular_value()
+    def _rows(self, t: float, y: Array) -> Constraints[Array | SparseRows]:
+        return self.motion.evaluator.constraint_rows(t, *self.motion.split(y))
+
+    def _scaled(self, jacobian: Array | SparseRows) -> Array:
+        """Return B times sizes over lengths, or its nonzero entries."""
+        sizes, lengths = self.motion.sizes, self.motion.lengths
+        if isinstance(jacobian, SparseRows):
+            return jacobian.values * sizes[jacobian.column] / lengths[jacobian.row]
+        return jacobian * sizes / lengths[:, None]
 
     def restart(self) -> None:
         """Discard the path so far."""
@@ -181,26 +191,24 @@ class RankWatch:
         )
         if found.fun < now.weakest:
             now = self._at(path, since + float(found.x))
-        certain = now.weakest < SINGULAR and self._residual(now.t, path(now.t)) < _OFF
+        certain = now.weakest < SINGULAR and self._residual(self._rows(now.t, path(now.t))) < _OFF
         return now.t, certain
 
     def _at(self, path: Path, t: float) -> _Point:
-        y = path(t)
-        jacobian = self.motion.evaluator.constraints(t, *self.motion.split(y)).jacobian
-        scaled = jacobian * self.motion.sizes / self.motion.lengths[:, None]
-        weakest = self.weakest(t, y) if np.isfinite(scaled).all() else math.inf
-        return _Point(t, scaled, weakest, weakest - math.sqrt(2.0 * self._residual(t, y)))
+        c = self._rows(t, path(t))
+        scaled = self._scaled(c.jacobian)
+        weakest = self._weakest(c.jacobian) if np.isfinite(scaled).all() else math.inf
+        return _Point(t, scaled, weakest, weakest - math.sqrt(2.0 * self._residual(c)))
 
-    def _residual(self, t: float, y: Array) -> float:
+    def _residual(self, c: Constraints[Array | SparseRows]) -> float:
         """Return the largest residual of the position constraints, as a change of the coordinates
         over their sizes.
 
         Where two branches of the motion miss each other by this, the weakest value is about the
         square root of its double.
         """
-        position = self.motion.evaluator.constraints(t, *self.motion.split(y)).position
         lengths = self.motion.lengths[list(self.motion.evaluator.system.holonomic)]
-        return float(np.abs(position / lengths).max(initial=0.0))
+        return float(np.abs(c.position / lengths).max(initial=0.0))
 
     # ahead of the last step
 

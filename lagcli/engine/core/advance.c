@@ -46,7 +46,6 @@ int lag_switch(lag_run *run, const lag_method *method)
     run->method = run->stepped = method;
     run->step.error_old = LEAST_ERROR;
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
-    run->watch.cancellation.last = 0.0;
     lag_restart(run);
     return lag_derivative(run, run->step.t, run->step.y, run->step.f) ? LAG_UNDEFINED : LAG_RUNNING;
 }
@@ -72,7 +71,6 @@ int lag_start(lag_run *run)
         return LAG_UNDEFINED;
     lag_watch_restart(run);
     run->step.finishing = 0;
-    run->watch.cancellation.last = 0.0;
     run->solver.inaccuracy = INFINITY; /* unknown */
     lag_clocks_start(run);
     lag_breaks_start(run);
@@ -134,7 +132,6 @@ static void take_back(lag_run *run, double part)
 {
     run->step.t = run->step.t_old;
     run->step.h = part * run->step.h_old;
-    run->watch.cancellation.last = 0.0;
     --run->step.steps;
     ++run->step.rejected;
     lag_restart(run);

@@ -170,12 +170,11 @@ double lag_part_estimate_root(const double *bernstein, double low, double high)
     return lag_estimate_root(bernstein, low, high);
 }
 
-int lag_part_watch(lag_run *run, double t, const double *y, double *part, double *pivot)
+int lag_part_watch(lag_run *run, double t, const double *y, double *determinant, double *pivot)
 {
     if (lag_derivative(run, t, y, run->step.f_new))
         return 1;
-    lag_watch_factors(run);
-    *part = run->watch.cancellation.last;
+    *determinant = lag_log_determinant(run);
     *pivot = lag_least_pivot(run, t, y);
     return 0;
 }

@@ -54,10 +54,9 @@ int lag_part_resolved(const double *values);
 int lag_part_first_change(const double *bernstein, double from, double *low, double *high);
 double lag_part_estimate_root(const double *bernstein, double low, double high);
 
-/* The watch of a run, see watch.c: at a state, the part that is left of the factors where least of it is, and the least
- * pivot; whether a step between two states, in which B moves at a speed, passes a small minimum; whether a step to a
+/* The watch of a run, see watch.c: at a state, ln |det| of the factors and the least pivot; whether a step between two states, in which B moves at a speed, passes a small minimum; whether a step to a
  * state approaches a singular configuration. */
-int lag_part_watch(lag_run *run, double t, const double *y, double *part, double *pivot);
+int lag_part_watch(lag_run *run, double t, const double *y, double *determinant, double *pivot);
 int lag_part_steps_over(lag_run *run, double h, double speed, const double *before, const double *after);
 int lag_part_approaches(lag_run *run, double t, const double *y);
 

@@ -76,7 +76,6 @@ typedef struct {
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
     double *right, *solution;          /* N each */
     double *block;                     /* nq + nc of one block: scratch */
-    int cancellation_count;            /* outputs of the tape on cancellation in its pivots */
     int other_right;                   /* index of another right side in the tape's inputs */
 } lag_solver;
 
@@ -110,15 +109,18 @@ typedef struct {
     int contradicted;                  /* redundant constraints may contradict each other */
 } lag_rows;
 
+#define LAG_DETERMINANTS 16 /* at which ln |det| is known in a step, at most */
+
 /*
- * Cancellation in the pivots of the elimination, of models with many rows of B: the least part that a pivot keeps of
- * the terms that it is the sum of, 1 without cancellation, near 0 next to a singular configuration.
+ * ln |det [[M, B'], [B, 0]]| in a step, of models with many rows of B: near a time s at which B loses rank it is
+ * 2 ln |t - s| and something smooth.
  */
 typedef struct {
-    double least, most;                /* at the stages of the last step */
-    double largest;                    /* so far */
-    double last;                       /* at the last stage; 0 if it has not been evaluated */
-} lag_cancellation;
+    int count;
+    double t[LAG_DETERMINANTS], value[LAG_DETERMINANTS]; /* at the beginning, if it is known, and at the stages */
+    double begin;                      /* at the beginning; NaN: not known */
+    enum lag_solution by;              /* how it is found: values that are found in different ways differ */
+} lag_determinant;
 
 /*
  * The path of B, times sizes over lengths, in a step: from its beginning through its stages, by the Frobenius norm.
@@ -139,9 +141,12 @@ typedef struct {
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
     double pivot_at_end;               /* of the last step, before projection; INFINITY: far from 0 */
     int64_t examined;                  /* number of states whose least pivot was computed */
+    double suspect[2];                 /* part of the last step in which B may lose rank: from 0 to 1 */
     double *combination;               /* nc: of rows, that inverse iteration found last */
     lag_path path;
-    lag_cancellation cancellation;
+    lag_determinant determinant;       /* of many rows ... */
+    double largest_step;               /* since the least pivot was last computed */
+    int approaching;                   /* whether the last step went towards a singular configuration */
 } lag_watch;
 
 /* sample.c: samples. */

@@ -343,6 +343,12 @@ class Integrator:
         return report.t_old, report.t
 
     @property
+    def suspect(self) -> tuple[float, float]:
+        """Start and end of the part of the last step in which B may lose rank, s."""
+        report = self._report
+        return report.suspect_from, report.suspect_to
+
+    @property
     def counts(self) -> tuple[int, int, int]:
         """Steps, rejected steps, evaluations."""
         report = self._report

@@ -199,6 +199,7 @@ static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_
 {
     lag_release(&run->dynamics_pool);
     run->series = (lag_series){0};
+    run->watch.determinant.begin = NAN;
     run->solver.by = by;
     run->factors.plan.n = (run->system.nq + run->system.nc) / run->system.blocks;
     return lag_bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics);
@@ -224,11 +225,8 @@ int lag_allow_dense(lag_run *run, int64_t steps)
 
 int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
 {
-    const lag_system *s = &run->system;
     run->solver.refining = 0;
     run->solver.other_right = dynamics->inputs;
-    run->solver.cancellation_count =
-        (int)dynamics->output_count - lag_first_cancellation(s) - (2 * s->nq + s->nc) / s->blocks;
     return replace_dynamics(run, dynamics, LAG_BY_TAPE);
 }
 

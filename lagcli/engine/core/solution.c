@@ -67,13 +67,49 @@ static int factor_dense(lag_run *run)
     return lag_lu(run->dense.lu, run->dense.pivots, n);
 }
 
-double lag_least_dense_pivot(const lag_run *run)
+#define FACTORS 8 /* number of pivots whose product is in the range of numbers */
+
+/* The logarithm of a product, of factors given one by one. */
+typedef struct {
+    double sum, product;
+    int factors;
+} logarithm;
+
+static void multiply(logarithm *of, double factor)
 {
-    const int n = order_of(run);
-    double least = INFINITY;
-    for (int k = 0; k < n; ++k)
-        least = fmin(least, fabs(run->dense.lu[k * n + k]));
-    return least;
+    of->product *= factor;
+    if (++of->factors % FACTORS == 0) {
+        of->sum += log(fabs(of->product));
+        of->product = 1.0;
+    }
+}
+
+double lag_log_determinant(lag_run *run)
+{
+    const lag_tape *d = &run->system.dynamics;
+    logarithm of = {0.0, 1.0, 0};
+    if (lag_solving_by(run) == LAG_BY_TAPE) {
+        lag_tape_run(d, &d->deferred[0]);
+        return OUT(d, lag_first_determinant(&run->system));
+    }
+    if (lag_solving_by(run) == LAG_BY_LU) { /* of a matrix with scaled rows */
+        const int n = order_of(run);
+        for (int k = 0; k < n; ++k)
+            multiply(&of, run->dense.lu[k * n + k]);
+        for (int i = 0; i < run->system.nc; ++i)
+            multiply(&of, 1.0 / (run->dense.weight[i] * run->dense.weight[i]));
+    } else {
+        const lag_elimination *ldl = &run->factors.plan;
+        const double *inverse = run->factors.factors, *beside = inverse + ldl->n;
+        for (int k = 0; k < ldl->n; ++k)
+            if (ldl->paired[k]) {
+                multiply(&of, 1.0 / (inverse[k] * inverse[k + 1] - beside[k] * beside[k]));
+                ++k;
+            } else {
+                multiply(&of, 1.0 / inverse[k]);
+            }
+    }
+    return of.sum + log(fabs(of.product));
 }
 
 static void solve_dense(lag_run *run, const double *right, double *x, int refined)
@@ -177,7 +213,7 @@ void lag_turn(double *x, int n)
 /* Start of the tape's solution for another right side; the one for the constraints follows. */
 static int first_other(const lag_run *run)
 {
-    return lag_first_cancellation(&run->system) + run->solver.cancellation_count;
+    return lag_first_others(&run->system);
 }
 
 /* Copy some blocks of unknowns, or add them. */

@@ -11,8 +11,9 @@ enum lag_solution lag_solving_by(const lag_run *run);
  * unrolled factors it does not say so: the solutions are not finite then. */
 int lag_factor(lag_run *run, double t, const double *y);
 
-/* The smallest pivot of the dense factors. */
-double lag_least_dense_pivot(const lag_run *run);
+/* ln |det [[M, B'], [B, 0]]| by the last factors, but for a constant of the way in which they are found; not of a
+ * bordered matrix. */
+double lag_log_determinant(lag_run *run);
 
 /* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
  * that is finite if x is. */

@@ -193,6 +193,7 @@ class lag_report(Structure):
         ("y_bad", Doubles),
         ("rate", c_double),
         ("examined", c_int64),
+        *each(c_double, "suspect_from suspect_to"),
     ]
 
 

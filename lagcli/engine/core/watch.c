@@ -15,79 +15,17 @@
 #define BELOW 0.9           /* ... if it is below this part of those at the ends of the step ... */
 #define SINGULAR 1e-4       /* ... or below this part of the largest one */
 #define PROBES 40           /* largest number of states at which a step is examined */
+#define SPOTS 8             /* places of a part of a step at which the determinant is computed ... */
+#define HALVINGS 6          /* ... of the step until a part is left to a closer examination ... */
+#define MOST_PARTS 40       /* ... and number of parts, at most */
+#define ROUGH 0.1           /* what ln |det| deviates from a polynomial where B may lose rank ... */
+#define ROUGH_OF_FEW 0.02   /* ... at FEW places */
+#define FEW 5
+#define ASIDE_OF_ENDS 0.15  /* distance of two of them from the ends of a step */
+#define SLOWER 0.5          /* ratio of steps, the later to the earlier, from which the least pivot is computed */
 #define ASIDE 0.1           /* weight of all rows in the initial vector of inverse iteration */
 #define ITERATIONS 8        /* largest number of iterations ... */
 #define SETTLED 0.9         /* ... and ratio of successive values at convergence */
-
-/*
- * The least part that a pivot of the last factors keeps of the terms that it is the sum of,
- * scaled so that a multiplier's pivot without cancellation counts one. 0 where the matrix is
- * singular. The square root, because pivots are quadratic in B.
- */
-static double least_part_of_factors(lag_run *run)
-{
-    const lag_elimination *ldl = &run->factors.plan;
-    const int n = ldl->n;
-    const double *d, *beside, *l;
-    double *taken = run->step.work, least = 1.0;
-    d = run->factors.factors;
-    beside = d + n;
-    l = beside + n;
-    memset(taken, 0, (size_t)n * sizeof(double));
-    for (int k = 0; k < n; ++k) {
-        double part;
-        if (ldl->paired[k]) {
-            const double inverse = d[k] * d[k + 1] - beside[k] * beside[k];
-            const double a = d[k + 1] / inverse, b = -beside[k] / inverse, c = d[k] / inverse;
-            const int shift = ldl->start[k + 1] - ldl->start[k];
-            for (int e = ldl->start[k]; e < ldl->start[k + 1]; ++e) {
-                const double x = l[e], y = l[e + shift];
-                taken[ldl->row[e]] += fabs(a * x * x) + fabs(2.0 * b * x * y) + fabs(c * y * y);
-            }
-            part = fabs(inverse) / (fabs(d[k] * d[k + 1]) + beside[k] * beside[k]);
-            ++k;
-        } else {
-            const double pivot = fabs(1.0 / d[k]);
-            for (int e = ldl->start[k]; e < ldl->start[k + 1]; ++e)
-                taken[ldl->row[e]] += l[e] * l[e] * pivot;
-            part = 2.0 * pivot / (pivot + taken[k]);
-        }
-        if (part < least)
-            least = part;
-    }
-    return sqrt(least);
-}
-
-/* The same, or the relative length of the shortest row of B, if that is smaller. */
-static double least_part(lag_run *run)
-{
-    const lag_system *s = &run->system;
-    const lag_tape *d = &s->dynamics;
-    if (run->solver.by == LAG_BY_TAPE) { /* the tape computes both */
-        const int pivots = run->solver.cancellation_count - s->nc;
-        const int32_t *places = d->outputs + lag_first_cancellation(s);
-        const lag_vector_kernel *vectors = s->vectors;
-        lag_tape_run(d, &d->deferred[0]);
-        return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
-                         vectors->least(s->nc, d->registers, places + pivots, run->rows.plain_lengths)));
-    }
-    double *sum = run->step.work, shortest = 1.0;
-    lag_row_squares(s, d, lag_first_jacobian(s), NULL, sum);
-    for (int i = 0; i < s->nc; ++i)
-        shortest = fmin(shortest, sum[i] / (run->rows.plain_lengths[i] * run->rows.plain_lengths[i]));
-    return fmin(least_part_of_factors(run), sqrt(shortest));
-}
-
-/* The same of the dense factors, whose pivots are quadratic in B too, and whose rows of B have length one. */
-static double least_part_of_dense(lag_run *run)
-{
-    const lag_system *s = &run->system;
-    double *sum = run->step.work, shortest = 1.0;
-    lag_row_squares(s, &s->dynamics, lag_first_jacobian(s), run->rows.sizes, sum);
-    for (int i = 0; i < s->nc; ++i)
-        shortest = fmin(shortest, sum[i] / (run->rows.lengths[i] * run->rows.lengths[i]));
-    return sqrt(fmin(lag_least_dense_pivot(run), shortest));
-}
 
 /* Normalize x; returns its previous length. */
 static double normalize(double *x, int n)
@@ -144,6 +82,12 @@ int lag_many_rows(const lag_run *run)
     return (double)nc * nc * nq > LARGE;
 }
 
+/* Whether the determinant tells whether B loses rank. */
+static int by_determinant(const lag_run *run)
+{
+    return lag_many_rows(run) && by_factors(run);
+}
+
 double lag_least_pivot(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
@@ -152,7 +96,7 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     if (run->rows.rank == 0)
         return 1.0;
     ++run->watch.examined;
-    if (by_factors(run) && lag_many_rows(run))
+    if (by_determinant(run))
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);
     if (lag_scaled_rows(run, 1, c, lag_constraint_jacobian(s)))
@@ -172,16 +116,24 @@ void lag_watch_restart(lag_run *run)
     run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
     path->margin = CERTAIN * run->watch.pivot;
+    run->watch.determinant.begin = NAN;
+    run->watch.largest_step = 0.0;
+    run->watch.approaching = 0;
 }
 
 void lag_watch_step(lag_run *run)
 {
     lag_path *path = &run->watch.path;
+    lag_determinant *d = &run->watch.determinant;
     path->length = path->speed = 0.0;
     path->t = run->step.t;
     path->entries = path->begin;
-    run->watch.cancellation.least = INFINITY;
-    run->watch.cancellation.most = 0.0;
+    d->count = 0;
+    if (d->by == lag_solving_by(run) && !isnan(d->begin)) {
+        d->t[0] = run->step.t;
+        d->value[d->count++] = d->begin;
+    }
+    d->by = lag_solving_by(run);
 }
 
 /* Keep B of the dynamics tape at time t, and its distance from the stage before. */
@@ -210,22 +162,15 @@ static void extend_path(lag_run *run, double t)
 void lag_watch_stage(lag_run *run, double t)
 {
     extend_path(run, t);
-    if (lag_many_rows(run))
-        lag_watch_factors(run);
 }
 
-void lag_watch_factors(lag_run *run)
+void lag_watch_determinant(lag_run *run, double t)
 {
-    double part = 0.0; /* every step is examined */
-    if (lag_solving_by(run) != LAG_BY_LU)
-        part = least_part(run);
-    else if (by_factors(run))
-        part = least_part_of_dense(run);
-    lag_cancellation *c = &run->watch.cancellation;
-    c->last = part;
-    c->least = fmin(c->least, part);
-    c->most = fmax(c->most, part);
-    c->largest = fmax(c->largest, part);
+    lag_determinant *d = &run->watch.determinant;
+    if (!by_determinant(run))
+        return;
+    d->t[d->count] = t;
+    d->value[d->count++] = lag_log_determinant(run);
 }
 
 void lag_watch_accept(lag_run *run)
@@ -235,6 +180,9 @@ void lag_watch_accept(lag_run *run)
     path->last = path->begin;
     path->entries = path->begin = last;
     path->margin = path->margin_at_end;
+    const lag_determinant *d = &run->watch.determinant;
+    const int known = d->count && d->t[d->count - 1] == run->step.t_old + run->step.h_old;
+    run->watch.determinant.begin = known ? d->value[d->count - 1] : NAN;
 }
 
 int lag_stage(lag_run *run, double t, const double *y, double *f)
@@ -269,22 +217,131 @@ void lag_measure(lag_run *run)
     run->watch.path.margin *= measure(run, run->rows.sizes, run->rows.lengths);
 }
 
-/* The least pivot inside the last step, on the cubic through its ends: B depends on q and t alone. */
-static double least_pivot_inside(lag_run *run, double x)
+/* A state inside the last step, on the cubic through its ends: B depends on q and t alone. Returns its time. */
+static double inside(lag_run *run, double x, double *y)
 {
     const int nq = run->system.nq;
     const double h = run->step.h_old, z = 1.0 - x;
     const double *q0 = run->step.y_old, *v0 = q0 + nq, *q1 = run->step.y_new, *v1 = q1 + nq;
-    double *y = run->samples.y;
     if (run->stepped->uses_series) { /* its steps are too long for a cubic, and provide all states */
         lag_dense(run, run->step.t_old + x * h, y);
-        return lag_least_pivot(run, run->step.t_old + x * h, y);
+        return run->step.t_old + x * h;
     }
     for (int m = 0; m < nq; ++m)
         y[m] = z * z * ((1.0 + 2.0 * x) * q0[m] + x * h * v0[m])
                + x * x * ((1.0 + 2.0 * z) * q1[m] - z * h * v1[m]);
     memcpy(y + nq, v1, (size_t)nq * sizeof(double));
-    return lag_least_pivot(run, run->step.t_old + x * h, y);
+    return run->step.t_old + x * h;
+}
+
+static double least_pivot_inside(lag_run *run, double x)
+{
+    const double t = inside(run, x, run->samples.y);
+    return lag_least_pivot(run, t, run->samples.y);
+}
+
+/* Whether n values at places x (at most LAG_DETERMINANTS) deviate from a polynomial of a degree by less than `rough`, as
+ * ln |det| does where B keeps its rank. The deviations replace the values. */
+static int is_smooth(int n, const double *x, double *values, int degree, double rough)
+{
+    double before[LAG_DETERMINANTS] = {0.0}, now[LAG_DETERMINANTS], norm = sqrt(n), middle = 0.0, far = 0.0;
+    for (int i = 0; i < n; ++i)
+        now[i] = 1.0 / norm;
+    for (int k = 0;; ++k) { /* polynomials that are orthogonal at these places, by Stieltjes' recurrence */
+        double part = 0.0;
+        for (int i = 0; i < n; ++i)
+            part += now[i] * values[i];
+        for (int i = 0; i < n; ++i)
+            values[i] -= part * now[i];
+        if (k == degree)
+            break;
+        double next[LAG_DETERMINANTS];
+        middle = 0.0;
+        for (int i = 0; i < n; ++i)
+            middle += x[i] * now[i] * now[i];
+        const double last = k ? norm : 0.0;
+        norm = 0.0;
+        for (int i = 0; i < n; ++i) {
+            next[i] = (x[i] - middle) * now[i] - last * before[i];
+            norm += next[i] * next[i];
+        }
+        norm = sqrt(norm);
+        for (int i = 0; i < n; ++i) {
+            before[i] = now[i];
+            now[i] = next[i] / norm;
+        }
+    }
+    for (int i = 0; i < n; ++i)
+        far = !(fabs(values[i]) <= far) ? fabs(values[i]) : far;
+    return far < rough; /* not if it is NaN */
+}
+
+int lag_is_smooth_in_step(const lag_determinant *d, double t, double h)
+{
+    double values[LAG_DETERMINANTS], x[LAG_DETERMINANTS];
+    for (int i = 0; i < d->count; ++i) {
+        x[i] = (d->t[i] - t) / h;
+        values[i] = d->value[i];
+    }
+    return d->count >= FEW && is_smooth(d->count, x, values, 2, d->count > FEW ? ROUGH : ROUGH_OF_FEW);
+}
+
+int lag_slows(double largest_step, double h)
+{
+    return h < SLOWER * largest_step;
+}
+
+/* ln |det| inside the last step. */
+static double determinant_inside(lag_run *run, double x)
+{
+    const double t = inside(run, x, run->samples.y);
+    return lag_factor(run, t, run->samples.y) ? INFINITY : lag_log_determinant(run);
+}
+
+/* Whether B keeps its rank at all stages of the last step. */
+static int is_smooth_at_stages(lag_run *run)
+{
+    lag_determinant d = run->watch.determinant;
+    for (int i = 0; i < 2 && run->stepped->uses_series; ++i) { /* besides its middle and its ends */
+        const double x = i ? 1.0 - ASIDE_OF_ENDS : ASIDE_OF_ENDS;
+        d.t[d.count] = run->step.t_old + x * run->step.h_old;
+        d.value[d.count++] = determinant_inside(run, x);
+    }
+    return lag_is_smooth_in_step(&d, run->step.t_old, run->step.h_old);
+}
+
+/*
+ * Whether B may lose rank inside the last step, and where: in parts of it, as long as ln |det| is not nearly a cubic in
+ * them. Where two branches of the motion miss each other, it becomes one in shorter parts.
+ */
+static int loses_rank(lag_run *run)
+{
+    static const double spots[SPOTS] = {0.0, /* Chebyshev's, with the ends */
+                                        0.04951556604879043, 0.18825509907063326, 0.38873953302184278,
+                                        0.61126046697815722, 0.81174490092936674, 0.95048443395120957, 1.0};
+    const double shortest = ldexp(1.0, -HALVINGS);
+    double from[HALVINGS + 2] = {0.0}, width[HALVINGS + 2] = {1.0}, first = INFINITY, last = 0.0;
+    int waiting = 1;
+    for (int parts = 0; waiting && parts < MOST_PARTS; ++parts) {
+        const double low = from[--waiting], length = width[waiting];
+        double values[SPOTS];
+        for (int i = 0; i < SPOTS; ++i)
+            values[i] = determinant_inside(run, low + length * spots[i]);
+        if (is_smooth(SPOTS, spots, values, 3, ROUGH))
+            continue;
+        if (length <= shortest) { /* the states on the cubic are not quite those of the motion */
+            first = fmin(first, fmax(low - shortest, 0.0));
+            last = fmin(low + 2.0 * shortest, 1.0);
+            continue;
+        }
+        from[waiting] = low + 0.5 * length;
+        width[waiting++] = 0.5 * length;
+        from[waiting] = low;
+        width[waiting++] = 0.5 * length;
+    }
+    run->watch.suspect[0] = waiting ? fmin(first, from[waiting - 1]) : first;
+    run->watch.suspect[1] = waiting ? 1.0 : last;
+    return run->watch.suspect[0] <= 1.0;
 }
 
 /*
@@ -331,16 +388,28 @@ static int dips(lag_run *run, double end)
     return 1;
 }
 
+/* Whether the last step may have passed a singular configuration, by ln |det|. Steps become shorter ahead of one where
+ * the accelerations are infinite: then the least pivot is computed, too. */
+static int over_by_determinant(lag_run *run)
+{
+    lag_watch *w = &run->watch;
+    w->path.margin_at_end = 0.0;
+    w->largest_step = fmax(w->largest_step, run->step.h_old);
+    if (w->approaching || lag_slows(w->largest_step, run->step.h_old)) {
+        w->largest_step = run->step.h_old;
+        w->pivot_at_end = lag_least_pivot(run, run->step.t_old + run->step.h_old, run->step.y_new);
+        w->largest_pivot = fmax(w->largest_pivot, w->pivot_at_end);
+    }
+    return !is_smooth_at_stages(run) && loses_rank(run);
+}
+
 int lag_stepped_over(lag_run *run)
 {
     lag_path *path = &run->watch.path;
-    const lag_cancellation *c = &run->watch.cancellation;
     run->watch.pivot_at_end = INFINITY;
-    if (lag_many_rows(run)) {
-        path->margin_at_end = 0.0;
-        if (!(c->least <= NEAR * c->largest || c->least < STEADY * c->most))
-            return 0;
-    } else if (path->length < path->margin - CERTAIN * NEAR * run->watch.largest_pivot) {
+    if (by_determinant(run))
+        return over_by_determinant(run);
+    if (path->length < path->margin - CERTAIN * NEAR * run->watch.largest_pivot) {
         path->margin_at_end = path->margin - path->length;
         return 0;
     }
@@ -348,8 +417,10 @@ int lag_stepped_over(lag_run *run)
     run->watch.pivot_at_end = end;
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, end);
     path->margin_at_end = CERTAIN * end;
-    if (!lag_many_rows(run) && path->length < path->margin + path->margin_at_end)
+    if (path->length < path->margin + path->margin_at_end)
         return 0;
+    run->watch.suspect[0] = 0.0;
+    run->watch.suspect[1] = 1.0;
     return dips(run, end);
 }
 
@@ -357,5 +428,6 @@ int lag_approaches(lag_run *run)
 {
     const double before = run->watch.pivot, largest = run->watch.largest_pivot;
     run->watch.pivot = fmin(run->watch.pivot_at_end, largest);
-    return run->watch.pivot < fmin(before, NEAR * largest);
+    run->watch.approaching = run->watch.pivot < fmin(before, NEAR * largest);
+    return run->watch.approaching;
 }

@@ -6,7 +6,6 @@
 
 #define NEAR 0.3            /* of its largest value: smallest pivot near a singular configuration */
 #define CERTAIN 0.5         /* part of the least pivot that the least singular value is not below */
-#define STEADY 0.7          /* ratio of cancellation during a step below which it is examined more closely */
 
 /* Whether B, of the motion, has too many rows to orthogonalize them where factors tell as much. */
 int lag_many_rows(const lag_run *run);
@@ -24,8 +23,15 @@ void lag_watch_step(lag_run *run);
 /* Keep what shows at a stage of a step, at time t, that B may be losing rank; the stage was accelerated last. */
 void lag_watch_stage(lag_run *run, double t);
 
-/* Keep what the last factors show, of many rows. */
-void lag_watch_factors(lag_run *run);
+/* Keep ln |det| of the last factors at a stage of a step, at time t, if there are many rows. */
+void lag_watch_determinant(lag_run *run, double t);
+
+/* Whether ln |det| is nearly a parabola at the stages of a step from t of size h, which 2 ln |t - s| is not: whether B
+ * keeps its rank. */
+int lag_is_smooth_in_step(const lag_determinant *determinant, double t, double h);
+
+/* Whether a step is much shorter than the largest one before it. */
+int lag_slows(double largest_step, double h);
 
 /* Continue at the end of the last step. */
 void lag_watch_accept(lag_run *run);

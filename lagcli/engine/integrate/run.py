@@ -435,9 +435,8 @@ class Integration:
     def check_stepped_over(self) -> None:
         """Stop if the last step passed a singular configuration; repeat one that may have."""
         core = self.core
-        t_old, t = core.step
         self.measure()
-        found = self.watch.singular_time(core.dense, t_old, t)
+        found = self.watch.singular_time(core.dense, *core.suspect)
         if found is None:
             return
         singular, certain = found

@@ -29,6 +29,7 @@ import heapq
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import reduce
 from itertools import accumulate, zip_longest
 from typing import NamedTuple
 
@@ -63,6 +64,8 @@ _LEAST = 1e-6
 MOST_UNROLLED, MOST_FOR_EACH = 30_000, 100
 #: ... and number of unknowns from which a remaining matrix without zeros is treated as an array.
 _FULL = 16
+#: Number of pivots whose product is in the range of numbers.
+_FACTORS = 8
 
 
 class NoElimination(ArithmeticError):
@@ -591,11 +594,9 @@ def unroll(system: System, elimination: Elimination) -> Tape:
     -------
     Tape
         Outputs follow `UnrolledLayout`. There are nq + 2 nc additional inputs at the end: another
-        right side, in the order of the unknowns, and one for the constraints only. The cancellation
-        of a pivot of order one is twice its magnitude over the sum of the magnitudes of its terms,
-        between 0 and 2; that of order two is the magnitude of its determinant over that of the
-        determinant's terms, between 0 and 1. Cancellation and the two additional solutions are
-        deferred, and the additional solutions are an output subset. With derivatives, the solution
+        right side, in the order of the unknowns, and one for the constraints only. The determinant
+        and the two additional solutions are deferred, and the additional solutions are an output
+        subset. With derivatives, the solution
         is that of all blocks, or that of the motion with zeros for the rest (see
         `TangentBlocks.complete`), and the others are those of one block.
     """
@@ -623,12 +624,10 @@ class _Unrolling(Arithmetic):
         for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=self.blocks == 1):
             if place[i] >= place[j]:
                 self.entries[place[i], place[j]] = x
-        self.rows: list[list[int]] = [[] for _ in range(nc)]
         self.speeds: list[int] = [self.zero for _ in range(nc)]  # B v
         for (i, j), x in zip(jacobian, outputs[layout.jacobian], strict=self.blocks == 1):
             p, q = place[nq + i], place[j]
             self.entries[max(p, q), min(p, q)] = x
-            self.rows[i].append(x)
             self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
         right = [*outputs[layout.forcing][:nq], *outputs[layout.rhs][:nc]]
         self.right = [right[unknown] for unknown in elimination.order]
@@ -640,8 +639,7 @@ class _Unrolling(Arithmetic):
         ]
         self.diagonal, self.beside = [self.zero] * size, [self.zero] * size
         self.lower: list[dict[int, int]] = [{} for _ in range(size)]
-        self.kept: list[int] = []
-        self.taken: list[list[int]] = [[] for _ in range(size)]
+        self.inverses: list[int] = []  # of the pivots, or of their determinants
         self.isomorphic: list[list[int]] = []
 
     def tape(self) -> Tape:
@@ -657,16 +655,15 @@ class _Unrolling(Arithmetic):
             *(x for column in further for x in column[self.nq :]),
         ]
         main = [*self.outputs, *whole, self.power(multipliers)]
-        watched = [*self.kept, *[*map(self.square, self.rows)] * self.blocks]
         rhs_inputs, moved = (
             self.solution(self.other_right),
             self.solution(self.other_rhs)[: self.nq],
         )
-        outputs = [*main, *watched, *rhs_inputs, *moved]
+        outputs = [*main, self.determinant(), *rhs_inputs, *moved]
         return self.finish(
             outputs,
-            deferred=(len(watched), len(rhs_inputs), len(moved)),
-            output_subsets=(tuple(range(len(main) + len(watched), len(outputs))),),
+            deferred=(1, len(rhs_inputs), len(moved)),
+            output_subsets=(tuple(range(len(main) + 1, len(outputs))),),
             isomorphic=self.isomorphic,
         )
 
@@ -699,57 +696,35 @@ class _Unrolling(Arithmetic):
             terms = [self.plus(a, b) for a, b in pairs]
         return self.plus(self.outputs[-1], *(terms or [self.zero]))
 
-    def square(self, row: list[int]) -> int:
-        """Return the square of a row's length."""
-        total = self.zero
-        for x in row:
-            total = self.plus(total, self.times(x, x))
+    def determinant(self) -> int:
+        """Return the logarithm of the magnitude of the matrix's determinant, but for a constant: by
+        products of pivots, few enough to be in the range of numbers."""
+        total, factors = self.zero, [x for x in self.inverses if x not in self.invariant]
+        for first in range(0, len(factors), _FACTORS):
+            product = reduce(self.times, factors[first : first + _FACTORS])
+            total = self.minus(total, self.emit(Op.LOG, self.magnitude(product)))
         return total
-
-    def keep(self, k: int, width: int) -> None:
-        """Emit the cancellation of a pivot."""
-        a = self.diagonal_entry(k)
-        if width == 1:
-            total = size = self.magnitude(a)
-            for x in self.taken[k]:
-                total = self.plus(total, x)
-            if self.taken[k]:
-                self.kept.append(self.emit(Op.DIV, self.plus(size, size), total))
-            return
-        b, c = self.entries[k + 1, k], self.diagonal_entry(k + 1)
-        product, square = self.times(a, c), self.times(b, b)
-        if product != self.zero:
-            rest = self.magnitude(self.minus(product, square))
-            terms = self.plus(self.magnitude(product), square)
-            self.kept.append(self.emit(Op.DIV, rest, terms))
-
-    def take(self, k: int, width: int, i: int) -> None:
-        """Emit the magnitudes of the terms that a pivot subtracts from later diagonal entries."""
-        x, a = self.lower[k][i], self.diagonal_entry(k)
-        terms = [self.times(self.times(x, x), self.magnitude(a))]
-        if width == 2:
-            y, b, c = self.lower[k + 1][i], self.entries[k + 1, k], self.diagonal_entry(k + 1)
-            both = self.magnitude(self.times(self.times(x, y), b))
-            terms += [self.plus(both, both), self.times(self.times(y, y), self.magnitude(c))]
-        self.taken[i] += [term for term in terms if term != self.zero]
 
     def pivot(self, k: int, width: int) -> list[list[int]]:
         """Return the inverse of a pivot."""
         a = self.diagonal_entry(k)
         if width == 1:
-            return [[self.inverse(a)]]
+            x = self.inverse(a)
+            self.inverses.append(x)
+            return [[x]]
         b, c = self.entries[k + 1, k], self.diagonal_entry(k + 1)
         if a == self.zero and c == self.zero:
             x = self.inverse(b)
+            self.inverses += [x, x]
             return [[self.zero, x], [x, self.zero]]
         determinant = self.minus(self.times(a, c), self.times(b, b))
         x = self.inverse(determinant)
+        self.inverses.append(x)
         off = self.negative(self.times(b, x))
         return [[self.times(c, x), off], [off, self.times(a, x)]]
 
     def eliminate(self, k: int, width: int) -> None:
         """Emit a pivot's part of L and its updates."""
-        self.keep(k, width)
         inverse = self.pivot(k, width)
         self.diagonal[k : k + width] = [inverse[i][i] for i in range(width)]
         if width == 2:
@@ -763,7 +738,6 @@ class _Unrolling(Arithmetic):
                 if width == 2:
                     total = self.plus(total, self.times(entries[1], inverse[1][p]))
                 self.lower[k + p][i] = total
-            self.take(k, width, i)
         for n, i in enumerate(below):
             for j in below[: n + 1]:
                 entry = max(i, j), min(i, j)

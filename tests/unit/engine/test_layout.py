@@ -61,7 +61,7 @@ def test_extended_layouts_begin_like_those_they_extend() -> None:
 def test_the_last_part_of_an_unrolled_elimination_is_open() -> None:
     layout = UnrolledLayout(COUNTS)
     assert layout.solution == slice(18, 18 + COUNTS.unknowns)
-    assert list(range(30))[layout.cancellation] == [*range(24, 30)]
+    assert list(range(30))[layout.others] == [*range(25, 30)]
 
 
 def test_a_system_without_constraints_has_empty_parts() -> None:

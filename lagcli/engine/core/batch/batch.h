@@ -60,9 +60,8 @@ struct lag_batch {
     double t[LAG_LANES], h[LAG_LANES], error_old[LAG_LANES];
     int after_rejection[LAG_LANES], stiff[LAG_LANES], not_stiff[LAG_LANES];
     double pivot[LAG_LANES], largest_pivot[LAG_LANES]; /* as in run.h ... */
-    /* ... and lag_cancellation, squared: pivots are quadratic in B ... */
-    double cancellation_least[LAG_LANES], cancellation_most[LAG_LANES];
-    double cancellation_largest[LAG_LANES];
+    /* ... and, of many rows, ln |det| at the beginning of a step (NaN: not known) and at its stages ... */
+    double determinant[LAG_DETERMINANTS * LAG_LANES], largest_step[LAG_LANES];
     /* ... and lag_path, of few rows; entries are of lanes: nb each */
     double *path_begin, *path_last;
     double path_t[LAG_LANES], path_length[LAG_LANES], path_speed[LAG_LANES];

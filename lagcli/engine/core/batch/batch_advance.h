@@ -265,7 +265,7 @@ static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
     }
     if (s->watching)
         EACH_LANE (l)
-            if (HAS(lanes, l) && batch_singular(s, l, h[l], batch_alarmed(s, l)))
+            if (HAS(lanes, l) && batch_singular(s, l, h[l], batch_alarmed(s, l, h[l])))
                 lanes = batch_leave_all(s, lanes, 1 << l);
     return lanes;
 }
@@ -288,6 +288,7 @@ static void batch_go_on(lag_batch *s, int lanes, const double *end)
     batch_copy(s->y, s->projected, n, lanes);
     batch_copy(s->path_begin, s->path_last, system->nb, lanes);
     batch_copy(s->margin, s->margin_at_end, 1, lanes);
+    batch_copy(s->determinant, s->determinant + DOP_STAGES * LAG_LANES, 1, lanes);
     batch_sizes_update(s, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {

@@ -48,8 +48,8 @@ static void batch_stages(lag_batch *s, const double *h)
         batch_stage(s, i, i == DOP_STAGES, h);
         if (s->detecting && i == DOP_STAGES - 1)
             memcpy(s->before, y, moving);
-        if (s->watching && dop_watched[i])
-            batch_watch_stage(s);
+        if (s->watching)
+            batch_watch_stage(s, i);
     }
     memcpy(s->y_new, y, moving);
     const int work = (n - 1) * LAG_LANES;

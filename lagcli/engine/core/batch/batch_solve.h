@@ -41,7 +41,7 @@ static void batch_other(const lag_octet *o, int deferred, int input, int inputs,
 static void batch_solve(const lag_octet *o, double *x)
 {
     const int n = o->system->nq + o->system->nc;
-    const int output = lag_first_cancellation(o->system) + o->single->solver.cancellation_count;
+    const int output = lag_first_others(o->system);
     batch_other(o, 1, o->single->solver.other_right, n, output, n, x);
     for (int i = o->system->nq * LAG_LANES; i < n * LAG_LANES; ++i)
         x[i] = -x[i];
@@ -51,7 +51,7 @@ static void batch_solve(const lag_octet *o, double *x)
 static void batch_correct(const lag_octet *o, double *x)
 {
     const int nq = o->system->nq, nc = o->system->nc, n = nq + nc;
-    const int output = lag_first_cancellation(o->system) + o->single->solver.cancellation_count + n;
+    const int output = lag_first_others(o->system) + n;
     batch_other(o, 2, o->single->solver.other_right + n, nc, output, nq, x);
 }
 

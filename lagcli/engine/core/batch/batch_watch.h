@@ -5,8 +5,7 @@
 static void batch_watch_step(lag_batch *s)
 {
     EACH_LANE (l) {
-        s->cancellation_least[l] = INFINITY;
-        s->cancellation_most[l] = s->path_length[l] = s->path_speed[l] = 0.0;
+        s->path_length[l] = s->path_speed[l] = 0.0;
         s->path_t[l] = s->t[l];
     }
     memcpy(s->path_last, s->path_begin, (size_t)s->system->nb * LAG_LANES * sizeof(double));
@@ -34,48 +33,40 @@ static void batch_extend_path(lag_batch *s)
     }
 }
 
-/* Cancellation of the pivots, squared, and the lengths of the rows of B: see watch.c for one lane. */
-static void batch_watch_factors(lag_batch *s)
+/* Keep what shows at a stage that B may be losing rank. */
+static void batch_watch_stage(lag_batch *s, int stage)
 {
-    const lag_system *system = s->system;
     const lag_batch_tape *d = &s->moving.dynamics;
-    const int first = lag_first_cancellation(system);
-    const int rows = first + s->single->solver.cancellation_count - system->nc;
-    batch_tape_run(d, &d->deferred[0]);
-    EACH_PART (k) {
-        vec least = all(1.0);
-        for (int i = first; i < rows + system->nc; ++i) {
-            vec part = READ(OUTPUT(d, i) + k);
-            if (i >= rows) {
-                const vec length = READ(s->lengths + (i - rows) * LAG_LANES + k);
-                part /= length * length;
-            }
-            least = choose(part >= least, least, part); /* also if it is undefined */
-        }
-        AT(s->cancellation_least + k) = smaller(least, READ(s->cancellation_least + k));
-        AT(s->cancellation_most + k) = larger(least, READ(s->cancellation_most + k));
-        AT(s->cancellation_largest + k) = larger(least, READ(s->cancellation_largest + k));
+    if (lag_many_rows(s->single)) {
+        batch_tape_run(d, &d->deferred[0]);
+        memcpy(s->determinant + stage * LAG_LANES, OUTPUT(d, lag_first_determinant(s->system)),
+               LAG_LANES * sizeof(double));
+    } else if (dop_watched[stage]) {
+        batch_extend_path(s);
     }
 }
 
-/* Keep what shows at a stage that B may be losing rank. */
-static void batch_watch_stage(lag_batch *s)
+/* ln |det| at the stages of a lane's last step, of size h. */
+static lag_determinant batch_determinant(const lag_batch *s, int l, double h)
 {
-    if (lag_many_rows(s->single))
-        batch_watch_factors(s);
-    else
-        batch_extend_path(s);
+    lag_determinant made = {.begin = NAN, .by = LAG_BY_TAPE};
+    for (int i = isnan(s->determinant[l]) ? 1 : 0; i <= DOP_STAGES; ++i) {
+        made.t[made.count] = s->t[l] + (i < DOP_STAGES ? dop_c[i] : 1.0) * h;
+        made.value[made.count++] = s->determinant[i * LAG_LANES + l];
+    }
+    return made;
 }
 
-/* Whether the stages of a lane's last step indicate a singular configuration. */
-static int batch_alarmed(lag_batch *s, int l)
+/* Whether the stages of a lane's last step, of size h, indicate a singular configuration. */
+static int batch_alarmed(lag_batch *s, int l, double h)
 {
     if (!lag_many_rows(s->single)) {
         s->margin_at_end[l] = s->margin[l] - s->path_length[l];
         return !(s->margin_at_end[l] > CERTAIN * NEAR * s->largest_pivot[l]);
     }
-    return !(s->cancellation_least[l] > NEAR * NEAR * s->cancellation_largest[l]
-             && s->cancellation_least[l] >= STEADY * STEADY * s->cancellation_most[l]);
+    const lag_determinant d = batch_determinant(s, l, h);
+    s->largest_step[l] = fmax(s->largest_step[l], h);
+    return lag_slows(s->largest_step[l], h) || !lag_is_smooth_in_step(&d, s->t[l], h);
 }
 
 /* Set the parameters of a lane in the tapes of a single run. */
@@ -105,9 +96,8 @@ static lag_run *batch_single(const lag_batch *s, int l, const double *y)
         run->rows.lengths[i] = run->rows.plain_lengths[i] = s->lengths[i * LAG_LANES + l];
     run->watch.pivot = s->pivot[l];
     run->watch.largest_pivot = s->largest_pivot[l];
-    run->watch.cancellation.least = sqrt(s->cancellation_least[l]);
-    run->watch.cancellation.most = sqrt(s->cancellation_most[l]);
-    run->watch.cancellation.largest = sqrt(s->cancellation_largest[l]);
+    run->watch.largest_step = s->largest_step[l];
+    run->watch.approaching = 0;
     run->watch.path.length = s->path_length[l];
     run->watch.path.speed = s->path_speed[l];
     run->watch.path.margin = s->margin[l];
@@ -119,7 +109,8 @@ static void batch_watch_start(lag_batch *s, int l)
 {
     for (int i = 0; i < s->system->nb; ++i)
         s->path_begin[i * LAG_LANES + l] = OUTPUT(&s->moving.dynamics, lag_first_jacobian(s->system) + i)[l];
-    s->pivot[l] = s->largest_pivot[l] = s->cancellation_largest[l] = 0.0;
+    s->determinant[l] = NAN;
+    s->pivot[l] = s->largest_pivot[l] = s->largest_step[l] = 0.0;
     lag_run *run = batch_single(s, l, s->y);
     s->pivot[l] = s->largest_pivot[l] = lag_least_pivot(run, run->step.t, run->step.y);
     s->margin[l] = CERTAIN * s->pivot[l];
@@ -135,6 +126,7 @@ static int batch_singular(lag_batch *s, int l, double h, int alarmed)
         return 0;
     }
     lag_run *run = batch_single(s, l, s->projected);
+    run->watch.determinant = batch_determinant(s, l, h);
     run->step.t_old = run->step.t;
     run->step.h_old = h;
     run->step.t += h;
@@ -147,5 +139,6 @@ static int batch_singular(lag_batch *s, int l, double h, int alarmed)
     s->pivot[l] = run->watch.pivot;
     s->largest_pivot[l] = run->watch.largest_pivot;
     s->margin_at_end[l] = run->watch.path.margin_at_end;
+    s->largest_step[l] = run->watch.largest_step;
     return 0;
 }

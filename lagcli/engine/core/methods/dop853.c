@@ -93,8 +93,11 @@ static int step(lag_run *run)
             if (i == DOP_STAGES - 1)
                 memcpy(run->step.trial, y, (size_t)n * sizeof(double));
             bad = lag_derivative(run, run->step.t + c * h, y, stage + i * s);
-            if (!bad && run->watch.mode && dop_watched[i])
-                lag_watch_stage(run, run->step.t + c * h);
+            if (!bad && run->watch.mode) {
+                if (dop_watched[i])
+                    lag_watch_stage(run, run->step.t + c * h);
+                lag_watch_determinant(run, run->step.t + c * h);
+            }
         }
         double factor = 0.2;
         if (!bad) {

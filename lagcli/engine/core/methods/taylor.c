@@ -16,10 +16,6 @@
 #define DEFECT 1000.0       /* times the tolerance: what the end of a step may be off by, were y' as
                              * wrong as there all along */
 
-/* Where what pivots keep varies by less during a step, and is so much of its usual part, its middle
- * and its ends show enough. */
-#define EVEN 0.85
-#define FAR 0.6
 #define TURN 0.7            /* of its length: what a row of B may change by in a step, so that places
                              * in it show what happens between them */
 
@@ -67,7 +63,6 @@ static int explicit_step(lag_run *run)
     if (run->stepped != &lag_dop853)
         lag_first_step(run, lag_dop853.order);
     run->stepped = &lag_dop853;
-    run->watch.cancellation.last = 0.0;
     return lag_dop853.step(run);
 }
 
@@ -88,56 +83,42 @@ static double turned(lag_run *run)
 }
 
 /*
- * Try a step of size h: evaluate at its end, and at places inside it as far as singular
- * configurations may be there. Returns LAG_RUNNING and the factor by which the next step may be
+ * Try a step of size h: evaluate at its end, and in its middle if singular configurations are watched for. Returns LAG_RUNNING and the factor by which the next step may be
  * larger; LAG_UNDEFINED where y' is undefined; or LAG_INACCURATE and a smaller factor by which this
  * one must be shorter, where the series is off or B turns too far.
  */
-static int try_step(lag_run *run, double h, double cancellation_before, double *factor)
+static int try_step(lag_run *run, double h, double *factor)
 {
-    static const double place[] = {0.5, 1.0, 0.2, 0.4, 0.6, 0.8};
+    static const double place[] = {0.5, 1.0};
     const int n = lag_size(&run->system);
-    double cancellation_at_end = 0.0;
     lag_watch_step(run);
-    *factor = 0.5;
-    for (int i = run->watch.mode ? 0 : 1; i < 6; ++i) {
+    for (int i = run->watch.mode ? 0 : 1; i < 2; ++i) {
         double *y = i == 1 ? run->step.y_new : run->samples.y;
         lag_series_sum(&run->series, n, place[i] * h, y);
-        if (lag_derivative(run, run->step.t + place[i] * h, y, run->step.f_new))
+        if (lag_derivative(run, run->step.t + place[i] * h, y, run->step.f_new)) {
+            *factor = 0.5;
             return LAG_UNDEFINED;
-        if (i > 1)
-            lag_watch_factors(run);
-        else if (run->watch.mode)
+        }
+        if (run->watch.mode) {
             lag_watch_stage(run, run->step.t + place[i] * h);
-        if (i != 1)
-            continue;
-        if (is_off(run, h))
-            return LAG_INACCURATE;
-        if (!run->watch.mode)
-            break;
-        const double turn = turned(run);
-        *factor = turn > 0.0 ? 0.9 * TURN / turn : LARGEST;
-        if (turn > TURN)
-            return LAG_INACCURATE;
-        if (!lag_many_rows(run))
-            break;
-        const lag_cancellation *c = &run->watch.cancellation;
-        const double least = fmin(c->least, cancellation_before);
-        const double most = fmax(c->most, cancellation_before);
-        cancellation_at_end = run->watch.cancellation.last;
-        if (least > EVEN * most && least > FAR * run->watch.cancellation.largest)
-            break;
+            lag_watch_determinant(run, run->step.t + place[i] * h);
+        }
     }
-    *factor = run->watch.mode ? fmin(*factor, LARGEST) : LARGEST;
-    run->watch.cancellation.last = cancellation_at_end;
-    return LAG_RUNNING;
+    *factor = 0.5;
+    if (is_off(run, h))
+        return LAG_INACCURATE;
+    *factor = LARGEST;
+    if (!run->watch.mode)
+        return LAG_RUNNING;
+    const double turn = turned(run);
+    *factor = turn > 0.0 ? fmin(0.9 * TURN / turn, LARGEST) : LARGEST;
+    return turn > TURN ? LAG_INACCURATE : LAG_RUNNING;
 }
 
 /* If there is no series (a static elimination that fails there), DOP853 takes the step. */
 static int step(lag_run *run)
 {
     const lag_system *s = &run->system;
-    const double cancellation_before = run->watch.cancellation.last;
     ++run->step.evaluations;
     if (lag_solving_by(run) != LAG_BY_TAPE || run->series.order == 0
         || lag_series_expand(&run->series, s->nq, run->step.t, run->step.y))
@@ -150,7 +131,7 @@ static int step(lag_run *run)
         const double h = lag_step_size(run);
         if (h == 0.0) /* a small step shows whether the equations are undefined */
             return undefined ? LAG_UNDEFINED : explicit_step(run);
-        const int status = try_step(run, h, cancellation_before, &factor);
+        const int status = try_step(run, h, &factor);
         if (status == LAG_RUNNING) {
             lag_accept(run, h, factor);
             return LAG_RUNNING;

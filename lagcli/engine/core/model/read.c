@@ -151,7 +151,7 @@ static lag_program dynamics(lag_reader *in, const lag_equations *e, int unrolled
     const int64_t others = e->nq + 2 * (int64_t)e->nc;
     const lag_program d = lag_read_program(
         in, 1 + 2 * (int64_t)e->nq + e->np,
-        unrolled ? lag_first_cancellation(&s) + others + e->nq : lag_first_power(&s) + INT64_C(1));
+        unrolled ? lag_first_others(&s) + 2 * (int64_t)e->nq + e->nc : lag_first_power(&s) + INT64_C(1));
     if (!unrolled || in->status != LAG_MODEL_READ)
         return d;
     for (int i = 0; i < 3; ++i)

@@ -248,7 +248,7 @@ static int restart(lag_run *run)
     run->method = run->stepped = sw->acting ? &lag_dop853 : sw->chosen;
     run->step.error_old = LEAST_ERROR;
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
-    run->watch.cancellation.last = 0.0;
+    run->watch.determinant.begin = NAN;
     lag_restart(run);
     if (sw->interval > 0.0)
         run->step.h = fmin(run->step.h, BETWEEN * sw->interval);

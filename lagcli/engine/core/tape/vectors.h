@@ -19,10 +19,6 @@ typedef struct {
      * NaN. */
     double (*largest)(int n, const double *x, const double *now, double *scale);
 
-    /* The least of x[places[i]] over the square of length[i], or of x[places[i]] without lengths;
-     * 1 where all are larger. */
-    double (*least)(int n, const double *x, const int32_t *places, const double *length);
-
     /* The sum of the squares of x over the tolerances at y and z, n of each, atol among them. */
     double (*scaled_square)(int n, const double *x, const double *y, const double *z,
                             const double *atol, double rtol);

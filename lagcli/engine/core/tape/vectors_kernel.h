@@ -99,25 +99,6 @@ static double largest(int n, const double *x, const double *now, double *scale)
     return most[0];
 }
 
-static double least(int n, const double *x, const int32_t *places, const double *length)
-{
-    four smallest = {1.0, 1.0, 1.0, 1.0};
-    int i = 0;
-    for (; i + 4 <= n; i += 4) {
-        const int32_t *at = places + i;
-        four part = {x[at[0]], x[at[1]], x[at[2]], x[at[3]]};
-        if (length)
-            part /= FOUR(length + i) * FOUR(length + i);
-        smallest = smaller(part, smallest);
-    }
-    for (; i < n; ++i) {
-        const double part = length ? x[places[i]] / (length[i] * length[i]) : x[places[i]];
-        if (part < smallest[0])
-            smallest[0] = part;
-    }
-    return fmin(fmin(smallest[0], smallest[1]), fmin(smallest[2], smallest[3]));
-}
-
 static double scaled_square(int n, const double *x, const double *y, const double *z,
                             const double *atol, double rtol)
 {
@@ -166,4 +147,4 @@ static void subtract(int n, double *y, int terms, const double *const *x, const 
     }
 }
 
-const lag_vector_kernel NAME = {run_stream, combine, pick, largest, least, scaled_square, subtract};
+const lag_vector_kernel NAME = {run_stream, combine, pick, largest, scaled_square, subtract};

@@ -336,24 +336,10 @@ def test_accelerations_multipliers_and_the_power_of_all_forces() -> None:
 
 
 def test_what_is_asked_for_apart() -> None:
-    layout, found, other = outputs()
-    *kept, first, second = found[layout.cancellation][: -len(RHS) - len(V)]
-    assert (first, second) == (5.0, 2.0)  # squares of the lengths of B's rows
-    assert kept
-    assert all(0 < x <= 2 for x in kept)  # 2 where nothing is taken off; 0 where nothing is left
+    _, found, other = outputs()
     np.testing.assert_allclose(found[-8:-3], solved(other), rtol=1e-12)
     expected = solved(np.array([0.0, 0.0, 0.0, 5.0, 7.0]))
     np.testing.assert_allclose(found[-3:], expected[:3], rtol=1e-12)
-
-
-def test_pivots_that_cancel_keep_little() -> None:
-    """A pivot of 1e-6 that 1 was taken off: twice its part of the terms."""
-    mass = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-6]])
-    system, p = hand_written(mass, np.empty((0, 2)), np.zeros(2))
-    tape = unroll(system, order_at(system, [p]))
-    found = ScalarTape(tape)((*[0.0] * 5, *p, 0.0, 0.0))
-    (kept,) = found[UnrolledLayout(system.counts).cancellation][:-4]
-    assert kept == pytest.approx(2e-6 / (1 + 1e-6), rel=1e-9)
 
 
 def test_structural_zeros_cost_nothing() -> None:
