@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import shutil
 
 import numpy as np
 import pytest
-from comparison import models, table
+from comparison import models, ported, ported_cases, table
 from comparison.cases import CASES, chain
 from comparison.deriving import Derivation, growth
 from comparison.kinetics import solve_symmetric
-from comparison.measure import Effort, Point, Result, Worker, measure
-from comparison.peers import METHODS
+from comparison.measure import Effort, Point, Result, Worker, _timed, measure
+from comparison.peers import METHODS, by_tape
+from comparison.peers.ours import DEFAULT
 from comparison.process import WholeProcess
 from comparison.reference import reference
 from comparison.symbols import SymbolicCase
@@ -20,6 +22,8 @@ from comparison.verdicts import faster, judge
 import lagcli
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering.lower import lower
+from lagcli.settings.methods import METHOD_NAMES
+from lagcli.simulations import simulation
 
 BY_TITLE = {method.title: method for method in METHODS}
 OURS, BY_HAND = BY_TITLE["lagcli DOP853"], BY_TITLE["lambdify + solve_ivp DOP853"]
@@ -155,16 +159,79 @@ def test_models_that_are_not_shipped_are_models() -> None:
     assert stiff.parameter_values["c"] == 1e5
 
 
-def test_the_section_of_ported_models_is_replaced() -> None:
-    from comparison.ported import COMMANDS, FOUND, Ported, PortedModels
+@pytest.mark.parametrize("name", ["heavy_top", "bennett", "condenser_microphone"])
+def test_peers_of_ported_models_are_given_their_accelerations(name: str) -> None:
+    """At a state beside the start; without the redundant rows, those of B⁺ in place of B⁻¹."""
+    case = ported_cases.CASES[name]
+    equations = case.equations
+    prepared = simulation.prepare(case.load(), case.settings())
+    system, state = prepared.system, prepared.start.state
+    at = Evaluator(system, state.p).dynamics(0.0, state.q, state.v)
+    nq, nc = at.mass_matrix.shape[0], at.jacobian.shape[0]
+    matrix = np.block([[at.mass_matrix, at.jacobian.T], [at.jacobian, np.zeros((nc, nc))]])
+    scale = 1.0 / np.sqrt(np.abs(matrix).max(axis=0))
+    right = np.concatenate([at.forcing, at.rhs])
+    solution = scale * np.linalg.lstsq(scale[:, None] * matrix * scale, scale * right)[0]
+    a = equations.accelerations(0.0, equations.start.tolist(), lambda op, x: op.scalar(*x))
+    # the conditions of these matrices are below 1e4
+    np.testing.assert_allclose(
+        a, solution[:nq], rtol=1e-10, atol=1e-11 * np.abs(solution[:nq]).max()
+    )
 
-    assert all((FOUND / command[1]).exists() for command in COMMANDS.values())
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+def test_dop853_in_c_follows_the_motion() -> None:
+    case = ported_cases.CASES["heavy_top"]
+    exact = lagcli.simulate(case.load(), case.settings(rtol=1e-13)).q
+    solver = by_tape.Compiled(case)
+    errors = [np.abs(solver.positions(solver.at(x)()) - exact).max() for x in (1e-6, 1e-9, 1e-12)]
+    assert errors[0] < 1e-3
+    assert errors[1] < 1e-2 * errors[0]
+    assert errors[2] < 1e-9
+
+
+def test_the_default_run_is_timed_apart_from_what_it_prepares() -> None:
+    case = ported_cases.CASES["condenser_microphone"]
+    (rtol,) = DEFAULT.settings(case)
+    solver = DEFAULT.prepare(case)
+    run = solver.at(rtol)
+    seconds, result = _timed(run)
+    assert np.abs(solver.positions(result)).max() > 0
+    assert run.beforehand > 0
+    assert run.within > 0  # power series
+    assert seconds > 0
+
+
+def test_auto_is_compared_with_each_method() -> None:
+    found = ported.compare_methods(ported_cases.CASES["chaplygin_sleigh"], 1, 1)
+    assert set(found) == set(METHOD_NAMES)
+    assert all(isinstance(x, float) for x in found.values())
+
+
+def test_the_section_of_ported_models_is_replaced() -> None:
+    assert len(ported_cases.CASES) >= 20
+    for case in ported_cases.CASES.values():
+        assert case.text
     page = table.render(table.Report("2026", "x", "y", {}))
-    for now in (2.0, 0.25):
-        found = PortedModels({"ring": Ported(now, 28.0)}, "abc")
+    peers = [result("lagcli", (1e-8, 0.004), name="default"), result("C", (1e-6, 1e-3))]
+    peers[1].points += result("C", (1e-10, 4e-3)).points
+    peers[1].setup = 1.0
+    methods = {1: {"auto": 0.03, "DOP853": 0.02, "Taylor": "stops"}, 10: {"auto": "stops"}}
+    for name in ("before", "now"):
+        found = {name: ported.Ported(7, peers, 1e-12, methods, 0.25)}
         page = table.with_section(page, table.ported_section(found, "Here."))
     assert page.count(table.PORTED) == 1
-    assert "| ring | 250 ms | 28 s |" in page
+    assert "before" not in page[page.index(table.PORTED) :]
+    # between 1 ms and 4 ms in log-log
+    assert "| now | 7 | 1.0e-08 | 1e-12 | 4 ms | 2 ms | – | – | – | 2.00 | 30 ms |" in page
+    assert "| now | 30 ms | 20 ms (DOP853) | 1.50 | stops | – | – |" in page
+    for text, met in (
+        ("median 1.5 | 2.00, of 1 models", False),
+        ("at most 3 | worst 2.00 (now)", True),
+        ("below 1 | worst 0.03 (now)", True),
+        ("at most 1.2 | median 1.50; worst 1.50 (now); missed by now 1.50", False),
+    ):
+        assert f"{text} | {'met' if met else '**not met**'} |" in page
     assert page.count("## How each program is used") == 1
     assert page.index(table.PORTED) < page.index("## How each program is used")
 

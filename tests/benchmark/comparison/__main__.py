@@ -23,7 +23,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--case", action="append", help="this case alone; may be repeated")
     parser.add_argument("--program", action="append", help="lagcli and this program alone")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--before", type=Path, help="checkout of an earlier revision, built")
     for name, what in (("ported", "the ported models"), ("contacts", "contacts and events")):
         parser.add_argument(
             f"--{name}", action="store_true", help=f"measure {what} alone, on the same page"
@@ -53,7 +52,7 @@ def sections_alone(options: argparse.Namespace) -> None:
         costs = list(measure_contacts(options.rounds, say))
         write(table.contacts_section(costs, where))
     if options.ported:
-        for found in measure_ported(options.before, min(options.rounds, 2), say):
+        for found in measure_ported(options.rounds, say, options.case):
             write(table.ported_section(found, where))
 
 
@@ -68,7 +67,7 @@ def main() -> None:
         sections_alone(options)
         return
     options.raw.parent.mkdir(parents=True, exist_ok=True)
-    for report in run.measure_all(options.case, options.program, options.rounds, options.before):
+    for report in run.measure_all(options.case, options.program, options.rounds):
         # after each case: a run that is broken off keeps what it has
         options.output.write_text(table.render(report), encoding="utf-8")
         raw = json.dumps(dataclasses.asdict(report), indent=1) + "\n"

@@ -24,11 +24,20 @@ SAMPLES = 101
 
 @dataclass(frozen=True)
 class Start:
-    """A consistent initial state and the parameters' values: what every program begins from."""
+    """A consistent initial state and the parameters' values: what every program begins from.
+
+    Parameters
+    ----------
+    q, v : (nq,) arrays
+    parameters : mapping of str to float
+    sizes : (2 nq,) array, optional
+        Sizes of q and v along the motion, for absolute tolerances; ones by default.
+    """
 
     q: Array
     v: Array
     parameters: Mapping[str, float]
+    sizes: Array | None = None
 
 
 @dataclass(frozen=True)

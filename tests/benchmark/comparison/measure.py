@@ -1,4 +1,4 @@
-"""Measuring: every method in its own process, runs interleaved, medians.
+"""Measuring: every method in its own process, the least processor time of interleaved runs.
 
 A method that hangs or crashes loses its process and nothing else.
 """
@@ -8,11 +8,12 @@ from __future__ import annotations
 import gc
 import math
 import multiprocessing
-import statistics
+import resource
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -54,9 +55,9 @@ class Point:
     seconds: list[float] = field(default_factory=list)
 
     @property
-    def median(self) -> float:
-        """Median of the run times, s."""
-        return statistics.median(self.seconds)
+    def least(self) -> float:
+        """The least of the run times, s: other work of the machine only adds to it."""
+        return min(self.seconds)
 
 
 @dataclass
@@ -80,11 +81,11 @@ class Result:
 
         Interpolated in log-log between neighbouring settings.
         """
-        found = [p.median for p in self.points if p.error <= error]
+        found = [p.least for p in self.points if p.error <= error]
         for a, b in zip(self.points, self.points[1:], strict=False):
             if min(a.error, b.error) < error < max(a.error, b.error):
                 x = math.log(error / a.error) / math.log(b.error / a.error)
-                found.append(a.median * (b.median / a.median) ** x)
+                found.append(a.least * (b.least / a.least) ** x)
         return min(found, default=None)
 
     @property
@@ -130,25 +131,31 @@ class Worker:
 
 def _serve(connection: Connection, program: str, name: str, case_name: str, start: Start) -> None:
     """Answer a parent's questions about one method; runs in its own process."""
-    from comparison.peers import METHODS
+    from comparison import ported_cases
+    from comparison.peers import METHODS, OF_PORTED
 
-    method = next(m for m in METHODS if (m.program, m.name) == (program, name))
-    case = CASES[case_name]
+    method = next(m for m in (*METHODS, *OF_PORTED) if (m.program, m.name) == (program, name))
+    case: Any = CASES.get(case_name) or ported_cases.CASES[case_name]
     case.__dict__["start"] = start  # already found by the parent
+    if method in OF_PORTED and method.program != "lagcli":
+        case.equations  # noqa: B018 - given
+        for package in method.packages:
+            import_module(package)
     runs: dict[float, Any] = {}
     solver: Any = None
     while True:
         question, *rest = connection.recv()
         try:
             if question == "prepare":
-                began = time.perf_counter()
+                began = _spent()
                 solver = method.prepare(case)
                 (loosest,) = rest
-                runs[loosest] = solver.at(loosest)
-                took = time.perf_counter() - began
+                run = runs[loosest] = solver.at(loosest)
+                took = _spent() - began
                 # the first run compiles what is compiled on demand: set-up, too
-                first = _timed(runs[loosest])[0]
-                second = _timed(runs[loosest])[0]
+                first = _timed(run)[0]
+                took += getattr(run, "beforehand", 0.0) + getattr(run, "within", 0.0)
+                second = _timed(run)[0]
                 connection.send(("done", took + max(0.0, first - second)))
                 continue
             setting, with_positions = rest
@@ -162,17 +169,24 @@ def _serve(connection: Connection, program: str, name: str, case_name: str, star
             connection.send(("failed", f"fails: {first_line[:120]}"))
 
 
+def _spent() -> float:
+    """Return the processor time of this process and of those that it has started, s."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
 def _timed(run: Any) -> tuple[float, Any]:
     # others' integrators can run again as they are; what ours has to do before that is set-up
     if hasattr(run, "make_ready"):
         run.make_ready()
     gc.collect()
     gc.disable()
-    began = time.perf_counter()
+    began = time.process_time()
     result = run()
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     gc.enable()
-    return seconds, result
+    # programs and Jacobians that a run of ours makes on its way are set-up, as compiling is
+    return seconds - getattr(run, "within", 0.0), result
 
 
 def measure(

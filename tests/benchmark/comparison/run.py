@@ -6,7 +6,6 @@ import datetime
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from comparison import deriving, machine, process
 from comparison.cases import CASES
@@ -34,12 +33,8 @@ def measure_all(
     cases: Sequence[str] | None = None,
     programs: Sequence[str] | None = None,
     rounds: int = 5,
-    before: Path | None = None,
 ) -> Iterator[Report]:
-    """Measure cases (all if None) with programs (all if None); yield the report after each case.
-
-    ``before`` is a checkout of an earlier revision, for the ported models.
-    """
+    """Measure cases (all if None) with programs (all if None); yield the report after each case."""
     report = Report(
         datetime.date.today().isoformat(),
         machine.processor(),
@@ -58,7 +53,7 @@ def measure_all(
     if cases is None:
         say("the whole process")
         report.process = process.whole_process(rounds=2 * rounds)
-        for report.ported in measure_ported(before, min(rounds, 2), say):
+        for report.ported in measure_ported(rounds, say):
             pass
         report.contacts = list(measure_contacts(rounds, say))
         say("deriving")

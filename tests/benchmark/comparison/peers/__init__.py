@@ -1,7 +1,7 @@
 """One module for each program of the table; each has METHODS and imports its program lazily."""
 
 from comparison.methods import Method
-from comparison.peers import by_hand, casadi, exudyn, heyoka, ours, pydy, sundae
+from comparison.peers import by_hand, by_tape, casadi, exudyn, heyoka, ours, pydy, sundae
 
 METHODS: tuple[Method, ...] = (
     *ours.METHODS,
@@ -12,3 +12,5 @@ METHODS: tuple[Method, ...] = (
     *exudyn.METHODS,
     *pydy.METHODS,
 )
+#: Those that take models without a geometry.
+OF_PORTED: tuple[Method, ...] = (ours.DEFAULT, *by_tape.METHODS)

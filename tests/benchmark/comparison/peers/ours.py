@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
+from comparison.ported_cases import PortedCase
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate import run as run_module
+from lagcli.engine.integrate.methods import Methods
 from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.system import System
@@ -71,6 +78,67 @@ class _Ready:
         return self.integration.run(), self.blocks
 
 
+class Default:
+    """A run with default options: what it prepares on its way is timed apart."""
+
+    def __init__(self, case: PortedCase):
+        self.nq = case.nq
+        self.prepared = simulation.prepare(case.load(), case.settings())
+
+    def at(self, setting: float) -> _DefaultRun:
+        """Prepare a run; its tolerance is the default one."""
+        assert setting == self.prepared.settings.rtol
+        return _DefaultRun(self.prepared.system, self.prepared.request)
+
+    positions = Ours.positions
+
+
+class _DefaultRun(_Ready):
+    """A run that notes the time in which it made programs, power series and Jacobians, s.
+
+    Attributes
+    ----------
+    beforehand, within : float
+        Before the first step, and during the run.
+    """
+
+    def make_ready(self) -> None:
+        """Make the run, and reset the clocks."""
+        self.within = 0.0
+        began = time.process_time()
+        super().make_ready()
+        self.beforehand = time.process_time() - began
+
+    def __call__(self) -> tuple[Outcome, list[Block]]:
+        with ExitStack() as stack:
+            for owner, name in (
+                (Integration, "ready"),
+                (Integration, "prices"),
+                (Integration, "go_on_with_series"),
+                (run_module, "unrolled"),
+                (Methods, "_go_on"),
+            ):
+                stack.enter_context(mock.patch.object(owner, name, self._apart(owner, name)))
+            return super().__call__()
+
+    def _apart(self, owner: Any, name: str) -> Callable[..., Any]:
+        """Return a function that notes its time."""
+        function = getattr(owner, name)
+
+        def timed(*arguments: Any) -> Any:
+            before, began = self.within, time.process_time()
+            try:
+                return function(*arguments)
+            finally:  # with what it calls, which must not count twice
+                self.within = before + time.process_time() - began
+
+        return timed
+
+
+def _default_rtol(case: PortedCase) -> tuple[float, ...]:
+    return (float(resolve(case.settings(), case.load().settings).rtol),)
+
+
 def _method(name: str) -> Method:
     return Method(
         "lagcli",
@@ -83,3 +151,5 @@ def _method(name: str) -> Method:
 
 #: The stiff methods run where they are meant for.
 METHODS = tuple(_method(name) for name in METHOD_NAMES)
+#: Takes ported models.
+DEFAULT = Method("lagcli", "default", Default, _default_rtol)
