@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 #: Number of values of a block that are written at once: CSV, the slowest, takes less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
 #: Smallest number of samples that are worth evaluating together.
-_LEAST_ROWS = 16
+_LEAST_ROWS = 64
 #: Size of the intermediate results of a block: 16 MB.
 _BLOCK_REGISTERS = 1 << 21
 #: Settings that only affect models with contacts.

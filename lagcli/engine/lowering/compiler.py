@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache, partial, reduce
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import symengine as se
@@ -39,6 +39,11 @@ _RECIPROCAL = {
 }
 _NOT_FINITE = (type(se.oo), type(-se.oo), type(se.zoo), type(se.nan))
 _TRUTH = (bool, type(se.true), type(se.false))
+#: What stands for the variables on which a constant depends.
+_INVARIANT = -1, -1
+_OF_INPUTS = (se.FunctionSymbol, se.Derivative)
+#: The parts of an expression, and which of them are subtracted or divide.
+_Parts = tuple[Sequence[Basic], Sequence[bool]]
 
 
 def compile_tape(
@@ -90,55 +95,63 @@ class _Compiler(Builder):
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
         """Record the dependencies of a new register."""
-        spans = [self.span[x] for x in operands if x in self.span]
-        if spans:
-            firsts, lasts = zip(*spans, strict=True)
-            self.span[register] = min(firsts), max(lasts)
-        else:
+        span, first, last = self.span, -1, -1
+        for x in operands:
+            if x in span:
+                begin, end = span[x]
+                if last < 0:
+                    first, last = begin, end
+                else:
+                    first, last = min(first, begin), max(last, end)
+        if last < 0:
             self.invariant.add(register)
+        else:
+            span[register] = first, last
 
-    def order(self, register: int) -> tuple[int, ...]:
+    def order(self, register: int) -> tuple[Any, ...]:
         """Return the sort key of terms and factors: constant ones first."""
-        return *self.span.get(register, (-1, -1)), register
+        return self.span.get(register, _INVARIANT), register
 
     def register(self, expression: Basic) -> int:
         """Return the register of an expression; compiles its parts first, without recursion."""
-        stack = [expression]
+        known = self.known
+        stack: list[tuple[Basic, _Parts | None]] = [(expression, None)]
         while stack:
-            top = stack[-1]
-            if _key(top) in self.known:
-                stack.pop()
+            top, parts = stack.pop()
+            key = _key(top)
+            if key in known:
                 continue
-            if (read := read_input(top)) is not None:
-                self.known[top] = self._input(*read)
-                stack.pop()
-                continue
-            missing = [part for part in _parts(top) if _key(part) not in self.known]
-            if missing:
-                stack.extend(missing)
-                continue
-            self.known[_key(top)] = self._assemble(top)
-            stack.pop()
-        return self.known[_key(expression)]
+            if parts is None:
+                if (read := _input_read(top)) is not None:
+                    known[top] = self._input(*read)
+                    continue
+                parts = _parts(top)
+                missing = [part for part in parts[0] if _key(part) not in known]
+                if missing:
+                    stack.append((top, parts))
+                    stack += [(part, None) for part in missing]
+                    continue
+            known[key] = self._assemble(top, *parts)
+        return known[_key(expression)]
 
-    def _assemble(self, e: Basic) -> int:
-        """Emit the operation of an expression whose parts have been compiled."""
+    def _assemble(self, e: Basic, parts: Sequence[Basic], apart: Sequence[bool]) -> int:
+        """Emit the operation of an expression whose parts have been compiled; see `_parts`."""
+        if isinstance(e, se.Add):
+            return self._sum(parts, apart)
+        if isinstance(e, se.Mul):
+            return self._product(parts, apart)
         if isinstance(e, _TRUTH):
             return self.constant(1.0 if e else 0.0)
         if isinstance(e, se.Symbol):
             raise KeyError(e.name)
         if not e.args or isinstance(e, _NOT_FINITE):
             return self.constant(_double(e))
-        if isinstance(e, se.Add):
-            return self._sum(e)
-        if isinstance(e, se.Mul):
-            return self._product(e)
         if isinstance(e, se.Pow):
             base, exponent = e.args
             return self._power(base, exponent)
         if isinstance(e, se.Piecewise):
             return self._cases(e)
-        operands = [self.known[_key(a)] for a in e.args]
+        operands = [self.known[_key(a)] for a in parts]
         kind = type(e)
         if kind in _OPERATIONS or is_opaque(e):
             op = Op[e.get_name().upper()] if is_opaque(e) else _OPERATIONS[kind]
@@ -171,12 +184,11 @@ class _Compiler(Builder):
         negative = self.emit(Op.SELECT, self.emit(Op.LT, x, zero), self.emit(Op.NEG, one), x)
         return self.emit(Op.SELECT, self.emit(Op.LT, zero, x), one, negative)
 
-    def _sum(self, e: Basic) -> int:
+    def _sum(self, terms: Sequence[Basic], negative: Sequence[bool]) -> int:
         plus: list[int] = []
         minus: list[int] = []
-        for term in e.args:
-            positive, negative = _sign_split(term)
-            (minus if negative else plus).append(self.known[_key(positive)])
+        for term, subtracted in zip(terms, negative, strict=True):
+            (minus if subtracted else plus).append(self.known[term])
         plus.sort(key=self.order)
         minus.sort(key=self.order)
         if plus:
@@ -189,12 +201,11 @@ class _Compiler(Builder):
             total = self.emit(Op.SUB, total, x)
         return total
 
-    def _product(self, e: Basic) -> int:
+    def _product(self, factors: Sequence[Basic], inverse: Sequence[bool]) -> int:
         numerator: list[int] = []
         denominator: list[int] = []
-        for factor in e.args:
-            base, exponent = _inverse_split(factor)
-            (denominator if exponent else numerator).append(self.known[_key(base)])
+        for factor, divides in zip(factors, inverse, strict=True):
+            (denominator if divides else numerator).append(self.known[factor])
         minus_one = self.constants.get(-1.0)
         negative = minus_one is not None and -1 - minus_one in numerator
         if negative:
@@ -277,7 +288,12 @@ class _Compiler(Builder):
 
 def _key(e: object) -> object:
     # python's True equals 1, so truth needs its own keys
-    return ("bool", bool(e)) if isinstance(e, _TRUTH) else e
+    return ("bool", bool(e)) if type(e) in _TRUTH else e
+
+
+def _input_read(e: Basic) -> tuple[str, int] | None:
+    """Return the known function of time that an expression is, and the order of its derivative."""
+    return read_input(e) if isinstance(e, _OF_INPUTS) else None
 
 
 def _double(e: Basic) -> float:
@@ -347,20 +363,26 @@ def _inverse_split(factor: Basic) -> tuple[Basic, bool]:
     return factor, False
 
 
-def _parts(e: Basic) -> Iterable[Basic]:
-    """Return the parts that must be compiled before an expression."""
-    if isinstance(e, (bool, *_NOT_FINITE)):
-        return ()
+def _parts(e: Basic) -> _Parts:
+    """Return the parts that must be compiled before an expression.
+
+    For terms of a sum it is also returned whether they are subtracted, for factors of a product
+    whether they divide it.
+    """
     if isinstance(e, se.Add):
-        return [_sign_split(t)[0] for t in e.args]
+        terms, negative = zip(*map(_sign_split, e.args), strict=True)
+        return terms, negative
     if isinstance(e, se.Mul):
-        return [_inverse_split(f)[0] for f in e.args]
+        factors, inverse = zip(*map(_inverse_split, e.args), strict=True)
+        return factors, inverse
+    if isinstance(e, (bool, *_NOT_FINITE)):
+        return (), ()
     if isinstance(e, se.Pow):
         base, exponent = e.args
         if base == se.E:
-            return (exponent,)
-        return (base,) if _as_products(exponent) else (base, exponent)
-    return e.args
+            return (exponent,), ()
+        return ((base,) if _as_products(exponent) else (base, exponent)), ()
+    return e.args, ()
 
 
 @lru_cache(maxsize=4)

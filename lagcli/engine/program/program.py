@@ -135,8 +135,10 @@ def _parts(tape: Tape, part_of_outputs: Sequence[int]) -> list[list[Node]]:
     for x, part in zip(tape.outputs, part_of_outputs, strict=True):
         of[x] = min(of.get(x, part), part)
     for _, to, a, b, c in reversed(tape.code):
-        if to in of:
-            of.update((x, min(of.get(x, of[to]), of[to])) for x in (a, b, c))
+        if (own := of.get(to)) is not None:
+            for x in (a, b, c):
+                if of.get(x, own) >= own:
+                    of[x] = own
     parts: list[list[Node]] = [[] for _ in range(2 + len(tape.deferred))]
     for op, to, a, b, c in tape.code:
         if to not in of:

@@ -236,11 +236,16 @@ def depth_first(units: Sequence[Unit]) -> list[Unit]:
     for i, unit in enumerate(units):
         before: set[int] = set()
         for _, results, operands in unit.nodes:
-            before.update(maker[x] for x in operands if x in maker)
             for x in operands:
-                readers.setdefault(x, []).append(i)
+                if x in maker:
+                    before.add(maker[x])
+                if x in readers:
+                    readers[x].append(i)
+                else:
+                    readers[x] = [i]
             for x in results:  # only units after a move wait for it
-                before.update(readers.pop(x, ()))
+                if x in readers:
+                    before.update(readers.pop(x))
         before.discard(i)
         for _, results, _ in unit.nodes:
             maker.update(dict.fromkeys(results, i))
@@ -267,11 +272,13 @@ def together(nodes: Sequence[Node]) -> list[list[int]]:
     producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
     depth, height = [1] * len(nodes), [1] * len(nodes)
     for i, (_, _, operands) in enumerate(nodes):
-        depth[i] = 1 + max([depth[producer[x]] for x in operands if x in producer], default=0)
+        for x in operands:
+            if x in producer and depth[producer[x]] >= depth[i]:
+                depth[i] = 1 + depth[producer[x]]
     for i in reversed(range(len(nodes))):
         for x in nodes[i][2]:
-            if x in producer:
-                height[producer[x]] = max(height[producer[x]], 1 + height[i])
+            if x in producer and height[producer[x]] <= height[i]:
+                height[producer[x]] = 1 + height[i]
     end = max(height, default=0) + 1
     levels: dict[tuple[int, int], list[int]] = {}
     for i, (op, _, _) in enumerate(nodes):

@@ -9,7 +9,7 @@ ready. Equal operations are merged (hash-consing). A tape contains no code.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import ARITY, Op
@@ -192,10 +192,12 @@ class Builder:
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
         """Record the properties of a new register."""
-        if all(x < 0 or x in self.invariant for x in operands):
-            self.invariant.add(register)
+        for x in operands:
+            if x >= 0 and x not in self.invariant:
+                return
+        self.invariant.add(register)
 
-    def order(self, register: int) -> tuple[int, ...]:
+    def order(self, register: int) -> tuple[Any, ...]:
         """Return the sort key of the operands of commutative operations."""
         return (register,)
 
