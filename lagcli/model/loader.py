@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -313,7 +312,6 @@ def _model(
         description=description,
         path=draft.source.path,
         text=draft.source.text,
-        sha256=hashlib.sha256(draft.source.text.encode()).hexdigest(),
         coordinates=coordinates,
         parameters=structural(draft),
         definitions=draft.definitions,

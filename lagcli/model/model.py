@@ -513,7 +513,6 @@ class Model:
     description: str | None
     path: str
     text: str
-    sha256: str
     coordinates: tuple[Coordinate, ...]
     parameters: Mapping[str, Parameter]
     definitions: Mapping[str, Definition]
@@ -541,6 +540,13 @@ class Model:
     left_out: tuple[str, ...] = ()
     spins: Mapping[str, tuple[bool, bool, bool]] = field(default_factory=dict)
     inputs: Mapping[str, Input] = field(default_factory=dict)
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of the text."""
+        import hashlib  # OpenSSL, which a run that writes no file does not need
+
+        return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
     def switches(self) -> bool:

@@ -118,7 +118,7 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     correction = fields["initial_correction"].items()
     fields["initial_correction"] = {k: (from_number(a), from_number(b)) for k, (a, b) in correction}
     fields[WARNINGS] = tuple(fields[WARNINGS])
-    check_model(fields["model"], fields["model_sha256"])
+    check_model(fields["model"], fields.pop("model_sha256"))
     return fields
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -108,10 +107,11 @@ def _address_space() -> int | None:
 
 def _entry(path: Path, name: str) -> int:
     """Return an entry of a file in /proc, bytes."""
-    match = re.search(rf"^{name}:\s+(\d+) kB$", path.read_text(), re.MULTILINE)
-    if match is None:
-        raise ValueError(name)
-    return int(match[1]) * 1024
+    for line in path.read_text().splitlines():
+        key, _, value = line.partition(":")
+        if key == name:
+            return int(value.removesuffix("kB")) * 1024
+    raise ValueError(name)
 
 
 def _size(count: int) -> str:

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
 _BLOCK_NUMBERS = 1 << 16
 #: Smallest number of samples that are worth evaluating together.
 _LEAST_ROWS = 64
-#: Size of the intermediate results of a block: 16 MB.
-_BLOCK_REGISTERS = 1 << 21
+#: Size of the intermediate results of a block, of which few are alive at a time: 64 MB.
+_BLOCK_REGISTERS = 1 << 23
 #: Settings that only affect models with contacts.
 _OF_CONTACTS = ("impacts", "closed")
 #: Number of copies of a block while it is completed and written.
@@ -382,7 +382,6 @@ class Simulation:
             status=run.status,
             message=run.message,
             model=self.model.text,
-            model_sha256=self.model.sha256,
             parameters=self.model.parameter_values,
             options=options,
             counts=run.counts,

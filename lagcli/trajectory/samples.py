@@ -231,8 +231,8 @@ class Record:
         Unit, in SI, of a coordinate, a parameter or an output, by name, if the model gives it.
     status, message : str
         One of ``STATUSES``, and a message of one sentence.
-    model, model_sha256 : str
-        The text of the model file, verbatim, and its SHA-256.
+    model : str
+        The text of the model file, verbatim.
     parameters : mapping of str to float
         Values of the parameters.
     options : mapping
@@ -271,7 +271,6 @@ class Record:
     status: str = "completed"
     message: str = ""
     model: str = ""
-    model_sha256: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -285,3 +284,10 @@ class Record:
     lagcli_version: str = ""
     inputs: Mapping[str, InputTable] = field(default_factory=dict)
     events: EventLog | None = None
+
+    @property
+    def model_sha256(self) -> str:
+        """The SHA-256 of the model's text; empty without one."""
+        import hashlib  # OpenSSL, which a run that writes no file does not need
+
+        return hashlib.sha256(self.model.encode()).hexdigest() if self.model else ""

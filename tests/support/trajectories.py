@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 import os
 import sys
@@ -64,9 +63,7 @@ def make(
     }
     names = {"coordinates": coordinates, "constraints": constraints, "terms": terms}
     names["conserved_names"] = conserved_names
-    all_fields = {**names, **arrays, **fields, **changes}
-    digest = hashlib.sha256(all_fields["model"].encode()).hexdigest()
-    return Trajectory(**{"model_sha256": digest, **all_fields})
+    return Trajectory(**{**names, **arrays, **fields, **changes})
 
 
 def all_terms(constraints: int, coordinates: int) -> Terms:

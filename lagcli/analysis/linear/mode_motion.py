@@ -250,7 +250,6 @@ def _motion(
         units={c.name: c.unit for c in model.coordinates if c.unit},
         message=f"mode {number} ({mode.kind}) about {place}, amplitude {amplitude:.6g}",
         model=model.text,
-        model_sha256=model.sha256,
         parameters=model.parameter_values,
         options={"mode": number, "amplitude": float(amplitude)},
         lagcli_version=__version__,

@@ -6,7 +6,6 @@ the sources are there; so this module imports only the standard library.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import sys
@@ -67,6 +66,8 @@ def sources() -> list[str]:
 
 def fingerprint() -> str:
     """Return the fingerprint of the sources."""
+    import hashlib
+
     digest = hashlib.sha256()
     for path in sources():
         digest.update((CORE / path).read_bytes() + b"\0")
