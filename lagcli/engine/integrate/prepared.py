@@ -86,7 +86,7 @@ class Prepared(NamedTuple):
     @property
     def worth_unrolling(self) -> bool:
         """Whether a long run, or many runs, should use the unrolled elimination."""
-        return not self.unrolled and _may_unroll(self.elimination)
+        return not self.unrolled and may_unroll(self.elimination)
 
 
 def prepare(
@@ -110,7 +110,7 @@ def prepare(
             tangent = _tangent(system)
     else:
         constraint, tangent, plain = known.constraint, known.tangent, known.plain
-    if _may_unroll(elimination) and len(system.dynamics.code) + elimination.updates <= SHORT:
+    if may_unroll(elimination) and len(system.dynamics.code) + elimination.updates <= SHORT:
         return Prepared(elimination, constraint, None, _with(system, elimination), tangent)
     plain = plain or assemble(system.dynamics, system.families)
     return Prepared(elimination, constraint, plain, None, tangent)
@@ -119,12 +119,13 @@ def prepare(
 def unrolled(system: System, prepared: Prepared) -> Prepared:
     """Return the preparation for long or many runs: the elimination is unrolled if permitted."""
     elimination = prepared.elimination
-    if prepared.unrolled or not _may_unroll(elimination):
+    if prepared.unrolled or not may_unroll(elimination):
         return prepared
     return prepared._replace(whole=_with(system, elimination))
 
 
-def _may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:
+def may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:
+    """Return whether an elimination has so few updates that it may be unrolled."""
     if elimination is None:
         return False
     return elimination.updates <= min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order))

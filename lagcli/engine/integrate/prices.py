@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from lagcli.engine.integrate.prepared import Prepared
+from lagcli.engine.integrate.prepared import Prepared, may_unroll
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape.operations import ARITY, Op
@@ -24,8 +24,9 @@ _ENDS, _WITH_MIDDLE = 2.0, 3.0
 #: An evaluation, by machine code: each number of a program's stream, and of the state.
 _WORD, _ENTRY = 0.12, 8.0
 #: The same if the elimination is a loop: each operation, update and entry of L, and number of the
-#: state.
+#: state. Updates of columns that are eliminated together are cheaper.
 _OPERATION, _UPDATE, _ENTRY_OF_LOOP = 0.8, 1.5, 13.0
+_UPDATE_TOGETHER = 0.25
 #: One order of the series: each product of series, sum of them, number of the state.
 _PRODUCT, _SUM, _ENTRY_OF_SERIES = 3.0, 0.3, 6.0
 #: Making the program of the series: at least; each operation of the unrolled dynamics; each product
@@ -67,7 +68,8 @@ class Prices:
             unknowns = self.system.counts.unknowns
             solving = _UPDATE * unknowns**3 / 3
         else:
-            solving = _UPDATE * (elimination.updates + _entries(elimination))
+            update = _UPDATE if may_unroll(elimination) else _UPDATE_TOGETHER
+            solving = update * (elimination.updates + _entries(elimination))
         return _OPERATION * program.size + solving + _ENTRY_OF_LOOP * self._size
 
     @cached_property

@@ -13,7 +13,7 @@ import lagcli
 from lagcli.engine.contract import Block
 from lagcli.model.loader import load_text
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.simulations.derived import NO_MONITOR, DerivedColumns, held_rows, monitor_of
+from lagcli.simulations.derived import NO_MONITOR, DerivedColumns, held_rows
 from lagcli.simulations.simulation import prepare
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -126,7 +126,6 @@ def test_the_value_is_that_of_the_closed_form() -> None:
 
 def test_without_quantities_there_is_nothing_to_evaluate() -> None:
     model = lagcli.load(MODELS / "atwood.yaml")
-    assert monitor_of(lagcli.derive(model)) is NO_MONITOR
     simulation = prepare(model, SettingsOverrides(t_end=0.1, samples=3))
     assert simulation.monitor is NO_MONITOR
     assert lagcli.simulate(model, t_end=0.1, samples=3).conserved.shape == (3, 0)
