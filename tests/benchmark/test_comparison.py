@@ -197,7 +197,7 @@ def test_the_default_run_is_timed_apart_from_what_it_prepares() -> None:
     run = solver.at(rtol)
     seconds, result = _timed(run)
     assert np.abs(solver.positions(result)).max() > 0
-    assert run.beforehand > 0
+    assert run.before > 0
     assert run.within > 0  # power series
     assert seconds > 0
 

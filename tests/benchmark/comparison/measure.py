@@ -154,7 +154,7 @@ def _serve(connection: Connection, program: str, name: str, case_name: str, star
                 took = _spent() - began
                 # the first run compiles what is compiled on demand: set-up, too
                 first = _timed(run)[0]
-                took += getattr(run, "beforehand", 0.0) + getattr(run, "within", 0.0)
+                took += getattr(run, "before", 0.0) + getattr(run, "within", 0.0)
                 second = _timed(run)[0]
                 connection.send(("done", took + max(0.0, first - second)))
                 continue

@@ -98,7 +98,7 @@ class _DefaultRun(_Ready):
 
     Attributes
     ----------
-    beforehand, within : float
+    before, within : float
         Before the first step, and during the run.
     """
 
@@ -107,7 +107,7 @@ class _DefaultRun(_Ready):
         self.within = 0.0
         began = time.process_time()
         super().make_ready()
-        self.beforehand = time.process_time() - began
+        self.before = time.process_time() - began
 
     def __call__(self) -> tuple[Outcome, list[Block]]:
         with ExitStack() as stack:
