@@ -21,6 +21,8 @@ _LEAST = 260_000_000
 #: Address space that libraries need beyond that, bytes. OpenBLAS ends the process, or never
 #: returns, if it cannot allocate its buffers when SciPy is imported.
 _LIBRARIES = {"scipy": 230_000_000}
+#: Rows of matrices whose product needs OpenBLAS' buffer.
+_PRODUCT = 200
 
 
 def available() -> int | None:
@@ -68,8 +70,21 @@ def check_address_space() -> None:
             f"the memory of this process is limited to {_size(limit)} (ulimit -v), and lagcli needs"
             f" {_size(_LEAST)}; raise the limit"
         )
+    _take_buffer()
     if _CheckedImports not in sys.meta_path:
         sys.meta_path.insert(0, _CheckedImports)
+
+
+def _take_buffer() -> None:
+    """Let NumPy's BLAS allocate its buffer, which OpenBLAS keeps.
+
+    It does so at the first product of matrices that are not small, and ends the process if a large
+    model has left too little by then.
+    """
+    import numpy as np
+
+    square = np.ones((_PRODUCT, _PRODUCT))
+    square @ square
 
 
 class _CheckedImports:

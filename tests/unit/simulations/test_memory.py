@@ -82,3 +82,28 @@ def test_too_little_memory_is_a_message(
     assert done.returncode == 3, done.stderr
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited so on Linux alone")
+def test_blas_has_its_buffer_before_a_model_takes_the_rest() -> None:
+    """A chain of 1100 masses left OpenBLAS too little under a limit of 268 MB: it ended."""
+    code = """
+import re, resource
+resource.setrlimit(resource.RLIMIT_AS, (600_000_000,) * 2)
+from lagcli.simulations.memory import check_address_space
+check_address_space()
+import numpy as np
+size = lambda: int(re.search(r"VmSize:\\s+(\\d+)", open("/proc/self/status").read())[1])
+square = np.ones((300, 300))
+before = size()
+square @ square
+print(size() - before)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment() | {"OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert int(done.stdout) < 10_000  # kB; the buffer has 33,000
