@@ -38,7 +38,7 @@ def sections_alone(options: argparse.Namespace) -> None:
 
     where = (
         f"Measured {datetime.date.today().isoformat()} on {machine.processor()}, load average"
-        f" {machine.load():.1f}."
+        f" {machine.load():.1f}, revision {machine.revision() or 'unknown'}."
     )
 
     def say(text: str) -> None:
