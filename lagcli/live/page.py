@@ -56,7 +56,7 @@ def live_page(model: Model, lang: str = "en") -> str:
         asset("balance.js"),
         *(asset(name) for name in PLAYER_SCRIPTS),
         *(_text(_PLAY, name) for name in _SHARED),
-        *(_text(_LIVE, name) for name in ("words.js", "simulator.js")),
+        *(_text(_LIVE, name) for name in ("words.js", "translation.js", "simulator.js")),
     ]
     styles = [
         asset("vendor/uplot/uPlot.min.css"),

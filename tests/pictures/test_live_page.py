@@ -263,3 +263,19 @@ def test_forbidden_webassembly_is_explained(pages, tmp_path, visit, until):
     page = visit(path)
     until(page, "!document.getElementById('notice').hidden")
     assert "cannot simulate here" in page.locator("#notice").inner_text()
+
+
+def test_a_page_speaks_another_language(pages, opened, until):
+    path = pages("bouncing_ball", "de")
+    assert '<html lang="de">' in path.read_text("utf-8")
+    page = opened(path)
+    assert page.get_by_role("button", name="Alles zurücksetzen").is_visible()
+    until(page, "document.getElementById('status').textContent.includes('Schritte')")
+    options = page.locator(".slot select").first.locator("option").all_inner_texts()
+    assert "Energien" in options
+    page.evaluate("document.getElementById('events').open = true")
+    assert "Stoß" in page.locator("#events").inner_text()
+    enter(page, until, "y", "-1")
+    assert "ein Kontakt ist am Anfang verletzt" in page.locator("#notice").inner_text()
+    # texts of the model stay
+    assert page.locator("h1").inner_text() == "Bouncing ball"

@@ -113,4 +113,5 @@ class LivePage extends Page {
 const content = JSON.parse(document.getElementById("content").textContent);
 useWords(JSON.parse(document.getElementById("words").textContent));
 document.getElementById("save").textContent = say("Download the model");
+new Translation(words).observe(document.body);
 const page = new LivePage(new Simulator(content), new State());
