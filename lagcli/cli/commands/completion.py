@@ -175,6 +175,7 @@ _NAMES: dict[str | None, Names] = {
     "--from": _shipped,
     "NAME": _shipped,
     "MODEL": _models,
+    "MODEL…": _models,
     "FILE": _results,
     "FILE… [NAME…]": _results,
     "SWEEP.h5": _results,

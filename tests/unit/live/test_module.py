@@ -1,0 +1,28 @@
+"""The core as a WebAssembly module."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lagcli.cli.app import run
+from lagcli.errors import FileError
+from lagcli.live import module as live_module
+
+
+def test_a_missing_or_an_old_module_is_an_error_with_a_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assets = tmp_path / "assets"
+    assets.mkdir()
+    monkeypatch.setattr(live_module, "files", lambda package: tmp_path)
+    with pytest.raises(FileError, match="no core for pages") as missing:
+        live_module.module()
+    assert "make wasm" in str(missing.value)
+    (assets / "core.wasm").write_bytes(b"\0asm of other sources")
+    with pytest.raises(FileError, match="other sources"):
+        live_module.module()
+    assert run(["export", "atwood", "-o", str(tmp_path / "page.html")]) == 4
+    assert "make wasm" in capsys.readouterr().err
+    assert not (tmp_path / "page.html").exists()
