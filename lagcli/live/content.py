@@ -15,6 +15,7 @@ from lagcli.errors import UsageError
 from lagcli.live.columns import LiveColumns
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
+from lagcli.model.reading import shipped_models
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
@@ -23,6 +24,7 @@ from lagcli.pictures.style import PALETTE, constraint_colors
 from lagcli.play.controls import Control, controls
 from lagcli.play.equations import PlayEquations
 from lagcli.play.runs import MOST_SAMPLES, live_plot, model_word, plot_groups
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.resources import Resources, method_of, resources, settable_parameters
 from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation, prepare
@@ -52,8 +54,14 @@ class LiveContent(NamedTuple):
     resources: Resources
 
 
-def live_content(model: Model) -> LiveContent:
+def live_content(model: Model, settings: SettingsOverrides | None = None) -> LiveContent:
     """Return the content of a live page.
+
+    Parameters
+    ----------
+    model : Model
+    settings : SettingsOverrides, optional
+        Instead of those of the model.
 
     Raises
     ------
@@ -62,15 +70,15 @@ def live_content(model: Model) -> LiveContent:
     UsageError
         The model's own run fails, or goes through a singular configuration, which needs lagcli.
     """
-    return _Contents(model).content()
+    return _Contents(model, settings).content()
 
 
 class _Contents:
     """The content of the page of one model."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, settings: SettingsOverrides | None):
         self.model = model = with_rims(with_view(model))
-        self.simulation = _sampled(prepare(model))
+        self.simulation = _sampled(prepare(model, settings))
         blocks: list[Samples] = []
         self.record = self.simulation.run(blocks.append)
         _check(self.record)
@@ -287,20 +295,25 @@ class _Contents:
     def _command(self) -> dict[str, Any]:
         """Return the command line of the model's own run, and the values that it has."""
         model = self.model
+        word = model_word(model.path)
+        if not (os.path.exists(model.path) or word in shipped_models()):
+            word = f"{model.name}.yaml"  # that of a run: the page has it as a file
         return {
-            "words": shlex.join(["lagcli", "simulate", model_word(model.path)]),
+            "words": shlex.join(["lagcli", "simulate", word]),
             "set": {name: str(value) for name, value in model.set.items()},
             "set_initial": {name: str(value) for name, value in model.set_initial.items()},
         }
 
 
 def _sampled(simulation: Simulation) -> Simulation:
-    """Return a simulation with at most as many samples as a page draws quickly."""
-    settings = simulation.settings
-    if settings.sample_count <= MOST_SAMPLES:
-        return simulation
-    last = float(sample_times(settings)[-1])
-    settings = settings.replace(t_end=last, samples=MOST_SAMPLES, dt=None, times=None)
+    """Return a simulation as a page runs it: with at most as many samples as it draws quickly.
+
+    And never through a singular configuration: a run that needs that fails here.
+    """
+    settings = simulation.settings.replace(through_singular=False)
+    if settings.sample_count > MOST_SAMPLES:
+        last = float(sample_times(settings)[-1])
+        settings = settings.replace(t_end=last, samples=MOST_SAMPLES, dt=None, times=None)
     return dataclasses.replace(simulation, settings=settings)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import math
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -11,8 +12,13 @@ from string import Template
 from lagcli.live.content import live_content
 from lagcli.live.module import module
 from lagcli.live.words import words_of
+from lagcli.model.expression.units import to_si
+from lagcli.model.loader import load_text
 from lagcli.model.model import Model
+from lagcli.model.values import independent_parameters
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
+from lagcli.pictures.run_file import RunFile
+from lagcli.settings.settings import SettingsOverrides
 
 _PLAYER = ("lagcli.pictures", "assets")
 _PLAY = ("lagcli.play", "assets")
@@ -28,7 +34,63 @@ _WORKER = ("words.js", "core.js", "answers.js", "runs.js", "worker.js")
 _POLICY = ("script-src 'wasm-unsafe-eval'", "worker-src blob:", "img-src data:")
 
 
-def live_page(model: Model, lang: str = "en") -> str:
+#: Rounding of a value that an expression gives, relative.
+_SAME = 1e-12
+#: The settings of a run that its page has.
+_OF_RUN = (
+    *("t_start", "t_end", "samples", "dt", "times", "rtol", "atol", "method", "formulation"),
+    *("alpha", "beta", "max_step", "max_steps", "impacts", "closed"),
+)
+
+
+def live_page_of_run(run: RunFile, lang: str = "en") -> str:
+    """Return a page that simulates the model of a run, with its values and settings.
+
+    Parameters
+    ----------
+    run : RunFile
+    lang : str
+
+    Raises
+    ------
+    UsageError, ModelError, NumericalError, FileError
+        As `RunFile.model` and `live_page`.
+    """
+    options = {name: x for name, x in run.record.options.items() if name in _OF_RUN}
+    options["method"] = options["method"].split(", ")[-1]  # those that `auto` selected
+    if options.get("times") is not None:
+        options["times"] = tuple(options["times"])
+    return live_page(_model_of(run), lang, SettingsOverrides(**options))
+
+
+def _model_of(run: RunFile) -> Model:
+    """Return the model of a run with its values: guesses remain guesses, and expressions follow."""
+    model = run.model
+    written = load_text(model.text, model.path, {}, {}, model.data)
+    own = [*independent_parameters(written), *written.structural_parameters]
+    values = {
+        name: _in_unit(x, written.parameters[name].unit)
+        for name, x in model.parameter_values.items()
+    }
+    given = {name: values[name] for name in own}
+    followed = load_text(model.text, model.path, given, {}, model.data)
+    for name, x in model.parameter_values.items():
+        if not math.isclose(followed.parameters[name].value, x, rel_tol=_SAME, abs_tol=0.0):
+            given[name] = values[name]
+    initial = {}
+    for name, start in followed.initial.items():
+        text = _in_unit(model.initial[name].value, start.unit)
+        initial[name] = text if start.fixed else f"{{guess: {text}}}"
+    return load_text(model.text, model.path, given, initial, model.data)
+
+
+def _in_unit(value: float, unit: str | None) -> str:
+    """Return an SI value in the unit of the file, as the command line takes it."""
+    factor = float(to_si(unit)) if unit else 1.0
+    return f"{value!r}*1" if factor == 1.0 else f"{value / factor!r} {unit}"
+
+
+def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None = None) -> str:
     """Return a page that simulates a model.
 
     Parameters
@@ -36,6 +98,8 @@ def live_page(model: Model, lang: str = "en") -> str:
     model : Model
     lang : str
         Language of the page's own words: ``"en"``, ``"de"``, ``"fr"`` or ``"es"``.
+    settings : SettingsOverrides, optional
+        Instead of those of the model.
 
     Raises
     ------
@@ -48,7 +112,7 @@ def live_page(model: Model, lang: str = "en") -> str:
     """
     words = words_of(lang)
     core = module()
-    model, data, resources = live_content(model)
+    model, data, resources = live_content(model, settings)
     data["hello"]["page"] = model.title
     scripts = [
         asset("vendor/uplot/uPlot.iife.min.js"),

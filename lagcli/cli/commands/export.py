@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from lagcli.cli.options import (
     Force,
+    Language,
     Output,
     Quiet,
     SetInitial,
@@ -32,15 +33,6 @@ class ExportTarget(StrEnum):
     modelica = "modelica"
     fmu = "fmu"
     page = "page"
-
-
-class Language(StrEnum):
-    """Languages of pages."""
-
-    en = "en"
-    de = "de"
-    fr = "fr"
-    es = "es"
 
 
 class FmiVersion(StrEnum):

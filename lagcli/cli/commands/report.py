@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from lagcli.cli.options import Force, Quiet, ResultFile, ViewModel
+from lagcli.cli.options import Force, Language, Quiet, ResultFile, ViewModel
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, tell
 
@@ -25,6 +25,13 @@ def report(
             " or its state at a time: --modes start, equilibrium or 1.5.",
         ),
     ] = None,
+    live: Annotated[
+        bool,
+        Option(help="Of a run: write a page that simulates its model, with its values, instead."),
+    ] = False,
+    lang: Annotated[
+        Language, Option("--lang", help="Language of the words of a live page.")
+    ] = Language.en,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -32,12 +39,38 @@ def report(
 
     The report is one self-contained HTML file. It can be opened without a network, sent, or
     printed. With an installed LaTeX, -o run.pdf writes a run's equations and plots as PDF. A failed
-    run is shown up to its last sample and marked. Files of sweep, equilibrium, linearize, modes,
-    compare and fit have a report of their results.
+    run is shown up to its last sample and marked. With --live, the page simulates the run's model
+    in the browser, as that of `lagcli export -o page.html`. Files of sweep, equilibrium, linearize,
+    modes, compare and fit have a report of their results.
     """
+    if live or lang is not Language.en:
+        _check_live(live, output, title, modes)
+        from lagcli.live.page import live_page_of_run
+        from lagcli.pictures.run_file import RunFile
+        from lagcli.results.atomic import check_writable, whole_file
+
+        check_writable(output, force)
+        page = live_page_of_run(RunFile(file, model), lang.value).encode()
+        with whole_file(output, force) as target:
+            target.write(page)
+        if not quiet:
+            tell(f"{output}: {len(page) / 1000:.0f} kB")
+        return
     from lagcli.pictures.report import report as make
 
     made = make(file, output, title=title, model=model, modes=modes, force=force)
     print_notes(made.notes)
     if not quiet:
         tell(made.summary)
+
+
+def _check_live(live: bool, output: str, title: str | None, modes: str | None) -> None:
+    """Refuse options that do not go together."""
+    from lagcli.errors import UsageError
+
+    if not live:
+        raise UsageError("--lang is for pages that simulate: --live")
+    if title is not None or modes is not None:
+        raise UsageError("--title and --modes are for reports; a page that simulates has neither")
+    if not output.lower().endswith((".html", ".htm")):
+        raise UsageError(f"{output}: a page that simulates ends in .html")
