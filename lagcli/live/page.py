@@ -66,13 +66,14 @@ def live_page_of_run(run: RunFile, lang: str = "en") -> str:
 def _model_of(run: RunFile) -> Model:
     """Return the model of a run with its values: guesses remain guesses, and expressions follow."""
     model = run.model
-    written = load_text(model.text, model.path, {}, {}, model.data)
-    own = [*independent_parameters(written), *written.structural_parameters]
+    sizes = {name: f"{model.parameters[name].value!r}*1" for name in model.structural_parameters}
+    written = load_text(model.text, model.path, sizes, {}, model.data)
+    own = independent_parameters(written)
     values = {
         name: _in_unit(x, written.parameters[name].unit)
         for name, x in model.parameter_values.items()
     }
-    given = {name: values[name] for name in own}
+    given = {**sizes, **{name: values[name] for name in own}}
     followed = load_text(model.text, model.path, given, {}, model.data)
     for name, x in model.parameter_values.items():
         if not math.isclose(followed.parameters[name].value, x, rel_tol=_SAME, abs_tol=0.0):

@@ -62,6 +62,14 @@ def test_the_page_of_a_run_has_its_values_and_settings(tmp_path: Path) -> None:
     assert data["guesses"] == ["y", "y'"]
 
 
+def test_the_page_of_a_run_has_its_number_of_members(tmp_path: Path) -> None:
+    needs_core()
+    result, page = tmp_path / "run.h5", tmp_path / "run.html"
+    assert run(["simulate", "chain", "--set", "N=3", "-o", str(result), "-q"]) == 0
+    assert run(["report", str(result), "--live", "-o", str(page), "-q"]) == 0
+    assert len(content(page.read_text("utf-8"))["names"]["coordinates"]) == 6
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -81,6 +89,6 @@ def test_structural_parameters_and_singular_motions_are_left_to_lagcli() -> None
     needs_core()
     chain = content(lagcli.live_page(lagcli.load("chain")))
     assert "N" not in {control["name"] for control in chain["hello"]["controls"]}
-    failing = lagcli.load_text(MODEL.replace("m*9.81*y", "m*9.81*log(x)"))
+    failing = lagcli.load_text(MODEL.replace("m*9.81*y", "m*9.81*l*log(x/l)"))
     with pytest.raises(UsageError, match="completed"):
         lagcli.live_page(failing)
