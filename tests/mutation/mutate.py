@@ -112,6 +112,7 @@ AREAS = {
         (
             "lagcli/engine/constraints/singular.py",
             "lagcli/engine/constraints/random_states.py",
+            "lagcli/engine/constraints/random_states.py",
             "lagcli/analysis/check/rank.py",
             "lagcli/engine/core/watch.c",
         ),
@@ -122,6 +123,7 @@ AREAS = {
             "tests/unit/analysis/check/test_rank.py",
             "tests/unit/engine/integrate/test_watch.py",
             "tests/physics/test_found_mechanisms.py",
+            "tests/physics/test_singular_configurations.py",
         ),
     ),
 }
@@ -329,21 +331,21 @@ class Copy:
         process.start()
         sender.close()
         last = "the start of the tests"
-        told: Any = None
+        outcome: Any = None
         try:
-            while not isinstance(told, Outcome):
+            while not isinstance(outcome, Outcome):
                 if not receiver.poll(LONGEST):
                     process.kill()
-                told = receiver.recv()
-                last = last if isinstance(told, Outcome) else told
+                outcome = receiver.recv()
+                last = last if isinstance(outcome, Outcome) else outcome
         except EOFError:  # the process has ended
-            told = Outcome(last, {})
+            outcome = Outcome(last, {})
         process.join()
-        if told.failed is None:
-            self.durations = told.durations
+        if outcome.failed is None:
+            self.durations = outcome.durations
         else:
-            self.kills[told.failed] += 1
-        return told.failed
+            self.kills[outcome.failed] += 1
+        return outcome.failed
 
     def killer(self, mutant: Mutant) -> str | None:
         """Return a test that fails with a mutant, or None.

@@ -78,3 +78,18 @@ def test_measures_of_a_sweep() -> None:
     # all impulses: m v (1 + e) Σ eᵏ of the impacts that are counted, before it comes to rest
     for (_, count, impulse), e in zip(found, (0.2, 0.4), strict=True):
         assert impulse == pytest.approx(2 * SPEED * (1 + e) * (1 - e**count) / (1 - e), rel=1e-9)
+
+
+def test_a_ball_that_comes_to_rest_still_slides() -> None:
+    """All impulses of the floor are m g t at rest, so that friction has taken μ g t of x'."""
+    text = MODEL.replace("{y: m}", "{x: m, y: m}").replace("y'^2", "(x'^2 + y'^2)")
+    text = text.replace("restitution: e}", "restitution: e, friction: 0.1, slip: x'}")
+    model = lagcli.load_text(text.replace("initial: {", "initial: {x: 0, x': 5, "))
+    run = lagcli.simulate(model, t_end=2.0, samples=41)
+    assert run.events is not None
+    (rest,) = run.events.rests()
+    later = run.time > rest.time
+    assert later.sum() > 10
+    # within what friction changes during the impacts that are left out
+    np.testing.assert_allclose(run.v[later, 0], 5 - 0.981 * run.time[later], rtol=0, atol=1e-4)
+    assert (run.v[later, 0] > 3).all()

@@ -160,9 +160,11 @@ def test_messages_name_constraints_and_ways_out(watch: RankWatch) -> None:
     assert "Radau" not in str(watch.floor(0.25, fast, "auto"))
 
 
-@pytest.mark.parametrize("speed", [0.0, 1.0])
-def test_a_singular_start_is_distinguished_from_redundant_constraints(speed: float) -> None:
-    q, v = np.zeros(2), np.full(2, speed)
+@pytest.mark.parametrize(("turns", "speed"), [(0, 0.0), (0, 1.0), (300, 1.0)])
+def test_a_singular_start_is_distinguished_from_redundant_constraints(
+    turns: int, speed: float
+) -> None:
+    q, v = np.full(2, turns * math.tau), np.full(2, speed)
     found = motion("cos(phi) = cos(psi)", rank=0)
     found.lengths[:] = 0.0
     found.measure(0.0, q, v)
@@ -178,8 +180,8 @@ initial: {x: 0, y: 0, x': 0, y': 0}
 """)
     )
     found = Index1(Evaluator(system, p), 1)
-    found.measure(0.0, q, v)
-    RankWatch(found).check_start(0.0, q, 0 * v, Projection(found.evaluator, 1))
+    found.measure(0.0, 0 * q, v)
+    RankWatch(found).check_start(0.0, 0 * q, 0 * v, Projection(found.evaluator, 1))
 
 
 G = 9.81

@@ -253,6 +253,16 @@ def test_no_step_passes_a_singular_configuration_unseen(method: str, explicit: b
         assert float(match[1]) == pytest.approx(np.pi - start, abs=1e-6)
 
 
+@pytest.mark.parametrize("order", ["x, w", "w, x"])
+def test_a_row_of_one_entry_that_changes_is_not_passed(order: str) -> None:
+    model = lagcli.load_text(
+        f"coordinates: [{order}]\nT: (x'^2 + w'^2)/2\nconstraints: {{one: x*cos(w) = 0}}\n"
+        "initial: {x: 0, x': 0, w: 0.2, w': 1}\n"
+    )
+    found = lagcli.simulate(model, t_end=4.0, samples=2)
+    assert "singular configuration at t = 1.3707" in found.message
+
+
 def test_long_steps_of_a_method_with_few_stages_are_examined() -> None:
     """Radau's three stages may all lie far from the configuration, but not all equally far."""
     rng = np.random.default_rng(6)
