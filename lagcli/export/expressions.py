@@ -214,7 +214,7 @@ class Helper(NamedTuple):
 
 def helpers(used: frozenset[Op], syntax: Syntax) -> list[Helper]:
     """Return the functions that code defines for operations that no language has."""
-    found = []
+    defined = []
     for op in sorted(op for op in used if _helper(op)):
         if op is Op.CLIP:
             comment = "a, or 0 where it is negative by rounding of terms whose squares add up to b."
@@ -226,8 +226,8 @@ def helpers(used: frozenset[Op], syntax: Syntax) -> list[Helper]:
             inner = syntax.text(_bounded(op.function.domain))
             value = f"{syntax.function(op)}({inner})"
         names = ("a", "b") if op is Op.CLIP else ("x",)
-        found.append(Helper(_helper(op), names, value, comment))
-    return found
+        defined.append(Helper(_helper(op), names, value, comment))
+    return defined
 
 
 def _operation(op: Op, *operands: Expression) -> AppliedOperation:

@@ -288,12 +288,12 @@ def experiments_of(
     derived: list[tuple[Equations, System]] = []
     for model, chosen, measured in zip(models, settings, data, strict=True):
         assert model.fit is not None
-        alike = next((x for x in derived if _alike(x[0].model, model)), None)
-        if alike is None:
+        known = next((x for x in derived if _same_equations(x[0].model, model)), None)
+        if known is None:
             equations = derive(model)
-            alike = equations, lower(equations)
-            derived.append(alike)
-        equations, system = replace(alike[0], model=model), alike[1]
+            known = equations, lower(equations)
+            derived.append(known)
+        equations, system = replace(known[0], model=model), known[1]
         experiments.append(
             Experiment(equations, system, chosen, model.fit.observed, names, measured)
         )
@@ -312,7 +312,7 @@ def _refuse_changed(model: Model, expressions: Sequence[se.Basic]) -> None:
             )
 
 
-def _alike(first: Model, second: Model) -> bool:
+def _same_equations(first: Model, second: Model) -> bool:
     """Return whether two variants of a model have the same equations."""
     return first.coordinate_names == second.coordinate_names and all(
         first.parameters[name].value == second.parameters[name].value

@@ -133,14 +133,14 @@ def merged(terms: Sequence[Term]) -> list[Term]:
 
     a Σ x_j + a Σ y_j becomes a Σ (x_j + y_j), and 2 x + 2 Σ y_j becomes 2 (x + Σ y_j).
     """
-    alike: dict[object, list[int]] = {}
+    by_template: dict[object, list[int]] = {}
     for i, (_, term) in enumerate(terms):
         before, last = _split(term)
         key: object = i
         if isinstance(last, IndexedSum):
             key = before, last.index, last.first, last.last
-        alike.setdefault(key, []).append(i)
-    return _without_numbers([_joined([terms[i] for i in group]) for group in alike.values()])
+        by_template.setdefault(key, []).append(i)
+    return _without_numbers([_joined([terms[i] for i in group]) for group in by_template.values()])
 
 
 def _split(term: Node) -> tuple[tuple[Node, ...], Node]:
@@ -313,7 +313,7 @@ def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list
     return parts
 
 
-def _alike(item: Sequence[Line], first: Sequence[Line], template: list[list[Node]]) -> bool:
+def _same_form(item: Sequence[Line], first: Sequence[Line], template: list[list[Node]]) -> bool:
     """Return whether an item has the same notes as another and as many sides as its template."""
     sides = [len(x.sides) + 1 for x in item]
     return [x.note for x in item] == [x.note for x in first] and sides == list(map(len, template))
@@ -322,7 +322,7 @@ def _alike(item: Sequence[Line], first: Sequence[Line], template: list[list[Node
 def _matches(
     item: Sequence[Line], first: Sequence[Line], template: list[list[Node]], index: int
 ) -> bool:
-    if not _alike(item, first, template):
+    if not _same_form(item, first, template):
         return False
     return all(
         at_index(general, index) == node
@@ -339,7 +339,7 @@ def holds_at(
     numbers: Mapping[str, int],
 ) -> bool:
     """Return whether a template holds for an item, in any arrangement."""
-    if not _alike(item, first, template):
+    if not _same_form(item, first, template):
         return False
     for line, (label, *sides) in zip(item, template, strict=True):
         own, *formulas = _nodes(line)

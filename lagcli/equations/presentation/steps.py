@@ -22,7 +22,7 @@ from lagcli.equations.typesetting.nodes import (
     Rate,
     Step,
     Symbol,
-    alike,
+    equal_except_for_order,
     sum_of,
     weight,
 )
@@ -119,7 +119,7 @@ def _written(f: Formulas, key: str) -> list[Node]:
             sides.append(inserted)
     if key not in trees or f.uses_definitions(trees[key]):
         arranged = f.arrange(expression)
-        if not any(alike(arranged, x) for x in sides):
+        if not any(equal_except_for_order(arranged, x) for x in sides):
             sides.append(arranged)
     return sides
 

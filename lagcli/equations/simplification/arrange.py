@@ -485,8 +485,8 @@ class Arranger:
         ]
         terms: list[tuple[Key, Node]] = []
         for motion_class in sorted({part.motion_class for part in inner}):
-            alike = [part for part in inner if part.motion_class == motion_class]
-            terms += self._terms(alike, len(alike) < len(inner), expansion, style)
+            of_class = [part for part in inner if part.motion_class == motion_class]
+            terms += self._terms(of_class, len(of_class) < len(inner), expansion, style)
         sign, bracket = oriented(terms)
         shared = self._monomial(common, expansion)
         last = TermFactor(bracket, Fraction(1), (position.LAST,))

@@ -322,7 +322,7 @@ def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:
         stack.extend(children(item))
 
 
-def alike(one: Node, two: Node) -> bool:
+def equal_except_for_order(one: Node, two: Node) -> bool:
     """Whether two formulas differ only in the order of their terms and factors."""
     return one == two or _sorted(one) == _sorted(two)
 

@@ -138,7 +138,7 @@ class DimensionEvaluator:
         value = self.value(tree)
         return UNKNOWN if isinstance(value, TensorDimension) else value
 
-    def alike(self, parts: Iterable[Tree], reason: str) -> Value:
+    def common(self, parts: Iterable[Tree], reason: str) -> Value:
         """Return the common dimension of parts; report the first that differs."""
         first, *others = parts
         total, shown = self.term(first), first
@@ -227,7 +227,7 @@ class DimensionEvaluator:
         return self.names.value(tree)
 
     def _sum(self, tree: SumExpr) -> Value:
-        return self.alike([term for _, term in tree.terms], "sum")
+        return self.common([term for _, term in tree.terms], "sum")
 
     def _series(self, tree: IndexedSumExpr) -> Value:
         total: Value = ZERO
@@ -302,7 +302,7 @@ class DimensionEvaluator:
             return self._function(name, FUNCTIONS[name].dimension, arguments)
         if name == "if":
             self.value(arguments[0])
-            return self.alike(arguments[1:], "cases")
+            return self.common(arguments[1:], "cases")
         return self._tensor_call(tree)
 
     def _function(
@@ -317,9 +317,9 @@ class DimensionEvaluator:
                     return NUMBER
                 return ONE if rule is DimensionRule.NUMBER else ANGLE
             case DimensionRule.SAME:
-                return self.alike(arguments, "arguments")
+                return self.common(arguments, "arguments")
             case DimensionRule.DIRECTION:
-                self.alike(arguments, "arguments")
+                self.common(arguments, "arguments")
                 return ANGLE
             case DimensionRule.SIGN:
                 self.value(arguments[0])
@@ -372,7 +372,7 @@ class DimensionEvaluator:
         return value
 
     def _comparison(self, tree: Comparison) -> Value:
-        self.alike(tree.operands, "comparison")
+        self.common(tree.operands, "comparison")
         return ONE
 
     def _logical(self, tree: LogicalExpr) -> Value:

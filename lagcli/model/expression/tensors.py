@@ -237,7 +237,9 @@ def choose(condition: Basic, a: Basic | Tensor, b: Basic | Tensor) -> Basic | Te
     if not (isinstance(a, Tensor) or isinstance(b, Tensor)):
         return cases(condition, a, b)
     if not (isinstance(a, Tensor) and isinstance(b, Tensor) and a.shape == b.shape):
-        raise ShapeError(f"the cases of if() must be alike, not {kind_of(a)} and {kind_of(b)}")
+        raise ShapeError(
+            f"the cases of if() must be of the same kind, not {kind_of(a)} and {kind_of(b)}"
+        )
     return Tensor(
         tuple(
             tuple(cases(condition, x, y) for x, y in zip(r, s, strict=True))

@@ -122,10 +122,10 @@ class _Expansion:
                 f"write `{name}({', '.join(macro.arguments)})`",
             )
         if name in calls:
-            circle = " → ".join(f"`{x}`" for x in (*calls[calls.index(name) :], name))
+            cycle = " → ".join(f"`{x}`" for x in (*calls[calls.index(name) :], name))
             raise error_at(
                 "circular",
-                f"the function `{name}` calls itself: {circle}",
+                f"the function `{name}` calls itself: {cycle}",
                 tree,
                 "a function cannot be recursive; a recursive definition of a family can",
             )

@@ -246,8 +246,8 @@ class ContactFields:
     def _both(self, of: _Pair, field: str, indices: Indices) -> tuple[Basic | None, Basic | None]:
         """Return the static and the kinetic value."""
         static = self._value(of.static, field, indices)
-        alike = of.kinetic is of.static
-        return static, static if alike else self._value(of.kinetic, field, indices)
+        same = of.kinetic is of.static
+        return static, static if same else self._value(of.kinetic, field, indices)
 
     def _value(
         self, formula: Formula | None, field: str, indices: Indices, most: float | None = None

@@ -84,7 +84,7 @@ def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, D
             built[name] = sized
 
     def cycle(names: list[str]) -> None:
-        report_circle(draft, "definition", names, {n: members[n].declaration.key for n in names})
+        report_cycle(draft, "definition", names, {n: members[n].declaration.key for n in names})
 
     draft.names.definitions = {name: partial(value, name) for name in members}
     build_on_demand(_order(draft, members, entries), build, cycle)
@@ -139,7 +139,7 @@ def _order(
     return [name for family in order for name in below[family]]
 
 
-def report_circle(draft: Draft, what: str, cycle: list[str], keys: Mapping[str, YamlNode]) -> None:
+def report_cycle(draft: Draft, what: str, cycle: list[str], keys: Mapping[str, YamlNode]) -> None:
     """Report names that are defined by each other."""
     places = [keys[name].location for name in cycle]
     first = min(range(len(cycle)), key=lambda i: places[i].line)

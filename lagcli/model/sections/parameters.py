@@ -30,7 +30,7 @@ from lagcli.model.names.draft import (
 )
 from lagcli.model.names.families import Declaration, Member, bounds, by_name, members_of
 from lagcli.model.names.members import family_of, members_clause, names_in
-from lagcli.model.sections.definitions import report_circle
+from lagcli.model.sections.definitions import report_cycle
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
@@ -335,7 +335,7 @@ class _ParameterReader:
             job = self.jobs[name]
             own = name in self.overrides
             keys[name] = job.quantity.parsed.node if own else job.member.declaration.key
-        report_circle(self.draft, "parameter", cycle, keys)
+        report_cycle(self.draft, "parameter", cycle, keys)
 
 
 def names_used(tree: Tree) -> list[str]:

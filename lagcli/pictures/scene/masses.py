@@ -37,7 +37,7 @@ def bodies_of(model: Model) -> dict[str, str]:
     Sums that contain the velocity of one vector and the angular velocity of one rotation, as
     ``body(m, J, r, R)`` does, are the energies of bodies.
     """
-    found = {}
+    bodies = {}
     for key in ("T", "L", *map(str, model.definitions)):
         for part in walk(model.trees[key]) if key in model.trees else ():
             if not isinstance(part, SumExpr):
@@ -51,8 +51,8 @@ def bodies_of(model: Model) -> dict[str, str]:
                 if isinstance(x.arguments[0], Name)
             }
             if len(places) == len(turns) == 1:
-                found[turns.pop()] = places.pop()
-    return found
+                bodies[turns.pop()] = places.pop()
+    return bodies
 
 
 def moving_names(model: Model) -> set[str]:
@@ -86,9 +86,9 @@ def masses(model: Model, points: Mapping[str, tuple[Basic, ...]]) -> tuple[str, 
                 vectors.add(tuple(value.entries))
             else:
                 known.add(value)
-    found = []
+    fixed = []
     for name, place in points.items():
         free = [x for x in place if not x.free_symbols.isdisjoint(symbols)]
         if free and (place in vectors or known.issuperset(free)):
-            found.append(name)
-    return tuple(found)
+            fixed.append(name)
+    return tuple(fixed)

@@ -218,14 +218,14 @@ class Scene:
         )
         masses = np.array([name in self.masses for name in bodies])
         counts = np.array(list(bodies.values()))
-        found = []
+        pins = []
         for i, name in enumerate(bodies):
             together = np.abs(at - at[i]).max(axis=1, initial=0.0) <= _TOGETHER * size
             together[i] = True  # also if it is nowhere
             meeting = counts[together].sum() > 1 and not masses[together].any()
             if meeting and not together[:i].any():
-                found.append(name)
-        return tuple(found)
+                pins.append(name)
+        return tuple(pins)
 
     def to_json(self, numbers: Callable[[Array], Any] | None = None) -> dict[str, Any]:
         """Return JSON values, as the module says.

@@ -190,7 +190,7 @@ def test_taylor_continues_if_it_pays() -> None:
 
 def test_a_run_that_is_soon_over_expands_nothing() -> None:
     core = Core()
-    found = methods(core, expand=lambda: pytest.fail("prepared in vain"), t_end=2.0)
+    found = methods(core, expand=lambda: pytest.fail("prepared without need"), t_end=2.0)
     reviewed(found, core, 1990, 1e-3)
     assert found.running == "DOP853"
     assert found.choice() == "DOP853 (too few steps for the preparation of another method)"
@@ -211,7 +211,7 @@ def test_there_is_no_change_to_a_method_that_does_not_suit() -> None:
 
 def test_steps_near_singular_configurations_keep_dop853() -> None:
     core = Core()
-    found = methods(core, expand=lambda: pytest.fail("prepared in vain"))
+    found = methods(core, expand=lambda: pytest.fail("prepared without need"))
     for _ in range(32):
         core.examined += 40
         reviewed(found, core, 1, 1e-3)

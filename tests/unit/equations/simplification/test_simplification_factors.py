@@ -13,7 +13,14 @@ from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.render import render
 from lagcli.equations.simplification.arrange import Arranger
 from lagcli.equations.simplification.factors import ordered, oriented
-from lagcli.equations.typesetting.nodes import Call, Sum, Symbol, alike, product_of, sum_of
+from lagcli.equations.typesetting.nodes import (
+    Call,
+    Sum,
+    Symbol,
+    equal_except_for_order,
+    product_of,
+    sum_of,
+)
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula
 from lagcli.model.loader import load_text
@@ -67,10 +74,10 @@ def test_prescribed_motions_have_their_names():
 
 def test_formulas_that_differ_in_order_only_are_not_repeated():
     a, b = Symbol("a"), Call("sin", (Symbol("b"),))
-    assert alike(
+    assert equal_except_for_order(
         sum_of([(1, a), (-1, product_of([a, b]))]), sum_of([(-1, product_of([b, a])), (1, a)])
     )
-    assert not alike(sum_of([(1, a), (-1, b)]), sum_of([(-1, a), (1, b)]))
+    assert not equal_except_for_order(sum_of([(1, a), (-1, b)]), sum_of([(-1, a), (1, b)]))
     text = page("chaplygin_sleigh", steps=True)
     assert text.count("½ m [(ẋ − a θ̇ sin θ)² + (ẏ + a θ̇ cos θ)²]") == 2  # T and L
 
