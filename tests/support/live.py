@@ -88,10 +88,11 @@ class Live:
                 made["columns"] = np.array(made["columns"], dtype=float)
         return found["made"]
 
-    def content_place(self, name: str) -> int:
-        """Return the place of a column or output among the numbers of a sample."""
+    @property
+    def drawn(self) -> dict[str, int]:
+        """The places of the columns that the page draws: of many outputs, some."""
         plots = self.content.data["plots"].values()
-        return next(c["column"] for plot in plots for c in plot["series"] if c["name"] == name)
+        return {curve["name"]: curve["column"] for plot in plots for curve in plot["series"]}
 
     def quantities(self, made: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return t, q, v and λ of an outcome."""
