@@ -6,6 +6,7 @@ lagcli derived (`comparison.tape_equations`).
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
@@ -189,6 +190,7 @@ def compare_methods(case: PortedCase, longer: int, rounds: int) -> dict[str, flo
 
 def _run(case: PortedCase, method: str, longer: int) -> float | str:
     """Return the processor time of one run, or how it ends."""
+    gc.collect()  # what earlier runs left is not theirs
     began = time.process_time()
     prepared = simulation.prepare(case.load(), case.settings(longer, method=method))
 
