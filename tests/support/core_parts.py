@@ -90,6 +90,7 @@ class lag_model(Structure):
         ("break_count", ctypes.c_int64),
         *((name, c_int) for name in ("function_count", "pivots_count", "event_count")),
         *((name, c_void_p) for name in ("functions", "pivots", "events")),
+        ("left_out", Integers),
         *((name, lag_program) for name in ("dynamics", "unrolled", "explicit_time")),
         ("elimination", lag_elimination),
         ("series", lag_series_program),

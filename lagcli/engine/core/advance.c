@@ -5,6 +5,7 @@
 
 #include "breaks.h"
 #include "derivatives/changes.h"
+#include "left_out.h"
 #include "methods/control.h"
 #include "methods/dop853.h"
 #include "methods/method.h"
@@ -97,6 +98,7 @@ static int finish(lag_run *run)
     run->step.finishing = 0;
     if (run->watch.mode)
         lag_watch_accept(run);
+    run->rows.margin -= run->watch.path.length;
     memcpy(run->step.y, run->step.y_new, (size_t)n * sizeof(double));
     if (run->method->uses_slope) {
         memcpy(run->step.f, run->step.f_new, (size_t)n * sizeof(double));
@@ -208,6 +210,8 @@ int lag_advance(lag_run *run, int64_t slice)
                 return LAG_NEAR;
             if (run->rows.contradicted)
                 return LAG_CONTRADICTED;
+            if (lag_overlooked(run) && lag_take_all_rows(run, 2))
+                return LAG_INACCURATE;
             if (run->stiffness.stiff >= STIFF && run->step.t < run->settings.t_end && !run->switching.acting) {
                 run->stiffness.stiff = 0;
                 return LAG_STIFF;
@@ -228,6 +232,8 @@ int lag_advance(lag_run *run, int64_t slice)
             return LAG_RUNNING;
         if (run->solver.dense_steps)
             --run->solver.dense_steps;
+        if (lag_check_left_out(run) && lag_take_all_rows(run, 1))
+            return LAG_INACCURATE;
         status = run->method->step(run);
         if (status != LAG_RUNNING)
             return status;
@@ -241,7 +247,7 @@ int lag_advance(lag_run *run, int64_t slice)
                 continue;
             return LAG_INACCURATE;
         }
-        run->rows.contradicted = lag_projects(run)
+        run->rows.contradicted = lag_projects(run) && !lag_left_out(run)
                             && lag_contradiction(run, run->step.t, run->step.y_new) > CONTRADICTION;
         const int over = run->watch.mode && lag_stepped_over(run);
         if (over && run->watch.mode == 1) {

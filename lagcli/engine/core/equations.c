@@ -156,6 +156,8 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
     for (int i = 0; i < n; ++i)
         x[i] = i < nq ? run->solver.a[i] : -run->solver.a[i];
     lag_residual(run, run->solver.right, x, r, size);
+    for (int j = lag_left_out(run) - 1; j >= 0; --j)
+        r[nq + run->rows.left_out[j]] = 0.0; /* lag_contradiction is about these */
     for (int i = 0; i < n; ++i)
         all = size[i] > all ? size[i] : all;
     for (int i = 0; i < n; ++i)
@@ -175,13 +177,26 @@ double lag_contradiction(lag_run *run, double t, const double *y)
     if (!extra || lag_accelerate_system(run, t, y, 0, &power))
         return 0.0;
     --run->step.evaluations;
-    for (int i = 0; i < nc; ++i) {
-        double part = 0.0;
-        for (int j = 0; j < extra; ++j)
-            part += run->rows.dependencies[j * nc + i] * taken[j];
-        most = fmax(most, fabs(part));
-        terms = fmax(terms, fabs(OUT(d, lag_first_rhs(s) + i)) / run->rows.lengths[i]);
+    if (lag_left_out(run)) {
+        double *defect = run->step.work;
+        for (int i = 0; i < nc; ++i)
+            defect[i] = OUT(d, lag_first_rhs(s) + i);
+        for (int i = 0; i < s->nb; ++i)
+            defect[s->jacobian_row[i]] -= OUT(d, lag_first_jacobian(s) + i) * run->solver.a[s->jacobian_column[i]];
+        for (int j = 0; j < extra; ++j) {
+            const int i = run->rows.left_out[j];
+            most = fmax(most, fabs(defect[i]) / run->rows.lengths[i]);
+        }
+    } else {
+        for (int i = 0; i < nc; ++i) {
+            double part = 0.0;
+            for (int j = 0; j < extra; ++j)
+                part += run->rows.dependencies[j * nc + i] * taken[j];
+            most = fmax(most, fabs(part));
+        }
     }
+    for (int i = 0; i < nc; ++i)
+        terms = fmax(terms, fabs(OUT(d, lag_first_rhs(s) + i)) / run->rows.lengths[i]);
     for (int i = 0; i < nq; ++i)
         terms = fmax(terms, fabs(run->solver.a[i]) / run->rows.sizes[i]);
     return terms > 0.0 ? most / terms : 0.0;

@@ -22,7 +22,7 @@ int lag_accelerate_on_branch(lag_run *run, double t, const double *y, int refine
 double lag_inaccuracy(lag_run *run, double t, const double *y, int refined);
 
 /* How far redundant constraints contradict each other in B a = gamma at a state, next to the terms of
- * this; 0 where none is redundant. */
+ * this; 0 where none is redundant. Where rows are left out: how far a is from satisfying these. */
 double lag_contradiction(lag_run *run, double t, const double *y);
 
 /* How far a and lambda may be from satisfying them. */

@@ -99,7 +99,7 @@ typedef struct {
 /* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
  * numbers in that order. */
 typedef struct {
-    int n;                  /* nq + nc, of one block */
+    int n;                  /* nq + nc, of one block; without the rows that are left out */
     const int32_t *order;   /* n: the unknown at each place */
     const int32_t *paired;  /* n: whether a pivot of order two begins at the place */
     const int32_t *start;   /* n + 1: start of each column of L */
@@ -287,6 +287,10 @@ void lag_destroy(lag_run *run);
 int lag_use_dense(lag_run *run, const lag_program *dynamics);
 int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_elimination *plan);
 int lag_use_unrolled(lag_run *run, const lag_program *dynamics);
+
+/* Say which nc - rank rows of B, ascending, follow from the others: an elimination that leaves them out is used next.
+ * Their multipliers are 0 in its solution; samples have the multipliers of least norm. */
+int lag_leave_out(lag_run *run, const int32_t *rows);
 
 /* Use the dense solution for the next steps, regardless of other settings. */
 int lag_allow_dense(lag_run *run, int64_t steps);

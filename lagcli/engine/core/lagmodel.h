@@ -7,6 +7,7 @@
  *   LAG_MODEL_MAGIC, LAG_MODEL_VERSION, the number of words
  *   a sum of lag_model_contents; the number of steps after which an elimination in a loop is replaced by the unrolled one
  *   lag_equations; lag_problem; the times of breaks; the number of known functions, each a lag_function
+ *   where rank is less than nc, with LAG_MODEL_LOOP or LAG_MODEL_UNROLLED, the rows for lag_leave_out
  *   with LAG_MODEL_PLAIN, the program of the dynamics; also with LAG_MODEL_LOOP, lag_elimination
  *   with LAG_MODEL_UNROLLED, the program of the dynamics with the unrolled elimination
  *   with LAG_MODEL_TIME, the program of the functions for lag_use_explicit_time
@@ -87,6 +88,7 @@ typedef struct {
     int64_t break_count;
     int function_count, pivots_count, event_count;
     const void *functions, *pivots, *events; /* where they are in the data */
+    const int32_t *left_out;           /* nc - rank; NULL without an elimination */
     lag_program dynamics, unrolled, explicit_time;
     lag_elimination elimination;
     lag_series_program series;

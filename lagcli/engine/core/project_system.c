@@ -40,7 +40,23 @@ static void raise_scales(lag_run *run, double t, const double *y)
     }
 }
 
-int lag_project_system(lag_run *run, double t, double *y)
+/* Take the residuals of rows that are left out from those at the given places; return the largest over its scale. */
+static double take_left_out(const lag_run *run, const int32_t *places, double *residual, const double *now,
+                            const double *scale)
+{
+    double most = 0.0;
+    for (int j = lag_left_out(run) - 1; j >= 0; --j) {
+        const int i = places[j];
+        if (i < 0)
+            continue;
+        most = fmax(most, fabs(residual[i]) / fmax(fmax(now[i], scale[i]), 1e-300));
+        residual[i] = 0.0;
+    }
+    return most;
+}
+
+/* Project with the solution in use. LAG_OFF where a state on the other constraints violates those that are left out. */
+static int project(lag_run *run, double t, double *y)
 {
     const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
@@ -50,12 +66,8 @@ int lag_project_system(lag_run *run, double t, double *y)
     const int first_velocity = lag_constraint_velocity(s);
     const lag_vector_kernel *vectors = s->vectors;
     double *rhs = run->step.work, *residual = rhs + nc, *scale = residual + nc, *x = run->solver.a;
-    double best = INFINITY;
+    double best = INFINITY, left = 0.0; /* of the rows that are left out */
     int met = 0;
-    if (nc == 0)
-        return LAG_RUNNING;
-    run->failure.t = t;
-    memcpy(run->failure.y, y, (size_t)lag_size(s) * sizeof(double));
     if (lag_factor(run, t, y))
         return LAG_UNDEFINED;
     for (int iteration = 0; iteration < PROJECTIONS; ++iteration) {
@@ -63,6 +75,7 @@ int lag_project_system(lag_run *run, double t, double *y)
         if (!isfinite(vectors->pick(nh, c->registers, c->outputs, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nh, c->registers, c->outputs + scale_position, scale);
+        left = take_left_out(run, run->rows.place_left_out, residual, scale, run->projection.scale_position);
         double worst = vectors->largest(nh, residual, scale, run->projection.scale_position);
         if (iteration == RAISE && worst > RESIDUAL) {
             raise_scales(run, t, y);
@@ -87,7 +100,7 @@ int lag_project_system(lag_run *run, double t, double *y)
         for (int i = 0; i < nq; ++i)
             y[i] += x[i];
     }
-    if (!met)
+    if (!met || left > NOT_REACHED)
         return LAG_OFF;
     /* linear in the velocities: the second pass removes rounding, and the effect of the change of B since it was
      * factored */
@@ -96,6 +109,7 @@ int lag_project_system(lag_run *run, double t, double *y)
         if (!isfinite(vectors->pick(nc, c->registers, c->outputs + first_velocity, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nc, c->registers, c->outputs + scale_velocity, scale);
+        left = take_left_out(run, run->rows.left_out, residual, scale, run->projection.scale_velocity);
         if (vectors->largest(nc, residual, scale, run->projection.scale_velocity) <= RESIDUAL)
             break;
         for (int i = 0; i < nc; ++i)
@@ -105,5 +119,23 @@ int lag_project_system(lag_run *run, double t, double *y)
         for (int i = 0; i < nq; ++i)
             y[nq + i] += x[i];
     }
-    return LAG_RUNNING;
+    return left > LEFT_OUT ? LAG_OFF : LAG_RUNNING;
+}
+
+int lag_project_system(lag_run *run, double t, double *y)
+{
+    const lag_system *s = &run->system;
+    if (s->nc == 0)
+        return LAG_RUNNING;
+    run->failure.t = t;
+    memcpy(run->failure.y, y, (size_t)lag_size(s) * sizeof(double));
+    int status = project(run, t, y);
+    if (status == LAG_OFF && lag_left_out(run)) { /* they do not follow from the others here, or not by scales so far */
+        const int64_t dense_steps = run->solver.dense_steps;
+        memcpy(y, run->failure.y, (size_t)lag_size(s) * sizeof(double));
+        run->solver.dense_steps = 1;
+        status = project(run, t, y);
+        run->solver.dense_steps = dense_steps;
+    }
+    return status;
 }

@@ -8,6 +8,7 @@
 #define RESIDUAL 2e-15      /* of the constraint's scale: end of a projection */
 #define NOT_REACHED 1e-10   /* of the scale: beyond it no consistent state is nearby */
 #define LEAST_PART 1e-3     /* of the system's size: minimum size of a coordinate by its inertia */
+#define LEFT_OUT 1e-8       /* of the scale: of velocities, beyond it a row that is left out does not follow from others */
 #define RAISE 2             /* Newton steps after which minimum scales are evaluated */
 
 /*

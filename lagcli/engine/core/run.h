@@ -106,6 +106,10 @@ typedef struct {
     int *order;                        /* nc */
     double *components;                /* nc * nc */
     double *dependencies;              /* (nc - rank) * nc */
+    double margin;                     /* left_out.c: path of B for which the rows that are not left out suffice */
+    int poor;                          /* steps in which they did not */
+    int32_t *left_out, *place_left_out; /* nc - rank: rows that follow from the others, which eliminations leave out, and
+                                        * their places in phi, or -1; NULL where they leave out none */
     int contradicted;                  /* redundant constraints may contradict each other */
 } lag_rows;
 

@@ -60,6 +60,7 @@ core = Functions(
         "lag_use_dense": (c_int, c_void_p, c_void_p),
         "lag_use_elimination": (c_int, c_void_p, c_void_p, c_void_p),
         "lag_use_unrolled": (c_int, c_void_p, c_void_p),
+        "lag_leave_out": (c_int, c_void_p, c_void_p),
         "lag_allow_dense": (c_int, c_void_p, c_int64),
         "lag_use_series": (c_int, c_void_p, c_void_p),
         "lag_use_jacobians": (c_int, c_void_p, c_void_p),
@@ -192,10 +193,13 @@ class Integrator:
         unrolled : bool
             Whether it is appended to the tape.
         """
+        given = Arguments()
+        left_out = plan.left_out(self._system.motion)
+        if left_out:
+            check(core.lag_leave_out(self._run, given.integers(left_out)))
         if unrolled:
             self._use(core.lag_use_unrolled, dynamics)
             return
-        given = Arguments()
         elimination = given.filled(lag_elimination, **elimination_fields(self._system.motion, plan))
         program = given.program(dynamics)
         check(core.lag_use_elimination(self._run, byref(program), byref(elimination)))

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "derivatives/changes.h"
+#include "left_out.h"
 #include "motion.h"
 #include "project.h"
 #include "step.h"
@@ -38,6 +39,14 @@ static int write_row(lag_run *run, double t, double *y, double *row)
                         || run->solver.inaccuracy > FINE * run->settings.rtol;
     if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
+    if (lag_left_out(run) && lag_share_multipliers(run, run->solver.multipliers)) {
+        const int64_t dense_steps = run->solver.dense_steps;
+        run->solver.dense_steps = 1;
+        const int bad = lag_accelerate(run, t, y, 1, &power);
+        run->solver.dense_steps = dense_steps;
+        if (bad)
+            return LAG_UNDEFINED;
+    }
     if (run->switching.acting && run->switching.redundant)
         lag_share_forces(run, t, y);
     row[0] = t;

@@ -223,6 +223,28 @@ int lag_allow_dense(lag_run *run, int64_t steps)
     return run->pool.failed;
 }
 
+int lag_leave_out(lag_run *run, const int32_t *rows)
+{
+    const lag_system *s = &run->system;
+    lag_rows *own = &run->rows;
+    const int count = s->nc - own->rank;
+    if (!own->left_out) {
+        own->left_out = lag_copy_integers(&run->pool, NULL, count);
+        own->place_left_out = lag_copy_integers(&run->pool, NULL, count);
+    }
+    if (lag_allow_dense(run, 0)) /* where these rows do not follow from the others after all */
+        return 1;
+    own->margin = own->poor = 0;
+    for (int j = 0; j < count; ++j) {
+        own->left_out[j] = rows[j];
+        own->place_left_out[j] = -1;
+        for (int i = 0; i < s->nh; ++i)
+            if (s->holonomic[i] == rows[j])
+                own->place_left_out[j] = i;
+    }
+    return 0;
+}
+
 int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
 {
     run->solver.refining = 0;

@@ -18,6 +18,11 @@ enum lag_solution lag_solving_by(const lag_run *run)
     return run->solver.dense_steps ? LAG_BY_LU : run->solver.by;
 }
 
+int lag_left_out(const lag_run *run)
+{
+    return run->rows.left_out && lag_solving_by(run) != LAG_BY_LU ? run->system.nc - run->rows.rank : 0;
+}
+
 /*
  * Set up and factor the dense matrix, in unknowns and equations without units. Returns 0, or 1.
  *
@@ -155,7 +160,8 @@ static int factor(lag_run *run)
         if (run->factors.plan.mass_targets[i] >= 0)
             f[run->factors.plan.mass_targets[i]] = OUT(d, i);
     for (int i = 0; i < s->nb / s->blocks; ++i)
-        f[run->factors.plan.jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
+        if (run->factors.plan.jacobian_targets[i] >= 0)
+            f[run->factors.plan.jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
     lag_ldl_factor(ldl, &run->factors.nodes, s->vectors, f, run->factors.product);
     for (int i = 0; i < count; ++i)
         sum += f[i];
@@ -167,7 +173,8 @@ int lag_factor(lag_run *run, double t, const double *y)
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int way = lag_solving_by(run) != LAG_BY_LU ? LAG_FACTORED : LAG_FACTORED_DENSE;
-    lag_evaluate(d, s, t, y, LAG_FACTORS);
+    /* an unrolled elimination's factors may do without some rows of B */
+    lag_evaluate(d, s, t, y, way == LAG_FACTORED ? LAG_FACTORS : LAG_ALL);
     if (lag_solving_by(run) == LAG_BY_TAPE || d->held[1] == way)
         return 0;
     const int bad = way == LAG_FACTORED ? factor(run) : factor_dense(run);
@@ -240,16 +247,17 @@ static void substitute_block(lag_run *run, double *x)
 {
     const lag_elimination *ldl = &run->factors.plan;
     const lag_tape *d = &run->system.dynamics;
-    const int n = ldl->n;
+    const int nq = run->system.nq / run->system.blocks, n = nq + run->system.nc / run->system.blocks;
     const double *f = run->factors.factors;
     if (run->solver.by == LAG_BY_TAPE) {
         memcpy(d->registers + run->solver.other_right, x, (size_t)n * sizeof(double));
         lag_tape_run(d, &d->deferred[1]);
         d->vectors->pick(n, d->registers, d->outputs + first_other(run), x);
-        const int nq = run->system.nq / run->system.blocks;
         lag_turn(x + nq, n - nq);
     } else {
         lag_ldl_solve(ldl, f, run->step.work + n * run->system.blocks, x);
+        for (int j = lag_left_out(run) - 1; j >= 0; --j)
+            x[nq + run->rows.left_out[j]] = 0.0;
     }
 }
 

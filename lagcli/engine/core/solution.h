@@ -7,6 +7,9 @@
 /* How a and lambda are computed now: as run->solver.by says, or densely (0). */
 enum lag_solution lag_solving_by(const lag_run *run);
 
+/* The number of rows of B that the solution in use leaves out, since they follow from the others: rows.left_out. */
+int lag_left_out(const lag_run *run);
+
 /* Make [[M, B'], [B, 0]] at a state ready to solve with. Returns 0, or 1 if it is singular; of the
  * unrolled factors it does not say so: the solutions are not finite then. */
 int lag_factor(lag_run *run, double t, const double *y);

@@ -95,6 +95,8 @@ def model_data(
         word_data(len(functions)),
         *(_structure(lag_function, fields) for fields in functions),
     )
+    if prepared.elimination is not None and run.redundant:
+        add(0, integers_data(prepared.elimination.left_out(run.system)))
     if prepared.whole is None:
         add(_PLAIN, program_data(prepared.dynamics))
         if prepared.elimination is not None:

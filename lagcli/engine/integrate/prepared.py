@@ -16,8 +16,10 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import NamedTuple, TypeGuard
 
+from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import RatesLayout
+from lagcli.engine.linear.dense import independent_rows
 from lagcli.engine.linear.elimination import (
     MOST_FOR_EACH,
     MOST_UNROLLED,
@@ -170,16 +172,50 @@ def explicit_time(system: System) -> Program | None:
     return None if functions is None else assemble(functions)
 
 
-def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:
-    """Find an order of elimination for some states; None if there is none."""
+def find_elimination(
+    evaluator: Evaluator,
+    states: Sequence[State],
+    rank: int | None = None,
+    lengths: Array | None = None,
+) -> Elimination | None:
+    """Find an order of elimination for some states; None if there is none.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+    states : sequence of State
+    rank : int, optional
+        Rank of B, of which so many rows are eliminated, independent ones at the last state; all
+        rows by default.
+    lengths : (nc,) array, optional
+        The largest lengths so far of the rows of B times sizes, in which a row that vanishes in
+        passing is short; by default those at the last state.
+    """
     motion = evaluator.system.motion
     if motion is not evaluator.system:
         nq, evaluator = len(motion.coordinates), Evaluator(motion, evaluator.p)
         states = [State(s.t, s.q[:nq], s.v[:nq], s.p) for s in states]
+    rows = None
+    if rank is not None and rank < len(motion.constraints):
+        rows = _independent(evaluator, states[-1], rank, lengths)
     try:
-        return order_at(motion, [evaluator.entries(s.t, s.q, s.v) for s in states])
+        return order_at(motion, [evaluator.entries(s.t, s.q, s.v) for s in states], rows)
     except NoElimination:
         return None
+
+
+def _independent(
+    evaluator: Evaluator, state: State, rank: int, lengths: Array | None
+) -> list[int] | None:
+    """Return independent rows of B at a state; None if B is not finite."""
+    t, q, v = state.t, state.q, state.v
+    c = evaluator.constraints(t, q, v)
+    if not c.finite:
+        return None
+    sizes = evaluator.sizes(t, q, v)
+    if lengths is None:
+        lengths = evaluator.row_lengths(t, q, v, c, sizes)
+    return independent_rows(c.jacobian, rank, scale=lengths, sizes=sizes)
 
 
 #: Operations that bend a function of time; sums and products inherit from their operands.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +61,9 @@ _MOST_SECONDS = 1e-6
 _GROWTH = 16
 #: Number of states for an order of elimination; after that, failures use the dense solution.
 _MOST_STATES = 20
+#: Order of the dense matrix from which redundant constraints are left out of an elimination. To
+#: find one, and to assemble its program, takes as long as the dense solution of a short run.
+LEAST_LEFT_OUT = 40
 
 
 class Integration:
@@ -162,14 +165,31 @@ class Integration:
         return Integrator(self.system, constraint, problem)
 
     def prepared(self) -> Prepared:
-        """Return the initial programs; there is no order of elimination for redundant
-        constraints."""
-        order = self.request.elimination
-        if self.redundant:
+        """Return the initial programs."""
+        order, known = self.request.elimination, self.request.prepared
+        if self.redundant and not self.may_leave_out:
             order = None
         elif order is None:
-            order = find_elimination(self.evaluator, self.states)
-        return self.ready(order, self.request.prepared)
+            order = self.find_elimination(self.states)
+        return self.ready(order, known)
+
+    @property
+    def may_leave_out(self) -> bool:
+        """Whether redundant constraints may be left out of the elimination.
+
+        Not in small systems; without the projection, which shows whether they still follow from the
+        others; or if the equations need the multipliers of least norm at each evaluation.
+        """
+        system, nc = self.system, len(self.system.constraints)
+        stays = self.settings.formulation == "projection"
+        large = self.nq + 2 * nc - self.request.rank >= LEAST_LEFT_OUT
+        return stays and large and system.tangent is None and system.switching is None
+
+    def find_elimination(
+        self, states: Sequence[State], lengths: Array | None = None
+    ) -> Elimination | None:
+        """Return an order of elimination for some states; None if there is none."""
+        return find_elimination(self.evaluator, states, self.request.rank, lengths)
 
     def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
         """Return the programs for an order, or for none; reuse those that do not depend on it."""
@@ -238,6 +258,7 @@ class Integration:
             return "they are too long"
         staying = self.settings.formulation == "projection"
         working = depending_on_time(system) if staying else range(len(system.constraints))
+        left_out = prepared.elimination.left_out(system.motion)
         if system.tangent is None:
             tape = unroll(system, prepared.elimination)
         else:
@@ -245,7 +266,7 @@ class Integration:
 
             system, tape = in_one_tape(system, prepared.elimination)
         try:
-            return expand(system, tape, order_for(self.settings.rtol), working)
+            return expand(system, tape, order_for(self.settings.rtol), working, left_out)
         except NotAnalytic:
             return "functions with kinks or jumps have no power series"
 
@@ -259,7 +280,11 @@ class Integration:
         if not again and len(self.states) <= _MOST_STATES:
             self.states.append(self.evaluator.state(core.t, *self.split(core.state)))
             self.states.append(self.evaluator.state(core.t_bad, *self.split(core.y_bad)))
-            elimination = find_elimination(self.evaluator, self.states)
+            elimination = self.find_elimination(self.states, core.lengths)
+            if elimination is None and self.redundant:
+                # rows that are independent here may depend on each other there
+                self.states = self.states[-1:]
+                elimination = self.find_elimination(self.states, core.lengths)
             if not self.in_use.serves(elimination):
                 self.use(self.ready(elimination, self.in_use))
                 core.size_again()

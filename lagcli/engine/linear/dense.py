@@ -20,6 +20,11 @@ from lagcli.engine.scales import coordinate_sizes
 RANK_TOLERANCE = 1e-8
 
 
+#: Rows this close to the longest rest are as good a pivot: the first of them is taken, so that the
+#: choice does not depend on rounding errors.
+_AS_GOOD = 0.9
+
+
 class SingularSystem(ArithmeticError):
     """The equations do not determine the accelerations."""
 
@@ -96,6 +101,25 @@ def singular_values(
     """Return the singular values of the scaled B, largest first; see `decompose`."""
     scaled, _, _ = _scaled(jacobian, scale, sizes)
     return np.asarray(np.linalg.svd(scaled, compute_uv=False), dtype=float)
+
+
+def independent_rows(
+    jacobian: Array, rank: int, scale: Array | None = None, sizes: Array | None = None
+) -> list[int]:
+    """Return `rank` rows of the scaled B that are far from dependent, ascending; see `decompose`.
+
+    The others follow from them if B has this rank (Gram-Schmidt with pivoting).
+    """
+    rest, _, _ = _scaled(jacobian, scale, sizes)
+    chosen: list[int] = []
+    for _ in range(rank):
+        squares = np.einsum("ij,ij->i", rest, rest)
+        i = int(np.argmax(squares >= _AS_GOOD**2 * squares.max()))
+        chosen.append(i)
+        pivot = rest[i] / (np.sqrt(squares[i]) or 1.0)
+        rest = rest - np.outer(rest @ pivot, pivot)
+        rest[i] = 0.0
+    return sorted(chosen)
 
 
 def _scaled(

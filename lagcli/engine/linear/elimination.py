@@ -75,7 +75,8 @@ class NoElimination(ArithmeticError):
 class Elimination(NamedTuple):
     """The order of an elimination and the pattern of L.
 
-    n unknowns: the accelerations, then −λ. Positions are numbers in the order of elimination.
+    n unknowns: the accelerations, then −λ. Positions are numbers in the order of elimination. Rows
+    of B that follow from the others have no position.
 
     Parameters
     ----------
@@ -137,6 +138,11 @@ class Elimination(NamedTuple):
             self.smallest,
         )
 
+    def left_out(self, system: System) -> list[int]:
+        """Return the rows of B without a position, ascending."""
+        nq, nc = len(system.coordinates), len(system.constraints)
+        return [u - nq for u in sorted({*range(nq, nq + nc)}.difference(self.order))]
+
     @property
     def starts(self) -> list[int]:
         """Start of each column of L, and the end of the last one; n + 1."""
@@ -148,7 +154,8 @@ class Elimination(NamedTuple):
         Parameters
         ----------
         places : iterable of (row, column)
-            −1 is returned for the half of the matrix that is not stored.
+            −1 is returned for the half of the matrix that is not stored, and for rows without a
+            position.
         """
         n = len(self.order)
         place = {unknown: k for k, unknown in enumerate(self.order)}
@@ -156,8 +163,10 @@ class Elimination(NamedTuple):
         number = {entry: e for e, entry in enumerate(entries)}
         targets = []
         for row, column in places:
-            i, k = place[row], place[column]
-            if i == k:
+            i, k = place.get(row, -1), place.get(column, -1)
+            if i < 0 or k < 0:
+                targets.append(-1)
+            elif i == k:
                 targets.append(i)
             elif i < k:
                 targets.append(-1)
@@ -183,7 +192,7 @@ def order_at(
     states : sequence of outputs of ``system.dynamics``
         States with values that are not finite are omitted.
     rows : sequence of int, optional
-        The constraints to include; all by default.
+        The constraints to include, ascending; all by default.
 
     Raises
     ------
@@ -217,8 +226,13 @@ def order_at(
     if elimination is None:
         raise NoElimination
     if elimination.updates > min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order)):
-        return elimination.in_postorder()
-    return elimination
+        elimination = elimination.in_postorder()
+    if rows is None:
+        return elimination
+    nq = len(system.coordinates)
+    return elimination._replace(
+        order=tuple(u if u < nq else nq + rows[u - nq] for u in elimination.order)
+    )
 
 
 def _places(pattern: Pattern) -> tuple[Indices, Indices]:
@@ -610,7 +624,7 @@ class _Unrolling(Arithmetic):
         size, given, motion = len(elimination.order), system.dynamics, system.motion
         mass, jacobian, nq = motion.mass_pattern, motion.jacobian_pattern, len(motion.coordinates)
         nc = len(motion.constraints)
-        rhs_inputs = size + nc
+        rhs_inputs = nq + 2 * nc
         super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs, given.functions)
         self.outputs = outputs = self.extend(given)
         self.nq, self.nc, self.plan = nq, nc, elimination
@@ -626,8 +640,9 @@ class _Unrolling(Arithmetic):
                 self.entries[place[i], place[j]] = x
         self.speeds: list[int] = [self.zero for _ in range(nc)]  # B v
         for (i, j), x in zip(jacobian, outputs[layout.jacobian], strict=self.blocks == 1):
-            p, q = place[nq + i], place[j]
-            self.entries[max(p, q), min(p, q)] = x
+            if nq + i in place:
+                p, q = place[nq + i], place[j]
+                self.entries[max(p, q), min(p, q)] = x
             self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
         right = [*outputs[layout.forcing][:nq], *outputs[layout.rhs][:nc]]
         self.right = [right[unknown] for unknown in elimination.order]
@@ -778,6 +793,9 @@ class _Unrolling(Arithmetic):
                 # the sign is applied here: all entries are then used in the same way
                 self.opposite.pop(multipliers[k], None)
         a = [x[self.place[unknown]] for unknown in range(self.nq)]
-        unknowns = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]
+        unknowns = [
+            multipliers[self.place[unknown]] if unknown in self.place else self.zero
+            for unknown in range(self.nq, self.nq + self.nc)
+        ]
         self.isomorphic.append([y for y in unknowns if y != self.zero])
         return [*a, *unknowns]

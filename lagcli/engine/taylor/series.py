@@ -97,7 +97,13 @@ class SeriesProgram(NamedTuple):
     size: int
 
 
-def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> SeriesProgram:
+def expand(
+    system: System,
+    tape: Tape,
+    order: int,
+    working: Iterable[int],
+    left_out: Sequence[int] = (),
+) -> SeriesProgram:
     """Create the program for the series of a motion up to an order.
 
     Parameters
@@ -110,6 +116,8 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     working : iterable of int
         The constraints whose power is computed: all, or if the motion is projected onto them, those
         that depend on time.
+    left_out : sequence of int
+        The constraints that the elimination leaves out.
 
     Raises
     ------
@@ -121,7 +129,8 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     inputs = range(tape.inputs)
     state, v = inputs[: 1 + 2 * nq], inputs[system.sample_layout.v]
     expansion = SeriesExpansion(builder, state)
-    unknowns = LinearSystem(expansion, system, outputs).solve()
+    used = [i for i in range(system.counts.nc) if i not in left_out]
+    unknowns = LinearSystem(expansion, system, outputs, used).solve()
     power = _power(system, builder, outputs, working)
     expansion.expand([power])
     rates = [*v, *unknowns[:nq], expansion.result(power)]
@@ -130,7 +139,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
         [[0], [ZERO], *_alike(state[1:], kinds), [WORK]],
         [
             *_alike(unknowns[:nq], kinds[:nq]),
-            *_alike(unknowns[nq:], map(without_numbers, system.constraints)),
+            *_alike(unknowns[nq:], [without_numbers(system.constraints[i]) for i in used]),
         ],
     )
     return _program(expansion, families, rates, [*outputs[layout.solution][:nq], power], order)
@@ -400,23 +409,37 @@ class LinearSystem:
     system : System
     outputs : sequence of int
         Registers of the outputs of the dynamics tape with the unrolled elimination.
+    used : sequence of int
+        The constraints that are not left out.
     """
 
-    def __init__(self, expansion: SeriesExpansion, system: System, outputs: Sequence[int]):
-        mass, jacobian = system.mass_pattern, system.jacobian_pattern
+    def __init__(
+        self,
+        expansion: SeriesExpansion,
+        system: System,
+        outputs: Sequence[int],
+        used: Sequence[int],
+    ):
         layout, nq, size = UnrolledLayout(system.counts), system.counts.nq, system.counts.unknowns
-        rows = outputs[layout.jacobian]
+        number = {row: nq + k for k, row in enumerate(used)}
+        entries = zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True)
+        rows = [(number[i], j, x) for (i, j), x in entries if i in number]
+        masses = zip(system.mass_pattern, outputs[layout.mass_matrix], strict=True)
         self.expansion = expansion
         # rows, columns and registers of the matrix, and their signs in r − K x
         self.entries = [
-            *((i, j, x, -1) for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=True)),
-            *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
-            *((j, nq + i, x, 1) for (i, j), x in zip(jacobian, rows, strict=True)),
+            *((i, j, x, -1) for (i, j), x in masses),
+            *((i, j, x, -1) for i, j, x in rows),
+            *((j, i, x, 1) for i, j, x in rows),
         ]
-        self.right = [*outputs[layout.forcing], *outputs[layout.rhs]]
-        self.values = outputs[layout.solution]
-        self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
-        self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
+        places = [*range(nq), *(nq + i for i in used)]
+        right = [*outputs[layout.forcing], *outputs[layout.rhs]]
+        values = outputs[layout.solution]
+        solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
+        self.right, self.values, self.solution = (
+            [x[i] for i in places] for x in (right, values, solution)
+        )
+        self.other_right = [system.dynamics.inputs + i for i in places]
 
     def solve(self) -> list[Name]:
         """Convert the matrix and the right side, then the substitutions; return the unknowns."""

@@ -291,6 +291,9 @@ int lag_fmu_prepare(lag_fmu *fmu)
     if (lag_bind(run, &fmu->run_pool, &fmu->columns, &fmu->columns_program)
         || (fmu->nq + model.equations.nc <= LARGE && lag_allow_dense(run, 0)))
         return fail(fmu, "there is no memory");
+    /* the steps of another program do not show whether rows that are left out still follow from the others */
+    if (fmu->exchange && model.left_out && lag_allow_dense(run, INT64_MAX - 1))
+        return fail(fmu, "there is no memory");
     return 0;
 }
 

@@ -34,7 +34,8 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
         m->jacobian[i] = OUT(d, lag_first_jacobian(s) + i);
     for (int j = 0; j < nd; ++j)
         for (int i = 0; i < nc; ++i)
-            m->border[j * nc + i] = run->rows.dependencies[j * nc + i] / run->rows.lengths[i];
+            m->border[j * nc + i] = lag_left_out(run) ? i == run->rows.left_out[j]
+                                                      : run->rows.dependencies[j * nc + i] / run->rows.lengths[i];
     double *r = w->registers;
     r[0] = t;
     memcpy(r + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));

@@ -123,12 +123,12 @@ static const int32_t *starts(lag_reader *in, int n, int *entries)
     return start;
 }
 
-static lag_elimination elimination(lag_reader *in, const lag_equations *e)
+static lag_elimination elimination(lag_reader *in, const lag_equations *e, int rank)
 {
     lag_elimination made = {0};
     int entries = 0;
-    const int n = made.n = lag_read_int(in, e->nq + e->nc, e->nq + e->nc);
-    made.order = lag_read_integers(in, n, 0, n);
+    const int n = made.n = lag_read_int(in, e->nq + rank, e->nq + rank);
+    made.order = lag_read_integers(in, n, 0, e->nq + e->nc);
     made.paired = lag_read_integers(in, n, 0, 2);
     made.start = starts(in, n, &entries);
     made.row = lag_read_integers(in, entries, 0, n);
@@ -358,10 +358,9 @@ static void read_parts(lag_reader *in, lag_model *m)
     m->unroll_after = lag_read_word(in);
     m->equations = equations(in);
     m->problem = problem(in, e);
-    const int redundant = m->problem.rank < e->nc;
+    const int left_out = e->nc - m->problem.rank;
     if (!(has & (LAG_MODEL_PLAIN | LAG_MODEL_UNROLLED)) || (has & LAG_MODEL_LOOP && !(has & LAG_MODEL_PLAIN))
-        || (has & LAG_MODEL_SERIES && !(has & LAG_MODEL_UNROLLED)) || m->unroll_after < 0
-        || (redundant && has & (LAG_MODEL_LOOP | LAG_MODEL_UNROLLED)))
+        || (has & LAG_MODEL_SERIES && !(has & LAG_MODEL_UNROLLED)) || m->unroll_after < 0)
         lag_reject(in, LAG_MODEL_SIZES);
     m->breaks = lag_read_numbers(in, &m->break_count);
     if (in->status == LAG_MODEL_READ && !increase(m->breaks, m->break_count, 1))
@@ -370,10 +369,12 @@ static void read_parts(lag_reader *in, lag_model *m)
     m->functions = in->at;
     for (int i = 0; in->status == LAG_MODEL_READ && i < m->function_count; ++i)
         lag_read_function(in, e->np);
+    if (left_out && has & (LAG_MODEL_LOOP | LAG_MODEL_UNROLLED))
+        m->left_out = lag_read_integers(in, left_out, 0, e->nc);
     if (has & LAG_MODEL_PLAIN)
         m->dynamics = dynamics(in, e, 0);
     if (has & LAG_MODEL_LOOP)
-        m->elimination = elimination(in, e);
+        m->elimination = elimination(in, e, m->problem.rank);
     if (has & LAG_MODEL_UNROLLED)
         m->unrolled = dynamics(in, e, 1);
     if (has & LAG_MODEL_TIME)

@@ -105,6 +105,8 @@ static int use_dynamics(lag_simulation *s)
 {
     const lag_model *m = &s->model;
     const int unrolled = m->contents & LAG_MODEL_UNROLLED;
+    if (m->left_out && lag_leave_out(s->run, m->left_out))
+        return 1;
     if (!(m->contents & LAG_MODEL_PLAIN) || (unrolled && lag_method_at(s->method) == &lag_taylor))
         return unroll(s);
     s->steps_to_unroll = unrolled ? m->unroll_after : INT64_MAX;

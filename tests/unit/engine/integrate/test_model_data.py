@@ -21,6 +21,7 @@ from lagcli.engine.core.status import Status
 from lagcli.engine.core.structures import Arguments, lag_program, lag_stream
 from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.integrate import prepared as preparation
+from lagcli.engine.integrate import run
 from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.integrate.model_data import model_data
 from lagcli.engine.tape.operations import Op
@@ -153,6 +154,20 @@ def test_every_shipped_model_is_simulated_as_lagcli_does(
     if (name, method) == ("parallelogram", "Taylor"):
         pytest.skip("the equations are solved densely: lagcli takes DOP853")
     check_method(simulate, name, method)
+
+
+@pytest.mark.bits
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau"])
+@pytest.mark.parametrize("short", [1000, 0], ids=["unrolled", "in a loop"])
+def test_redundant_constraints_that_an_elimination_leaves_out(
+    short: int, method: str, simulate: Callable[..., Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "LEAST_LEFT_OUT", 0)
+    monkeypatch.setattr(preparation, "SHORT", short)
+    simulation = prepared("parallelogram", method=method, samples=11)
+    data = model_data(simulation.system, simulation.request, (method,))
+    assert lag_model_of(data).contents & (2 | 4)
+    check_equal(simulate(data, method), simulation)
 
 
 @pytest.mark.bits

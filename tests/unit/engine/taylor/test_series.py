@@ -407,7 +407,8 @@ def solution(case: Lowered, state: np.ndarray) -> np.ndarray:
     builder = Arithmetic(tape.inputs, tape.parameters, tape.rhs_inputs)
     outputs = builder.extend(tape)
     expansion = SeriesExpansion(builder, range(1 + 2 * nq))
-    unknowns = LinearSystem(expansion, system, outputs).solve()
+    rows = range(len(system.constraints))
+    unknowns = LinearSystem(expansion, system, outputs, rows).solve()
     inputs = [*state[:, 0], *p]
     inputs += [0.0] * (tape.inputs - len(inputs))
     return np.array(series_coefficients(expansion, unknowns, dict(enumerate(state)), inputs))
