@@ -19,6 +19,8 @@ from lagcli.model.reading import shipped_models
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
+from lagcli.pictures.scene.scene import Scene
+from lagcli.pictures.scene.still import still_image
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator, multipliers_in
 from lagcli.pictures.style import PALETTE, constraint_colors
 from lagcli.play.controls import Control, controls
@@ -47,11 +49,14 @@ class LiveContent(NamedTuple):
         JSON values: what the page shows, and where the numbers of a sample are.
     resources : Resources
         What the core needs.
+    still : str
+        HTML of an image of the model's own run, for browsers without JavaScript.
     """
 
     model: Model
     data: dict[str, Any]
     resources: Resources
+    still: str
 
 
 def live_content(model: Model, settings: SettingsOverrides | None = None) -> LiveContent:
@@ -119,7 +124,9 @@ class _Contents:
             "files": {f"{model.name}.yaml": model.text, **_tables(model)},
         }
         derived = self.columns.tape()
-        return LiveContent(model, data, resources(self.simulation, self._method, derived))
+        return LiveContent(
+            model, data, resources(self.simulation, self._method, derived), self._still()
+        )
 
     @cached_property
     def _method(self) -> str:
@@ -193,6 +200,16 @@ class _Contents:
 
     # the mechanism
 
+    @cached_property
+    def _nominal(self) -> Scene:
+        """The scene of the model's own run."""
+        evaluator, values = ViewEvaluator(self.model), self.model.parameter_values
+        return evaluator.scene(vars(self.samples), self.samples.terms, values)
+
+    def _still(self) -> str:
+        """Return an image of the model's own run; nothing for a model that has no view."""
+        return "" if self.model.view is None else still_image(self._nominal, self.model.title)
+
     def _scene(self) -> dict[str, Any] | None:
         """Return the scene with places of its numbers, as `answers.js` reads it."""
         model, view = self.model, self.model.view
@@ -200,7 +217,7 @@ class _Contents:
             return None
         evaluator = ViewEvaluator(model)
         places = self.columns.evaluate(evaluator.expressions)
-        nominal = evaluator.scene(vars(self.samples), self.samples.terms, model.parameter_values)
+        nominal = self._nominal
 
         def at(slots: Any) -> Any:
             if isinstance(slots, list):

@@ -113,7 +113,8 @@ def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None
     """
     words = words_of(lang)
     core = module()
-    model, data, resources = live_content(model, settings)
+    content = live_content(model, settings)
+    model, data, resources = content.model, content.data, content.resources
     data["hello"]["page"] = model.title
     scripts = [
         asset("vendor/uplot/uPlot.iife.min.js"),
@@ -131,9 +132,13 @@ def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None
         _text(_PLAY, "play.css"),
         _text(_LIVE, "live.css"),
     ]
+    said = "This page simulates the model in the browser, which needs JavaScript."
     body = Template(_text(_LIVE, "live.html")).substitute(
-        body=_text(_PLAY, "play_body.html"),
-        title=escape(model.title),
+        body=Template(_text(_PLAY, "play_body.html")).substitute(
+            name=escape(model.title), description=escape(model.description or "")
+        ),
+        still=content.still,
+        missing=words.get(said, said),
         content=script_data(data),
         words=script_data(words),
         worker="\n".join(_text(_LIVE, name) for name in _WORKER),

@@ -211,8 +211,9 @@ def _files() -> dict[str, bytes]:
         for file in files(package).joinpath(*folder.split("/")).iterdir():
             if PurePosixPath(file.name).suffix in _TYPES:
                 contents[file.name] = file.read_bytes()
-    page, body = contents["play.html"].decode(), contents.pop("play_body.html").decode()
-    contents["play.html"] = Template(page).substitute(body=body).encode()
+    page, body = (Template(contents.pop(x).decode()) for x in ("play.html", "play_body.html"))
+    body_of_play = body.substitute(name="lagcli play", description="")
+    contents["play.html"] = page.substitute(body=body_of_play).encode()
     return contents
 
 

@@ -279,3 +279,13 @@ def test_a_page_speaks_another_language(pages, opened, until):
     assert "am Anfang verletzt" in page.locator("#notice").inner_text()
     # texts of the model stay
     assert page.locator("h1").inner_text() == "Bouncing ball"
+
+
+def test_without_javascript_a_picture_and_a_sentence_are_shown(pages, visit):
+    page = visit(pages("slider_crank", "de"), java_script_enabled=False)
+    assert page.locator("h1").inner_text() == "Slider-crank"
+    image = page.locator(".still img")
+    assert image.get_attribute("alt") == "Slider-crank"
+    assert image.bounding_box()["width"] > 300
+    assert "braucht dazu JavaScript" in page.locator(".still").inner_text()
+    assert page.locator("main").is_hidden()

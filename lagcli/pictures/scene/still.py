@@ -16,9 +16,22 @@ _MOMENT = 0.45
 
 
 def still(scene: Scene, label: str) -> str:
-    """Return HTML that shows a scene where there is no JavaScript.
+    """Return HTML that shows a scene where there is no JavaScript, and says so.
 
-    Without matplotlib, which draws the picture, the sentence is alone.
+    Parameters
+    ----------
+    scene : Scene
+    label : str
+        What is shown, in words.
+    """
+    return (
+        f'<noscript><figure class="still">{still_image(scene, label)}<figcaption>The picture moves'
+        " with JavaScript, which is switched off here.</figcaption></figure></noscript>"
+    )
+
+
+def still_image(scene: Scene, label: str) -> str:
+    """Return an image element with a scene; nothing without matplotlib, which draws it.
 
     Parameters
     ----------
@@ -27,19 +40,15 @@ def still(scene: Scene, label: str) -> str:
         What is shown, in words.
     """
     time = scene.time[0] + _MOMENT * (scene.time[-1] - scene.time[0])
-    picture = ""
-    if find_spec("matplotlib") is not None and find_spec("PIL") is not None:
-        from PIL import Image
+    if find_spec("matplotlib") is None or find_spec("PIL") is None:
+        return ""
+    from PIL import Image
 
-        held, frame = io.BytesIO(), SceneDrawing(scene, *_SIZE).frame(time, f"t = {time:.4g} s")
-        # few colours: text and lines on paper
-        Image.fromarray(frame).quantize(32).save(held, "png", optimize=True)
-        width, height = _SIZE
-        picture = (
-            f'<img alt="{escape(label)}" width="{width}" height="{height}"'
-            f' src="data:image/png;base64,{b64encode(held.getvalue()).decode()}">'
-        )
+    held, frame = io.BytesIO(), SceneDrawing(scene, *_SIZE).frame(time, f"t = {time:.4g} s")
+    # few colours: text and lines on paper
+    Image.fromarray(frame).quantize(32).save(held, "png", optimize=True)
+    width, height = _SIZE
     return (
-        f'<noscript><figure class="still">{picture}<figcaption>The picture moves with JavaScript,'
-        " which is switched off here.</figcaption></figure></noscript>"
+        f'<img alt="{escape(label)}" width="{width}" height="{height}"'
+        f' src="data:image/png;base64,{b64encode(held.getvalue()).decode()}">'
     )
