@@ -199,9 +199,13 @@ def find_elimination(
     if rank is not None and rank < len(motion.constraints):
         rows = _independent(evaluator, states[-1], rank, lengths)
     try:
-        return order_at(motion, [evaluator.entries(s.t, s.q, s.v) for s in states], rows)
+        found = order_at(motion, [evaluator.entries(s.t, s.q, s.v) for s in states], rows)
     except NoElimination:
         return None
+    if rows is None:
+        return found
+    nq = len(motion.coordinates)
+    return found._replace(order=tuple(u if u < nq else nq + rows[u - nq] for u in found.order))
 
 
 def _independent(

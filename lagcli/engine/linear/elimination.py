@@ -192,7 +192,7 @@ def order_at(
     states : sequence of outputs of ``system.dynamics``
         States with values that are not finite are omitted.
     rows : sequence of int, optional
-        The constraints to include, ascending; all by default.
+        The constraints to include, ascending; all by default. The order numbers those alone.
 
     Raises
     ------
@@ -226,13 +226,8 @@ def order_at(
     if elimination is None:
         raise NoElimination
     if elimination.updates > min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order)):
-        elimination = elimination.in_postorder()
-    if rows is None:
-        return elimination
-    nq = len(system.coordinates)
-    return elimination._replace(
-        order=tuple(u if u < nq else nq + rows[u - nq] for u in elimination.order)
-    )
+        return elimination.in_postorder()
+    return elimination
 
 
 def _places(pattern: Pattern) -> tuple[Indices, Indices]:
