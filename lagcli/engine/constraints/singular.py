@@ -109,6 +109,7 @@ class RankWatch:
         self.motion, self.rank, self.crossable = motion, motion.rank, crossable
         self.names = motion.evaluator.system.constraints
         self._nodes: list[_Node] = []
+        self._accelerations: dict[float, Array] = {}  # of the last nodes that were examined
         self._usual = 0.0
 
     def values(self, t: float, q: Array, v: Array) -> Array | None:
@@ -147,15 +148,27 @@ class RankWatch:
     def restart(self) -> None:
         """Discard the path so far."""
         self._nodes.clear()
+        self._accelerations.clear()
 
     # inside a step
 
-    def singular_time(self, path: Path, low: float, high: float) -> tuple[float, bool] | None:
+    def singular_time(
+        self, path: Path, low: float, high: float, *, bounded: bool = True
+    ) -> tuple[float, bool] | None:
         """Return the first time between two times at which a path is singular, or None.
 
         No singular value changes by more than B does (Weyl). Two states between which B changes by
         less than the sum of their weakest values have no singular one between them; others are
         bisected.
+
+        Parameters
+        ----------
+        path : callable
+        low, high : float
+            s.
+        bounded : bool
+            Whether states are bisected. If not, the time is that of the least of a few weakest
+            values, and another singular state may be missed.
 
         Returns
         -------
@@ -170,14 +183,17 @@ class RankWatch:
         resolution = 1e-12 * max(abs(high), high - low)
         later = [self._at(path, t) for t in np.linspace(high, low, _PARTS + 1)]
         before = now = later.pop()
-        while later and now.least >= SINGULAR:
+        least = min(now.weakest, *(point.weakest for point in later))
+        while not bounded and now.weakest > least:
+            before, now = now, later.pop()
+        while bounded and later and now.least >= SINGULAR:
             then = later[-1]
             length = _CURVED * float(np.linalg.norm(then.scaled - now.scaled))
             if length < now.least + then.least or then.t - now.t <= resolution:
                 before, now = now, later.pop()
             else:
                 later.append(self._at(path, (now.t + then.t) / 2))
-        if now.least >= SINGULAR:
+        if bounded and now.least >= SINGULAR:
             return None
         while later and later[-1].weakest < now.weakest:
             before, now = now, later.pop()
@@ -236,27 +252,42 @@ class RankWatch:
         rate = self._descent(NEAR)
         return math.inf if rate is None else _DESCENT * self._usual / rate
 
+    def _acceleration(self, node: _Node) -> Array:
+        """Return the accelerations at a node, which consecutive steps share."""
+        known = self._accelerations.get(node.t)
+        if known is None:
+            q, v = self.motion.split(node.y)
+            known = self.motion.accelerations(node.t, q, v)[0]
+        return known
+
     def ahead(self) -> Ahead | None:
         """Examine the path for a singular configuration that the last steps approach."""
         rate = self._descent(_LOOK)
         if rate is None:
             return None
+        last = self._nodes[-3:]
+        self._accelerations = {node.t: self._acceleration(node) for node in last}
         rows: list[Array] = []
-        for node in self._nodes[-3:]:
-            q, v = self.motion.split(node.y)
-            rows += [q, v, self.motion.accelerations(node.t, q, v)[0]]
+        for node in last:
+            rows += [*self.motion.split(node.y), self._accelerations[node.t]]
         # higher polynomials would amplify the rounding error of a
         from scipy.interpolate import KroghInterpolator
 
-        continued = KroghInterpolator(np.repeat([node.t for node in self._nodes[-3:]], 3), rows)
+        continued = KroghInterpolator(np.repeat([node.t for node in last], 3), rows)
 
         def path(t: float) -> tuple[Array, Array]:
             q, v = continued.derivatives(t, 2)
             return q, v
 
         now = self._nodes[-1]
+        # in a large system, a bound of the change of B is so small that hundreds of states would be
+        # examined after each step; what is missed here is found inside the step
+        large = isinstance(self._rows(now.t, now.y).jacobian, SparseRows)
         singular = self.singular_time(
-            lambda t: np.concatenate(path(t)), now.t, now.t + 3 * now.weakest / rate
+            lambda t: np.concatenate(path(t)),
+            now.t,
+            now.t + 3 * now.weakest / rate,
+            bounded=not large,
         )
         if singular is None or not singular[1]:
             return None
