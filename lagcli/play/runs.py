@@ -31,7 +31,7 @@ from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
-from lagcli.pictures.selection import by_family, chosen, scale_groups
+from lagcli.pictures.selection import by_family, chosen, family_of, scale_groups
 from lagcli.pictures.style import PALETTE, constraint_colors, family_colors
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
@@ -452,7 +452,8 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
     units = [unit(c.unit) if stated else "" for c in shown]
     residuals = any(q.role == "residual" for q in quantities)
     colors = family_colors(names)
-    panels = [0] * len(shown) if residuals else _panels(names, units, table)
+    families = _families(names, units)
+    panels = [0] * len(shown) if residuals else _panels(units, families, table)
     time, table = Jumps(run).inserted(time, names, table)
     return {
         "title": group.capitalize(),
@@ -467,34 +468,48 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
                 "name": c.name,
                 "label": f"{c.label} [{unit_}]" if residuals and unit_ else c.label,
                 "unit": unit_,
+                "family": family,
                 "panel": panel,
                 "constraint": c.constraint,
                 "values": drawn,
                 **({"color": colors[c.name]} if c.name in colors else {}),
             }
-            for c, unit_, panel, drawn in zip(shown, units, panels, table.T, strict=True)
+            for c, unit_, family, panel, drawn in zip(
+                shown, units, families, panels, table.T, strict=True
+            )
         ],
         "of": len(curves),
     }
 
 
-def _panels(names: list[str], units: list[str], values: Array) -> list[int]:
-    """Return the panel of each curve: curves of the same unit and similar size share one.
-
-    A large family has a panel of its own.
-    """
-    groups: list[list[int]] = []
-    largest = np.fmax.reduce(np.abs(values), axis=0, initial=0.0).tolist()
+def _families(names: list[str], units: list[str]) -> list[str]:
+    """Return the large family of each curve, which has a panel of its own; "" for other curves."""
+    families = [""] * len(names)
     for symbol in dict.fromkeys(units):
         alike = [i for i, stated in enumerate(units) if stated == symbol]
-        for family in by_family([names[i] for i in alike], len(PALETTE)):
-            places = [alike[k] for k in family]
-            groups += [
-                [places[k] for k in group] for group in scale_groups([largest[i] for i in places])
-            ]
+        for group in by_family([names[i] for i in alike], len(PALETTE)):
+            own = {family_of(names[alike[k]]) for k in group}
+            if len(own) == 1 and len(alike) > len(PALETTE):
+                for k in group:
+                    families[alike[k]] = "[]".join(*own)
+    return families
+
+
+def _panels(units: list[str], families: list[str], values: Array) -> list[int]:
+    """Return the panel of each curve: curves of the same unit and similar size share one.
+
+    A large family is not divided by size.
+    """
+    parts: list[list[int]] = []
+    largest = np.fmax.reduce(np.abs(values), axis=0, initial=0.0).tolist()
+    of = list(zip(units, families, strict=True))
+    for key in dict.fromkeys(of):
+        places = [i for i, own in enumerate(of) if own == key]
+        sizes = scale_groups([largest[i] for i in places])
+        parts += [places] if key[1] else [[places[k] for k in part] for part in sizes]
     panels = [0] * len(units)
-    for number, group in enumerate(sorted(groups)):
-        for i in group:
+    for number, part in enumerate(sorted(parts)):
+        for i in part:
             panels[i] = number
     return panels
 

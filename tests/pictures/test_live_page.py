@@ -289,3 +289,9 @@ def test_without_javascript_a_picture_and_a_sentence_are_shown(pages, visit):
     assert image.bounding_box()["width"] > 300
     assert "braucht dazu JavaScript" in page.locator(".still").inner_text()
     assert page.locator("main").is_hidden()
+
+
+def test_a_large_family_has_a_panel_of_its_own(pages, opened):
+    page = opened(pages("chain"))
+    drawn = page.evaluate("page.answer.plots.coordinates.series.map((s) => [s.name, s.panel])")
+    assert {(name.partition("[")[0], panel) for name, panel in drawn} == {("x", 0), ("y", 1)}

@@ -225,12 +225,13 @@ function largestOf(values) {
   return largest;
 }
 
-/** Return the panel of each curve: curves of the same unit and similar size share one. */
-function panelsOf(units, largest) {
+/** Return the panel of each curve: those of one unit and similar size, or of one large family, share one. */
+function panelsOf(series, largest) {
   const [RATIO, FAMILY, ROUNDING] = [20, 10, 1e-9]; // as in lagcli/pictures/selection.py
-  const groups = [...new Set(units)].flatMap((unit) => {
-    const places = units.flatMap((own, i) => (own === unit ? [i] : []));
-    if (places.length > FAMILY) return [places];
+  const keys = series.map(({ unit, family }) => `${unit} ${family}`);
+  const groups = [...new Set(keys)].flatMap((key) => {
+    const places = keys.flatMap((own, i) => (own === key ? [i] : []));
+    if (series[places[0]].family || places.length > FAMILY) return [places];
     const zero = ROUNDING * Math.max(0, ...places.map((i) => largest[i]));
     const found = [];
     for (const i of [...places].sort((a, b) => largest[b] - largest[a])) {
@@ -241,7 +242,7 @@ function panelsOf(units, largest) {
     return found.map((group) => group.sort((a, b) => a - b));
   });
   groups.sort((a, b) => a[0] - b[0]);
-  const panels = Array(units.length).fill(0);
+  const panels = Array(series.length).fill(0);
   groups.forEach((group, number) => group.forEach((i) => (panels[i] = number)));
   return panels;
 }
@@ -251,8 +252,8 @@ function plotOf(spec, content, columns, happenings) {
   const sides = new Sides(content, columns.time, happenings);
   const values = spec.series.map(({ column }) => columns.at(column));
   const residuals = spec.log;
-  const panels = residuals ? spec.series.map(() => 0) : panelsOf(spec.series.map(({ unit }) => unit), values.map(largestOf));
-  const series = spec.series.map(({ column, jumps, ...curve }, i) => {
+  const panels = residuals ? spec.series.map(() => 0) : panelsOf(spec.series, values.map(largestOf));
+  const series = spec.series.map(({ column, jumps, family, ...curve }, i) => {
     const idle = residuals && happenings?.rows.includes(curve.constraint) ? happenings.open(curve.constraint, columns.time) : null;
     const shown = idle ? values[i].map((value, k) => (idle[k] ? NaN : value)) : values[i];
     return { ...curve, panel: panels[i], values: sides.values(curve.name, shown, jumps) };

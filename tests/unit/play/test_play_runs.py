@@ -561,3 +561,9 @@ def test_terms_of_equations_come_when_asked_for() -> None:
         sides = [sum(t["values"] for t in equation["terms"] if t["side"] == s) for s in (0, 1)]
         assert np.allclose(*sides, rtol=0, atol=1e-12)
     assert 'data-cut="guide"' in played.description()["equations"]
+
+
+def test_large_families_have_panels_of_their_own() -> None:
+    """Also members that are much smaller than others stay with them."""
+    series = run(play("chain"))["plots"]["coordinates"]["series"]
+    assert {(x["name"].partition("[")[0], x["panel"]) for x in series} == {("x", 0), ("y", 1)}
