@@ -373,7 +373,7 @@ class RankWatch:
     def _dependent(self, t: float, q: Array, v: Array) -> list[str]:
         """Return the constraints that depend on each other at a state."""
         jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
-        scaled = jacobian * self.motion.sizes / self.motion.lengths[:, None]
+        scaled = self._scaled(jacobian)
         u, _, _ = np.linalg.svd(scaled)
         parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
         return [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]

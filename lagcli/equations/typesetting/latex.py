@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import groupby
 from typing import NamedTuple
@@ -379,15 +379,16 @@ class _Labels:
         return rf"\label{{eq:{unique}}}"
 
 
+def inline(line: Line, formula: LatexFormula, escape: Callable[[str], str]) -> str:
+    """Return a formula for running text, with its note in parentheses."""
+    note = f" ({escape(line.note)})" if line.note else ""
+    return f"${' = '.join(map(formula.latex, line.sides))}${note}"
+
+
 def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
     if step.packed:
         # TeX breaks inline formulas
-        inline = [
-            f"${' = '.join(map(formula.latex, line.sides))}$"
-            + (f" ({escape(line.note)})" if line.note else "")
-            for line in step.lines
-        ]
-        body = ";\n\\quad ".join(inline)
+        body = ";\n\\quad ".join(inline(line, formula, escape) for line in step.lines)
         return [f"\\begin{{flushleft}}\n{body}\n\\end{{flushleft}}"]
     parts = []
     for alone, group in groupby(step.lines, key=is_item):

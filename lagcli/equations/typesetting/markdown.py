@@ -10,6 +10,7 @@ from lagcli.equations.typesetting.latex import (
     LatexFormula,
     Row,
     displays,
+    inline,
     is_item,
     notes_apart,
     paragraphs,
@@ -53,12 +54,7 @@ def render_markdown(
 
 def _body(step: Step, formula: LatexFormula) -> list[str]:
     if step.packed:
-        inline = [
-            f"${' = '.join(map(formula.latex, line.sides))}$"
-            + (f" ({escape(line.note)})" if line.note else "")
-            for line in step.lines
-        ]
-        return ["\n".join(f"{text};" for text in inline)]
+        return ["\n".join(f"{inline(line, formula, escape)};" for line in step.lines)]
     parts = []
     for alone, group in groupby(step.lines, key=is_item):
         if alone:
