@@ -83,12 +83,9 @@ class ResultQuantity(NamedTuple):
             return self.unit
         if coordinate_unit is None or self.unit == "{u}":
             return coordinate_unit
-        if self.unit == "J/{u}" and coordinate_unit in _PER_JOULE:
-            return _PER_JOULE[coordinate_unit]
-        grouped = "/" in coordinate_unit or (
-            self.unit.startswith("J/") and any(sign in coordinate_unit for sign in "* ")
-        )
-        return self.unit.format(u=f"({coordinate_unit})" if grouped else coordinate_unit or "1")
+        if self.unit == "J/{u}":
+            return _PER_JOULE.get(coordinate_unit) or unit_quotient("J", coordinate_unit)
+        return unit_quotient(coordinate_unit, self.unit.removeprefix("{u}/"))
 
 
 def _column(
@@ -353,6 +350,14 @@ def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
     if name.constraint:
         return units.get(str(name._replace(quantity=name.quantity.replace("scale", "residual"))))
     return None if "{" in quantity.unit else quantity.unit
+
+
+def unit_quotient(unit: str, by: str) -> str:
+    """Return the unit of a quotient of quantities, with SI units: ``(m/s)/s``, ``J/(kg*m)``."""
+    if by == "1":
+        return unit
+    above = f"({unit})" if "/" in unit else unit or "1"
+    return f"{above}/({by})" if any(sign in by for sign in "*/ ") else f"{above}/{by}"
 
 
 def impulse_unit(multiplier_unit: str | None) -> str | None:

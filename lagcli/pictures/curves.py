@@ -23,6 +23,7 @@ from lagcli.columns import (
     impulse_unit,
     read_column_name,
     unit_of_column,
+    unit_quotient,
 )
 from lagcli.equations.typesetting.notation import GREEK, Notation, split
 from lagcli.errors import UsageError
@@ -223,7 +224,8 @@ class Catalogue:
             places = product(range(len(differentiated)), range(len(run.sensitivity)))
             for name, (i, j) in zip(names, places, strict=True):
                 by, above = run.sensitivity[j], differentiated[i]
-                unit = _quotient(above.unit, run.record.units.get(by, ""))
+                below = run.record.units.get(by, "")
+                unit = unit_quotient(above.unit, below) if above.unit and below else ""
                 group = f"{quantity.name}/d{by}"
                 if self.tex:
                     d, below = r"$\partial$", look_of_value(run.notation, by)
@@ -391,13 +393,6 @@ def look_of_value(names: Notation | None, name: str) -> str:
     dots = len(name) - len(base)
     known = names is not None and base in names.declared and dots <= 2
     return look(names, base, dots) if known else raw(name)
-
-
-def _quotient(unit: str, by: str) -> str:
-    """Return the unit of a derivative; empty if a unit is not known."""
-    if not unit or not by or by == "1":
-        return unit if by == "1" else ""
-    return f"{unit}/({by})" if "*" in by or "/" in by else f"{unit}/{by}"
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from lagcli.columns import unit_quotient
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.model.expression.dimension import same
 from lagcli.model.expression.units import read_unit, to_si
@@ -202,7 +203,7 @@ def _coherent(unit: str | None, moving: bool) -> str:
     """Return the SI unit of a coordinate, or of its velocity."""
     if not unit:
         return ""
-    return (f"({unit})/s" if "/" in unit else f"{unit}/s") if moving else unit
+    return unit_quotient(unit, "s") if moving else unit
 
 
 def _in_unit(value: float, unit: str) -> float:

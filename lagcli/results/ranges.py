@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -101,12 +102,8 @@ def by_family(items: Iterable[Any]) -> list[tuple[str, list[Any]]]:
 
 def _span(indices: Sequence[int]) -> str:
     """Return increasing indices, with ranges of consecutive ones: 1..4, 6."""
-    runs: list[list[int]] = []
-    for i in indices:
-        if runs and runs[-1][-1] == i - 1:
-            runs[-1].append(i)
-        else:
-            runs.append([i])
+    places = enumerate(indices)
+    runs = [[i for _, i in run] for _, run in groupby(places, lambda x: x[1] - x[0])]
     return ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]}..{r[-1]}" for r in runs)
 
 

@@ -20,6 +20,7 @@ from lagcli.columns import (
     column_names,
     read_column_name,
     read_dotted_name,
+    unit_quotient,
 )
 from lagcli.equations.derivation.column_expressions import (
     FROM_ENTRIES,
@@ -101,6 +102,25 @@ def test_every_column_has_a_name_of_its_own() -> None:
 def test_units_follow_from_those_of_the_coordinates(name: str, units: dict[str, str]) -> None:
     assert {u: BY_NAME[name].unit_at(u) for u in units} == units
     assert BY_NAME[name].unit_at(None) == ("J" if name == "energy_total" else None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "by", "quotient"),
+    [
+        ("m", "s", "m/s"),
+        ("m/s", "s", "(m/s)/s"),
+        ("kg*m^2/s", "kg", "(kg*m^2/s)/kg"),
+        ("J", "kg*m", "J/(kg*m)"),
+        ("N", "rad/s", "N/(rad/s)"),
+        ("m", "s^2", "m/s^2"),
+        ("N*m", "m", "N*m/m"),
+        ("1", "s", "1/s"),
+        ("", "kg", "1/kg"),
+        ("N", "1", "N"),
+    ],
+)
+def test_the_unit_of_a_quotient(unit: str, by: str, quotient: str) -> None:
+    assert unit_quotient(unit, by) == quotient
 
 
 def test_files_have_the_columns_that_the_documentation_names() -> None:

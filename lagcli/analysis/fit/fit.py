@@ -21,6 +21,7 @@ from lagcli.analysis.fit.result import FitResult, FittedData
 from lagcli.analysis.fit.search import Problem, SearchResult
 from lagcli.analysis.fit.uncertainty import profile_interval, quantile, uncertainty
 from lagcli.arrays import Array
+from lagcli.columns import unit_quotient
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
@@ -307,7 +308,7 @@ def _units(model: Model, block: FitBlock) -> dict[str, str]:
     coordinates = {c.name: si_notation(c.unit) for c in model.coordinates if c.unit}
     units = {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
     units |= coordinates
-    units |= {f"{q}'": f"{unit}/s" for q, unit in coordinates.items()}
+    units |= {f"{q}'": unit_quotient(unit, "s") for q, unit in coordinates.items()}
     units |= {name: si_notation(unit) for name, unit in model.output_units.items()}
     units |= {x.name: si_notation(x.unit) for x in block.observed if x.unit}
     wanted = {*(x.name for x in block.fitted), *(x.name for x in block.observed)}

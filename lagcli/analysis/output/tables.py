@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from lagcli.columns import unit_quotient
+
 
 class ModelName(str):
     """A name of the model: a coordinate, a parameter, a column such as ``lambda.rod``."""
@@ -174,7 +176,7 @@ def unit_of(name: str, units: Mapping[str, str], rate: bool = False) -> UnitText
     unit = units.get(name, "")
     if not rate or not unit:
         return UnitText(unit)
-    return UnitText("1/s" if unit == "1" else f"{unit}/s")
+    return UnitText(unit_quotient(unit, "s"))
 
 
 class StateQuantity(NamedTuple):

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from itertools import groupby
 from typing import Any, NamedTuple
 
 from lagcli.model.expression.tokens import ExpressionError, error_at
@@ -55,13 +56,12 @@ def format_members(base: str, members: Sequence[str]) -> str:
         spans = [sorted(set(column)) for column in zip(*indices, strict=False)]
         inside = ", ".join(f"{s[0]}..{s[-1]}" if len(s) > 1 else f"{s[0]}" for s in spans)
         return f"`{base}[{inside}]`"
-    runs: list[list[int]] = []
-    for (k,) in indices:
-        if runs and k == runs[-1][1] + 1:
-            runs[-1][1] = k
-        else:
-            runs.append([k, k])
-    shown = [f"`{base}[{a}]`" if a == b else f"`{base}[{a}..{b}]`" for a, b in runs[:4]]
+    places = enumerate(k for (k,) in indices)
+    runs = [[k for _, k in run] for _, run in groupby(places, lambda x: x[1] - x[0])]
+    shown = [
+        f"`{base}[{run[0]}]`" if len(run) == 1 else f"`{base}[{run[0]}..{run[-1]}]`"
+        for run in runs[:4]
+    ]
     return ", ".join(shown) + (", …" if len(runs) > 4 else "")
 
 

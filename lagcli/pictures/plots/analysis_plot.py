@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.columns import unit_quotient
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.given_units import given_units
@@ -71,7 +72,7 @@ class AnalysisLabels:
         base = name.removesuffix("_dot")
         unit = "1/s" if name == "growth" else self._units.get(name)
         if unit is None and base != name and base in self._units:
-            unit = _rate(self._units[base])
+            unit = unit_quotient(self._units[base], "s")
         if name == "growth":
             return _with_unit("growth rate", unit)
         if self._model is None:
@@ -85,7 +86,7 @@ class AnalysisLabels:
         base = name.rstrip("'")
         unit = self._units.get(name)
         if unit is None and base != name and base in self._units:
-            unit = _rate(self._units[base])
+            unit = unit_quotient(self._units[base], "s")
         if name in self.given:
             unit = self.given[name].unit
         return _with_unit(look_of_value(self._names, name), unit)
@@ -93,10 +94,6 @@ class AnalysisLabels:
     def in_unit(self, name: str, values: Any) -> Array:
         """Return values of a parameter in the unit of its label."""
         return _numbers(values) / (self.given[name].factor if name in self.given else 1.0)
-
-
-def _rate(unit: str) -> str:
-    return "1/s" if unit == "1" else f"{unit}/s"
 
 
 def _with_unit(label: str, unit: str | None) -> str:

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import BY_NAME, PANELS, ColumnName, read_column_name, unit_of_column
+from lagcli.columns import (
+    BY_NAME,
+    PANELS,
+    ColumnName,
+    read_column_name,
+    unit_of_column,
+    unit_quotient,
+)
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
@@ -613,4 +620,4 @@ def _unit(run: RunFile, name: str) -> str | None:
     stated = run.record.units.get(base)
     if base == name or not stated:
         return stated
-    return "1/s" if stated == "1" else f"{stated}/s"
+    return unit_quotient(stated, "s")

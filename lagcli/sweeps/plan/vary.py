@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import symengine as se
 
+from lagcli.columns import unit_quotient
 from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
 from lagcli.files import check_readable, read_failure
 from lagcli.model.csv_table import split_title
@@ -358,7 +359,7 @@ def _coordinate_unit(model: Model, name: str) -> str | None:
     unit = next((c.unit for c in model.coordinates if c.name == base), None)
     if unit is None or base == name:
         return unit
-    return f"({unit})/s" if "/" in unit else f"{unit}/s"
+    return unit_quotient(unit, "s")
 
 
 @dataclass(frozen=True)
