@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from lagcli.arrays import Array, Indices
+from lagcli.model.names.members import family_of
 
 
 def thin(x: Array, values: Array, columns: int) -> Indices:
@@ -118,12 +119,6 @@ def scale_groups(largest: Sequence[float]) -> list[list[int]]:
 _LARGE = 4
 
 
-def family_of(name: str) -> tuple[str, str]:
-    """Return the name of a curve before and after its index: x and ' of x[1]'."""
-    before, _, after = name.partition("[")
-    return before, after.partition("]")[2]
-
-
 def by_family(names: Sequence[str], most: int) -> list[list[int]]:
     """Group curves by large families, if there are more than a legend distinguishes.
 
@@ -140,7 +135,7 @@ def by_family(names: Sequence[str], most: int) -> list[list[int]]:
     """
     if len(names) <= most:
         return [list(range(len(names)))]
-    families: dict[tuple[str, str], list[int]] = {}
+    families: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         families.setdefault(family_of(name), []).append(i)
     large = [x for x in families.values() if len(x) >= _LARGE]

@@ -18,6 +18,7 @@ from lagcli.columns import BY_NAME, PANELS, ResultQuantity
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
+from lagcli.model.names.members import family_of
 from lagcli.model.reading import shipped_models
 from lagcli.model.rewriting import rewrite, with_releases
 from lagcli.model.spelling import shorten
@@ -31,7 +32,7 @@ from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
-from lagcli.pictures.selection import by_family, chosen, family_of, scale_groups
+from lagcli.pictures.selection import by_family, chosen, scale_groups
 from lagcli.pictures.style import PALETTE, constraint_colors, family_colors
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
@@ -491,7 +492,7 @@ def _families(names: list[str], units: list[str]) -> list[str]:
             own = {family_of(names[alike[k]]) for k in group}
             if len(own) == 1 and len(alike) > len(PALETTE):
                 for k in group:
-                    families[alike[k]] = "[]".join(*own)
+                    families[alike[k]] = next(iter(own))
     return families
 
 

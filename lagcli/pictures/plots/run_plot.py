@@ -13,7 +13,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES, ColumnName
 from lagcli.errors import UsageError
-from lagcli.model.names.members import split_names
+from lagcli.model.names.members import family_of, split_names
 from lagcli.pictures import style
 from lagcli.pictures.curves import (
     IMPULSE,
@@ -27,7 +27,7 @@ from lagcli.pictures.curves import (
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.selection import by_family, drawable, family_of, scale_groups, thin
+from lagcli.pictures.selection import by_family, drawable, scale_groups, thin
 from lagcli.trajectory.samples import ENDED
 
 
