@@ -152,9 +152,9 @@ def test_whipple_bicycle_is_readable() -> None:
     for part in ("nz  = Z · n", "M q̈ = p + ℬᵀ λ", "Abbreviations", "M[x, x]", "p[δ]", "--full"):
         assert part in text
     assert "√(1)" not in text
-    used = set(re.findall(r"z[₀-₉]+", text))
-    defined = set(re.findall(r"(z[₀-₉]+) = ", text))
-    assert used == defined
+    written = Counter(re.findall(r"z[₀-₉]+", text))
+    assert set(written) == set(re.findall(r"(z[₀-₉]+) = ", text))
+    assert min(written.values()) > 2  # one is the definition
 
 
 LONG = ("net_rods", "stewart", "beam40", "bricard_a04", "bricard_tilted", "whipple_bicycle")
