@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 from lagcli.engine.core.run import METHODS as CORE_METHODS
 from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
+from lagcli.engine.integrate.prepared import with_rates
+from lagcli.engine.layout import RatesLayout
 from lagcli.engine.program.program import assemble
 from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.system import System
@@ -19,8 +21,9 @@ from lagcli.model.model import Model
 from lagcli.model.values import dependent_values, independent_parameters
 from lagcli.simulations.directions import start_tape
 from lagcli.simulations.simulation import Simulation
+from lagcli.simulations.start import spins_of
 
-_MAGIC = int.from_bytes(b"llvalue1", "little")
+_MAGIC = int.from_bytes(b"llvalue2", "little")
 
 
 class Resources(NamedTuple):
@@ -86,12 +89,39 @@ def resources(
         integers_data([places[name] for name in settable]),
         integers_data([places[name] for name in inputs]),
         integers_data(fixed),
+        integers_data([x for spin in spins_of(model) for x in (*spin.places, *spin.fixed)]),
+        *_constraints_at_start(system),
         program_data(assemble(start_tape(model, settable))),
         program_data(assemble(derived)),
     ]
     body = b"".join(parts)
     values = word_data(_MAGIC) + word_data(2 + len(body) // 8) + body
     return Resources(model_data(system, simulation.request, [method]), values)
+
+
+def _constraints_at_start(system: System) -> list[bytes]:
+    """Return the constraints that the start satisfies, where those of the core's equations differ.
+
+    These are without rows that switch, and with branches fixed.
+    """
+    if not system.has_kinks and (system.switching is None or not system.switching.rows):
+        return [word_data(0)]
+    held = system.held_at_start
+    number = {row: i for i, row in enumerate(held)}
+    holonomic = [k for k, row in enumerate(system.holonomic) if row in number]
+    entries = [k for k, (row, _) in enumerate(system.jacobian_pattern) if row in number]
+    pattern = [system.jacobian_pattern[k] for k in entries]
+    tape = with_rates(system)
+    places = RatesLayout(system.counts).split(range(len(tape.outputs)))
+    chosen = {"position": holonomic, "position_scale": holonomic, "jacobian": entries}
+    outputs = [part[k] for name, part in places.items() for k in chosen.get(name, held)]
+    return [
+        *map(word_data, (1, len(held), len(holonomic), len(entries), system.held)),
+        integers_data([number[system.holonomic[k]] for k in holonomic]),
+        integers_data([number[row] for row, _ in pattern]),
+        integers_data([column for _, column in pattern]),
+        program_data(assemble(tape.selected(outputs))),
+    ]
 
 
 class DerivedTape:

@@ -66,22 +66,41 @@ def curves(page, group):
     return np.array(plot["time"]), {name: np.array(x) for name, x in plot["series"]}
 
 
+def quantities(run, model):
+    """Return what pages draw by group: q, v, and λ of the constraints that have one."""
+    names = model.coordinate_names
+    found = {
+        "coordinates": dict(zip(names, run.q.T, strict=True)),
+        "velocities": dict(zip([f"{q}_dot" for q in names], run.v.T, strict=True)),
+    }
+    if model.constraint_names:
+        multipliers = [f"lambda.{name}" for name in model.constraint_names]
+        found["multipliers"] = dict(zip(multipliers, run.multipliers.T, strict=True))
+    return found
+
+
 @pytest.mark.parametrize("name", every_model())
-def test_the_page_shows_the_motion_of_simulate(name, pages, opened):
+def test_the_page_shows_the_motion_of_simulate(name, pages, opened, until):
     path = pages(name)
     assert path.stat().st_size < 1_000_000
     page = opened(path)
     model = lagcli.load(name)
     run = simulate(model)
-    time, found = curves(page, "coordinates")
-    for coordinate, values in found.items():
-        column = run.q[:, model.coordinate_names.index(coordinate)]
-        # a page has two more samples at each instant, of which the curve's values before and after
-        same = np.interp(run.time, time, values)
-        jumps = [] if run.events is None else run.events.time
-        away = np.array([abs(jumps - t).min(initial=1.0) > 1e-9 for t in run.time])
-        scale = np.abs(run.q).max()
-        assert np.abs(same - column)[away].max() < 1e-6 * scale, coordinate
+    instants = np.array([]) if run.events is None else run.events.time
+    away = np.array([abs(instants - t).min(initial=1.0) > 1e-9 for t in run.time])
+    for group, expected in quantities(run, model).items():
+        page.locator(".slot select").first.select_option(group)
+        until(page, f"{DRAWN} && {group!r} in page.answer.plots")
+        time, found = curves(page, group)
+        assert found, group
+        scale = max(np.abs(column[away]).max() for column in expected.values())
+        for curve, values in found.items():
+            # a page has two more samples at each instant: the values before and after it
+            same = np.interp(run.time, time, values)
+            assert np.abs(same - expected[curve])[away].max() < 1e-6 * scale, curve
+    shown = page.evaluate("(page.answer.events?.entries ?? []).map(({ time }) => time)")
+    np.testing.assert_allclose(shown, np.sort(instants)[: len(shown)], rtol=0, atol=1e-8)
+    assert bool(len(shown)) == bool(len(instants))
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 

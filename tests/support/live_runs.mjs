@@ -22,6 +22,7 @@ const made = cases.map(({ parameters, initial, times, t_end, rtol }) => {
     steps: core.steps,
     seconds: (user + system) / 1e6,
     columns: core.samples().map((column) => Array.from(column, finite)),
+    state: [...core.start().state],
     log: core.log().map((entry) => [...entry]),
   };
 });

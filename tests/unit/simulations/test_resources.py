@@ -42,4 +42,4 @@ def test_the_same_model_gives_the_same_resources() -> None:
         found.append(resources(simulation, "DOP853", derived))
     assert found[0] == found[1]
     assert found[0].model[:8] == b"lagmodel"
-    assert found[0].values[:8] == b"llvalue1"
+    assert found[0].values[:8] == b"llvalue2"

@@ -16,6 +16,7 @@
 #include "project.h"
 
 #define METHODS 8  /* more than there are */
+#define SPIN 7     /* integers of a lag_spin in values.bin */
 #define SAME_TIME 1e-9 /* of a step, or of the time: a difference of times that is rounding */
 #define LARGE 400  /* unknowns of a model whose dense matrices are allocated only where they are needed */
 #define DRIFT 1e-9 /* of the constraint's scale: residual at which model exchange brings the state back */
@@ -78,6 +79,40 @@ static const void *contents(lag_fmu *fmu, const char *folder, const char *name, 
     return data;
 }
 
+/* Take the angular velocities that are given. Returns 0, or 1 if they are damaged. */
+static int read_spins(lag_fmu *fmu, const int32_t *from, int count, int nq)
+{
+    fmu->search.spin_count = count / SPIN;
+    fmu->search.spins = lag_get(&fmu->pool, (size_t)fmu->search.spin_count, sizeof *fmu->search.spins);
+    int damaged = count % SPIN || !fmu->search.spins;
+    for (int i = 0; !damaged && i < count; ++i) {
+        lag_spin *spin = fmu->search.spins + i / SPIN;
+        const int k = i % SPIN;
+        damaged = from[i] < 0 || from[i] >= (k < 4 ? nq : 2);
+        if (k < 4)
+            spin->place[k] = from[i];
+        else
+            spin->fixed[k - 4] = from[i];
+    }
+    return damaged;
+}
+
+/* Take the equations with the constraints that hold at the start. */
+static void read_constraints(lag_reader *in, const lag_equations *of_model, lag_equations *e)
+{
+    *e = *of_model;
+    if (!lag_read_int(in, 0, 1))
+        return;
+    e->nc = lag_read_int(in, 0, LAG_MODEL_LARGEST);
+    e->nh = lag_read_int(in, 0, e->nc);
+    e->nb = lag_read_int(in, 0, INT32_MAX);
+    e->np = lag_read_int(in, 0, of_model->np);
+    e->holonomic = lag_read_integers(in, e->nh, 0, e->nc);
+    e->jacobian_row = lag_read_integers(in, e->nb, 0, e->nc);
+    e->jacobian_column = lag_read_integers(in, e->nb, 0, e->nq);
+    e->constraint = lag_read_program(in, 1 + 2 * (int64_t)e->nq + e->np, 2 * (int64_t)e->nh + e->nb + 3 * (int64_t)e->nc);
+}
+
 /* Read what values.bin has. Returns 0, or 1 if it is damaged. */
 static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
 {
@@ -86,13 +121,15 @@ static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
     lag_reader in = {.at = data, .words = bytes / 8, .status = LAG_MODEL_READ};
     if (bytes < 24 || bytes % 8 || lag_read_word(&in) != LAG_VALUES_MAGIC || lag_read_word(&in) != bytes / 8)
         return 1;
-    int64_t settable = 0, inputs = 0;
+    int64_t settable = 0, inputs = 0, spins = 0;
     fmu->method = lag_method_at(lag_read_int(&in, 0, METHODS));
     fmu->own = lag_read_int(&in, 0, e->np);
     fmu->place = lag_read_list(&in, &settable);
     fmu->input = lag_read_list(&in, &inputs);
     fmu->fixed = lag_read_integers(&in, 2 * (int64_t)e->nq, 0, 2);
-    if (in.status != LAG_MODEL_READ || !fmu->method || settable > fmu->own || inputs > settable)
+    const int32_t *spin = lag_read_list(&in, &spins);
+    if (in.status != LAG_MODEL_READ || !fmu->method || settable > fmu->own || inputs > settable || spins > SPIN * (int64_t)e->nq
+        || read_spins(fmu, spin, (int)spins, e->nq))
         return 1;
     for (int64_t i = 0; i < settable; ++i)
         if (fmu->place[i] < 0 || fmu->place[i] >= fmu->own)
@@ -101,6 +138,7 @@ static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
     fmu->nc = m->contents & LAG_MODEL_SWITCHING ? m->rules.nc : e->nc;
     fmu->settable = (int)settable;
     fmu->inputs = (int)inputs;
+    read_constraints(&in, e, &fmu->search.equations);
     const lag_program start = lag_read_program(&in, settable, (int64_t)fmu->own + 2 * e->nq);
     fmu->columns_program = lag_read_program(&in, 1 + 3 * (int64_t)e->nq + fmu->nc + e->np, 0);
     if (in.status != LAG_MODEL_READ || in.words)
@@ -145,6 +183,7 @@ static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const 
     fmu->initial = lag_doubles(&fmu->pool, 2 * nq);
     fmu->is_given = lag_get(&fmu->pool, 2 * (size_t)nq, sizeof *fmu->is_given);
     fmu->is_fixed = lag_get(&fmu->pool, 2 * (size_t)nq, sizeof *fmu->is_fixed);
+    fmu->begin = lag_doubles(&fmu->pool, 2 * nq);
     fmu->parameters = lag_doubles(&fmu->pool, m->equations.np);
     fmu->y = lag_doubles(&fmu->pool, 2 * nq + 1);
     fmu->lengths = lag_doubles(&fmu->pool, nc);
@@ -225,6 +264,30 @@ int lag_fmu_initialize(lag_fmu *fmu, double start, double stop)
     return 0;
 }
 
+/* Angular velocities hold where components of quaternions are set: their rates follow. They do not where rates are set. */
+static void turn_spins(lag_fmu *fmu)
+{
+    double *q = fmu->begin, *v = q + fmu->nq;
+    for (lag_spin *spin = fmu->search.spins; spin < fmu->search.spins + fmu->search.spin_count; ++spin) {
+        double omega[3], own = 0.0;
+        int turned = 0;
+        spin->given = 1;
+        for (int i = 0; i < 4; ++i) {
+            const int at = spin->place[i];
+            own = fmax(own, fabs(q[at]));
+            turned |= fmu->is_given[at] && fmu->initial[at] != q[at];
+            spin->given &= !fmu->is_given[fmu->nq + at];
+        }
+        if (!turned || !(own > 0.0))
+            continue;
+        lag_angular_velocity(spin, q, v, omega);
+        for (int i = 0; i < 4; ++i)
+            if (fmu->is_given[spin->place[i]])
+                q[spin->place[i]] = fmu->initial[spin->place[i]];
+        lag_turn_quaternion(spin, omega, q, v);
+    }
+}
+
 /* Evaluate the parameters and the initial values that depend on what was set. */
 static void evaluate_start(lag_fmu *fmu)
 {
@@ -236,10 +299,15 @@ static void evaluate_start(lag_fmu *fmu)
     lag_tape_run(&fmu->start, &fmu->start.stream);
     for (int i = 0; i < fmu->own; ++i)
         fmu->parameters[i] = OUT(&fmu->start, i);
+    for (int i = 0; i < 2 * nq; ++i)
+        fmu->begin[i] = OUT(&fmu->start, fmu->own + i);
+    turn_spins(fmu);
     for (int i = 0; i < 2 * nq; ++i) {
-        fmu->y[i] = fmu->is_given[i] ? fmu->initial[i] : OUT(&fmu->start, fmu->own + i);
+        if (fmu->is_given[i])
+            fmu->begin[i] = fmu->initial[i];
         fmu->is_fixed[i] = fmu->is_given[i] ? fmu->is_given[i] == LAG_FMU_FIXED : fmu->fixed[i];
     }
+    memcpy(fmu->y, fmu->begin, 2 * (size_t)nq * sizeof *fmu->y);
     fmu->y[2 * nq] = 0.0;
 }
 
@@ -274,6 +342,8 @@ int lag_fmu_prepare(lag_fmu *fmu)
             return fail(fmu, "the constraints have no finite value at the initial state");
         if (found == LAG_START_SINGULAR)
             return fail(fmu, "the constraints are singular at the initial state");
+        if (found == LAG_START_NO_MEMORY)
+            return fail(fmu, "there is no memory");
         model.problem.lengths = fmu->lengths;
         model.problem.plain_lengths = fmu->plain_lengths;
     }

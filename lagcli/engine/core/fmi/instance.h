@@ -5,6 +5,11 @@
  *   LAG_VALUES_MAGIC, the number of words, the number of the method, the number of the model's parameters
  *   a list of the parameters that can be set, their places; a list of those of them that are inputs, their places
  *   a list of 2 nq flags, whether initial values are fixed
+ *   a list of the quaternions whose angular velocity is given at the start, each its 4 coordinates, and 3 flags, whether the
+ *   components of the angular velocity are fixed
+ *   whether the constraints that hold at the start are others than those of the equations, because some switch; then the
+ *   numbers of them, of holonomic ones, of their entries of B, of parameters, the first of the model's; lists of holonomic ones, and of
+ *   the rows and columns of the entries; a program as lag_equations.constraint
  *   a program of the parameters that can be set: all parameters, q and v at the start
  *   a program of (t, q, v, a, lambda, p): the derived values
  *
@@ -15,7 +20,7 @@
 
 #include "fmi/start.h"
 
-#define LAG_VALUES_MAGIC 0x3165756c61766c6c /* "llvalue1" where the lowest byte is the first */
+#define LAG_VALUES_MAGIC 0x3265756c61766c6c /* "llvalue2" where the lowest byte is the first */
 
 #define LAG_MESSAGE 400 /* bytes of a message, at most */
 
@@ -43,6 +48,7 @@ typedef struct {
     double *given;                     /* settable: their values ... */
     double *initial;                   /* 2 nq: initial values that were set ... */
     int *is_given, *is_fixed;          /* 2 nq: ... a lag_fmu_given; whether the search may not change them */
+    double *begin;                     /* 2 nq: the initial values, set or not, before the search */
     double *parameters, *y, *lengths, *plain_lengths; /* np, 2 nq + 1, nc, nc: of the start */
     double *held;                      /* np: parameters at a sample */
     double *row;                       /* a sample */

@@ -4,51 +4,180 @@
 #include <string.h>
 
 #include "bind.h"
+#include "linear/dense.h"
 
-#define ITERATIONS 50       /* Newton steps */
+#define ITERATIONS 200      /* Newton steps */
 #define HALVINGS 30         /* of one that does not reduce the residual */
-#define RESIDUAL 2e-15      /* of the constraint's scale: end of the search */
+#define RESIDUAL 1e-15      /* of the constraint's scale: end of the search */
 #define ACCEPTED 1e-10      /* of the scale: largest residual of a state that counts as consistent */
-#define INDEPENDENT 1e-6    /* part of a row that can be changed, at least */
+#define INDEPENDENT 1e-6    /* part of a row that is independent where it is used, at least; below it, velocities hardly change it */
 #define LEAST_PART 1e-3     /* as in engine/scales.py: part of the size of the state that a scale is, at least */
 #define OF_GUESS 1e-5       /* part of the scale at the guess that a scale is, at least */
 #define OF_RANK 1e-8        /* part of a row that is independent of the rows before it, at least */
+#define CERTAINLY 1e-3      /* part of a row that is independent of those before it, for rows that need no singular values */
+#define SWEEPS 60           /* of rotations; some ten suffice */
+#define ORTHOGONAL 1e-15    /* a product of rows, of their lengths */
+#define NOTHING 1e-14       /* part of its terms that a sum is, at least, unless it vanishes */
+#define LONGEST 2.0         /* of the coordinates' size: longest step */
+static const double aside[] = {0.0, 1e-3, 0.1}; /* of it: displacements of a guess without a solution */
+
+static void bind_constraints(lag_pool *pool, lag_tape *tape, const lag_equations *e)
+{
+    lag_bind_program(pool, tape, &e->constraint, LAG_PORTABLE);
+    if (!pool->failed)
+        tape->parameters = tape->registers + e->constraint.inputs - e->np;
+}
 
 int lag_start_bind(lag_pool *pool, lag_start_search *s, const lag_model *model)
 {
-    const int nq = model->equations.nq, nc = model->equations.nc;
+    const int nq = model->equations.nq;
+    const int nc = s->equations.nc > model->equations.nc ? s->equations.nc : model->equations.nc;
     s->model = model;
+    s->pool = pool;
     s->rows = lag_doubles(pool, (int64_t)nc * nq);
     s->right = lag_doubles(pool, nc);
     s->lengths = lag_doubles(pool, nc);
+    s->sizes = lag_doubles(pool, nq);
     s->x = lag_doubles(pool, nq);
+    s->guess = lag_doubles(pool, nq);
     s->tried = lag_doubles(pool, nq);
+    s->held = lag_get(pool, (size_t)nq, sizeof *s->held);
+    s->unit = lag_doubles(pool, nq);
     s->own = lag_doubles(pool, nc);
     s->least = lag_doubles(pool, nc);
-    lag_bind_program(pool, &s->constraint, &model->equations.constraint, LAG_PORTABLE);
-    if (!pool->failed)
-        s->constraint.parameters = s->constraint.registers + model->equations.constraint.inputs - model->equations.np;
+    s->scale = lag_doubles(pool, nc);
+    bind_constraints(pool, &s->constraint, &s->equations);
+    bind_constraints(pool, &s->lasting, &model->equations);
     return pool->failed;
+}
+
+/* What the metric needs. Returns 0, or 1 where there is no memory. */
+static int bind_metric(lag_start_search *s)
+{
+    const lag_equations *e = &s->equations;
+    const lag_program *dynamics = s->model->contents & LAG_MODEL_UNROLLED ? &s->model->unrolled : &s->model->dynamics;
+    const int64_t nq = e->nq, nc = e->nc, n = nq + nc;
+    if (s->measures)
+        return 0;
+    s->tested = lag_doubles(s->pool, nc * nq);
+    s->mass = lag_doubles(s->pool, nq * nq);
+    s->matrix = lag_doubles(s->pool, n * n);
+    s->solution = lag_doubles(s->pool, n);
+    s->pivots = lag_get(s->pool, (size_t)n, sizeof *s->pivots);
+    lag_bind_program(s->pool, &s->dynamics, dynamics, LAG_PORTABLE);
+    if (s->pool->failed)
+        return 1;
+    s->dynamics.parameters = s->dynamics.registers + dynamics->inputs - s->model->equations.np;
+    s->measures = 1;
+    return 0;
+}
+
+/* Evaluate a tape at a state. */
+static void evaluate_tape(const lag_start_search *s, const lag_tape *tape, double t, const double *y)
+{
+    tape->registers[0] = t;
+    memcpy(tape->registers + 1, y, 2 * (size_t)s->equations.nq * sizeof *y);
+    lag_tape_run(tape, &tape->stream);
 }
 
 /* Evaluate the constraints at a state. */
 static void evaluate(lag_start_search *s, double t, const double *y)
 {
-    double *r = s->constraint.registers;
-    r[0] = t;
-    memcpy(r + 1, y, 2 * (size_t)s->model->equations.nq * sizeof *r);
-    lag_tape_run(&s->constraint, &s->constraint.stream);
+    evaluate_tape(s, &s->constraint, t, y);
 }
 
+/* angular velocities */
+
+/* G / 2 of e' = G omega / 2. */
+static void rates_of_spin(const lag_spin *spin, const double *q, double g[4][3])
+{
+    const double a = 0.5 * q[spin->place[0]], b = 0.5 * q[spin->place[1]], c = 0.5 * q[spin->place[2]],
+                 d = 0.5 * q[spin->place[3]];
+    const double made[4][3] = {{-b, -c, -d}, {a, -d, c}, {d, a, -b}, {-c, b, a}};
+    memcpy(g, made, sizeof made);
+}
+
+void lag_turn_quaternion(const lag_spin *spin, const double *omega, const double *q, double *v)
+{
+    double g[4][3];
+    rates_of_spin(spin, q, g);
+    for (int i = 0; i < 4; ++i)
+        v[spin->place[i]] = g[i][0] * omega[0] + g[i][1] * omega[1] + g[i][2] * omega[2];
+}
+
+void lag_angular_velocity(const lag_spin *spin, const double *q, const double *v, double *omega)
+{
+    double g[4][3], square = 0.0;
+    rates_of_spin(spin, q, g);
+    for (int i = 0; i < 4; ++i)
+        square += q[spin->place[i]] * q[spin->place[i]];
+    for (int k = 0; k < 3; ++k) {
+        omega[k] = 0.0;
+        for (int i = 0; i < 4; ++i)
+            omega[k] += 4.0 * g[i][k] * v[spin->place[i]] / square;
+    }
+}
+
+/* Make the columns of a matrix of so many rows, for changes of v, those for changes of the angular velocities that are
+ * given, which are at the first three places of e. */
+static void take_spins(const lag_start_search *s, const double *q, double *matrix, int rows)
+{
+    const int nq = s->equations.nq;
+    for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin) {
+        double g[4][3];
+        if (!spin->given)
+            continue;
+        rates_of_spin(spin, q, g);
+        for (int r = 0; r < rows; ++r) {
+            double *row = matrix + r * nq, made[4] = {0.0};
+            for (int k = 0; k < 3; ++k) {
+                double terms = 0.0;
+                for (int i = 0; i < 4; ++i) {
+                    made[k] += row[spin->place[i]] * g[i][k];
+                    terms += fabs(row[spin->place[i]] * g[i][k]);
+                }
+                if (fabs(made[k]) <= NOTHING * terms) /* all are tangent to |e| = 1 */
+                    made[k] = 0.0;
+            }
+            for (int k = 0; k < 4; ++k)
+                row[spin->place[k]] = made[k];
+        }
+    }
+}
+
+/* The unknowns of a change of positions, or of velocities at q: which of them are held, and their units. */
+static void set_unknowns(lag_start_search *s, const int *fixed, const double *q)
+{
+    const double *sizes = s->sizes;
+    for (int j = 0; j < s->equations.nq; ++j) {
+        s->held[j] = fixed[j];
+        s->unit[j] = sizes[j];
+    }
+    for (const lag_spin *spin = s->spins; q && spin < s->spins + s->spin_count; ++spin) {
+        double g[4][3];
+        if (!spin->given)
+            continue;
+        rates_of_spin(spin, q, g);
+        s->held[spin->place[3]] = 1;
+        for (int k = 0; k < 3; ++k) {
+            double square = 0.0;
+            for (int i = 0; i < 4; ++i)
+                square += g[i][k] / sizes[spin->place[i]] * (g[i][k] / sizes[spin->place[i]]);
+            s->held[spin->place[k]] = spin->fixed[k];
+            s->unit[spin->place[k]] = square > 0.0 ? 1.0 / sqrt(square) : 1.0;
+        }
+    }
+}
+
+/* changes */
+
 /*
- * The least x (n) with A x = b, A of m rows, by Gram and Schmidt's orthogonalization with the row whose independent
- * part is largest next. Rows whose independent part is less than `least` of their `length` are left out. A, b and the lengths
- * are destroyed. Returns the rank.
+ * Gram and Schmidt's orthogonalization of m rows of n entries, the one whose independent part is largest next, and those
+ * left out whose independent part is less than `least` of their `length`. The rows and the lengths are destroyed. Returns the rank.
  */
-static int least_solution(double least, int m, int n, double *a, double *b, double *length, double *x)
+static int orthogonalize(double least, int m, int n, double *a, double *length)
 {
     int rank = 0;
-    memset(x, 0, (size_t)n * sizeof *x);
     for (; rank < m && rank < n; ++rank) {
         int next = -1;
         double largest = least, rest = 0.0;
@@ -67,14 +196,10 @@ static int least_solution(double least, int m, int n, double *a, double *b, doub
         if (next < 0)
             break;
         double *row = a + next * n;
-        const double y = b[next] / rest;
         length[next] = 0.0; /* done */
-        for (int j = 0; j < n; ++j) {
+        for (int j = 0; j < n; ++j)
             row[j] /= rest;
-            x[j] += y * row[j];
-        }
         for (int i = 0; i < m; ++i) {
-            double part = 0.0;
             if (!(length[i] > 0.0))
                 continue;
             for (int pass = 0; pass < 2; ++pass) { /* the second one removes rounding */
@@ -83,30 +208,215 @@ static int least_solution(double least, int m, int n, double *a, double *b, doub
                     product += row[j] * a[i * n + j];
                 for (int j = 0; j < n; ++j)
                     a[i * n + j] -= product * row[j];
-                part += product;
             }
-            b[i] -= part * y;
         }
     }
     return rank;
 }
 
-/* Write the rows of B times sizes, without the columns of fixed entries (NULL: none are), and the lengths of all. */
-static void write_rows(lag_start_search *s, const int *fixed)
+static double product_of(int n, const double *x, const double *y)
 {
-    const lag_equations *e = &s->model->equations;
+    double sum = 0.0;
+    for (int j = 0; j < n; ++j)
+        sum += x[j] * y[j];
+    return sum;
+}
+
+/*
+ * Combine m rows of n entries, and their right sides, by rotations (Jacobi) until they are orthogonal: their lengths are then the
+ * singular values. Keep those that are larger than `least`; what the others say of the right side is dropped, as by least
+ * squares. Returns the rank.
+ */
+static int combine(double least, int m, int n, double *a, double *right)
+{
+    int rank = 0, turned = 1;
+    for (int sweep = 0; sweep < SWEEPS && turned; ++sweep) {
+        turned = 0;
+        for (int i = 0; i < m; ++i)
+            for (int k = i + 1; k < m; ++k) {
+                double *x = a + i * n, *y = a + k * n;
+                const double xx = product_of(n, x, x), yy = product_of(n, y, y), xy = product_of(n, x, y);
+                if (!(fabs(xy) > ORTHOGONAL * sqrt(xx * yy)))
+                    continue;
+                const double ratio = (yy - xx) / (2.0 * xy);
+                const double tangent = copysign(1.0, ratio) / (fabs(ratio) + sqrt(1.0 + ratio * ratio));
+                const double c = 1.0 / sqrt(1.0 + tangent * tangent), s = c * tangent, r = right[i];
+                for (int j = 0; j < n; ++j) {
+                    const double of_x = x[j];
+                    x[j] = c * of_x - s * y[j];
+                    y[j] = s * of_x + c * y[j];
+                }
+                right[i] = c * r - s * right[k];
+                right[k] = s * r + c * right[k];
+                turned = 1;
+            }
+    }
+    for (int i = 0; i < m; ++i)
+        if (sqrt(product_of(n, a + i * n, a + i * n)) > least) {
+            memmove(a + rank * n, a + i * n, (size_t)n * sizeof *a);
+            right[rank++] = right[i];
+        }
+    return rank;
+}
+
+/* Evaluate M at a state, and the sizes of the coordinates there: the inertia of those with the same unit is the largest of them.
+ * Sizes where a coordinate has none remain. Returns 0, or 1 where there is no memory. */
+static int measure(lag_start_search *s, double t, const double *y)
+{
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq;
+    int known = 1;
+    if (bind_metric(s))
+        return 1;
+    double *inertia = s->solution;
+    if (!s->renewed)
+        lag_tape_set(&s->dynamics, s->model->equations.np, s->p);
+    s->renewed = 1;
+    evaluate_tape(s, &s->dynamics, t, y);
+    memset(inertia, 0, (size_t)nq * sizeof *inertia);
+    for (int i = 0; i < e->nm; ++i)
+        if (e->mass_row[i] == e->mass_column[i]) {
+            double *largest = inertia + e->unit[e->mass_row[i]];
+            *largest = fmax(*largest, OUT(&s->dynamics, i));
+        }
+    for (int j = 0; j < nq; ++j)
+        known = known && inertia[e->unit[j]] > 0.0 && isfinite(inertia[e->unit[j]]);
+    for (int j = 0; known && j < nq; ++j)
+        s->sizes[j] = 1.0 / sqrt(inertia[e->unit[j]]);
+    return 0;
+}
+
+/* Write M, as it has been evaluated, of the unknowns, in their units; q where they are velocities. Returns 0, or 1 where it is
+ * undefined. */
+static int weigh(lag_start_search *s, const double *q)
+{
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq;
+    double *m = s->mass, sum = 0.0;
+    memset(m, 0, (size_t)nq * (size_t)nq * sizeof *m);
+    for (int i = 0; i < e->nm; ++i)
+        m[e->mass_row[i] * nq + e->mass_column[i]] = OUT(&s->dynamics, i);
+    for (int pass = 0; q && s->spin_count && pass < 2; ++pass) { /* G'M G: the columns, then the rows */
+        take_spins(s, q, m, nq);
+        for (int i = 0; i < nq; ++i)
+            for (int j = 0; j < i; ++j) {
+                const double x = m[i * nq + j];
+                m[i * nq + j] = m[j * nq + i];
+                m[j * nq + i] = x;
+            }
+    }
+    for (int i = 0; i < nq; ++i)
+        for (int j = 0; j < nq; ++j)
+            sum += m[i * nq + j] *= s->unit[i] * s->unit[j];
+    return !isfinite(sum);
+}
+
+/* The least change x by M, or by the units, by which independent rows become `right`. Returns 0, or 1 if there is none. */
+static int solve_least(lag_start_search *s, int rank, int by_mass)
+{
+    const int nq = s->equations.nq, n = nq + rank;
+    double *k = s->matrix, *z = s->solution, sum = 0.0;
+    memset(k, 0, (size_t)n * (size_t)n * sizeof *k);
+    memset(z, 0, (size_t)nq * sizeof *z);
+    for (int i = 0; i < nq; ++i)
+        if (s->held[i] || !by_mass)
+            k[i * n + i] = 1.0;
+        else
+            for (int j = 0; j < nq; ++j)
+                k[i * n + j] = s->held[j] ? 0.0 : s->mass[i * nq + j];
+    for (int r = 0; r < rank; ++r) {
+        const double *row = s->rows + r * nq, length = sqrt(product_of(nq, row, row));
+        for (int j = 0; j < nq; ++j)
+            k[(nq + r) * n + j] = k[j * n + nq + r] = row[j] / length;
+        z[nq + r] = s->right[r] / length;
+    }
+    if (lag_lu(k, s->pivots, n))
+        return 1;
+    lag_lu_solve(k, s->pivots, n, z);
+    for (int j = 0; j < nq; ++j)
+        sum += z[j];
+    if (!isfinite(sum))
+        return 1;
+    memcpy(s->x, z, (size_t)nq * sizeof *z);
+    return 0;
+}
+
+/* The lengths of m rows. */
+static void write_lengths(lag_start_search *s, int m)
+{
+    const int nq = s->equations.nq;
+    for (int i = 0; i < m; ++i) {
+        double square = 0.0;
+        for (int j = 0; j < nq; ++j)
+            square += s->rows[i * nq + j] * s->rows[i * nq + j];
+        s->lengths[i] = sqrt(square);
+    }
+}
+
+/* The least change x of the unknowns, in their units, by which m rows become `right`, as well as possible where they depend
+ * on each other: where a singular value of the rows over their lengths is less than `least`; q where they are velocities. M has been
+ * evaluated. */
+static void find_least_change(lag_start_search *s, int m, double least, const double *q)
+{
+    const int nq = s->equations.nq;
+    for (int i = 0; i < m; ++i) {
+        const double length = s->lengths[i] > 0.0 ? s->lengths[i] : 1.0;
+        for (int j = 0; j < nq; ++j)
+            s->rows[i * nq + j] /= length;
+        s->right[i] /= length;
+        s->lengths[i] = 1.0;
+    }
+    memset(s->x, 0, (size_t)nq * sizeof *s->x);
+    memcpy(s->tested, s->rows, (size_t)m * (size_t)nq * sizeof *s->rows);
+    int rank = orthogonalize(CERTAINLY, m, nq, s->tested, s->lengths);
+    if (rank < m)
+        rank = combine(least, m, nq, s->rows, s->right);
+    if (rank && (weigh(s, q) || solve_least(s, rank, 1)))
+        solve_least(s, rank, 0);
+}
+
+/* Write the rows of B times sizes, and their lengths, of equations whose tape of constraints has been evaluated. */
+static void write_rows_of(lag_start_search *s, const lag_equations *e, const lag_tape *tape)
+{
     memset(s->rows, 0, (size_t)e->nc * (size_t)e->nq * sizeof *s->rows);
     memset(s->lengths, 0, (size_t)e->nc * sizeof *s->lengths);
     for (int i = 0; i < e->nb; ++i) {
         const int j = e->jacobian_column[i], row = e->jacobian_row[i];
-        const double b = s->model->problem.sizes[j] * OUT(&s->constraint, e->nh + i);
+        const double b = s->sizes[j] * OUT(tape, e->nh + i);
         s->lengths[row] += b * b;
-        if (!fixed || !fixed[j])
-            s->rows[row * e->nq + j] = b;
+        s->rows[row * e->nq + j] = b;
     }
     for (int i = 0; i < e->nc; ++i)
         s->lengths[i] = sqrt(s->lengths[i]);
 }
+
+/* Those of the constraints that hold at the start. */
+static void write_rows(lag_start_search *s)
+{
+    write_rows_of(s, &s->equations, &s->constraint);
+}
+
+/* The same of the unknowns, in their units, and of those that are not held alone; q where they are velocities. */
+static void write_rows_of_unknowns(lag_start_search *s, const double *q)
+{
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq;
+    const double *sizes = s->sizes;
+    write_rows(s);
+    for (int i = 0; q && s->spin_count && i < e->nc; ++i)
+        for (int j = 0; j < nq; ++j)
+            s->rows[i * nq + j] /= sizes[j];
+    if (q && s->spin_count)
+        take_spins(s, q, s->rows, e->nc);
+    for (int i = 0; i < e->nc; ++i)
+        for (int j = 0; j < nq; ++j)
+            if (s->held[j])
+                s->rows[i * nq + j] = 0.0;
+            else if (q && s->spin_count)
+                s->rows[i * nq + j] *= s->unit[j];
+}
+
+/* residuals */
 
 double lag_largest_residual(const lag_tape *tape, int n, int first, int scale)
 {
@@ -121,19 +431,27 @@ double lag_largest_residual(const lag_tape *tape, int n, int first, int scale)
     return largest;
 }
 
+/* The largest of |x| (q or v), in sizes. */
+static double largest_in_sizes(const lag_start_search *s, const double *x)
+{
+    double size = 0.0;
+    for (int j = 0; j < s->equations.nq; ++j)
+        size = fmax(size, fabs(x[j]) / s->sizes[j]);
+    return size;
+}
+
 /*
  * The largest of n residuals, outputs from `first` on, over their scales; INFINITY where one is not finite. All terms of
  * a constraint may vanish at a state: a scale is at least what the sizes of the coordinates x (q or v) imply, and a
  * part of that at the guess, where the search begins. `constraint` are the numbers of the constraints; NULL: from 0 on.
+ * The scales go to s->scale.
  */
 static double residual_at(lag_start_search *s, int n, int first, int scale, const int32_t *constraint, const double *x,
                           int begins)
 {
-    const lag_equations *e = &s->model->equations;
-    const double *sizes = s->model->problem.sizes;
-    double largest = 0.0, size = 0.0;
-    for (int j = 0; j < e->nq; ++j)
-        size = fmax(size, fabs(x[j]) / sizes[j]);
+    const lag_equations *e = &s->equations;
+    const double *sizes = s->sizes;
+    double largest = 0.0, size = largest_in_sizes(s, x);
     memset(s->own, 0, (size_t)e->nc * sizeof *s->own);
     memset(s->lengths, 0, (size_t)e->nc * sizeof *s->lengths);
     for (int i = 0; i < e->nb; ++i) {
@@ -150,6 +468,7 @@ static double residual_at(lag_start_search *s, int n, int first, int scale, cons
         if (begins)
             s->least[row] = OF_GUESS * terms;
         terms = fmax(terms, s->least[row]);
+        s->scale[i] = terms > 0.0 ? terms : 1.0;
         if (!isfinite(value))
             return INFINITY;
         if (value != 0.0)
@@ -158,50 +477,113 @@ static double residual_at(lag_start_search *s, int n, int first, int scale, cons
     return largest;
 }
 
-/* Move the free positions to phi = 0. */
-static int find_positions(lag_start_search *s, double t, const int *fixed, double *y)
+/* That of the positions at a state. */
+static double position_residual(lag_start_search *s, double t, const double *y, int begins)
 {
-    const lag_equations *e = &s->model->equations;
-    const int nq = e->nq, scale = e->nh + e->nb + e->nc;
+    const lag_equations *e = &s->equations;
     evaluate(s, t, y);
-    double residual = residual_at(s, e->nh, 0, scale, e->holonomic, y, 1);
+    return residual_at(s, e->nh, 0, e->nh + e->nb + e->nc, e->holonomic, y, begins);
+}
+
+/* The squared norm of phi, which the tape holds, over the scales; INFINITY where it is not finite. */
+static double norm_over_scales(const lag_start_search *s)
+{
+    double sum = 0.0;
+    for (int i = 0; i < s->equations.nh; ++i) {
+        const double part = OUT(&s->constraint, i) / s->scale[i];
+        sum += part * part;
+    }
+    return isfinite(sum) ? sum : INFINITY;
+}
+
+/* The size of the coordinates, in their sizes; where all are 0, that of those by which the constraints change by their terms. */
+static double reach(lag_start_search *s, const double *q)
+{
+    const lag_equations *e = &s->equations;
+    const int scale = e->nh + e->nb + e->nc;
+    double size = largest_in_sizes(s, q);
+    if (size > 0.0)
+        return size;
+    write_rows(s);
+    for (int i = 0; i < e->nh; ++i) {
+        const double length = s->lengths[e->holonomic[i]];
+        size = fmax(size, OUT(&s->constraint, scale + i) / (length > 0.0 ? length : 1.0));
+    }
+    return size > 0.0 ? size : 1.0;
+}
+
+/* positions and velocities */
+
+/* Take Newton steps towards phi = 0. Returns a lag_start_status: LAG_START_CONTRADICTED where they do not reach it. */
+static int descend(lag_start_search *s, double t, const int *fixed, double *y)
+{
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq;
+    double residual = position_residual(s, t, y, 0);
     for (int iteration = 0; iteration < ITERATIONS && residual > RESIDUAL; ++iteration) {
         if (!isfinite(residual))
             return LAG_START_UNDEFINED;
-        write_rows(s, fixed);
+        if (measure(s, t, y))
+            return LAG_START_NO_MEMORY;
+        set_unknowns(s, fixed, NULL);
+        const double size = reach(s, y);
+        write_rows_of_unknowns(s, NULL);
         for (int i = 0; i < e->nh; ++i) {
             memmove(s->rows + i * nq, s->rows + e->holonomic[i] * nq, (size_t)nq * sizeof *s->rows);
-            s->lengths[i] = s->lengths[e->holonomic[i]];
             s->right[i] = -OUT(&s->constraint, i);
         }
-        least_solution(INDEPENDENT, e->nh, nq, s->rows, s->right, s->lengths, s->x);
+        write_lengths(s, e->nh); /* of what can be changed: next to a double root, all of it is small */
+        find_least_change(s, e->nh, INDEPENDENT, NULL);
+        double longest = 0.0, part = 1.0;
+        for (int j = 0; j < nq; ++j)
+            longest = fmax(longest, fabs(s->x[j]) / size);
+        if (longest > LONGEST)
+            part = LONGEST / longest;
+        const double before = norm_over_scales(s);
+        double after = INFINITY;
         memcpy(s->tried, y, (size_t)nq * sizeof *y);
-        double part = 1.0, after = INFINITY;
-        for (int k = 0; k < HALVINGS && !(after < residual); ++k, part *= 0.5) {
+        for (int k = 0; k < HALVINGS && !(after < before); ++k, part *= 0.5) {
             for (int j = 0; j < nq; ++j)
-                y[j] = s->tried[j] + part * s->model->problem.sizes[j] * s->x[j];
+                y[j] = s->tried[j] + part * s->unit[j] * s->x[j];
             evaluate(s, t, y);
-            after = residual_at(s, e->nh, 0, scale, e->holonomic, y, 0);
+            after = norm_over_scales(s);
         }
-        if (!(after < residual)) { /* rounding errors, or the least residual, are reached */
+        if (!(after < before)) { /* rounding errors, or the least residual, are reached */
             memcpy(y, s->tried, (size_t)nq * sizeof *y);
+            evaluate(s, t, y);
             break;
         }
-        residual = after;
+        residual = position_residual(s, t, y, 0);
     }
-    evaluate(s, t, y);
     return residual <= ACCEPTED ? LAG_START_FOUND : LAG_START_CONTRADICTED;
 }
 
-/* Move the free velocities to psi = 0. */
-static int find_velocities(lag_start_search *s, double t, const int *fixed, double *y)
+/* Move the free positions to phi = 0: from the guess, or else from beside it, as next to a singular one. */
+static int find_positions(lag_start_search *s, double t, const int *fixed, double *y)
 {
-    const lag_equations *e = &s->model->equations;
+    const int nq = s->equations.nq;
+    int found = LAG_START_CONTRADICTED;
+    set_unknowns(s, fixed, NULL);
+    memcpy(s->guess, y, (size_t)nq * sizeof *y);
+    position_residual(s, t, y, 1);
+    const double size = reach(s, y);
+    for (size_t i = 0; i < sizeof aside / sizeof *aside && found == LAG_START_CONTRADICTED; ++i) {
+        for (int j = 0; j < nq; ++j)
+            y[j] = s->held[j] || !i ? s->guess[j] : s->guess[j] + aside[i] * size * s->unit[j] * cos(1.0 + j);
+        found = descend(s, t, fixed, y);
+    }
+    return found;
+}
+
+/* Move the free velocities towards psi = 0; with `hardly`, not by those that hardly change it. */
+static int change_velocities(lag_start_search *s, double t, const int *fixed, double *y, int hardly)
+{
+    const lag_equations *e = &s->equations;
     const int nq = e->nq, scale = 2 * e->nh + e->nb + e->nc, first = scale + e->nc;
-    double residual = INFINITY;
+    double residual = INFINITY, *v = y + nq;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
         evaluate(s, t, y);
-        const double now = residual_at(s, e->nc, first, scale, NULL, y + nq, iteration == 0);
+        const double now = residual_at(s, e->nc, first, scale, NULL, v, iteration == 0);
         if (!isfinite(now) && iteration == 0)
             for (int i = 0; i < e->nc; ++i)
                 if (!isfinite(OUT(&s->constraint, first + i)))
@@ -211,14 +593,78 @@ static int find_velocities(lag_start_search *s, double t, const int *fixed, doub
             break;
         }
         residual = now;
-        write_rows(s, fixed + nq);
+        if (measure(s, t, y))
+            return LAG_START_NO_MEMORY;
+        set_unknowns(s, fixed, y);
+        write_rows_of_unknowns(s, y);
+        if (!hardly)
+            write_lengths(s, e->nc);
         for (int i = 0; i < e->nc; ++i)
             s->right[i] = -OUT(&s->constraint, first + i);
-        least_solution(INDEPENDENT, e->nc, nq, s->rows, s->right, s->lengths, s->x);
+        find_least_change(s, e->nc, hardly ? INDEPENDENT : OF_RANK, y);
         for (int j = 0; j < nq; ++j)
-            y[nq + j] += s->model->problem.sizes[j] * s->x[j];
+            s->x[j] *= s->unit[j];
+        for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin)
+            if (spin->given) {
+                const double omega[3] = {s->x[spin->place[0]], s->x[spin->place[1]], s->x[spin->place[2]]};
+                lag_turn_quaternion(spin, omega, y, s->x);
+            }
+        for (int j = 0; j < nq; ++j)
+            v[j] += s->x[j];
     }
     return residual <= ACCEPTED ? LAG_START_FOUND : LAG_START_CONTRADICTED;
+}
+
+/* Whether free velocities are large only because they hardly occur in a constraint: in x^2 + y^2 = l^2 at x = l, where y = 0 is
+ * known to 1e-8, another x' than 0 would need y' = -1e8 x'. `before` are those of the guess. */
+static int are_hardly(lag_start_search *s, double t, const int *fixed, const double *before, const double *y)
+{
+    const lag_equations *e = &s->equations;
+    const int nq = e->nq, drift = e->nh + e->nb;
+    double least = largest_in_sizes(s, before);
+    int any = 0;
+    for (int j = 0; j < nq; ++j)
+        any |= fixed[j];
+    for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin)
+        any |= spin->given && (spin->fixed[0] || spin->fixed[1] || spin->fixed[2]);
+    if (!any)
+        return 0;
+    evaluate(s, t, y);
+    write_rows(s);
+    for (int i = 0; i < e->nc; ++i)
+        least = fmax(least, fabs(OUT(&s->constraint, drift + i)) / (s->lengths[i] > 0.0 ? s->lengths[i] : 1.0));
+    return largest_in_sizes(s, y + nq) > least / INDEPENDENT;
+}
+
+/* Move the free velocities to psi = 0. */
+static int find_velocities(lag_start_search *s, double t, const int *fixed, double *y)
+{
+    const int nq = s->equations.nq;
+    memcpy(s->guess, y + nq, (size_t)nq * sizeof *y);
+    int found = change_velocities(s, t, fixed + nq, y, 0);
+    if (found != LAG_START_UNDEFINED && found != LAG_START_NO_MEMORY && are_hardly(s, t, fixed + nq, s->guess, y)) {
+        memcpy(y + nq, s->guess, (size_t)nq * sizeof *y);
+        found = change_velocities(s, t, fixed + nq, y, 1);
+    }
+    return found;
+}
+
+/* Let the angular velocities that are given be those at an orientation, as they were at the guess. */
+static void turn_with_positions(const lag_start_search *s, double *y)
+{
+    const int nq = s->equations.nq;
+    for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin) {
+        int turned = 0, any = 0;
+        for (int i = 0; i < 4; ++i) {
+            turned |= s->guess[spin->place[i]] != y[spin->place[i]];
+            any |= s->guess[spin->place[i]] != 0.0;
+        }
+        if (!spin->given || !turned || !any)
+            continue;
+        double omega[3];
+        lag_angular_velocity(spin, s->guess, y + nq, omega);
+        lag_turn_quaternion(spin, omega, y, y + nq);
+    }
 }
 
 int lag_start_find(lag_start_search *s, double t, const double *p, const int *fixed, double *y, double *lengths,
@@ -226,24 +672,31 @@ int lag_start_find(lag_start_search *s, double t, const double *p, const int *fi
 {
     const lag_equations *e = &s->model->equations;
     const int nq = e->nq;
-    lag_tape_set(&s->constraint, e->np, p);
+    s->p = p;
+    s->renewed = 0;
+    memcpy(s->sizes, s->model->problem.sizes, (size_t)nq * sizeof *s->sizes);
+    lag_tape_set(&s->constraint, s->equations.np, p);
+    lag_tape_set(&s->lasting, e->np, p);
     int status = find_positions(s, t, fixed, y);
-    if (status == LAG_START_FOUND)
+    if (status == LAG_START_FOUND) {
+        turn_with_positions(s, y);
         status = find_velocities(s, t, fixed, y);
+    }
     if (status != LAG_START_FOUND)
         return status;
-    write_rows(s, NULL);
+    memcpy(s->sizes, s->model->problem.sizes, (size_t)nq * sizeof *s->sizes); /* the run's */
+    evaluate_tape(s, &s->lasting, t, y);
+    write_rows_of(s, e, &s->lasting);
     for (int i = 0; i < e->nc; ++i) {
         double square = 0.0, plain = 0.0;
         for (int j = 0; j < nq; ++j) {
-            const double b = s->rows[i * nq + j], b_j = b / s->model->problem.sizes[j];
+            const double b = s->rows[i * nq + j], b_j = b / s->sizes[j];
             square += b * b;
             plain += b_j * b_j;
         }
         lengths[i] = square > 0.0 ? sqrt(square) : 1.0;
         plain_lengths[i] = plain > 0.0 ? sqrt(plain) : 1.0;
-        s->right[i] = 0.0;
     }
-    const int rank = least_solution(OF_RANK, e->nc, nq, s->rows, s->right, s->lengths, s->x);
+    const int rank = orthogonalize(OF_RANK, e->nc, nq, s->rows, s->lengths);
     return rank == s->model->problem.rank ? LAG_START_FOUND : LAG_START_SINGULAR;
 }

@@ -178,8 +178,7 @@ int32_t lag_page_go_on(lag_page *page, int32_t steps)
 
 double lag_page_given(const lag_page *page, int32_t number)
 {
-    const lag_fmu *fmu = page->fmu;
-    return fmu->is_given[number] ? fmu->initial[number] : OUT(&fmu->start, fmu->own + number);
+    return page->fmu->begin[number];
 }
 
 int32_t lag_page_samples(const lag_page *page)
