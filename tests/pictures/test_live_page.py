@@ -97,7 +97,7 @@ def test_the_page_shows_the_motion_of_simulate(name, pages, opened, until):
         for curve, values in found.items():
             # a page has two more samples at each instant: the values before and after it
             same = np.interp(run.time, time, values)
-            assert np.abs(same - expected[curve])[away].max() < 1e-6 * scale, curve
+            assert np.abs(same - expected[curve])[away].max() <= 1e-6 * scale, curve
     shown = page.evaluate("(page.answer.events?.entries ?? []).map(({ time }) => time)")
     np.testing.assert_allclose(shown, np.sort(instants)[: len(shown)], rtol=0, atol=1e-8)
     assert bool(len(shown)) == bool(len(instants))
