@@ -21,9 +21,11 @@ from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import UsageError
 from lagcli.export.content import LICENCE
 from lagcli.export.names import Identifiers
+from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.units import UnknownUnit, read_unit
-from lagcli.model.model import Model
+from lagcli.model.model import Model, velocity
 from lagcli.model.result_units import result_units
+from lagcli.model.values import dependent_values
 from lagcli.simulations.resources import DerivedTape, method_of, resources, settable_parameters
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.version import __version__
@@ -135,11 +137,32 @@ class _Fmu:
                     f"--input {name}: an input is a parameter with a value of its own; this one is"
                     f" {kind}"
                 )
-        if self.inputs and self.model.switches:
-            raise UsageError(
-                "--input: inputs need a model without contacts, friction and events, whose instants"
-                " would have to be found again whenever an input changes"
-            )
+            self._check_changes(name)
+
+    def _check_changes(self, name: str) -> None:
+        """Raise UsageError if positions or velocities would jump with a parameter.
+
+        These are the rules of tables with steps. What an event sets has a value already.
+        """
+        model = self.model
+        follows = {name, *dependent_values(model, [name])} & set(model.parameters)
+        for event in model.events:
+            for target in follows & set(event.action.set):
+                raise UsageError(
+                    f"--input {name}: the event `{event.name}` sets `{target}`; an input has one"
+                    " source, so leave this out of the event, or of the inputs"
+                )
+        energy = -model.potential if model.kinetic is None else model.kinetic
+        momenta = [derivative(energy, velocity(q)) for q in model.coordinate_names]
+        used = [("the kinetic energy depends", momenta)]
+        used += [(f"the constraint `{c.name}` depends", [c.expression]) for c in model.constraints]
+        for what, expressions in used:
+            if any(follows & {x.name for x in e.free_symbols} for e in expressions):
+                raise UsageError(
+                    f"--input {name}: {what} on it, so that the motion would jump with it; an input"
+                    " acts by forces, events and friction: make it a parameter, or write its effect"
+                    " as a force"
+                )
 
     @property
     def exchanges(self) -> bool:
@@ -288,6 +311,7 @@ class _Fmu:
         capabilities = {
             "modelIdentifier": self.identifier,
             "canGetAndSetFMUstate" if two else "canGetAndSetFMUState": "true",
+            "canSerializeFMUstate" if two else "canSerializeFMUState": "true",
         }
         if kind == "CoSimulation":
             capabilities["canHandleVariableCommunicationStepSize"] = "true"

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmi import FmuError, Unpacked
+from fmu_states import restored_differently
 from known_event_cases import EVENT_CASES
 from known_force_cases import FORCE_CASES
 from known_rest_cases import REST_CASES
 from random_cases import FUZZ_COUNT
+from stepped_inputs import STEPPED, as_parameter, difference
 
 import lagcli
 
@@ -47,3 +49,31 @@ def test_random_communication_points(kind: str, tmp_path: Path) -> None:
         expected = np.concatenate([run.q[-1], run.v[-1]])
         size = np.concatenate([np.abs(run.q).max(axis=0), np.abs(run.v).max(axis=0)])
         assert (np.abs(values - expected) <= 3e-5 * np.maximum(size, 1e-4)).all(), case
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kind", CASES)
+def test_random_restored_states(kind: str, tmp_path: Path) -> None:
+    for seed in range(FUZZ_COUNT // (4 * len(CASES)) + 1):
+        case = CASES[kind](seed)
+        listed = ", ".join(f"{key}: {value}" for key, value in case.options.items())
+        model = lagcli.load_text(f"{case.text}\nsimulation: {{{listed}}}\n")
+        run = lagcli.simulate(model)
+        if run.status != "completed":
+            continue
+        fmu = Unpacked(lagcli.fmu(model), tmp_path / str(seed))
+        times = np.linspace(run.time[0], run.time[-1], 41).tolist()
+        try:
+            assert restored_differently(fmu, times, 30, seed) == 0, case
+        except FmuError as error:
+            if REFUSED not in str(error):
+                raise
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kind", STEPPED)
+def test_random_steps_of_an_input(kind: str, tmp_path: Path) -> None:
+    model = lagcli.load_text(as_parameter(kind))
+    fmu = Unpacked(lagcli.fmu(model, inputs=["F"]), tmp_path)
+    for seed in range(FUZZ_COUNT // len(STEPPED) + 1):
+        assert difference(fmu, kind, seed) < 1e-6, seed

@@ -181,6 +181,24 @@ class Instance:
         """Go back to a state."""
         self.call("SetFMUState" if self.three else "SetFMUstate", state)
 
+    def serialize(self, state: c_void_p) -> bytes:
+        """Return a state as bytes."""
+        name, size = "State" if self.three else "state", c_size_t()
+        self.call(f"SerializedFMU{name}Size", state, byref(size))
+        content = (ctypes.c_char * size.value)()
+        self.call(f"SerializeFMU{name}", state, content, size)
+        return bytes(content)
+
+    def restore_from(self, content: bytes) -> None:
+        """Go to a state that this instance, or another one, has serialized."""
+        state = c_void_p()
+        name = "DeserializeFMUState" if self.three else "DeSerializeFMUstate"
+        self.call(name, content, c_size_t(len(content)), byref(state))
+        try:
+            self.restore(state)
+        finally:
+            self.forget(state)
+
     def forget(self, state: c_void_p) -> None:
         """Free a state."""
         self.call("FreeFMUState" if self.three else "FreeFMUstate", byref(state))

@@ -165,34 +165,18 @@ def test_inputs_and_versions_that_cannot_be() -> None:
         lagcli.fmu(model, inputs=["r"])
     with pytest.raises(UsageError, match=r"--input k: .* unknown"):
         lagcli.fmu(model, inputs=["k"])
-    with pytest.raises(UsageError, match="without contacts, friction and events"):
+    with pytest.raises(UsageError, match="--input m: the kinetic energy depends on it"):
         lagcli.fmu(lagcli.load("bouncing_ball"), inputs=["m"])
-
-
-@pytest.mark.parametrize("name", ["slider_crank", "contact/bouncing_ball"])
-def test_a_saved_state_is_gone_back_to(name: str, tmp_path: Path) -> None:
-    model = lagcli.load(str(MODELS / f"{name}.yaml"))
-    fmu = unpacked(model, tmp_path)
-    names = [f"{q}{x}" for q in model.coordinate_names for x in ("", "_dot")]
-    straight, jumping = fmu.instance(), fmu.instance()
-    rng = np.random.default_rng(2)
-    straight.begin(0.0)
-    jumping.begin(0.0)
-    i = 0
-    for _ in range(25):
-        state, back = jumping.save(), i
-        for _ in range(int(rng.integers(1, 5))):
-            jumping.step(i / 50, 0.02)
-            i += 1
-        if rng.integers(2):
-            jumping.restore(state)
-            i = back
-        jumping.forget(state)
-    for k in range(i):
-        straight.step(k / 50, 0.02)
-    assert straight.get(*names) == jumping.get(*names)
-    straight.free()
-    jumping.free()
+    with pytest.raises(UsageError, match="--input l: the constraint `rod` depends on it"):
+        lagcli.fmu(model, inputs=["l"])
+    with pytest.raises(UsageError, match="--input a: the event `on` sets `b`"):
+        lagcli.fmu(
+            lagcli.load_text(
+                "coordinates: [x]\nparameters: {a: 1, b: 2*a}\nT: x'^2/2\nQ: {x: b}\n"
+                "events: {on: {when: t >= 1, set: {b: 3}}}\ninitial: {x: 0, x': 1}\n"
+            ),
+            inputs=["a"],
+        )
 
 
 @pytest.mark.parametrize("name", ["pendulum_cartesian", "chaplygin_sleigh"])

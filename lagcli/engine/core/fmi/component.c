@@ -72,3 +72,26 @@ void lag_component_free(lag_component *c)
     free(c->name);
     free(c);
 }
+
+int lag_component_save(lag_component *c, void **state)
+{
+    lag_fmu_forget(*state);
+    *state = lag_fmu_save(c->fmu);
+    return !*state;
+}
+
+int lag_component_serialize(lag_component *c, const void *state, void *bytes, size_t size)
+{
+    size_t needed;
+    const void *from = lag_fmu_bytes_of(state, &needed);
+    if (size < needed)
+        return lag_fmu_fail(c->fmu, "the state has %zu bytes, more than the %zu there is room for", needed, size);
+    memcpy(bytes, from, needed);
+    return 0;
+}
+
+int lag_component_deserialize(lag_component *c, const void *bytes, size_t size, void **state)
+{
+    *state = lag_fmu_state_from(c->fmu, bytes, size);
+    return !*state;
+}

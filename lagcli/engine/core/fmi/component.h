@@ -24,4 +24,10 @@ lag_component *lag_component_make(const char *name, const char *resources, int e
                                   void *environment, const void *callbacks);
 void lag_component_free(lag_component *component);
 
+/* States of both versions: save one, where *state is NULL or one that is replaced; write one to bytes; read one. These
+ * functions return 0, or 1, and a message, if that fails. */
+int lag_component_save(lag_component *component, void **state);
+int lag_component_serialize(lag_component *component, const void *state, void *bytes, size_t size);
+int lag_component_deserialize(lag_component *component, const void *bytes, size_t size, void **state);
+
 #endif

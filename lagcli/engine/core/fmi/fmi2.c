@@ -146,15 +146,12 @@ NO_VARIABLES(String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
-    if (*state)
-        lag_fmu_forget(*state);
-    *state = lag_fmu_save(INSTANCE(c));
-    return status_of(!*state);
+    return status_of(lag_component_save(c, state));
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
-    return status_of(lag_fmu_restore(INSTANCE(c), state));
+    return status_of(!state || lag_fmu_restore(INSTANCE(c), state));
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
@@ -165,6 +162,23 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
     return fmi2OK;
 }
 
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
+{
+    (void)c;
+    lag_fmu_bytes_of(state, size);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    return status_of(lag_component_serialize(c, state, bytes, size));
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    return status_of(lag_component_deserialize(c, bytes, size, state));
+}
+
 /* What modelDescription.xml says is not available. */
 #define UNAVAILABLE(name, ...) LAG_ALWAYS(fmi2Status, fmi2Error, name, __VA_ARGS__)
 /* States of a step that is under way, which steps never are. */
@@ -173,9 +187,6 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
-UNAVAILABLE(fmi2SerializedFMUstateSize, fmi2FMUstate state, size_t *size)
-UNAVAILABLE(fmi2SerializeFMUstate, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-UNAVAILABLE(fmi2DeSerializeFMUstate, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 UNAVAILABLE(fmi2GetDirectionalDerivative, const fmi2ValueReference unknowns[], size_t unknown_count,
             const fmi2ValueReference knowns[], size_t known_count, const fmi2Real of_knowns[], fmi2Real of_unknowns[])
 UNAVAILABLE(fmi2SetRealInputDerivatives, const fmi2ValueReference references[], size_t count,

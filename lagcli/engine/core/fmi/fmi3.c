@@ -210,15 +210,12 @@ fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference references[], s
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
-    if (*state)
-        lag_fmu_forget(*state);
-    *state = lag_fmu_save(INSTANCE(c));
-    return status_of(!*state);
+    return status_of(lag_component_save(COMPONENT(c), state));
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 {
-    return status_of(lag_fmu_restore(INSTANCE(c), state));
+    return status_of(!state || lag_fmu_restore(INSTANCE(c), state));
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
@@ -227,6 +224,23 @@ fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
     lag_fmu_forget(*state);
     *state = NULL;
     return fmi3OK;
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
+{
+    (void)c;
+    lag_fmu_bytes_of(state, size);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
+{
+    return status_of(lag_component_serialize(COMPONENT(c), state, bytes, size));
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
+{
+    return status_of(lag_component_deserialize(COMPONENT(c), bytes, size, state));
 }
 
 /* Functions without effect: of modes that need none. */
@@ -250,9 +264,6 @@ NOTHING(fmi3EnterStepMode)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
-UNAVAILABLE(fmi3SerializedFMUStateSize, fmi3FMUState state, size_t *size)
-UNAVAILABLE(fmi3SerializeFMUState, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-UNAVAILABLE(fmi3DeserializeFMUState, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
 UNAVAILABLE(fmi3GetNumberOfVariableDependencies, fmi3ValueReference reference, size_t *count)
 UNAVAILABLE(fmi3GetVariableDependencies, fmi3ValueReference dependent, size_t element_indices[],
             fmi3ValueReference independents[], size_t independent_indices[], fmi3DependencyKind kinds[], size_t count)

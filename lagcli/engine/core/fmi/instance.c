@@ -44,8 +44,7 @@ static const char *const reasons[] = {
     [LAG_NO_MEMORY] = "there is no memory",
 };
 
-/* Report what is wrong. Returns 1. */
-static int fail(const lag_fmu *fmu, const char *format, ...)
+int lag_fmu_fail(const lag_fmu *fmu, const char *format, ...)
 {
     char text[LAG_MESSAGE];
     va_list arguments;
@@ -62,10 +61,10 @@ static const void *contents(lag_fmu *fmu, const char *folder, const char *name, 
 {
     char path[4096];
     if (snprintf(path, sizeof path, "%s%s", folder, name) >= (int)sizeof path)
-        return fail(fmu, "the path of %s has more than %d bytes", name, (int)sizeof path), NULL;
+        return lag_fmu_fail(fmu, "the path of %s has more than %d bytes", name, (int)sizeof path), NULL;
     FILE *file = lag_open_file(path);
     if (!file)
-        return fail(fmu, "cannot open %s", path), NULL;
+        return lag_fmu_fail(fmu, "cannot open %s", path), NULL;
     int64_t size = -1;
     if (!fseek(file, 0, SEEK_END))
         size = ftell(file);
@@ -74,7 +73,7 @@ static const void *contents(lag_fmu *fmu, const char *folder, const char *name, 
     const int complete = data && fread(data, 1, (size_t)size, file) == (size_t)size;
     fclose(file);
     if (!complete)
-        return fail(fmu, "cannot read %s", path), NULL;
+        return lag_fmu_fail(fmu, "cannot read %s", path), NULL;
     *bytes = size;
     return data;
 }
@@ -169,10 +168,14 @@ static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const 
 {
     const int status = lag_read_model(model, model_bytes, &fmu->model);
     if (status != LAG_MODEL_READ || read_values(fmu, values, values_bytes))
-        return fail(fmu, "%s is damaged, or of another version of lagcli",
+        return lag_fmu_fail(fmu, "%s is damaged, or of another version of lagcli",
                     status != LAG_MODEL_READ ? "model.bin" : "values.bin");
     lag_model *m = &fmu->model;
     const int nq = fmu->nq, nc = m->equations.nc;
+    const char *library = lag_fingerprint();
+    fmu->identity = lag_fmu_hash(LAG_FMU_NO_HASH, library, strlen(library));
+    fmu->identity = lag_fmu_hash(fmu->identity, model, (size_t)model_bytes);
+    fmu->identity = lag_fmu_hash(fmu->identity, values, (size_t)values_bytes) & ~UINT64_C(1);
     /* the solution that the run ends with from its start: nothing is allocated later */
     if (m->contents & LAG_MODEL_UNROLLED)
         m->contents &= ~(LAG_MODEL_PLAIN | LAG_MODEL_LOOP);
@@ -180,6 +183,7 @@ static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const 
     m->problem.times_count = 0;
     m->problem.block_rows = 1;
     fmu->given = lag_doubles(&fmu->pool, fmu->settable);
+    fmu->taken = lag_doubles(&fmu->pool, fmu->settable);
     fmu->initial = lag_doubles(&fmu->pool, 2 * nq);
     fmu->is_given = lag_get(&fmu->pool, 2 * (size_t)nq, sizeof *fmu->is_given);
     fmu->is_fixed = lag_get(&fmu->pool, 2 * (size_t)nq, sizeof *fmu->is_fixed);
@@ -192,7 +196,7 @@ static int complete(lag_fmu *fmu, const void *model, int64_t model_bytes, const 
     fmu->row = lag_doubles(&fmu->pool, 2 + 3 * (int64_t)nq + fmu->nc);
     fmu->values = lag_doubles(&fmu->pool, fmu->count);
     if (lag_start_bind(&fmu->pool, &fmu->search, m))
-        return fail(fmu, "there is no memory");
+        return lag_fmu_fail(fmu, "there is no memory");
     lag_fmu_reset(fmu);
     return 0;
 }
@@ -223,8 +227,7 @@ lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *mess
     return fmu;
 }
 
-/* End the simulation. */
-static void end_simulation(lag_fmu *fmu)
+void lag_fmu_end_simulation(lag_fmu *fmu)
 {
     if (fmu->simulation)
         lag_destroy_simulation(fmu->simulation);
@@ -235,14 +238,14 @@ static void end_simulation(lag_fmu *fmu)
 
 void lag_fmu_close(lag_fmu *fmu)
 {
-    end_simulation(fmu);
+    lag_fmu_end_simulation(fmu);
     lag_pool pool = fmu->pool; /* the instance is in it */
     lag_release(&pool);
 }
 
 void lag_fmu_reset(lag_fmu *fmu)
 {
-    end_simulation(fmu);
+    lag_fmu_end_simulation(fmu);
     for (int i = 0; i < fmu->settable; ++i)
         fmu->given[i] = fmu->model.problem.parameters[fmu->place[i]];
     memset(fmu->is_given, 0, 2 * (size_t)fmu->nq * sizeof *fmu->is_given);
@@ -255,7 +258,7 @@ void lag_fmu_reset(lag_fmu *fmu)
 int lag_fmu_initialize(lag_fmu *fmu, double start, double stop)
 {
     if (fmu->model.function_count && start != fmu->model.problem.t)
-        return fail(fmu, "the tables of the model begin a simulation at t = %g s, not at %g s", fmu->model.problem.t,
+        return lag_fmu_fail(fmu, "the tables of the model begin a simulation at t = %g s, not at %g s", fmu->model.problem.t,
                     start);
     fmu->started_at = start;
     fmu->stop = stop;
@@ -288,17 +291,23 @@ static void turn_spins(lag_fmu *fmu)
     }
 }
 
-/* Evaluate the parameters and the initial values that depend on what was set. */
-static void evaluate_start(lag_fmu *fmu)
+/* Evaluate the parameters that depend on those that are given. */
+static void evaluate_parameters(lag_fmu *fmu, const double *given)
 {
     const lag_model *m = &fmu->model;
-    const int nq = fmu->nq;
     memcpy(fmu->parameters, m->problem.parameters, (size_t)m->equations.np * sizeof(double));
-    memcpy(fmu->start.registers, fmu->given, (size_t)fmu->settable * sizeof(double));
+    memcpy(fmu->start.registers, given, (size_t)fmu->settable * sizeof(double));
     fmu->start.vectors->run(fmu->start.prelude, fmu->start.registers);
     lag_tape_run(&fmu->start, &fmu->start.stream);
     for (int i = 0; i < fmu->own; ++i)
         fmu->parameters[i] = OUT(&fmu->start, i);
+}
+
+/* The same with the initial values that depend on what was set. */
+static void evaluate_start(lag_fmu *fmu)
+{
+    const int nq = fmu->nq;
+    evaluate_parameters(fmu, fmu->given);
     for (int i = 0; i < 2 * nq; ++i)
         fmu->begin[i] = OUT(&fmu->start, fmu->own + i);
     turn_spins(fmu);
@@ -328,8 +337,9 @@ int lag_fmu_prepare(lag_fmu *fmu)
 {
     lag_model model = fmu->model;
     const lag_problem *nominal = &fmu->model.problem;
-    end_simulation(fmu);
+    lag_fmu_end_simulation(fmu);
     evaluate_start(fmu);
+    memcpy(fmu->taken, fmu->given, (size_t)fmu->settable * sizeof *fmu->taken);
     if (is_nominal(fmu)) {
         memcpy(fmu->parameters, nominal->parameters, (size_t)fmu->own * sizeof(double));
         memcpy(fmu->y, nominal->y, (2 * (size_t)fmu->nq + 1) * sizeof(double));
@@ -337,13 +347,13 @@ int lag_fmu_prepare(lag_fmu *fmu)
         const int found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y,
                                          fmu->lengths, fmu->plain_lengths);
         if (found == LAG_START_CONTRADICTED)
-            return fail(fmu, "the initial values that are set do not satisfy the constraints");
+            return lag_fmu_fail(fmu, "the initial values that are set do not satisfy the constraints");
         if (found == LAG_START_UNDEFINED)
-            return fail(fmu, "the constraints have no finite value at the initial state");
+            return lag_fmu_fail(fmu, "the constraints have no finite value at the initial state");
         if (found == LAG_START_SINGULAR)
-            return fail(fmu, "the constraints are singular at the initial state");
+            return lag_fmu_fail(fmu, "the constraints are singular at the initial state");
         if (found == LAG_START_NO_MEMORY)
-            return fail(fmu, "there is no memory");
+            return lag_fmu_fail(fmu, "there is no memory");
         model.problem.lengths = fmu->lengths;
         model.problem.plain_lengths = fmu->plain_lengths;
     }
@@ -354,16 +364,21 @@ int lag_fmu_prepare(lag_fmu *fmu)
         model.problem.settings.t_end = fmu->stop;
     if (!(model.problem.settings.t_end > fmu->started_at))
         model.problem.settings.t_end = fmu->started_at + 1.0;
-    const int status = lag_make_simulation(NULL, &model, lag_method_name(fmu->method), &fmu->simulation);
+    return lag_fmu_make_simulation(fmu, &model);
+}
+
+int lag_fmu_make_simulation(lag_fmu *fmu, const lag_model *model)
+{
+    const int status = lag_make_simulation(NULL, model, lag_method_name(fmu->method), &fmu->simulation);
     if (status != LAG_MODEL_READ)
-        return fail(fmu, status == LAG_MODEL_MEMORY ? "there is no memory" : "the initial values are not finite");
+        return lag_fmu_fail(fmu, status == LAG_MODEL_MEMORY ? "there is no memory" : "the initial values are not finite");
     lag_run *run = lag_run_of(fmu->simulation);
     if (lag_bind(run, &fmu->run_pool, &fmu->columns, &fmu->columns_program)
-        || (fmu->nq + model.equations.nc <= LARGE && lag_allow_dense(run, 0)))
-        return fail(fmu, "there is no memory");
+        || (fmu->nq + model->equations.nc <= LARGE && lag_allow_dense(run, 0)))
+        return lag_fmu_fail(fmu, "there is no memory");
     /* the steps of another program do not show whether rows that are left out still follow from the others */
-    if (fmu->exchange && model.left_out && lag_allow_dense(run, INT64_MAX - 1))
-        return fail(fmu, "there is no memory");
+    if (fmu->exchange && model->left_out && lag_allow_dense(run, INT64_MAX - 1))
+        return lag_fmu_fail(fmu, "there is no memory");
     return 0;
 }
 
@@ -371,7 +386,7 @@ int lag_fmu_fail_at(lag_fmu *fmu, int status)
 {
     const int known = status >= 0 && status < (int)(sizeof reasons / sizeof *reasons) && reasons[status];
     fmu->phase = LAG_FMU_FAILED;
-    return fail(fmu, "at t = %.9g s: %s", lag_run_of(fmu->simulation)->step.t,
+    return lag_fmu_fail(fmu, "at t = %.9g s: %s", lag_run_of(fmu->simulation)->step.t,
                 known ? reasons[status] : "the simulation cannot go on");
 }
 
@@ -382,7 +397,7 @@ int lag_fmu_start(lag_fmu *fmu)
         return lag_fmu_fail_at(fmu, status);
     if (lag_is_violated(fmu->simulation, fmu->y)) {
         fmu->phase = LAG_FMU_FAILED;
-        return fail(fmu, "a contact is violated at the initial state");
+        return lag_fmu_fail(fmu, "a contact is violated at the initial state");
     }
     fmu->phase = status == LAG_DONE ? LAG_FMU_ENDED : LAG_FMU_STARTED;
     fmu->current = 0;
@@ -405,27 +420,48 @@ double lag_fmu_time(const lag_fmu *fmu)
     return fmu->simulation ? lag_run_of(fmu->simulation)->step.t : fmu->started_at;
 }
 
-/* Make the changed inputs those of the run, which goes on from its state. */
-static void take_inputs(lag_fmu *fmu)
+/* Make the changed inputs those of the run, which goes on from its state; an event that they trigger may end it. Returns 0,
+ * or 1, and a message. */
+static int take_inputs(lag_fmu *fmu)
 {
-    evaluate_start(fmu);
-    lag_change_parameters(fmu->simulation, fmu->parameters, fmu->own);
+    lag_run *run = lag_run_of(fmu->simulation);
+    const size_t bytes = (size_t)fmu->own * sizeof(double);
+    int status = LAG_RUNNING;
+    evaluate_parameters(fmu, fmu->taken);
+    memcpy(fmu->held, fmu->parameters, bytes);
+    evaluate_parameters(fmu, fmu->given);
+    memcpy(fmu->taken, fmu->given, (size_t)fmu->settable * sizeof *fmu->taken);
     fmu->changed = 0;
     fmu->current = 0;
+    if (fmu->exchange) { /* the state is the importing tool's */
+        memcpy(run->parameters, fmu->parameters, bytes);
+        lag_renew_tapes(run);
+        return 0;
+    }
+    status = lag_change_parameters(fmu->simulation, fmu->held, fmu->parameters, fmu->own);
+    if (status == LAG_RUNNING)
+        status = lag_simulate(fmu->simulation, 0);
+    if (status == LAG_DONE)
+        fmu->phase = LAG_FMU_ENDED;
+    return status == LAG_RUNNING || status == LAG_DONE ? 0 : lag_fmu_fail_at(fmu, status);
 }
 
 int lag_fmu_advance(lag_fmu *fmu, double from, double t)
 {
+    if (fmu->phase == LAG_FMU_ENDED)
+        return 0;
     if (fmu->phase != LAG_FMU_STARTED)
-        return fail(fmu, "the simulation has not begun, or is over");
+        return lag_fmu_fail(fmu, "the simulation has not begun, or has failed");
     if (!(fabs(from - lag_fmu_time(fmu)) <= SAME_TIME * fmax(fabs(t - from), fabs(t))))
-        return fail(fmu, "a step from t = %.9g s is not possible: the simulation is at t = %.9g s", from,
+        return lag_fmu_fail(fmu, "a step from t = %.9g s is not possible: the simulation is at t = %.9g s", from,
                     lag_fmu_time(fmu));
     if (fmu->model.break_count && t > fmu->model.problem.settings.t_end)
-        return fail(fmu, "the tables of the FMU end at t = %g s; let the model's simulation end later",
+        return lag_fmu_fail(fmu, "the tables of the FMU end at t = %g s; let the model's simulation end later",
                     fmu->model.problem.settings.t_end);
-    if (fmu->changed)
-        take_inputs(fmu);
+    if (fmu->changed && take_inputs(fmu))
+        return 1;
+    if (fmu->phase == LAG_FMU_ENDED)
+        return 0;
     fmu->current = 0;
     const int status = lag_simulate_to(fmu->simulation, t);
     if (status == LAG_DONE)
@@ -484,12 +520,10 @@ static int evaluate(lag_fmu *fmu)
         memcpy(fmu->values + place_of_parameters(fmu), fmu->parameters, (size_t)fmu->own * sizeof(double));
         return 0;
     }
-    if (fmu->changed)
-        take_inputs(fmu);
+    if (fmu->changed && take_inputs(fmu))
+        return 1;
     lag_run *run = lag_run_of(fmu->simulation);
-    int status = fmu->simulation->phase == LAG_AT_START ? lag_simulate(fmu->simulation, 0) : LAG_RUNNING;
-    if (status == LAG_RUNNING)
-        status = fmu->exchange ? sample_without_projection(fmu) : lag_sample_here(run, fmu->row);
+    const int status = fmu->exchange ? sample_without_projection(fmu) : lag_sample_here(run, fmu->row);
     if (status != LAG_RUNNING)
         return lag_fmu_fail_at(fmu, status);
     lag_fmu_evaluate_at(fmu, fmu->row);
@@ -500,12 +534,12 @@ static int evaluate(lag_fmu *fmu)
 int lag_fmu_get(lag_fmu *fmu, const unsigned *references, size_t count, double *values)
 {
     if (fmu->phase == LAG_FMU_FAILED)
-        return fail(fmu, "the simulation has failed");
+        return lag_fmu_fail(fmu, "the simulation has failed");
     if (!fmu->current && evaluate(fmu))
         return 1;
     for (size_t i = 0; i < count; ++i) {
         if (references[i] >= (uint64_t)fmu->count)
-            return fail(fmu, "there is no variable with the value reference %u", references[i]);
+            return lag_fmu_fail(fmu, "there is no variable with the value reference %u", references[i]);
         values[i] = fmu->values[references[i]];
     }
     return 0;
@@ -522,13 +556,13 @@ static int set_parameter(lag_fmu *fmu, int place, double value)
             for (int k = 0; k < fmu->inputs; ++k)
                 is_input |= fmu->input[k] == place;
             if (!is_input)
-                return fail(fmu, "parameters are fixed once the simulation has begun");
+                return lag_fmu_fail(fmu, "parameters are fixed once the simulation has begun");
             fmu->changed |= fmu->given[i] != value;
         }
         fmu->given[i] = value;
         return 0;
     }
-    return fail(fmu, "a parameter that the model computes from others cannot be set");
+    return lag_fmu_fail(fmu, "a parameter that the model computes from others cannot be set");
 }
 
 int lag_fmu_set(lag_fmu *fmu, const unsigned *references, size_t count, const double *values)
@@ -537,7 +571,7 @@ int lag_fmu_set(lag_fmu *fmu, const unsigned *references, size_t count, const do
     for (size_t i = 0; i < count; ++i) {
         const uint64_t which = references[i];
         if (!isfinite(values[i]))
-            return fail(fmu, "the value of a variable is not finite");
+            return lag_fmu_fail(fmu, "the value of a variable is not finite");
         if (which >= (uint64_t)first && which < (uint64_t)fmu->count) {
             if (set_parameter(fmu, (int)(references[i] - (unsigned)first), values[i]))
                 return 1;
@@ -545,7 +579,7 @@ int lag_fmu_set(lag_fmu *fmu, const unsigned *references, size_t count, const do
             fmu->initial[which - 1] = values[i];
             fmu->is_given[which - 1] = LAG_FMU_FIXED;
         } else {
-            return fail(fmu, "the variable with the value reference %u cannot be set now", references[i]);
+            return lag_fmu_fail(fmu, "the variable with the value reference %u cannot be set now", references[i]);
         }
         if (fmu->phase <= LAG_FMU_INITIALIZING)
             fmu->current = 0;
@@ -566,7 +600,7 @@ void lag_fmu_move(lag_fmu *fmu, double t, const double *state)
 int lag_fmu_state_of(const lag_fmu *fmu, double *state, size_t count)
 {
     if (count != 2 * (size_t)fmu->nq || !fmu->simulation)
-        return fail(fmu, "the state has %d entries, once the simulation has begun", 2 * fmu->nq);
+        return lag_fmu_fail(fmu, "the state has %d entries, once the simulation has begun", 2 * fmu->nq);
     memcpy(state, lag_run_of(fmu->simulation)->step.y, count * sizeof *state);
     return 0;
 }
@@ -575,10 +609,10 @@ int lag_fmu_derivatives(lag_fmu *fmu, double *derivatives)
 {
     lag_run *run = lag_run_of(fmu->simulation);
     double power;
-    if (fmu->changed)
-        take_inputs(fmu);
+    if (fmu->changed && take_inputs(fmu))
+        return 1;
     if (lag_accelerate(run, run->step.t, run->step.y, 1, &power))
-        return fail(fmu, "at t = %.9g s: %s", run->step.t, reasons[LAG_UNDEFINED]);
+        return lag_fmu_fail(fmu, "at t = %.9g s: %s", run->step.t, reasons[LAG_UNDEFINED]);
     memcpy(derivatives, run->step.y + fmu->nq, (size_t)fmu->nq * sizeof(double));
     memcpy(derivatives + fmu->nq, run->solver.a, (size_t)fmu->nq * sizeof(double));
     return 0;
@@ -602,80 +636,4 @@ int lag_fmu_project(lag_fmu *fmu)
     const int status = lag_project(run, run->step.t, run->step.y);
     fmu->current = 0;
     return status == LAG_RUNNING ? 0 : lag_fmu_fail_at(fmu, status);
-}
-
-struct lag_fmu_state {
-    lag_simulation *simulation;        /* whose state it is */
-    double started_at, stop;
-    enum lag_fmu_phase phase;
-    int changed;
-    double *given, *initial;
-    int *is_given;
-    void *saved;
-};
-
-void lag_fmu_forget(lag_fmu_state *state)
-{
-    if (!state)
-        return;
-    free(state->given);
-    free(state->initial);
-    free(state->is_given);
-    free(state->saved);
-    free(state);
-}
-
-/* A copy of an array, never of nothing. */
-static void *copy_of(const void *from, size_t bytes)
-{
-    void *made = malloc(bytes + 1);
-    if (made)
-        memcpy(made, from, bytes);
-    return made;
-}
-
-lag_fmu_state *lag_fmu_save(const lag_fmu *fmu)
-{
-    lag_fmu_state *state = calloc(1, sizeof *state);
-    if (!state)
-        return NULL;
-    *state = (lag_fmu_state){
-        .simulation = fmu->simulation,
-        .started_at = fmu->started_at,
-        .stop = fmu->stop,
-        .phase = fmu->phase,
-        .changed = fmu->changed,
-        .given = copy_of(fmu->given, (size_t)fmu->settable * sizeof(double)),
-        .initial = copy_of(fmu->initial, 2 * (size_t)fmu->nq * sizeof(double)),
-        .is_given = copy_of(fmu->is_given, 2 * (size_t)fmu->nq * sizeof(int)),
-        .saved = malloc(fmu->simulation ? lag_simulation_size(fmu->simulation) : 1),
-    };
-    if (!state->given || !state->initial || !state->is_given || !state->saved) {
-        lag_fmu_forget(state);
-        return NULL;
-    }
-    if (fmu->simulation)
-        lag_save_simulation(fmu->simulation, state->saved);
-    return state;
-}
-
-int lag_fmu_restore(lag_fmu *fmu, const lag_fmu_state *state)
-{
-    if (state->simulation != fmu->simulation && state->phase > LAG_FMU_INITIALIZING)
-        return fail(fmu, "the saved state is that of a simulation that was reset");
-    memcpy(fmu->given, state->given, (size_t)fmu->settable * sizeof(double));
-    memcpy(fmu->initial, state->initial, 2 * (size_t)fmu->nq * sizeof(double));
-    memcpy(fmu->is_given, state->is_given, 2 * (size_t)fmu->nq * sizeof(int));
-    fmu->started_at = state->started_at;
-    fmu->stop = state->stop;
-    fmu->phase = state->phase;
-    fmu->changed = state->changed;
-    fmu->current = 0;
-    if (state->phase <= LAG_FMU_INITIALIZING) {
-        end_simulation(fmu);
-        return 0;
-    }
-    if (lag_restore_simulation(fmu->simulation, state->saved))
-        return fail(fmu, "the saved state cannot be restored: the simulation has changed its method of solution");
-    return 0;
 }

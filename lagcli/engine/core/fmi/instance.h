@@ -45,7 +45,7 @@ typedef struct {
     int nq, nc, own, settable, inputs; /* coordinates, constraints, parameters, those that can be set, inputs */
     int64_t derived, count;            /* derived values, all values */
     const int32_t *place, *input, *fixed;
-    double *given;                     /* settable: their values ... */
+    double *given, *taken;             /* settable: their values; those that the simulation has ... */
     double *initial;                   /* 2 nq: initial values that were set ... */
     int *is_given, *is_fixed;          /* 2 nq: ... a lag_fmu_given; whether the search may not change them */
     double *begin;                     /* 2 nq: the initial values, set or not, before the search */
@@ -59,6 +59,7 @@ typedef struct {
     int exchange;                      /* whether another program integrates: model exchange */
     int current;                       /* whether the values are those of the state */
     int changed;                       /* whether an input has changed since the last step */
+    uint64_t identity;                 /* a hash of the files and of the library; even */
 } lag_fmu;
 
 /* Make an instance of the files in a folder, whose name ends in a separator, for model exchange or co-simulation. NULL, and a message, if that fails. */
@@ -106,10 +107,27 @@ int lag_fmu_derivatives(lag_fmu *fmu, double *derivatives);
 int lag_fmu_drifted(lag_fmu *fmu);
 int lag_fmu_project(lag_fmu *fmu);
 
-/* The state of an instance: as bytes, which only this instance can restore, until it is reset. */
+/*
+ * The state of an instance, as bytes without addresses: any instance of the same FMU and kind can restore it, in any
+ * process. lag_fmu_save and lag_fmu_state_from return NULL, and a message, if that fails; a failing lag_fmu_restore
+ * leaves an instance that can only be reset.
+ */
 typedef struct lag_fmu_state lag_fmu_state;
-lag_fmu_state *lag_fmu_save(const lag_fmu *fmu);
-int lag_fmu_restore(lag_fmu *fmu, const lag_fmu_state *state);
+lag_fmu_state *lag_fmu_save(lag_fmu *fmu);
+int lag_fmu_restore(lag_fmu *fmu, lag_fmu_state *state);
 void lag_fmu_forget(lag_fmu_state *state);
+const void *lag_fmu_bytes_of(const lag_fmu_state *state, size_t *bytes);
+lag_fmu_state *lag_fmu_state_from(const lag_fmu *fmu, const void *from, size_t bytes);
+
+/* Make the simulation of a model, fmu->model with other values; end it. */
+int lag_fmu_make_simulation(lag_fmu *fmu, const lag_model *model);
+void lag_fmu_end_simulation(lag_fmu *fmu);
+
+/* A hash of bytes, continued from that of others or from LAG_FMU_NO_HASH. */
+#define LAG_FMU_NO_HASH UINT64_C(0xcbf29ce484222325)
+uint64_t lag_fmu_hash(uint64_t hash, const void *data, size_t bytes);
+
+/* Report what is wrong. Returns 1. */
+int lag_fmu_fail(const lag_fmu *fmu, const char *format, ...);
 
 #endif

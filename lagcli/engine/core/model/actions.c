@@ -292,6 +292,42 @@ int lag_events_happen(lag_simulation *s)
     return LAG_RUNNING;
 }
 
+void lag_archive_events(lag_archive *a, lag_simulation *s)
+{
+    int64_t count = 0;
+    int reacts = 0;
+    for (int k = 0; k < s->model.event_count; ++k)
+        reacts |= s->events[k].constraint >= 0;
+    if (reacts)
+        count = s->used - s->seen;
+    lag_archive_reals(a, s->p, s->model.rules.first_branch);
+    for (int k = 0; k < s->model.event_count; ++k)
+        lag_archive_count(a, s->happened + k, 0, INT64_MAX);
+    lag_archive_int(a, &s->stopped, -1, s->model.event_count - 1);
+    lag_archive_count(a, &count, 0, a->use == LAG_READS ? (int64_t)a->bytes / 16 : INT64_MAX);
+    if (a->use == LAG_READS) {
+        s->used = s->seen = s->first = 0;
+        s->open = 0;
+        s->engaging = -1;
+        if (a->damaged || reserve(s, count)) {
+            a->damaged = 1;
+            return;
+        }
+        s->used = count;
+    }
+    for (int64_t i = 0; i < count; ++i) {
+        double *entry = entry_at(s, s->seen + i);
+        int64_t occurrence = (int64_t)entry[OCCURRENCE], what = (int64_t)entry[WHAT];
+        lag_archive_count(a, &occurrence, 0, LAG_ENGAGES);
+        lag_archive_count(a, &what, 0, INT32_MAX);
+        if (a->use != LAG_READS)
+            continue;
+        memset(entry, 0, (size_t)s->width * sizeof *entry);
+        entry[OCCURRENCE] = (double)occurrence;
+        entry[WHAT] = (double)what;
+    }
+}
+
 /* Add to the work of an event that engages a row the energy that the velocities have lost since. */
 static void complete_engagement(lag_simulation *s)
 {

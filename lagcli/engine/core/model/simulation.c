@@ -8,6 +8,7 @@
 #include "evaluate.h"
 #include "methods/method.h"
 #include "switching/clock.h"
+#include "switching/instant.h"
 #include "model/reader.h"
 
 #define LOG_ROWS 512     /* entries of the run's log, at least */
@@ -327,22 +328,51 @@ int lag_simulate_to(lag_simulation *s, double t)
     return status;
 }
 
-void lag_change_parameters(lag_simulation *s, const double *p, int count)
+int lag_change_parameters(lag_simulation *s, const double *from, const double *to, int count)
 {
     lag_run *run = s->run;
-    if (s->p) {
-        memcpy(s->p, p, (size_t)count * sizeof *p);
-        lag_set_parameters(run, lag_held_parameters(s));
+    double *p = s->p ? s->p : run->parameters;
+    if (run->switching.used && s->phase == LAG_UNDER_WAY) {
+        const int status = lag_begin_change(run);
+        if (status != LAG_RUNNING)
+            return end(s, status);
     } else {
-        memcpy(run->parameters, p, (size_t)count * sizeof *p);
-        lag_renew_tapes(run);
+        s->phase = LAG_AT_START;
     }
-    s->phase = LAG_AT_START;
+    for (int i = 0; i < count; ++i)
+        if (to[i] != from[i])
+            p[i] = to[i];
+    if (s->p)
+        lag_set_parameters(run, lag_held_parameters(s));
+    else
+        lag_renew_tapes(run);
+    return LAG_RUNNING;
 }
 
 const double *lag_parameters_of(lag_simulation *s)
 {
     return s->model.contents & LAG_MODEL_SWITCHING ? lag_held_parameters(s) : s->run->parameters;
+}
+
+void lag_archive_simulation(lag_archive *a, lag_simulation *s)
+{
+    lag_run *run = s->run;
+    int phase = (int)s->phase, orders = s->orders;
+    lag_archive_int(a, &phase, LAG_AT_START, LAG_ENDED);
+    lag_archive_int(a, &s->status, 0, INT32_MAX);
+    lag_archive_reals(a, &s->retried, 1);
+    lag_archive_int(a, &s->retries, 0, INT32_MAX / 2);
+    lag_archive_int(a, &orders, 0, INT32_MAX / 2);
+    s->phase = (enum lag_phase)phase;
+    if (a->use == LAG_READS && run->implicit && orders != s->orders) {
+        const lag_pivots none = {0};
+        s->orders = orders - 1;
+        a->damaged |= orders > 0 ? use_pivots(s) : lag_use_pivots(run, &none);
+        s->orders = orders;
+    }
+    lag_archive_run(a, run, lag_method_at(s->method));
+    if (s->width)
+        lag_archive_events(a, s);
 }
 
 size_t lag_simulation_size(const lag_simulation *s)

@@ -2,6 +2,7 @@
 #ifndef LAGCLI_SIMULATION_H
 #define LAGCLI_SIMULATION_H
 
+#include "archive.h"
 #include "lagmodel.h"
 #include "memory.h"
 #include "run.h"
@@ -47,6 +48,12 @@ struct lag_simulation {
     double engaged_work, work_before;  /* the entry's work, and W, then */
 };
 
+/* The state of a simulation between steps, as archive.h says: without the log of events. */
+void lag_archive_simulation(lag_archive *archive, lag_simulation *s);
+
+/* Events: what has happened, and the entries to which none has reacted. */
+void lag_archive_events(lag_archive *archive, lag_simulation *s);
+
 /* Allocate what events need. Returns 0, or 1 where there is no memory. */
 int lag_events_bind(lag_simulation *s);
 
@@ -56,8 +63,9 @@ const double *lag_held_parameters(lag_simulation *s);
 /* The parameters of programs now, np of them: where events set some, their values. */
 const double *lag_parameters_of(lag_simulation *s);
 
-/* Give the first parameters other values; the motion goes on from its state. */
-void lag_change_parameters(lag_simulation *s, const double *p, int count);
+/* Give the first parameters other values where these differ from others: events may have set the rest. The motion goes on from
+ * its state; what switches is an instant there, which lag_simulate completes. Returns LAG_RUNNING, or why it ends. */
+int lag_change_parameters(lag_simulation *s, const double *from, const double *to, int count);
 
 /* Whether a contact is beyond its surface at a state, once the motion has begun: it begins on the surfaces of contacts
  * that are closed or beyond them. */

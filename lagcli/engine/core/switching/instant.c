@@ -80,6 +80,39 @@ static int note_ends(lag_run *run)
     return LAG_RUNNING;
 }
 
+/*
+ * Begin an instant at sw->instant, in the state `before`: a and lambda as the mode ends, and the values of conditions,
+ * are those there. Returns LAG_RUNNING, or LAG_UNDEFINED.
+ */
+static int begin_instant(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    if (lag_all_forces(run, sw->instant, sw->before))
+        return LAG_UNDEFINED;
+    memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));
+    memcpy(sw->begin + run->system.nq, sw->multipliers, (size_t)sw->nc * sizeof(double));
+    sw->located = 0;
+    run->step.finishing = 0;
+    run->step.t = sw->instant;
+    memcpy(run->step.y, sw->before, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int i = 0; i < sw->rows; ++i) /* psi is that of lag_all_forces */
+        sw->stray[i] = !lag_projects(run) && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
+    for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
+        lag_condition *condition = sw->condition + c;
+        condition->happened = 0;
+        condition->value = lag_condition_value(run, c, sw->instant, sw->before);
+        const int root = c < sw->conditions && fabs(condition->off) <= WRONG * lag_condition_noise(condition);
+        condition->off = root ? fabs(condition->value - condition->off) : 0.0;
+    }
+    memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
+    memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
+    memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
+    sw->due = 1;
+    sw->settled = 0;
+    sw->stage = NOTHING_REPORTED;
+    return LAG_RUNNING;
+}
+
 int lag_look_for_instant(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -113,38 +146,27 @@ int lag_look_for_instant(lag_run *run)
         sw->condition[c].off = lag_condition_value(run, c, sw->instant, sw->before);
     if (lag_projects(run) && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
         return status;
-    if (lag_all_forces(run, sw->instant, sw->before)) /* as the mode ends */
+    if (begin_instant(run) != LAG_RUNNING)
         return LAG_UNDEFINED;
-    memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));
-    memcpy(sw->begin + run->system.nq, sw->multipliers, (size_t)sw->nc * sizeof(double));
-    sw->located = 0;
-    run->step.finishing = 0;
-    run->step.t = sw->instant;
-    memcpy(run->step.y, sw->before, n * sizeof(double));
-    for (int i = 0; i < sw->rows; ++i) /* psi is that of lag_all_forces */
-        sw->stray[i] = !lag_projects(run) && sw->mode[i] == LAG_HOLDS ? fabs(sw->psi[i]) : 0.0;
-    for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
-        lag_condition *condition = sw->condition + c;
-        condition->happened = 0;
-        condition->value = lag_condition_value(run, c, sw->instant, sw->before);
-        const int root = c < sw->conditions && fabs(condition->off) <= WRONG * lag_condition_noise(condition);
-        condition->off = root ? fabs(condition->value - condition->off) : 0.0;
-    }
-    memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
-    memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
-    memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
-    memcpy(sw->before, run->step.y, n * sizeof(double));
     if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
         sw->rounds = sw->impacts = 0;
         sw->interval = fmax(sw->instant - sw->last, RETAINED * sw->interval);
     }
     sw->last = sw->instant;
-    sw->due = 1;
-    sw->settled = 0;
-    sw->stage = NOTHING_REPORTED;
     if (run->derivatives.n && lag_begin_jump(run))
         return LAG_UNDEFINED;
     return note_ends(run);
+}
+
+int lag_begin_change(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    sw->instant = sw->last = run->step.t;
+    sw->rounds = sw->impacts = 0;
+    memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int c = 0; c < sw->conditions; ++c) /* the state is not one of a search for roots */
+        sw->condition[c].off = INFINITY;
+    return begin_instant(run);
 }
 
 /* Whether a contact is beyond its surface. */

@@ -10,6 +10,9 @@ int lag_begin_modes(lag_run *run);
 /* At the start of a run, in its modes: an instant is due there if a clock ticks. Returns a lag_status. */
 int lag_begin_ticks(lag_run *run);
 
+/* Between steps: begin an instant here, for changes of parameters by the caller that follow. Returns a lag_status. */
+int lag_begin_change(lag_run *run);
+
 /* After an accepted step: end it at the first instant in it, if there is one, with the samples before.
  * Returns LAG_RUNNING; sw->due says whether an instant is to be done; or another status. */
 int lag_look_for_instant(lag_run *run);
