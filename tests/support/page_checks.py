@@ -58,3 +58,59 @@ AXES = """() => {
   }
   return wrong;
 }"""
+
+#: Returns the texts whose contrast with what is behind them is less than 4.5, or 3 where they are
+#: large (WCAG 2.1, 1.4.3); but for what is disabled, or of a run before an error.
+CONTRAST = """() => {
+  const OLD = ".stale :not(#notice), .stale ~ #more";
+  const NOT = `option, script, style, .skip, :disabled, ${OLD}`;
+  const parse = (text) => {
+    const [r, g, b, a = 1] = text.match(/[\\d.]+/g).map(Number);
+    return { rgb: [r, g, b], a };
+  };
+  const over = ({ rgb, a }, below) => rgb.map((x, i) => a * x + (1 - a) * below[i]);
+  const behind = (box) => {
+    const layers = [];
+    for (let at = box; at; at = at.parentElement) {
+      const layer = parse(getComputedStyle(at).backgroundColor);
+      if (layer.a) layers.push(layer);
+      if (layer.a === 1) break;
+    }
+    return layers.reduceRight((below, layer) => over(layer, below), [255, 255, 255]);
+  };
+  const luminance = (rgb) => {
+    const part = (x) => (x / 255 <= 0.04045 ? x / 255 / 12.92 : ((x / 255 + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * part(rgb[0]) + 0.7152 * part(rgb[1]) + 0.0722 * part(rgb[2]);
+  };
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const wrong = new Set();
+  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+    const box = node.parentElement;
+    if (!node.data.trim() || box.closest(NOT)) continue;
+    if (!box.checkVisibility({ visibilityProperty: true, opacityProperty: true })) continue;
+    const style = getComputedStyle(box);
+    const paper = behind(box);
+    let opacity = 1;
+    for (let at = box; at; at = at.parentElement) opacity *= getComputedStyle(at).opacity;
+    const ink = parse(style.color);
+    const [one, other] = [luminance(over({ ...ink, a: ink.a * opacity }, paper)), luminance(paper)];
+    const ratio = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
+    const size = parseFloat(style.fontSize);
+    const large = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
+    const text = node.data.trim().slice(0, 40);
+    if (ratio < (large ? 3 : 4.5)) wrong.add(`${ratio.toFixed(2)} ${box.tagName} ${text}`);
+  }
+  return [...wrong];
+}"""
+
+#: Returns what has the focus: its name, its place, and whether one sees that it has it.
+FOCUSED = """() => {
+  const at = document.activeElement;
+  if (at === document.body) return null;
+  const { left, top, width, height } = at.getBoundingClientRect();
+  const style = getComputedStyle(at);
+  const name = (at.ariaLabel || at.textContent || at.labels?.[0]?.textContent || "").trim();
+  const outlined = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0;
+  const place = [...document.querySelectorAll("*")].indexOf(at);
+  return { name, place, tag: at.tagName, top: top + scrollY, left, width, height, outlined };
+}"""

@@ -13,6 +13,8 @@
  */
 
 class LiveEquations {
+  static SHORT = 3; // so many are shown from the beginning
+
   constructor(element, { link, focus, wanted, now }) {
     Object.assign(this, { element, link, focus, wanted, now });
     this.cuts = {};
@@ -27,6 +29,7 @@ class LiveEquations {
     element.hidden = !html;
     element.querySelector("div")?.remove();
     element.insertAdjacentHTML("beforeend", `<div>${html}</div>`);
+    this.#show(element.querySelectorAll(".live").length);
     [this.colors, this.balances] = [colors, null];
     const buttons = [...element.querySelectorAll("[data-cut]")];
     const names = new Set(buttons.map(({ dataset }) => dataset.cut));
@@ -41,6 +44,11 @@ class LiveEquations {
       sign.addEventListener("pointerleave", () => this.focus.point());
     }
     this.#mark(buttons);
+  }
+
+  /** Unfold few equations, once: later it is as the reader wants it. */
+  #show(count) {
+    this.shown ??= this.element.open = count > 0 && count <= LiveEquations.SHORT;
   }
 
   /** Whether a constraint is cut. */

@@ -3,7 +3,7 @@
 /*
  * Pictures of the run: the animation and the plots, which share their time.
  *
- *   const pictures = new Pictures(stage, plots, hello, calls);
+ *   const pictures = new Pictures(stage, plots, more, hello, calls);
  *   pictures.draggable = ["A", "B"];  // points that the initial values move
  *   pictures.groups();      // the groups of curves that are wanted
  *   pictures.draw(answer);
@@ -14,25 +14,27 @@ class Pictures {
   static USUAL = ["multipliers", "coordinates", "energies"]; // the first below the mechanism
   static HIGH = 190; // of a plot, CSS pixels
   static LOW = 150; // of one of several panels
+  static PAPER = 680; // width between the margins, CSS pixels
   static INSTEAD = "velocities"; // where a model has no constraints
 
   /**
    * @param {HTMLElement} stage  of the player
-   * @param {HTMLElement} plots
+   * @param {HTMLElement} plots  of the first plot
+   * @param {HTMLElement} more  of the others
    * @param {object} hello  name, palette and groups of the model
    * @param {object} calls
    * @param {function} calls.wanted  called when other curves are wanted
    * @param {object} calls.drag  see Dragging
    */
-  constructor(stage, plots, { name, palette, groups }, { wanted, drag }) {
+  constructor(stage, plots, more, { name, palette, groups }, { wanted, drag }) {
     [this.stage, this.name, this.palette, this.drag] = [stage, name, palette, drag];
     this.link = new TimeLink();
     this.focus = new Focus();
     this.colors = {}; // of constraints
     this.player = null;
     const usual = Pictures.USUAL.map((group) => (group in groups ? group : Pictures.INSTEAD));
-    this.slots = usual.map((group) => this.#slot(plots, group, groups, wanted));
-    this.phase = new PhasePlane(plots, this.link, palette, wanted);
+    this.slots = usual.map((group, i) => this.#slot(i ? more : plots, group, groups, wanted));
+    this.phase = new PhasePlane(more, this.link, palette, wanted);
     // passing over a plot moves the time, unless it runs
     Object.defineProperty(this.link, "free", { get: () => !this.player?.playing });
     this.link.onTime((time, source) => {
@@ -48,6 +50,17 @@ class Pictures {
   /** The time that is shown, s. */
   get now() {
     return this.player?.time ?? this.link.time ?? 0;
+  }
+
+  /** Take the colours and sizes of paper: the first plot has the width of two others; or those of the window again. */
+  print(printing) {
+    for (const [i, { plots }] of this.slots.entries())
+      for (const plot of plots) {
+        plot.recolour();
+        if (printing) plot.resize(i ? Pictures.PAPER / 2 - 10 : Pictures.PAPER, plot.height);
+        else plot.resize();
+      }
+    this.player?.stage.restyle();
   }
 
   groups() {

@@ -44,6 +44,8 @@ class Page {
       keep.textContent = kept ? "Remove the kept run" : "Keep this run for comparison";
       this.pictures.keep(kept);
     });
+    addEventListener("beforeprint", () => this.#print(true));
+    addEventListener("afterprint", () => this.#print(false));
     connection.onClose((text) => this.#close(text));
     connection.onMessage((answer) => this.#take(answer));
   }
@@ -81,8 +83,9 @@ class Page {
     elements.name.textContent = hello.name;
     this.slug = hello.slug;
     elements.description.textContent = hello.description;
-    const [player, plots] = ["player", "plots"].map((id) => document.getElementById(id));
-    this.pictures = new Pictures(player, plots, hello, {
+    const [player, plots, more] = ["player", "plots", "more"].map((id) => document.getElementById(id));
+    this.#arrange(more);
+    this.pictures = new Pictures(player, plots, more, hello, {
       wanted: () => this.ask(),
       drag: {
         ask: (drag) => this.#send({ drag }),
@@ -114,6 +117,14 @@ class Page {
     });
     this.begun();
     this.ask();
+  }
+
+  /** On a narrow screen, the other plots are below the values, also for the keyboard. */
+  #arrange(more) {
+    const narrow = matchMedia(Controls.NARROW);
+    const place = () => (narrow.matches ? document.querySelector("main") : this.elements.pictures).append(more);
+    narrow.addEventListener("change", place);
+    place();
   }
 
   /** Show the command line, which breaks between its words. */
@@ -214,6 +225,16 @@ class Page {
       getSelection().selectAllChildren(command);
       this.#say("the browser does not allow copying: the command is selected", true);
     }
+  }
+
+  /** On paper: light, with the equations and all values; then as before. */
+  #print(printing) {
+    if (printing === Boolean(this.folded) || !this.pictures) return;
+    this.folded ??= [...document.querySelectorAll("#equations, #controls > details")].filter(({ open }) => !open);
+    for (const part of this.folded) part.open = printing;
+    if (!printing) this.folded = undefined;
+    document.documentElement.classList.toggle("printing", printing);
+    this.pictures.print(printing);
   }
 
   #close(text) {
