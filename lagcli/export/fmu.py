@@ -26,7 +26,13 @@ from lagcli.model.expression.units import UnknownUnit, read_unit
 from lagcli.model.model import Model, velocity
 from lagcli.model.result_units import result_units
 from lagcli.model.values import dependent_values
-from lagcli.simulations.resources import DerivedTape, method_of, resources, settable_parameters
+from lagcli.simulations.resources import (
+    DerivedTape,
+    derivatives,
+    method_of,
+    resources,
+    settable_parameters,
+)
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.version import __version__
 
@@ -191,6 +197,7 @@ class _Fmu:
                 "modelDescription.xml": self.description(token),
                 "resources/model.bin": model,
                 "resources/values.bin": values,
+                **self._derivatives(),
                 "documentation/index.html": self.documentation(),
                 **{
                     f"binaries/{folder}/{self.identifier}.{suffix}": content
@@ -206,6 +213,21 @@ class _Fmu:
         tape = DerivedTape(self.system)
         forces = tape.forces if self.system.constraints else []
         return tape.builder.finish([*forces, *tape.reported])
+
+    @property
+    def differentiable(self) -> bool:
+        """Whether the FMU has directional derivatives.
+
+        Nothing switches, and λ is not one of least norm, whose null space would change.
+        """
+        regular = self.simulation.start.rank == len(self.system.constraints)
+        return regular and not self.model.switches and not self.system.has_kinks
+
+    def _derivatives(self) -> dict[str, bytes]:
+        """Return the file of directional derivatives, by its name."""
+        if not self.differentiable:
+            return {}
+        return {"resources/derivatives.bin": derivatives(self.simulation, self._derived_tape())}
 
     # modelDescription.xml
 
@@ -313,6 +335,11 @@ class _Fmu:
             "canGetAndSetFMUstate" if two else "canGetAndSetFMUState": "true",
             "canSerializeFMUstate" if two else "canSerializeFMUState": "true",
         }
+        if self.differentiable:
+            several = "" if two else "s"
+            capabilities[f"providesDirectionalDerivative{several}"] = "true"
+            if not two:
+                capabilities["providesAdjointDerivatives"] = "true"
         if kind == "CoSimulation":
             capabilities["canHandleVariableCommunicationStepSize"] = "true"
         elif two:
@@ -332,7 +359,7 @@ class _Fmu:
         structure = Xml.SubElement(root, "ModelStructure")
         parts = {
             "Outputs": [v for v in variables if v.causality == "output"],
-            "Derivatives": self._derivatives(variables),
+            "Derivatives": self._state_derivatives(variables),
             "InitialUnknowns": _initial_unknowns(variables),
         }
         for name, some in parts.items():
@@ -352,12 +379,12 @@ class _Fmu:
         for v in variables:
             if v.causality == "output":
                 Xml.SubElement(structure, "Output", valueReference=str(v.reference))
-        for v in self._derivatives(variables):
+        for v in self._state_derivatives(variables):
             Xml.SubElement(structure, "ContinuousStateDerivative", valueReference=str(v.reference))
         for v in _initial_unknowns(variables):
             Xml.SubElement(structure, "InitialUnknown", valueReference=str(v.reference))
 
-    def _derivatives(self, variables: Sequence[FmuVariable]) -> list[FmuVariable]:
+    def _state_derivatives(self, variables: Sequence[FmuVariable]) -> list[FmuVariable]:
         """Return the derivatives of the states q and v."""
         return [v for v in variables if v.derivative is not None] if self.exchanges else []
 

@@ -14,8 +14,10 @@ from lagcli.engine.integrate.model_data import integers_data, model_data, progra
 from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.program.program import assemble
+from lagcli.engine.sensitivity.switched_run import arranged
 from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.system import System
+from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.model.model import Model
 from lagcli.model.values import dependent_values, independent_parameters
@@ -23,6 +25,7 @@ from lagcli.simulations.directions import start_tape
 from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.start import spins_of
 
+_DERIVATIVES = int.from_bytes(b"llderiv1", "little")
 _MAGIC = int.from_bytes(b"llvalue2", "little")
 
 
@@ -122,6 +125,34 @@ def _constraints_at_start(system: System) -> list[bytes]:
         integers_data([column for _, column in pattern]),
         program_data(assemble(tape.selected(outputs))),
     ]
+
+
+def derivatives(simulation: Simulation, derived: Tape) -> bytes:
+    """Return what the core needs for directional derivatives of a model that does not switch.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    derived : Tape
+        (t, q, v, a, λ, p) → the derived values, as for `resources`.
+    """
+    model, system = simulation.model, simulation.system
+    settable = settable_parameters(model)
+    state, layout = 1 + 2 * len(system.coordinates), system.dynamics_layout
+    forces = state + len(system.coordinates) + len(system.constraints)
+    parts = (layout.mass_matrix, layout.forcing, layout.jacobian, layout.rhs)
+    places = [i for part in parts for i in range(part.start, part.stop)]
+    equations = system.dynamics.selected(places)
+    start = start_tape(model, settable).selected(range(len(model.parameters)))
+    body = b"".join(
+        [
+            word_data(system.dynamics.parameters - system.functions.size),
+            program_data(assemble(directional(start)._replace(parameters=0))),
+            program_data(assemble(arranged(directional(equations), state))),
+            program_data(assemble(arranged(directional(derived), forces))),
+        ]
+    )
+    return word_data(_DERIVATIVES) + word_data(2 + len(body) // 8) + body
 
 
 class DerivedTape:

@@ -203,6 +203,33 @@ class Instance:
         """Free a state."""
         self.call("FreeFMUState" if self.three else "FreeFMUstate", byref(state))
 
+    # derivatives
+
+    def directional(
+        self,
+        unknowns: Sequence[str],
+        knowns: Sequence[str],
+        seed: Sequence[float],
+        adjoint: bool = False,
+    ) -> Any:
+        """Return the changes of unknowns along changes of knowns; or those of knowns, added up."""
+        numbers = (c_double * len(seed))(*seed)
+        out = (c_double * len(knowns if adjoint else unknowns))()
+        arguments: list[Any] = []
+        for names in (unknowns, knowns):
+            arguments.append((c_uint * len(names))(*(self.fmu.references[x] for x in names)))
+            arguments.append(c_size_t(len(names)))
+        more = (c_size_t(len(seed)), out, c_size_t(len(out))) if self.three else (out,)
+        name = "GetAdjointDerivative" if adjoint else "GetDirectionalDerivative"
+        self.call(name, *arguments, numbers, *more)
+        return np.array(out)
+
+    def move(self, t: float, states: Sequence[float]) -> None:
+        """Go to a state of model exchange."""
+        n = len(states)
+        self.call("SetTime", c_double(t))
+        self.call("SetContinuousStates", (c_double * n)(*states), c_size_t(n))
+
     # model exchange of FMI 2.0
 
     def exchanged(self, end: float, steps: int, count: int) -> Any:

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "fmi/component.h"
+#include "fmi/directional.h"
 
 typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
 typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
@@ -179,6 +180,13 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     return status_of(lag_component_deserialize(c, bytes, size, state));
 }
 
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t unknown_count,
+                                        const fmi2ValueReference knowns[], size_t known_count, const fmi2Real seed[],
+                                        fmi2Real changes[])
+{
+    return status_of(lag_fmu_directional(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
+}
+
 /* What modelDescription.xml says is not available. */
 #define UNAVAILABLE(name, ...) LAG_ALWAYS(fmi2Status, fmi2Error, name, __VA_ARGS__)
 /* States of a step that is under way, which steps never are. */
@@ -187,8 +195,6 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
-UNAVAILABLE(fmi2GetDirectionalDerivative, const fmi2ValueReference unknowns[], size_t unknown_count,
-            const fmi2ValueReference knowns[], size_t known_count, const fmi2Real of_knowns[], fmi2Real of_unknowns[])
 UNAVAILABLE(fmi2SetRealInputDerivatives, const fmi2ValueReference references[], size_t count,
             const fmi2Integer orders[], const fmi2Real values[])
 UNAVAILABLE(fmi2GetRealOutputDerivatives, const fmi2ValueReference references[], size_t count,

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "fmi/component.h"
+#include "fmi/directional.h"
 
 typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
 typedef enum { fmi3Independent, fmi3Constant, fmi3Fixed, fmi3Tunable, fmi3Discrete, fmi3Dependent } fmi3DependencyKind;
@@ -243,6 +244,22 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
     return status_of(lag_component_deserialize(COMPONENT(c), bytes, size, state));
 }
 
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t unknown_count,
+                                        const fmi3ValueReference knowns[], size_t known_count, const fmi3Float64 seed[],
+                                        size_t seed_count, fmi3Float64 changes[], size_t change_count)
+{
+    return status_of(seed_count != known_count || change_count != unknown_count
+                     || lag_fmu_directional(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t unknown_count,
+                                    const fmi3ValueReference knowns[], size_t known_count, const fmi3Float64 seed[],
+                                    size_t seed_count, fmi3Float64 changes[], size_t change_count)
+{
+    return status_of(seed_count != unknown_count || change_count != known_count
+                     || lag_fmu_adjoint(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
+}
+
 /* Functions without effect: of modes that need none. */
 #define NOTHING(name)                                                                                                 \
     fmi3Status name(fmi3Instance c)                                                                                   \
@@ -267,12 +284,6 @@ NOTHING(fmi3EnterStepMode)
 UNAVAILABLE(fmi3GetNumberOfVariableDependencies, fmi3ValueReference reference, size_t *count)
 UNAVAILABLE(fmi3GetVariableDependencies, fmi3ValueReference dependent, size_t element_indices[],
             fmi3ValueReference independents[], size_t independent_indices[], fmi3DependencyKind kinds[], size_t count)
-UNAVAILABLE(fmi3GetDirectionalDerivative, const fmi3ValueReference unknowns[], size_t unknown_count,
-            const fmi3ValueReference knowns[], size_t known_count, const fmi3Float64 seed[], size_t seed_count,
-            fmi3Float64 sensitivity[], size_t sensitivity_count)
-UNAVAILABLE(fmi3GetAdjointDerivative, const fmi3ValueReference unknowns[], size_t unknown_count,
-            const fmi3ValueReference knowns[], size_t known_count, const fmi3Float64 seed[], size_t seed_count,
-            fmi3Float64 sensitivity[], size_t sensitivity_count)
 UNAVAILABLE(fmi3GetIntervalDecimal, const fmi3ValueReference references[], size_t count, fmi3Float64 intervals[],
             fmi3IntervalQualifier qualifiers[])
 UNAVAILABLE(fmi3GetIntervalFraction, const fmi3ValueReference references[], size_t count, fmi3UInt64 counters[],

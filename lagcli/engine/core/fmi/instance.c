@@ -56,13 +56,15 @@ int lag_fmu_fail(const lag_fmu *fmu, const char *format, ...)
     return 1;
 }
 
-/* The contents of a file, aligned as numbers; NULL, and a message, if it cannot be read. */
-static const void *contents(lag_fmu *fmu, const char *folder, const char *name, int64_t *bytes)
+/* The contents of a file, aligned as numbers; NULL, and a message, if it cannot be read, unless it is optional and missing. */
+static const void *contents(lag_fmu *fmu, const char *folder, const char *name, int optional, int64_t *bytes)
 {
     char path[4096];
     if (snprintf(path, sizeof path, "%s%s", folder, name) >= (int)sizeof path)
         return lag_fmu_fail(fmu, "the path of %s has more than %d bytes", name, (int)sizeof path), NULL;
     FILE *file = lag_open_file(path);
+    if (!file && optional)
+        return NULL;
     if (!file)
         return lag_fmu_fail(fmu, "cannot open %s", path), NULL;
     int64_t size = -1;
@@ -148,6 +150,30 @@ static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
     return 0;
 }
 
+/* Read what derivatives.bin has. Returns 0, or 1 if it is damaged. */
+static int read_directions(lag_fmu *fmu, const void *data, int64_t bytes)
+{
+    const lag_equations *e = &fmu->model.equations;
+    lag_fmu_directions *d = &fmu->directions;
+    lag_reader in = {.at = data, .words = bytes / 8, .status = LAG_MODEL_READ};
+    if (bytes < 24 || bytes % 8 || lag_read_word(&in) != LAG_DERIVATIVES_MAGIC || lag_read_word(&in) != bytes / 8
+        || fmu->model.contents & LAG_MODEL_SWITCHING || fmu->model.problem.rank != e->nc)
+        return 1;
+    const int64_t p = d->parameters = lag_read_int(&in, fmu->own, e->np), state = 1 + 2 * (int64_t)e->nq;
+    const int64_t entries = (int64_t)e->nm + e->nq + e->nb + e->nc;
+    d->of_parameters = lag_read_program(&in, 2 * (int64_t)fmu->settable, fmu->own);
+    d->of_equations = lag_read_program(&in, 2 * state + p + e->np, entries);
+    d->of_columns = lag_read_program(&in, 2 * (state + e->nq + e->nc) + p + e->np, fmu->derived);
+    if (in.status != LAG_MODEL_READ || in.words)
+        return 1;
+    d->changes = lag_doubles(&fmu->pool, fmu->count);
+    d->seeds = lag_doubles(&fmu->pool, 2 * (int64_t)fmu->settable);
+    d->right = lag_doubles(&fmu->pool, 2 * ((int64_t)e->nq + e->nc));
+    d->p = lag_doubles(&fmu->pool, p);
+    d->has = !fmu->pool.failed;
+    return 0;
+}
+
 static int place_of_parameters(const lag_fmu *fmu)
 {
     return (int)(fmu->count - fmu->own);
@@ -218,9 +244,16 @@ lag_fmu *lag_fmu_open(const char *resources, int exchange, lag_fmu_message *mess
     if (!fmu)
         return NULL;
     int64_t model_bytes = 0, values_bytes = 0;
-    const void *model = contents(fmu, resources, "model.bin", &model_bytes);
-    const void *values = model ? contents(fmu, resources, "values.bin", &values_bytes) : NULL;
+    const void *model = contents(fmu, resources, "model.bin", 0, &model_bytes);
+    const void *values = model ? contents(fmu, resources, "values.bin", 0, &values_bytes) : NULL;
     if (!values || complete(fmu, model, model_bytes, values, values_bytes)) {
+        lag_fmu_close(fmu);
+        return NULL;
+    }
+    int64_t bytes = 0;
+    const void *derivatives = contents(fmu, resources, "derivatives.bin", 1, &bytes);
+    if (derivatives && read_directions(fmu, derivatives, bytes)) {
+        lag_fmu_fail(fmu, "derivatives.bin is damaged, or of another version of lagcli");
         lag_fmu_close(fmu);
         return NULL;
     }
@@ -233,6 +266,7 @@ void lag_fmu_end_simulation(lag_fmu *fmu)
         lag_destroy_simulation(fmu->simulation);
     lag_release(&fmu->run_pool);
     fmu->simulation = NULL;
+    fmu->directions.bound = NULL;
     fmu->current = 0;
 }
 

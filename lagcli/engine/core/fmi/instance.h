@@ -13,6 +13,13 @@
  *   a program of the parameters that can be set: all parameters, q and v at the start
  *   a program of (t, q, v, a, lambda, p): the derived values
  *
+ * A file derivatives.bin is for directional derivatives, of models that do not switch and without redundant constraints:
+ *
+ *   LAG_DERIVATIVES_MAGIC, the number of words, the number P of parameters that change
+ *   a program of (the parameters that can be set, their changes): the changes of all of the model's parameters
+ *   a program of (t, q, v, their changes, delta p, p): the changes of the entries of M, f, the entries of B, gamma
+ *   a program of (t, q, v, a, lambda, their changes, delta p, p): the changes of the derived values
+ *
  * The values, by value references from 0 on, are t, q, v, a, lambda, the derived values, the parameters.
  */
 #ifndef LAGCLI_INSTANCE_H
@@ -21,6 +28,8 @@
 #include "fmi/start.h"
 
 #define LAG_VALUES_MAGIC 0x3265756c61766c6c /* "llvalue2" where the lowest byte is the first */
+
+#define LAG_DERIVATIVES_MAGIC 0x3176697265646c6c /* "llderiv1" where the lowest byte is the first */
 
 #define LAG_MESSAGE 400 /* bytes of a message, at most */
 
@@ -31,6 +40,19 @@ typedef void lag_fmu_message(void *context, const char *text);
 enum lag_fmu_given { LAG_FMU_NOT_GIVEN, LAG_FMU_FIXED, LAG_FMU_GUESS };
 
 enum lag_fmu_phase { LAG_FMU_MADE, LAG_FMU_INITIALIZING, LAG_FMU_STARTED, LAG_FMU_ENDED, LAG_FMU_FAILED };
+
+/* Directional derivatives: fmi/directional.h. */
+typedef struct {
+    int has;                           /* whether there are any */
+    int parameters;                    /* those that change, the first ones of the run's */
+    lag_program of_parameters, of_equations, of_columns;
+    const void *bound;                 /* the simulation for which the tapes are bound */
+    lag_tape parameter_tape, equation_tape, column_tape;
+    double *changes;                   /* of all values, by value references */
+    double *seeds;                     /* 2 settable: parameters that can be set, their changes */
+    double *p;                         /* changes of the parameters that change */
+    double *right;                     /* 2 (nq + nc): the right side, the solution */
+} lag_fmu_directions;
 
 typedef struct {
     lag_pool pool, run_pool;           /* of the instance; of what depends on its simulation */
@@ -59,6 +81,7 @@ typedef struct {
     int exchange;                      /* whether another program integrates: model exchange */
     int current;                       /* whether the values are those of the state */
     int changed;                       /* whether an input has changed since the last step */
+    lag_fmu_directions directions;
     uint64_t identity;                 /* a hash of the files and of the library; even */
 } lag_fmu;
 

@@ -1,0 +1,179 @@
+#include "fmi/directional.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "bind.h"
+#include "evaluate.h"
+#include "model/simulation.h"
+#include "motion.h"
+#include "solution.h"
+
+/* Bind the programs for the present simulation. Returns 0, or 1 where there is no memory. */
+static int bind(lag_fmu *fmu)
+{
+    lag_fmu_directions *d = &fmu->directions;
+    lag_run *run = lag_run_of(fmu->simulation);
+    if (d->bound == fmu->simulation)
+        return 0;
+    lag_bind_program(&fmu->run_pool, &d->parameter_tape, &d->of_parameters, run->kernel);
+    if (fmu->run_pool.failed || lag_bind(run, &fmu->run_pool, &d->equation_tape, &d->of_equations)
+        || lag_bind(run, &fmu->run_pool, &d->column_tape, &d->of_columns))
+        return 1;
+    d->bound = fmu->simulation;
+    return 0;
+}
+
+/* Copy numbers and return where the next ones go. */
+static double *put(double *to, const double *from, int64_t count)
+{
+    memcpy(to, from, (size_t)count * sizeof *to);
+    return to + count;
+}
+
+/* delta p, from those of the parameters that can be set: after their values in d->seeds. */
+static void change_parameters(lag_fmu *fmu)
+{
+    lag_fmu_directions *d = &fmu->directions;
+    const lag_tape *tape = &d->parameter_tape;
+    memcpy(d->seeds, fmu->taken, (size_t)fmu->settable * sizeof(double));
+    put(tape->registers, d->seeds, 2 * (int64_t)fmu->settable);
+    tape->vectors->run(tape->prelude, tape->registers);
+    lag_tape_run(tape, &tape->stream);
+    memset(d->p, 0, (size_t)d->parameters * sizeof *d->p);
+    for (int i = 0; i < fmu->own; ++i)
+        d->p[i] = OUT(tape, i);
+}
+
+/* delta (f - M a + B' lambda) and delta (gamma - B a) at fixed a and lambda: to d->right. */
+static void right_side(lag_fmu *fmu, const double *state, const double *of_state)
+{
+    const lag_run *run = lag_run_of(fmu->simulation);
+    const lag_system *s = &run->system;
+    lag_fmu_directions *d = &fmu->directions;
+    const lag_tape *tape = &d->equation_tape;
+    const double *a = state + 1 + 2 * s->nq, *multipliers = a + s->nq;
+    double *right = d->right;
+    lag_tape_set(tape, run->np, run->parameters);
+    double *r = put(tape->registers, state, 1 + 2 * (int64_t)s->nq);
+    r = put(r, of_state, 1 + 2 * (int64_t)s->nq);
+    put(r, d->p, d->parameters);
+    lag_tape_run(tape, &tape->stream);
+    for (int i = 0; i < s->nq; ++i)
+        right[i] = OUT(tape, s->nm + i);
+    for (int i = 0; i < s->nc; ++i)
+        right[s->nq + i] = OUT(tape, s->nm + s->nq + s->nb + i);
+    for (int i = 0; i < s->nm; ++i)
+        right[s->mass_row[i]] -= OUT(tape, i) * a[s->mass_column[i]];
+    for (int i = 0; i < s->nb; ++i) {
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
+        const double change = OUT(tape, s->nm + s->nq + i);
+        right[column] += change * multipliers[row];
+        right[s->nq + row] -= change * a[column];
+    }
+}
+
+/* The changes of all values along those of t, q, v, in d->changes, and of the parameters that can be set. */
+static int change_all(lag_fmu *fmu)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    const lag_system *s = &run->system;
+    lag_fmu_directions *d = &fmu->directions;
+    const int nq = s->nq, nc = s->nc, state = 1 + 2 * nq, known = state + nq + nc;
+    double *x = d->right + nq + nc, *changes = d->changes, sum = 0.0, power;
+    change_parameters(fmu);
+    if (lag_accelerate(run, fmu->values[0], fmu->values + 1, 1, &power) || lag_factor(run, fmu->values[0], fmu->values + 1))
+        return 1;
+    right_side(fmu, fmu->values, changes);
+    lag_solve(run, d->right, x, 1);
+    lag_turn(x + nq, nc);
+    put(changes + state, x, nq + nc);
+    const lag_tape *tape = &d->column_tape;
+    lag_tape_set(tape, run->np, run->parameters);
+    double *r = put(tape->registers, fmu->values, known);
+    r = put(r, changes, known);
+    put(r, d->p, d->parameters);
+    lag_tape_run(tape, &tape->stream);
+    for (int64_t i = 0; i < fmu->derived; ++i)
+        changes[known + i] = OUT(tape, i);
+    put(changes + known + fmu->derived, d->p, fmu->own);
+    for (int i = state; i < known; ++i)
+        sum += changes[i];
+    return !isfinite(sum);
+}
+
+/* Where the change of a known goes; NULL, and a message, if it is none. */
+static double *place_of(lag_fmu *fmu, unsigned reference)
+{
+    lag_fmu_directions *d = &fmu->directions;
+    const int64_t first = fmu->count - fmu->own;
+    if (reference < 1 + 2 * (unsigned)fmu->nq)
+        return d->changes + reference;
+    for (int i = 0; i < fmu->settable; ++i)
+        if (reference == first + fmu->place[i])
+            return d->seeds + fmu->settable + i;
+    lag_fmu_fail(fmu, "there are no derivatives with respect to the variable with the value reference %u", reference);
+    return NULL;
+}
+
+/* Returns 0, or 1, and a message, if a reference is that of no variable. */
+static int check_references(const lag_fmu *fmu, const unsigned *references, size_t count)
+{
+    for (size_t i = 0; i < count; ++i)
+        if (references[i] >= (uint64_t)fmu->count)
+            return lag_fmu_fail(fmu, "there is no variable with the value reference %u", references[i]);
+    return 0;
+}
+
+/* Begin a direction: values, tapes, no changes. */
+static int begin(lag_fmu *fmu, const unsigned *unknowns, size_t count)
+{
+    lag_fmu_directions *d = &fmu->directions;
+    if (!d->has)
+        return lag_fmu_fail(fmu, "models that switch, or with redundant constraints, have no directional derivatives");
+    if (lag_fmu_get(fmu, NULL, 0, NULL))
+        return 1;
+    if (!fmu->simulation || !fmu->current)
+        return lag_fmu_fail(fmu, "there are no derivatives before the initialization");
+    if (check_references(fmu, unknowns, count))
+        return 1;
+    if (bind(fmu))
+        return lag_fmu_fail(fmu, "there is no memory");
+    memset(d->changes, 0, (size_t)fmu->count * sizeof *d->changes);
+    memset(d->seeds, 0, 2 * (size_t)fmu->settable * sizeof *d->seeds);
+    return 0;
+}
+
+int lag_fmu_directional(lag_fmu *fmu, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
+                        size_t known_count, const double *seed, double *changes)
+{
+    if (begin(fmu, unknowns, unknown_count))
+        return 1;
+    for (size_t i = 0; i < known_count; ++i) {
+        double *place = place_of(fmu, knowns[i]);
+        if (!place)
+            return 1;
+        *place += seed[i];
+    }
+    if (change_all(fmu))
+        return lag_fmu_fail(fmu, "the equations have no derivatives at t = %.9g s", fmu->values[0]);
+    for (size_t i = 0; i < unknown_count; ++i)
+        changes[i] = fmu->directions.changes[unknowns[i]];
+    return 0;
+}
+
+int lag_fmu_adjoint(lag_fmu *fmu, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
+                    size_t known_count, const double *seed, double *changes)
+{
+    const double one = 1.0;
+    if (check_references(fmu, unknowns, unknown_count))
+        return 1;
+    for (size_t k = 0; k < known_count; ++k) {
+        if (lag_fmu_directional(fmu, NULL, 0, knowns + k, 1, &one, NULL))
+            return 1;
+        changes[k] = 0.0;
+        for (size_t i = 0; i < unknown_count; ++i)
+            changes[k] += seed[i] * fmu->directions.changes[unknowns[i]];
+    }
+    return 0;
+}

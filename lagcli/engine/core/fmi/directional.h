@@ -1,0 +1,22 @@
+/* Directional derivatives of an instance's values: of models that do not switch, without redundant constraints. */
+#ifndef LAGCLI_DIRECTIONAL_H
+#define LAGCLI_DIRECTIONAL_H
+
+#include "fmi/instance.h"
+
+/*
+ * The changes of unknowns, any variables, along changes `seed` of knowns: of the time, coordinates, velocities, and
+ * parameters that can be set. With the right sides at fixed a and lambda,
+ *
+ *   M delta a - B' delta lambda = delta (f - M a + B' lambda),  B delta a = delta (gamma - B a).
+ *
+ * Returns 0, or 1, and a message, if that fails.
+ */
+int lag_fmu_directional(lag_fmu *fmu, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
+                        size_t known_count, const double *seed, double *changes);
+
+/* The changes along each of the knowns, added up with weights `seed` of the unknowns. */
+int lag_fmu_adjoint(lag_fmu *fmu, const unsigned *unknowns, size_t unknown_count, const unsigned *knowns,
+                    size_t known_count, const double *seed, double *changes);
+
+#endif

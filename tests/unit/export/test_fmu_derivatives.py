@@ -1,0 +1,173 @@
+"""Directional derivatives of FMUs, next to differences, to `lagcli.dynamics` and a closed form."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from exported import exported, points
+from fmi import FmuError, Unpacked
+from shipped import every_model
+from test_fmu import PENDULUM, unpacked
+
+import lagcli
+
+
+def state_names(model: lagcli.Model) -> list[str]:
+    return [f"{q}{x}" for x in ("", "_dot") for q in model.coordinate_names]
+
+
+def outputs_of(fmu: Unpacked) -> list[str]:
+    """Return the outputs: coordinates, rates, λ, forces, energies, powers and the model's own."""
+    return [name for name, x in fmu.variables.items() if x.get("causality") == "output"]
+
+
+def difference(instance: Any, names: list[str], t: float, x: Any, j: int) -> tuple[Any, Any]:
+    """Return a central difference by state j, or the time, with the error that rounding has."""
+    h = 1e-5 * max(1e-2, abs(x[j]) if j >= 0 else 1.0)
+    values = []
+    for sign in (-1, 1):
+        moved = x.copy()
+        if j >= 0:
+            moved[j] += sign * h
+        instance.move(t if j >= 0 else t + sign * h, moved)
+        values.append(np.array(instance.get(*names)))
+    instance.move(t, x)
+    return (values[1] - values[0]) / (2 * h), np.abs(values).max() * 1e-15 / h
+
+
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_derivatives_of_all_outputs_are_those_of_differences(name: str, tmp_path: Path) -> None:
+    """Along the time and each state, at a state of a run that is moved off the constraints."""
+    model, version = exported(name).model, "3.0" if len(name) % 2 else "2.0"
+    fmu = unpacked(model, tmp_path, version)
+    kind = fmu.description.find("CoSimulation")
+    assert kind is not None
+    provided = any(key.startswith("providesDirectional") for key in kind.attrib)
+    assert provided != bool(exported(name).redundant)
+    if fmu.description.find("ModelExchange") is None:
+        return  # with tables: see below
+    if not provided:
+        refused = fmu.instance()
+        refused.begin(0.0)
+        with pytest.raises(FmuError, match="redundant constraints"):
+            refused.directional([], [], [])
+        refused.free()
+        return
+    states, names, point = state_names(model), outputs_of(fmu), points(name)[0]
+    x = np.concatenate([point.q, point.v])
+    instance = fmu.instance(exchange=True)
+    instance.begin(0.0)
+    instance.move(point.t, x)
+    for j in range(len(states)):
+        found = instance.directional(names, [states[j]], [1.0])
+        expected, rounding = difference(instance, names, point.t, x, j)
+        size = max(np.abs(expected).max(), 1e-3)
+        assert np.abs(found - expected).max() <= 1e-6 * size + 10 * rounding, states[j]
+    instance.free()
+
+
+@pytest.mark.parametrize("name", every_model(smooth=True))
+def test_derivatives_are_those_of_the_dynamics(name: str, tmp_path: Path) -> None:
+    """Of a and λ by time, states and parameters, to 1e-9: two eliminations of one matrix.
+
+    In a co-simulation, also with tables. Parameters that follow from others change with these.
+    """
+    model = exported(name).model
+    fmu = unpacked(model, tmp_path, "2.0" if len(name) % 2 else "3.0")
+    if exported(name).redundant:
+        return
+    f, states = lagcli.dynamics(model), state_names(model)
+    instance = fmu.instance()
+    instance.begin(f.t)
+    instance.step(f.t, 0.3)
+    x, nq = np.array(instance.get(*states)), len(f.coordinates)
+    p = np.array(instance.get(*f.parameters)) if f.parameters else np.zeros(0)
+    slopes = f.derivatives(f.t + 0.3, x[:nq], x[nq:], p)
+    set_ = [n for n in f.parameters if fmu.variables[n].get("causality") == "parameter"]
+    knowns = [*(["time"] if "time" in fmu.variables else []), *states, *set_]
+    unknowns = [f"{q}_ddot" for q in f.coordinates] + [f"lambda.{c}" for c in f.constraints]
+    seed = np.random.default_rng(3).normal(size=len(knowns))
+    of_p = instance.directional(f.parameters, knowns, seed)
+    of_x = instance.directional(states, knowns, seed)
+    of_t = instance.directional(["time"], knowns, seed)[0] if instance.three else 0.0
+    found = instance.directional(unknowns, knowns, seed)
+    for own, kind in ((found[:nq], "a"), (found[nq:], "multipliers")):
+        t, q, v, by_p = (getattr(slopes, f"{kind}_{x}") for x in "tqvp")
+        parts = [t * of_t, q @ of_x[:nq], v @ of_x[nq:], by_p @ of_p]
+        size = np.abs(parts).max(initial=1e-6)
+        assert np.abs(own - sum(parts)).max(initial=0.0) <= 1e-9 * size
+    if instance.three:  # weights w of the unknowns: w J seed by both
+        weights = np.random.default_rng(4).normal(size=len(found))
+        adjoint = instance.directional(unknowns, knowns, weights, adjoint=True)
+        size = np.abs(adjoint * seed).max()
+        assert adjoint @ seed == pytest.approx(weights @ found, abs=1e-9 * size)
+    instance.free()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_pendulum_has_the_derivatives_of_its_closed_form(version: str, tmp_path: Path) -> None:
+    """2 λ l² = F x - m g y - m v²: of a force F as an input, of m, and of l through r = l/4."""
+    fmu = unpacked(lagcli.load_text(PENDULUM), tmp_path, version, inputs=["F"])
+    instance = fmu.instance()
+    instance.begin(0.0, {"F": 1.5})
+    instance.step(0.0, 0.4)
+    x, y, u, v = instance.get("x", "y", "x_dot", "y_dot")
+    m, g, length = 2.0, 9.81, 0.5
+
+    def slope(unknown: str, known: str) -> float:
+        return float(instance.directional([unknown], [known], [1.0])[0])
+
+    square = 2 * length**2
+    assert slope("lambda.rod", "F") == pytest.approx(-x / square, rel=1e-12)
+    expected = (g * y - u**2 - v**2) / square
+    assert slope("lambda.rod", "m") == pytest.approx(expected, rel=1e-12)
+    assert slope("x_ddot", "F") == pytest.approx(y**2 / (m * length**2), rel=1e-12)
+    assert slope("lever", "l") == pytest.approx(0.25, rel=1e-15)
+    assert slope("r", "l") == pytest.approx(0.25, rel=1e-15)
+    assert slope("lever", "x") == 1.0
+    assert slope("x_dot", "x_dot") == 1.0
+    assert slope("energy_total", "y") == pytest.approx(m * g, rel=1e-12)
+    with pytest.raises(FmuError, match="no derivatives with respect to"):
+        slope("x_ddot", "lambda.rod")
+    with pytest.raises(FmuError, match="no derivatives with respect to"):
+        slope("x_ddot", "r")
+    instance.free()
+
+
+def test_models_that_switch_say_that_they_have_none(tmp_path: Path) -> None:
+    for version in ("2.0", "3.0"):
+        fmu = unpacked(lagcli.load("bouncing_ball"), tmp_path, version)
+        kind = fmu.description.find("CoSimulation")
+        assert kind is not None
+        assert not any("Derivative" in key for key in kind.attrib)
+        instance = fmu.instance()
+        instance.begin(0.0)
+        with pytest.raises(FmuError, match="models that switch"):
+            instance.directional(["x_ddot"] if "x_ddot" in fmu.variables else [], [], [])
+        instance.free()
+
+
+def test_damaged_derivatives_are_refused(tmp_path: Path) -> None:
+    """Or have some values: none crashes."""
+    fmu = unpacked(lagcli.load("slider_crank"), tmp_path)
+    path = fmu.folder / "resources" / "derivatives.bin"
+    whole, rng = path.read_bytes(), np.random.default_rng(7)
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FmuError, match=r"derivatives\.bin is damaged"):
+        fmu.instance()
+    for _ in range(60):
+        words = np.frombuffer(whole, dtype=np.int64).copy()
+        words[rng.integers(2, len(words))] = rng.integers(-5, 1 << int(rng.integers(1, 63)))
+        path.write_bytes(words.tobytes())
+        try:
+            instance = fmu.instance()
+        except FmuError:
+            continue
+        instance.begin(0.0)
+        with suppress(FmuError):
+            instance.directional(["phi_ddot", "energy_total"], ["phi", "m"], [1.0, 1.0])
+        instance.free()
