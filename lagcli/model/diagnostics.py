@@ -22,6 +22,8 @@ class Diagnostics:
     def __init__(self, diagnostics: list[Diagnostic]):
         self.diagnostics = list(diagnostics)
         self.repeated: dict[tuple[str, str], list[Diagnostic]] = {}
+        #: Where, in lines, commas have cut off what follows an open parenthesis.
+        self._cut: dict[int, int] = {}
         self._bound()
 
     def add(
@@ -57,6 +59,10 @@ class Diagnostics:
     def add_expression_error(self, error: ExpressionError, node: YamlNode) -> None:
         """Add an error in an expression, at its location in the file."""
         location = node.span(error.start, error.end) if isinstance(node, Scalar) else node.location
+        if isinstance(node, Scalar) and node.value.count("(") > node.value.count(")"):
+            line, column = node.end
+            if node.source.lines[line][column : column + 1] == ",":
+                self._cut.setdefault(line + 1, column)
         self.add(error.kind, error.message, location, error.help, subject=error.subject)
 
     @contextmanager
@@ -72,7 +78,12 @@ class Diagnostics:
     def sorted(self) -> list[Diagnostic]:
         """Return the diagnostics, sorted by their location in the file."""
         once = [_merged(group) for group in self.repeated.values()]
-        return sorted([*self.diagnostics, *once], key=_position)
+        return sorted(filter(self._is_own, [*self.diagnostics, *once]), key=_position)
+
+    def _is_own(self, diagnostic: Diagnostic) -> bool:
+        """Return whether an error is none of what follows an open parenthesis in its line."""
+        line, column = _position(diagnostic)
+        return column <= self._cut.get(line, column)
 
     def finish(self) -> None:
         """Raise ModelError if there are any errors."""

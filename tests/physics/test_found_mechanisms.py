@@ -150,6 +150,10 @@ def test_terms_that_vanish_up_to_a_singular_configuration() -> None:
     assert worst_residual(t) <= 1e-12
     np.testing.assert_allclose(t.q[:, 0], 1 - t.time, atol=1e-9)
     np.testing.assert_allclose(t.multipliers[:, 0], 9.81 / t.q[:, 0], rtol=1e-9)
+    # although the force is infinite there, the motion goes on
+    assert t.message.endswith("--through-singular continues through it")
+    passed = lagcli.simulate(model, t_end=2, through_singular=True)
+    np.testing.assert_allclose(passed.q[:, 0], 1 - passed.time, atol=1e-9)
 
 
 def test_a_platform_on_many_cranks_is_a_pendulum() -> None:

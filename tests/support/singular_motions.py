@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from lagcli.arrays import Array
 
@@ -59,7 +60,7 @@ def losing_rank(
 
 
 class Passage(NamedTuple):
-    """A driven linkage that passes a position in which it is straight, or nearly.
+    """A linkage that passes a position in which it is straight, or nearly.
 
     Parameters
     ----------
@@ -160,8 +161,62 @@ initial:
     return Passage(text, before / rate, (before + 0.15) / rate, "be", lambda t: both(t)[0])
 
 
+def swinging_crank(rng: np.random.Generator, beside: int) -> Passage:
+    """Return a slider-crank with equal lengths in free motion, beside as many pendulums.
+
+    It passes φ = π/2, where B loses rank, with the momentum of its branch x = 2 l cos φ: as one
+    equation in φ, T = (m l² + 4 M l² sin²φ) φ'²/2 and V = m g l sin φ.
+    """
+    length, m, slider = (float(x) for x in rng.uniform(0.3, 2, 3).round(3))
+    angle, rate, g = float(rng.uniform(0.3, 1.2)), float(rng.uniform(5, 8)), 9.81
+
+    def slope(_: float, y: Array) -> list[float]:
+        phi, speed = y
+        inertia = length**2 * (m + 4 * slider * math.sin(phi) ** 2)
+        change = 4 * slider * length**2 * math.sin(2 * phi) * speed
+        force = -m * g * length * math.cos(phi) - change * speed / 2
+        return [speed, force / inertia]
+
+    def upright(_: float, y: Array) -> float:
+        return float(y[0]) - math.pi / 2
+
+    exact = solve_ivp(
+        slope, (0, 3), [angle, rate], "DOP853",
+        rtol=1e-12, atol=1e-13, events=upright, dense_output=True,
+    )  # fmt: skip
+    time, x, y = float(exact.t_events[0][0]), math.cos(angle), math.sin(angle)
+    text = f"""
+parameters: {{l: {length}, N: {beside}, w: {rate!r}, g: {g}}}
+coordinates: [a, b, x, u[1..N], v[1..N]]
+T: ({m}*(a'^2 + b'^2) + {slider}*x'^2)/2 + sum(u[i]'^2 + v[i]'^2, i = 1..N)/2
+V: {m}*g*b + sum(g*v[i], i = 1..N)
+constraints:
+  crank: a^2 + b^2 = l^2
+  rod: (x - a)^2 + b^2 = l^2
+  thread[i = 1..N]: u[i]^2 + v[i]^2 = 1
+initial:
+  a: {{guess: {length * x!r}}}
+  b: {{guess: {length * y!r}}}
+  x: {2 * length * x!r}
+  a': {{guess: {-length * y * rate!r}}}
+  b': {{guess: {length * x * rate!r}}}
+  x': {-2 * length * y * rate!r}
+  u[i = 1..N]: sin(0.5 + i/N)
+  v[i = 1..N]: {{guess: "-cos(0.5 + i/N)"}}
+  u[1..N]': 0
+  v[1..N]': {{guess: 0}}
+"""
+    return Passage(text, time, time + 0.2, "x", lambda t: 2 * length * np.cos(exact.sol(t)[0]))
+
+
 def stated_time(message: str) -> float:
     """Return the time that a message about a singular configuration states."""
     found = re.search(r"singular configuration at t = (\S+) s", message)
     assert found is not None, message
     return float(found[1])
+
+
+def stated_accuracy(message: str) -> float:
+    """Return the accuracy of this time that the message states, or means by the digits alone."""
+    found = re.search(r"\(to within (\S+) s", message)
+    return float(found[1]) if found else 1e-6 * abs(stated_time(message))

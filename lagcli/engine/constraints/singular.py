@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyint, polyval, polyvander
@@ -32,6 +33,7 @@ from lagcli.engine.scales import lengths_of_rows
 from lagcli.engine.sparse_rows import SparseRows
 
 Path = Callable[[float], Array]  # time → (q, v, …)
+Project = Callable[[float, Array, Array], tuple[Array, Array]]
 
 #: The weakest singular value at which a configuration counts as singular.
 SINGULAR = 1e-5
@@ -44,6 +46,12 @@ _DESCENT = 0.02
 _LOOK = 0.04
 #: Largest residual of a state that is on the constraints, relative to the coordinates' sizes.
 _OFF = 1e-9
+#: Rounding errors of the weakest value of nonzero entries, the root of an eigenvalue.
+_ROUNDING = 2e-7
+#: A weakest value that is clearly not zero, relative to its errors.
+_CLEAR = 3.0
+#: Relative accuracy of a time that is stated with its digits alone.
+_ACCURATE = 1e-6
 #: Number of parts of a path in which a singular configuration is searched for ...
 _PARTS = 16
 #: ... and length of B's path in a part relative to its chord.
@@ -67,6 +75,41 @@ class _Point:
     least: float
 
 
+class SingularTime(NamedTuple):
+    """The time at which a path is singular, or nearest to it.
+
+    Parameters
+    ----------
+    time : float
+        s.
+    within : float
+        The time that it is located to, s: at this distance, the weakest value is clearly not zero.
+    certain : bool
+        Whether the path is on the constraints there. If not, the constraints may exclude the
+        singular configuration, and the motion turns away before it.
+    """
+
+    time: float
+    within: float
+    certain: bool
+
+    def stated(self, since: float | None = None) -> str:
+        """Return the time as a text, with the digits that are known.
+
+        Parameters
+        ----------
+        since : float, optional
+            The time of the state that the path is extrapolated from, s.
+        """
+        size = math.log10(self.within)
+        if self.within <= _ACCURATE * abs(self.time):
+            return f"t = {round(self.time, -math.ceil(size)):.9g} s"
+        last = -math.floor(size)
+        within = math.ceil(self.within * 10.0**last) / 10.0**last
+        how = "" if since is None else f", extrapolated from t = {since:.9g} s"
+        return f"t = {round(self.time, last):.9g} s (to within {within:.1g} s{how})"
+
+
 @dataclass(frozen=True)
 class _Node:
     """A consistent state of the last steps, with the weakest singular value there."""
@@ -82,31 +125,23 @@ class Ahead:
 
     Parameters
     ----------
-    time : float
-        s.
+    singular : SingularTime
     before : tuple of (t, y)
         The last states before it.
     path : callable
         t → q, v: their continuation, which conserves momentum.
     """
 
-    time: float
+    singular: SingularTime
     before: tuple[tuple[float, Array], ...]
     path: Callable[[float], tuple[Array, Array]]
 
 
 class RankWatch:
-    """Monitors the rank of B along a run.
+    """Monitors the rank of B along a run."""
 
-    Parameters
-    ----------
-    motion : Index1
-    crossable : bool
-        Whether a run can continue through singular configurations.
-    """
-
-    def __init__(self, motion: Index1, *, crossable: bool = True):
-        self.motion, self.rank, self.crossable = motion, motion.rank, crossable
+    def __init__(self, motion: Index1):
+        self.motion, self.rank = motion, motion.rank
         self.names = motion.evaluator.system.constraints
         self._nodes: list[_Node] = []
         self._accelerations: dict[float, Array] = {}  # of the last nodes that were examined
@@ -153,8 +188,8 @@ class RankWatch:
     # inside a step
 
     def singular_time(
-        self, path: Path, low: float, high: float, *, bounded: bool = True
-    ) -> tuple[float, bool] | None:
+        self, path: Path, low: float, high: float, other: Path | None = None
+    ) -> SingularTime | None:
         """Return the first time between two times at which a path is singular, or None.
 
         No singular value changes by more than B does (Weyl). Two states between which B changes by
@@ -166,49 +201,82 @@ class RankWatch:
         path : callable
         low, high : float
             s.
-        bounded : bool
-            Whether states are bisected. If not, the time is that of the least of a few weakest
-            values, and another singular state may be missed.
-
-        Returns
-        -------
-        time : float
-            s.
-        certain : bool
-            Whether the path is on the constraints there. If not, the constraints may exclude the
-            singular configuration, and the motion turns away before it.
+        other : callable, optional
+            A path from which this one differs by more than it is wrong.
         """
-        from scipy.optimize import minimize_scalar
-
-        resolution = 1e-12 * max(abs(high), high - low)
-        later = [self._at(path, t) for t in np.linspace(high, low, _PARTS + 1)]
+        resolution = _resolution(low, high)
+        later = self._parts(path, low, high)
         before = now = later.pop()
-        least = min(now.weakest, *(point.weakest for point in later))
-        while not bounded and now.weakest > least:
-            before, now = now, later.pop()
-        while bounded and later and now.least >= SINGULAR:
+        while later and now.least >= SINGULAR:
             then = later[-1]
             length = _CURVED * float(np.linalg.norm(then.scaled - now.scaled))
             if length < now.least + then.least or then.t - now.t <= resolution:
                 before, now = now, later.pop()
             else:
                 later.append(self._at(path, (now.t + then.t) / 2))
-        if bounded and now.least >= SINGULAR:
+        if now.least >= SINGULAR:
             return None
         while later and later[-1].weakest < now.weakest:
             before, now = now, later.pop()
+        return self._located(path, before, now, later[-1] if later else now, other)
+
+    def time_of_least(
+        self, path: Path, low: float, high: float, other: Path | None = None
+    ) -> SingularTime:
+        """Return the time of the weakest state of a path between two times.
+
+        It is that of the least of a few states. A path with several singular states has others.
+        The parameters are those of `singular_time`.
+        """
+        points = self._parts(path, low, high)[::-1]
+        i = min(range(len(points)), key=lambda i: points[i].weakest)
+        before, after = points[max(0, i - 1)], points[min(i + 1, _PARTS)]
+        return self._located(path, before, points[i], after, other)
+
+    def inside(self, singular: SingularTime, path: Path, since: float, project: Project) -> Ahead:
+        """Return a singular configuration inside a step, with states before it."""
+        begin = max(self.weakest(since, path(since)), SINGULAR)
+        part = min(1.0, _LOOK * max(self._usual, begin) / begin)
+        width = max(part * (singular.time - since), singular.within)
+        before = []
+        for k in range(_NODES, 0, -1):
+            t = singular.time - width * k / _NODES
+            y = path(t)
+            before.append((t, np.concatenate([*project(t, *self.motion.split(y)), y[-1:]])))
+        return Ahead(singular, tuple(before), lambda t: self.motion.split(path(t)))
+
+    def _parts(self, path: Path, low: float, high: float) -> list[_Point]:
+        """Return equally spaced points of a path, the last one first."""
+        return [self._at(path, t) for t in np.linspace(high, low, _PARTS + 1)]
+
+    def _located(
+        self, path: Path, before: _Point, now: _Point, after: _Point, other: Path | None
+    ) -> SingularTime:
+        """Return the time of the weakest state between two points, near a weak one."""
+        from scipy.optimize import minimize_scalar
+
         # from the time found so far: SciPy's tolerance is relative to the unknown
-        since = now.t
+        since, resolution = now.t, _resolution(before.t, after.t)
         found = minimize_scalar(
             lambda x: self.weakest(since + x, path(since + x)),
-            bounds=(before.t - since, (later[-1].t if later else high) - since),
+            bounds=(before.t - since, after.t - since),
             method="bounded",
             options={"xatol": resolution},
         )
         if found.fun < now.weakest:
             now = self._at(path, since + float(found.x))
-        certain = now.weakest < SINGULAR and self._residual(self._rows(now.t, path(now.t))) < _OFF
-        return now.t, certain
+        residual = self._residual(self._rows(now.t, path(now.t)))
+        errors = [now.weakest, _OFF if now.scaled.ndim == 2 else _ROUNDING]
+        if other is not None:
+            errors.append(self.weakest(now.t, other(now.t)))
+        level = _CLEAR * max(errors)
+        within = resolution
+        while within < after.t - before.t and any(
+            self.weakest(t, path(t)) < level
+            for t in (max(before.t, now.t - within), min(now.t + within, after.t))
+        ):
+            within *= 2.0
+        return SingularTime(now.t, within, now.weakest < SINGULAR and residual < _OFF)
 
     def _at(self, path: Path, t: float) -> _Point:
         c = self._rows(t, path(t))
@@ -260,58 +328,79 @@ class RankWatch:
             known = self.motion.accelerations(node.t, q, v)[0]
         return known
 
+    def _continued(self, nodes: list[_Node]) -> Callable[[float], tuple[Array, Array]]:
+        """Return t → q, v on the polynomial through up to three nodes.
+
+        Higher polynomials would amplify the rounding errors of a.
+        """
+        from scipy.interpolate import KroghInterpolator
+
+        rows: list[Array] = []
+        for node in nodes:
+            rows += [*self.motion.split(node.y), self._accelerations[node.t]]
+        polynomial = KroghInterpolator(np.repeat([node.t for node in nodes], 3), rows)
+
+        def path(t: float) -> tuple[Array, Array]:
+            q, v = polynomial.derivatives(t, 2)
+            return q, v
+
+        return path
+
     def ahead(self) -> Ahead | None:
         """Examine the path for a singular configuration that the last steps approach."""
         rate = self._descent(_LOOK)
         if rate is None:
             return None
-        last = self._nodes[-3:]
+        last = self._nodes[-_NODES:]
         self._accelerations = {node.t: self._acceleration(node) for node in last}
-        rows: list[Array] = []
-        for node in last:
-            rows += [*self.motion.split(node.y), self._accelerations[node.t]]
-        # higher polynomials would amplify the rounding error of a
-        from scipy.interpolate import KroghInterpolator
-
-        continued = KroghInterpolator(np.repeat([node.t for node in last], 3), rows)
-
-        def path(t: float) -> tuple[Array, Array]:
-            q, v = continued.derivatives(t, 2)
-            return q, v
+        path = self._continued(last[-3:])
+        earlier = self._continued(last[:-1])
 
         now = self._nodes[-1]
         # in a large system, a bound of the change of B is so small that hundreds of states would be
         # examined after each step; what is missed here is found inside the step
         large = isinstance(self._rows(now.t, now.y).jacobian, SparseRows)
-        singular = self.singular_time(
+        search = self.time_of_least if large else self.singular_time
+        singular = search(
             lambda t: np.concatenate(path(t)),
             now.t,
             now.t + 3 * now.weakest / rate,
-            bounded=not large,
+            lambda t: np.concatenate(earlier(t)),
         )
-        if singular is None or not singular[1]:
+        if singular is None or not singular.certain:
             return None
-        return Ahead(singular[0], tuple((node.t, node.y) for node in self._nodes), path)
+        before = tuple((node.t, node.y) for node in self._nodes)
+        return Ahead(singular, before, path)
 
     # messages of stopped runs
 
-    def stop(self, t: float, q: Array, v: Array) -> Stop:
-        """Return the end of a run at a singular configuration."""
-        why = _dependency(self._dependent(t, q, v), "become")
-        return Stop(
-            f"singular configuration at t = {t:.9g} s: {why} the motion; --through-singular "
-            + (
-                "continues through it"
-                if self.crossable
-                else "is for models without contacts, limits and events"
-            )
-        )
+    def stop(
+        self, singular: SingularTime, q: Array, v: Array, advice: str, since: float | None = None
+    ) -> Stop:
+        """Return the end of a run at a singular configuration.
+
+        Parameters
+        ----------
+        singular : SingularTime
+        q, v : (nq,) arrays
+            The state there.
+        advice : str
+        since : float, optional
+            As for `SingularTime.stated`.
+        """
+        why = _dependency(self._dependent(singular.time, q, v), "become")
+        at = singular.stated(since)
+        return Stop(f"singular configuration at {at}: {why} the motion; {advice}")
 
     def floor(self, t: float, y: Array, method: str, remark: str = "") -> Stop:
         """Return the end of a run whose step size fell to the floor."""
         q, v = self.motion.split(y)
         if self.near(t, y):
-            return self.stop(t, q, v)
+            why = _dependency(self._dependent(t, q, v), "become")
+            return Stop(
+                f"the step size fell to its minimum at t = {t:.9g} s, next to a singular"
+                f" configuration: {why} the motion"
+            )
         fastest = self.motion.evaluator.system.coordinates[int(np.argmax(np.abs(v)))]
         why = (
             "the motion is singular or jumps there"
@@ -379,6 +468,11 @@ class RankWatch:
         return [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]
 
 
+def _resolution(low: float, high: float) -> float:
+    """Return the smallest difference of times between two that matters."""
+    return 1e-12 * max(abs(high), high - low)
+
+
 def _listed(names: list[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
@@ -403,13 +497,15 @@ def _start_stop(names: list[str], why: Callable[[list[str]], str] = _dependency)
     )
 
 
-Project = Callable[[float, Array, Array], tuple[Array, Array]]
-
-_ITERATIONS = 6
-#: The iteration ends when the states after the configuration change by less than this, relatively
-#: and as far as they affect the passage. It contracts with the square of the passage's duration, so
-#: that only rounding errors remain.
+#: Largest number of iterations, ...
+_ITERATIONS = 30
+#: ... which end when the states after the configuration change by less than this, relatively and as
+#: far as they affect the passage, ...
 _SETTLED = 1e-12
+#: ... or, after the first ones, no longer by less than this part of the change before: what is left
+#: are rounding errors. The iteration contracts with the square of the passage's duration.
+_CONTRACTS = 0.5
+_FIRST = 2
 #: Largest change at the end of the iteration; beyond it, the motion continues on another branch.
 _CONTINUED = 1e-6
 
@@ -458,15 +554,18 @@ class Crossing:
         # Without these factors, a step that ends by chance next to the configuration would stop the
         # run: the farther states multiply the rounding errors of its a by distance/nearest.
         effects = [((self.end - singular) / (t - singular)) ** 2 for t in times]
-        for _ in range(_ITERATIONS):
+        moved = math.inf
+        for k in range(_ITERATIONS):
             values = known + [self._unknowns(t, *s) for t, s in zip(times, states, strict=True)]
             self._integrate(np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=float))
             last, states = states, [project(t, *self(t)[:2]) for t in times]
+            moved_before = moved
             moved = max(
                 effect * _distance(a, b, motion.sizes)
                 for effect, a, b in zip(effects, states, last, strict=True)
             )
-            if moved <= _SETTLED:
+            ends = k >= _FIRST and not moved <= _CONTRACTS * moved_before
+            if ends or moved <= _SETTLED:
                 break
         if not moved <= _CONTINUED:
             raise self._no_continuation()

@@ -47,7 +47,7 @@ from lagcli.engine.system import State, System
 if TYPE_CHECKING:
     from lagcli.engine.constraints.index1 import Index1
     from lagcli.engine.constraints.projection import Projection
-    from lagcli.engine.constraints.singular import RankWatch
+    from lagcli.engine.constraints.singular import Ahead, Crossing, RankWatch
     from lagcli.engine.integrate.prices import Prices
     from lagcli.engine.linear.elimination import Elimination
     from lagcli.engine.taylor.series import SeriesProgram
@@ -316,7 +316,7 @@ class Integration:
         """The monitor of singular configurations."""
         from lagcli.engine.constraints.singular import RankWatch
 
-        watch = RankWatch(self.motion, crossable=self.crossable)
+        watch = RankWatch(self.motion)
         watch.add(self.request.state.t, self.request.state.y)
         return watch
 
@@ -432,10 +432,9 @@ class Integration:
             core.limit(watch.largest_step())
             return False
         if not self.crosses:
-            raise watch.stop(ahead.time, *ahead.path(ahead.time))
-        from lagcli.engine.constraints.singular import Crossing
-
-        crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
+            q, v = ahead.path(ahead.singular.time)
+            raise watch.stop(ahead.singular, q, v, self.advice(lambda: ahead), t)
+        crossing = self.crossing(ahead)
         self.collect()
         times = self.request.times
         upto = int(np.searchsorted(times, crossing.end, side="right"))
@@ -452,6 +451,23 @@ class Integration:
         core.move(crossing.end, crossing.state, upto)
         return crossing.end >= self.settings.t_end or self.handle_status(core.start())
 
+    def crossing(self, ahead: Ahead) -> Crossing:
+        """Return the motion across a singular configuration."""
+        from lagcli.engine.constraints.singular import Crossing
+
+        time = ahead.singular.time
+        return Crossing(self.motion, self.projection, ahead.before, time, ahead.path)
+
+    def advice(self, approach: Callable[[], Ahead]) -> str:
+        """Return what helps at a singular configuration where the run stops."""
+        if not self.crossable:
+            return "--through-singular is for models without contacts, limits and events"
+        try:
+            self.crossing(approach())
+        except Stop:
+            return "no smooth continuation beyond it has been found"
+        return "--through-singular continues through it"
+
     def measure(self) -> None:
         """Measure B at this state, and get the largest lengths of its rows from the core."""
         self.motion.measure(self.core.t, *self.split(self.core.state))
@@ -464,15 +480,20 @@ class Integration:
         found = self.watch.singular_time(core.dense, *core.suspect)
         if found is None:
             return
-        singular, certain = found
-        if not certain:
+        if not found.certain:
             core.repeat()
             return
-        while (status := core.sample_until(singular)) == Status.BLOCK_FULL:
+        while (status := core.sample_until(found.time)) == Status.BLOCK_FULL:
             self.collect()
             self.progress(core.t)
         self.handle_status(status)
-        raise self.watch.stop(singular, *self.split(core.dense(singular)))
+        since, _ = core.step
+
+        def approach() -> Ahead:
+            return self.watch.inside(found, core.dense, since, self.projection)
+
+        q, v = self.split(core.dense(found.time))
+        raise self.watch.stop(found, q, v, self.advice(approach))
 
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""

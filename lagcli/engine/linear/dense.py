@@ -8,7 +8,8 @@ singular configuration must not be normalized.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from lagcli.engine.scales import coordinate_sizes
 #: errors of 1e-16/1e-8 in the accelerations.
 RANK_TOLERANCE = 1e-8
 
-
+#: Order from which a matrix with less than this part of nonzero entries is factorized sparsely.
+_LARGE, _FILLED = 500, 0.05
 #: Rows this close to the longest rest are as good a pivot: the first of them is taken, so that the
 #: choice does not depend on rounding errors.
 _AS_GOOD = 0.9
@@ -152,20 +154,50 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
     nq, n = len(forcing), len(forcing) + len(rhs)
     # rows of B are scaled to the magnitude of M, so that pivots are comparable
     weight = (mass.max() or 1.0) / row_scale(jacobian)  # M's largest entry is on its diagonal
-    matrix = np.zeros((n, n))
-    matrix[:nq, :nq] = mass
     scaled = jacobian * weight[:, None]
-    matrix[nq:, :nq] = scaled
-    matrix[:nq, nq:] = scaled.T
     right = np.empty(n)
     right[:nq] = forcing
     right[nq:] = rhs * weight
     try:
-        x = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-        x += np.linalg.solve(matrix, right - matrix @ x)
+        if n >= _LARGE and (factors := _sparse_factors(mass, scaled)) is not None:
+            return _refined(*factors, right, nq, weight)
+        matrix = np.zeros((n, n))
+        matrix[:nq, :nq] = mass
+        matrix[nq:, :nq] = scaled
+        matrix[:nq, nq:] = scaled.T
+        return _refined(matrix, lambda b: np.linalg.solve(matrix, b), right, nq, weight)
     except np.linalg.LinAlgError:
         raise SingularSystem from None
+
+
+def _refined(
+    matrix: Any, solve: Callable[[Array], Any], right: Array, nq: int, weight: Array
+) -> tuple[Array, Array]:
+    """Return the parts of the solution of A x = b, refined once."""
+    x = np.asarray(solve(right), dtype=np.float64)
+    x += solve(right - matrix @ x)
     return x[:nq], -x[nq:] * weight
+
+
+def _sparse_factors(mass: Array, rows: Array) -> tuple[Any, Callable[[Array], Any]] | None:
+    """Return [[M, Bᵀ], [B, 0]] and b → its solution by sparse factors; None for few zeros.
+
+    Raises
+    ------
+    LinAlgError
+        The matrix is singular.
+    """
+    from scipy.sparse import block_array, csc_array
+    from scipy.sparse.linalg import splu
+
+    b = csc_array(rows)
+    matrix = block_array([[csc_array(mass), b.T], [b, None]], format="csc")
+    if matrix.nnz > _FILLED * matrix.shape[0] ** 2:
+        return None
+    try:
+        return matrix, splu(matrix).solve
+    except RuntimeError:
+        raise np.linalg.LinAlgError from None
 
 
 def solve_redundant(

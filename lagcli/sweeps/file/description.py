@@ -37,8 +37,8 @@ def describe_sweep(path: str | os.PathLike[str], *, quantiles: bool = False) -> 
         ``path``, ``bytes``, ``kind``, ``schema_version``, ``lagcli_version``, ``model_path``,
         ``model_sha256``; ``rows`` (by status), ``failures`` (by cause); ``columns`` and
         ``measures``, each with ``name``, ``unit``, ``min`` and ``max``, and ``quantiles`` by
-        probability; ``vary``, ``sample``, ``zip``; ``samples`` kept of each row; ``parameters``,
-        ``options``, ``seconds``.
+        probability; ``vary``, ``sample``, ``zip``; ``samples`` kept of each row; ``units`` by name;
+        ``parameters`` in SI, and as they were ``given`` in other units; ``options``, ``seconds``.
 
     Raises
     ------
@@ -62,6 +62,9 @@ def describe_sweep(path: str | os.PathLike[str], *, quantiles: bool = False) -> 
             "measures": [_described(file, c, quantiles) for c in file.measures],
             **{key: plan[key] for key in ("vary", "sample", "zip")},
             "samples": len(file.times) if file.kept else 0,
+            # older files have none
+            "units": facts.get("units", {}),
+            "given": facts.get("display", {}).get("given", {}),
             **{key: facts[key] for key in ("parameters", "options", "seconds")},
         }
 
@@ -107,7 +110,7 @@ def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
         )
     if info["samples"]:
         lines += _entry("kept", f"trajectories of {info['samples']} samples")
-    lines += _entry("parameters", pairs(info["parameters"]))
+    lines += _entry("parameters", pairs(info["parameters"], info["units"], info["given"]))
     lines += _entry("options", pairs(info["options"]))
     lines += _entry("seconds", pairs(info["seconds"]))
     table = [*info["columns"], *info["measures"]]

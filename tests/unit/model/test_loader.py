@@ -334,6 +334,17 @@ initial: {{x: 0, x': 0}}
     assert diagnostics(text.replace("i = 1..1000", "i = 1..3")) == []
 
 
+@pytest.mark.parametrize("block", ["definitions", "constraints", "outputs", "parameters"])
+def test_what_follows_an_open_parenthesis_is_no_second_error(block: str) -> None:
+    start = "coordinates: [x]\nT: x'^2/2\ninitial: {x: 0, x': 0}\n"
+    entries = "a: max(x, y: 2" if block != "parameters" else "a: max(1, x: 2"
+    only = "4 syntax: `(` is not closed"
+    assert diagnostics(f"{start}{block}: {{{entries}}}\n") == [only]
+    # other lines, and what precedes it, are read as usual
+    assert diagnostics(f"{start}{block}: {{3b: 1, {entries}}}\nq: 1\n")[1:2] == [only]
+    assert len(diagnostics(f"{start}{block}: {{3b: 1, {entries}}}\nq: 1\n")) == 3
+
+
 def test_a_constraint_that_is_expensive_to_expand() -> None:
     many = " + ".join(["x", "y", "x'", "y'", "t", "l", "m", "g", "1"])
     text = TEXT.replace("knife: {expr: x'*y", f"knife: {{expr: ({many})^300")

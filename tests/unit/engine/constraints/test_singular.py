@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import lagcli
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.projection import Projection
-from lagcli.engine.constraints.singular import Crossing, RankWatch, _distance
+from lagcli.engine.constraints.singular import Crossing, RankWatch, SingularTime, _distance
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Evaluator
 
@@ -55,11 +55,17 @@ def test_the_weakest_value_is_the_cosine(watch: RankWatch, t: float) -> None:
 
 def test_the_singular_time_is_found_between_two(watch: RankWatch) -> None:
     found = watch.singular_time(y, SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2)
-    assert found == (pytest.approx(SINGULAR_TIME, abs=1e-7), True)
+    assert found is not None
+    assert found.certain
+    assert abs(found.time - SINGULAR_TIME) <= found.within < 1e-8
+    least = watch.time_of_least(y, SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2)
+    assert abs(least.time - SINGULAR_TIME) <= least.within < 1e-8
     assert watch.singular_time(y, 0.0, SINGULAR_TIME - 0.1) is None
     # in microseconds
     found = watch.singular_time(lambda t: y(1e6 * t), 1e-7, 1e-6)
-    assert found == (pytest.approx(1e-6 * SINGULAR_TIME, rel=1e-7), True)
+    assert found is not None
+    assert found.certain
+    assert abs(found.time - 1e-6 * SINGULAR_TIME) <= found.within < 1e-14
 
 
 def test_steps_become_short_next_to_it(watch: RankWatch) -> None:
@@ -118,7 +124,8 @@ initial: {{x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}}
     )
     found = Index1(Evaluator(system, p), 3)
     found.measure(0.0, np.zeros(3), np.zeros(3))
-    message = str(RankWatch(found).stop(0.0, np.zeros(3), np.zeros(3)))
+    at = SingularTime(0.0, 1e-9, True)
+    message = str(RankWatch(found).stop(at, np.zeros(3), np.zeros(3), ""))
     assert [name for name in "abc" if f"`{name}`" in message] == list(named)
 
 
@@ -140,20 +147,44 @@ def test_what_the_path_leads_to_is_found_before(watch: RankWatch) -> None:
         watch.add(t, y(t))
     ahead = watch.ahead()
     assert ahead is not None
-    assert ahead.time == pytest.approx(SINGULAR_TIME, abs=1e-7)
-    q, v = ahead.path(ahead.time)
+    assert ahead.singular.time == pytest.approx(SINGULAR_TIME, abs=1e-7)
+    q, v = ahead.path(ahead.singular.time)
     np.testing.assert_allclose(q, math.pi / 2, atol=1e-7)
     np.testing.assert_allclose(v, SPEED, atol=1e-5)
     assert [t for t, _ in ahead.before][-1] == SINGULAR_TIME - 0.01
 
 
+@pytest.mark.parametrize(
+    ("time", "within", "since", "stated"),
+    [
+        (0.123456789012, 3e-10, None, "t = 0.123456789 s"),
+        (0.123456789012, 3e-9, None, "t = 0.12345679 s"),
+        (0.123456789012, 1.2e-7, None, "t = 0.123457 s"),
+        (0.05185076, 4.1e-6, None, "t = 0.051851 s (to within 5e-06 s)"),
+        (1.23e-3, 3e-8, 1e-3, "t = 0.00123 s (to within 3e-08 s, extrapolated from t = 0.001 s)"),
+        (1234.567, 2.0, 1200.0, "t = 1235 s (to within 2 s, extrapolated from t = 1200 s)"),
+        (-0.5, 1e-9, None, "t = -0.5 s"),
+    ],
+)
+def test_times_have_the_digits_that_are_known(
+    time: float, within: float, since: float | None, stated: str
+) -> None:
+    assert SingularTime(time, within, True).stated(since) == stated
+
+
 def test_messages_name_constraints_and_ways_out(watch: RankWatch) -> None:
     q, v = watch.motion.split(y(SINGULAR_TIME))
-    text = str(watch.stop(0.5, q, v))
-    assert "singular configuration at t = 0.5 s" in text
+    text = str(watch.stop(SingularTime(0.5, 1e-9, True), q, v, "an advice"))
+    assert "singular configuration at t = 0.5 s: the constraint" in text
     assert "`guide` has no gradient there" in text
-    assert "--through-singular" in text
+    assert text.endswith("the motion; an advice")
+    # where steps become short next to it, its time is not known
+    watch.add(0.0, y(0.0))
+    text = str(watch.floor(0.25, y(SINGULAR_TIME - 0.01), "DOP853"))
+    assert "fell to its minimum at t = 0.25 s, next to a singular configuration" in text
+    assert "`guide` has no gradient there" in text
     fast = np.array([0.5, 0.5, 1.0, -7.0, 0.0])
+    watch = RankWatch(watch.motion)
     text = str(watch.floor(0.25, fast, "DOP853", " (remark)"))
     assert "fell to its minimum at t = 0.25 s, where `psi` changes fastest (7 per second)" in text
     assert "try --method Radau (remark)" in text
