@@ -219,6 +219,22 @@ def test_modes_without_a_finite_motion(
         assert "Traceback" not in said
 
 
+def test_a_mode_about_a_point_whose_square_overflows(
+    tmp_path: Path, originals: dict[str, bytes]
+) -> None:
+    path = tmp_path / "rolling.h5"
+    path.write_bytes(originals["rolling"])
+    with h5py.File(path, "a") as root:
+        content = json.loads(root.attrs["content"])
+        content["operating_point"]["q"]["psi"] = 1e308
+        root.attrs["content"] = np.bytes_(json.dumps(content))
+    with path.open("r+b") as file:
+        seal.seal(file)
+    status, said = answer("animate", str(path), "--mode", "1", "-o", str(tmp_path / "out.html"))
+    assert status == 0, said
+    assert "Warning" not in said
+
+
 @pytest.mark.parametrize(
     ("command", "kind", "names"),
     [

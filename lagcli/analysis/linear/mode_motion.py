@@ -242,8 +242,8 @@ def _motion(
         if amplitude is None:
             amplitude = _LARGE / np.abs(mode.position / local.lengths).max()
         block = _block(local, point, mode, float(amplitude), *wave)
-    columns = DerivedColumns(local.whole_system, point.p)
-    samples = columns(block)
+        columns = DerivedColumns(local.whole_system, point.p)
+        samples = columns(block)
     record = Record(
         scale_position=columns.scale_position,
         scale_velocity=columns.scale_velocity,
