@@ -19,9 +19,19 @@ from lagcli.model.reading import shipped_models
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
-from lagcli.pictures.scene.scene import Scene
+from lagcli.pictures.scene.scene import (
+    LEAST,
+    LIFE,
+    LONG,
+    MARGIN,
+    MOST_FLASHES,
+    ROUNDED,
+    WEAK,
+    Scene,
+)
 from lagcli.pictures.scene.still import still_image
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator, multipliers_in
+from lagcli.pictures.selection import FAMILY, RATIO, ROUNDING
 from lagcli.pictures.style import PALETTE, constraint_colors
 from lagcli.play.controls import Control, controls
 from lagcli.play.equations import PlayEquations
@@ -118,6 +128,7 @@ class _Contents:
             "angles": [coordinate.unit == "rad" for coordinate in model.coordinates],
             "checks": self._checks(),
             "log": self._log(),
+            "panels": {"ratio": RATIO, "family": FAMILY, "rounding": ROUNDING},
             "places": {"energy_total": self.columns.named["energy_total"]},
             "method": self._method,
             "command": self._command(),
@@ -239,6 +250,11 @@ class _Contents:
             "points": {name: at(slots) for name, slots in evaluator.points.items()},
             "shapes": shapes,
             "vectors": self._vectors(evaluator, places),
+            "margin": MARGIN,
+            "long": LONG,
+            "least": LEAST,
+            "rounded": ROUNDED,
+            "flashes": {"life": LIFE, "weak": WEAK, "most": MOST_FLASHES},
         }
 
     def _vectors(self, evaluator: ViewEvaluator, places: list[int]) -> list[dict[str, Any]]:

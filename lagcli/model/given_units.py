@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
@@ -26,3 +26,9 @@ def given_units(model: Model) -> Mapping[str, GivenUnit]:
     stated |= {name: x.unit for name, x in model.initial.items()}
     factors = {name: (unit, float(to_si(unit))) for name, unit in stated.items() if unit}
     return {name: GivenUnit(*given) for name, given in factors.items() if given[1] != 1.0}
+
+
+def stored_units(display: Mapping[str, Any]) -> Mapping[str, GivenUnit]:
+    """Return the same from ``Record.display``, of a result file or a sweep."""
+    units = display.get("given_units", {})
+    return {name: GivenUnit(unit, float(to_si(unit))) for name, unit in units.items()}

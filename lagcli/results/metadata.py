@@ -48,6 +48,7 @@ DISPLAY: dict[str, Any] = {
         "definitions": NAMES,
         "jumping": NAMES,
         "given": {"type": "object", "additionalProperties": {"type": "string"}},
+        "given_units": {"type": "object", "additionalProperties": {"type": "string"}},
     },
 }
 

@@ -226,16 +226,15 @@ function largestOf(values) {
 }
 
 /** Return the panel of each curve: those of one unit and similar size, or of one large family, share one. */
-function panelsOf(series, largest) {
-  const [RATIO, FAMILY, ROUNDING] = [20, 10, 1e-9]; // as in lagcli/pictures/selection.py
+function panelsOf(series, largest, { ratio, family, rounding }) {
   const keys = series.map(({ unit, family }) => `${unit} ${family}`);
   const groups = [...new Set(keys)].flatMap((key) => {
     const places = keys.flatMap((own, i) => (own === key ? [i] : []));
-    if (series[places[0]].family || places.length > FAMILY) return [places];
-    const zero = ROUNDING * Math.max(0, ...places.map((i) => largest[i]));
+    if (series[places[0]].family || places.length > family) return [places];
+    const zero = rounding * Math.max(0, ...places.map((i) => largest[i]));
     const found = [];
     for (const i of [...places].sort((a, b) => largest[b] - largest[a])) {
-      const apart = found.length && largest[i] > zero && largest[i] < largest[found.at(-1)[0]] / RATIO;
+      const apart = found.length && largest[i] > zero && largest[i] < largest[found.at(-1)[0]] / ratio;
       if (!found.length || apart) found.push([]);
       found.at(largest[i] > zero ? -1 : 0).push(i);
     }
@@ -252,7 +251,7 @@ function plotOf(spec, content, columns, happenings) {
   const sides = new Sides(content, columns.time, happenings);
   const values = spec.series.map(({ column }) => columns.at(column));
   const residuals = spec.log;
-  const panels = residuals ? spec.series.map(() => 0) : panelsOf(spec.series, values.map(largestOf));
+  const panels = residuals ? spec.series.map(() => 0) : panelsOf(spec.series, values.map(largestOf), content.panels);
   const series = spec.series.map(({ column, jumps, family, ...curve }, i) => {
     const idle = residuals && happenings?.rows.includes(curve.constraint) ? happenings.open(curve.constraint, columns.time) : null;
     const shown = idle ? values[i].map((value, k) => (idle[k] ? NaN : value)) : values[i];
@@ -273,13 +272,6 @@ function rangeOf(values, [low, high] = [Infinity, -Infinity]) {
 
 /** The scene of a run: as `Scene` in lagcli/pictures/scene/scene.py. */
 class SceneMaker {
-  static MARGIN = 0.05;
-  static LONG = 0.22;
-  static LEAST = 0.3;
-  static ROUNDED = 1e-12;
-  static LIFE = 0.04;
-  static WEAK = 1e-3;
-
   constructor(content, columns, happenings) {
     [this.spec, this.columns, this.happenings, this.names] = [content.scene, columns, happenings, content.names];
     const series = (places) => places.map((place) => SceneMaker.#constant(columns.at(place)));
@@ -406,9 +398,9 @@ class SceneMaker {
     return vectors.map((vector, k) => {
       const { largest, squares, count } = groups.get(vector.unit || vector.quantity);
       const long = count ? Math.min(largest, 3 * Math.sqrt(squares / count)) : 0;
-      const rounding = (i) => lengths[k][i] < SceneMaker.ROUNDED * largest;
+      const rounding = (i) => lengths[k][i] < this.spec.rounded * largest;
       const components = vector.components.map((x) => x.map((value, i) => (rounding(i) ? 0 : value)));
-      return { ...vector, components, scale: long > 0 ? (SceneMaker.LONG * size) / long : 1 };
+      return { ...vector, components, scale: long > 0 ? (this.spec.long * size) / long : 1 };
     });
   }
 
@@ -421,7 +413,7 @@ class SceneMaker {
     const whole = vectors.reduce((found, vector) => this.#tips(vector).map((tip, axis) => rangeOf(tip, found[axis])), extent);
     const size = SceneMaker.#size(whole);
     return whole.map(([low, high]) => {
-      const half = Math.max(high - low, SceneMaker.LEAST * size) / 2 + SceneMaker.MARGIN * size;
+      const half = Math.max(high - low, this.spec.least * size) / 2 + this.spec.margin * size;
       return [(low + high) / 2 - half, (low + high) / 2 + half];
     });
   }
@@ -441,7 +433,7 @@ class SceneMaker {
       ...vectors.map((vector) => away(this.#tips(vector))),
       ...this.discs.map(({ center, radius }) => away(this.points[center]) + largestOf(radius)),
     ];
-    return Math.max(0, ...far) + SceneMaker.MARGIN * Math.max(...bounds.map(([low, high]) => high - low));
+    return Math.max(0, ...far) + this.spec.margin * Math.max(...bounds.map(([low, high]) => high - low));
   }
 
   /** The force of a constraint, 0 while it is open. */
@@ -460,7 +452,7 @@ class SceneMaker {
     const seen = this.happenings.entries.filter((e) => e.kind === "impact" && places.has(e.name) && e.time >= first && e.time <= last);
     const strength = ({ name, impulse }) => Math.abs(impulse[this.names.constraints.indexOf(name)]);
     const largest = Math.max(0, ...seen.map(strength));
-    const kept = seen.filter((entry) => strength(entry) > SceneMaker.WEAK * largest).slice(0, 500);
+    const kept = seen.filter((entry) => strength(entry) > this.spec.flashes.weak * largest).slice(0, this.spec.flashes.most);
     const between = (series, t) => {
       const i = Math.min(Math.max(0, time.findIndex((x) => x >= t) - 1), time.length - 1);
       const j = Math.min(i + 1, time.length - 1);
@@ -476,7 +468,7 @@ class SceneMaker {
         }),
       );
       return {
-        ...{ kind: "flash", name, at, life: SceneMaker.LIFE * (last - first) },
+        ...{ kind: "flash", name, at, life: this.spec.flashes.life * (last - first) },
         times: Float64Array.from(mine, (entry) => entry.time),
         strengths: Float64Array.from(mine, (entry) => strength(entry) / largest),
       };

@@ -565,10 +565,9 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
     looks = {name: look_of_value(notation, name) for name in differing}
     if differing:
-        from lagcli.pictures.given_units import given_units_of
+        from lagcli.model.given_units import stored_units
 
-        record = runs[0].record
-        given = given_units_of(record.model, runs[0].name, record.inputs)
+        given = stored_units(runs[0].record.display)
         units |= {name: pretty_unit(x.unit) for name, x in given.items()}
         tables = [
             {name: x / given[name].factor if name in given else x for name, x in table.items()}

@@ -13,14 +13,13 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.column_units import NOT_STATED
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import UsageError
-from lagcli.model.given_units import GivenUnit
+from lagcli.model.given_units import GivenUnit, stored_units
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
 from lagcli.pictures.curves import look_of_value, pretty_unit
-from lagcli.pictures.given_units import given_units_of
 from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, evenly
@@ -92,12 +91,11 @@ class PlottedTable:
             self.title = model_title(str(file.facts["model"])) or ""
             names = _notation(file.facts)
             columns = [(c, file.read(c.dataset)) for c in file.columns]
-            text, inputs = str(file.facts["model"]), file.inputs
+            given = stored_units(file.facts["display"])
             self.measures = [
                 _quantity(c, np.where(good, file.read(c.dataset), np.nan), True)
                 for c in file.measures
             ]
-        given = given_units_of(text, path, inputs)
         self.varied = [_quantity(c, x, False, names, given.get(c.name)) for c, x in columns]
         self._every = {q.name: q for q in (*self.varied, *self.measures)}
         self._every |= {
@@ -640,6 +638,7 @@ class Rows:
             self.count = len(file.times)
             self.inputs, self.units, self.notation = file.inputs, facts["units"], _notation(facts)
             self.text, self.parameters = str(facts["model"]), dict(facts["parameters"])
+            self.display = facts["display"]
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
         self.good = len(good)
@@ -684,6 +683,7 @@ class SweepRow(RunFile):
             scale_position=unknown,
             scale_velocity=unknown,
             units=rows.units,
+            display=rows.display,
             model=rows.text,
             parameters={**rows.parameters, **varied},
             inputs=rows.inputs,

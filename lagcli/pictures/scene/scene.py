@@ -46,7 +46,7 @@ from lagcli.trajectory.event_log import MODES, EventLog
 #: Margin of the picture, relative to its size, and relative length of a long vector.
 MARGIN, LONG = 0.05, 0.22
 #: Vectors below this part of the longest one of their unit are 0 except for rounding.
-_ROUNDED = 1e-12
+ROUNDED = 1e-12
 #: Number of samples at which points are compared, and largest distance in one place, relative.
 _COMPARED, _TOGETHER = 5, 1e-4
 #: Minimum extent of an axis, relative to the largest one.
@@ -289,7 +289,7 @@ def scaled(
     for key, group in groups.items():
         every = np.concatenate(group)
         every = every[every > 0]
-        least[key] = _ROUNDED * every.max(initial=0.0)
+        least[key] = ROUNDED * every.max(initial=0.0)
         with np.errstate(over="ignore"):
             long = min(every.max(), 3 * np.sqrt(np.mean(every**2))) if every.size else 0.0
         scales[key] = LONG * size / long if long > 0 else 1.0
@@ -364,7 +364,7 @@ def _numbers(values: Array) -> list[float | None]:
 #: Duration of a flash, relative to the motion.
 LIFE = 0.04
 #: Smallest impulse with a flash, relative to the largest, and largest number of flashes.
-_WEAK, _MOST = 1e-3, 500
+WEAK, MOST_FLASHES = 1e-3, 500
 
 
 def with_contacts(scene: Scene, log: EventLog | None, constraints: Sequence[str]) -> Scene:
@@ -413,8 +413,8 @@ def _flashes(scene: Scene, log: EventLog, constraints: Sequence[str]) -> tuple[D
         return ()
     rows = [constraints.index(log.names[i]) for i in seen]
     sizes = np.abs(log.impulse[seen, rows])
-    order = np.argsort(-sizes, kind="stable")[:_MOST]
-    kept = np.sort(order[sizes[order] > _WEAK * sizes.max(initial=0.0)])
+    order = np.argsort(-sizes, kind="stable")[:MOST_FLASHES]
+    kept = np.sort(order[sizes[order] > WEAK * sizes.max(initial=0.0)])
     flashes = []
     for name in dict.fromkeys(log.names[seen[k]] for k in kept):
         mine = np.array([k for k in kept if log.names[seen[k]] == name])

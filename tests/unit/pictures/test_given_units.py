@@ -7,8 +7,7 @@ import math
 import pytest
 
 import lagcli
-from lagcli.model.given_units import given_units
-from lagcli.pictures.given_units import given_units_of
+from lagcli.model.given_units import given_units, stored_units
 
 MODEL = """
 coordinates: {phi: rad}
@@ -30,5 +29,8 @@ def test_units_other_than_si_have_their_factors() -> None:
     assert found["phi"].factor == pytest.approx(math.pi / 180)
 
 
-def test_a_text_that_is_no_model_has_none() -> None:
-    assert given_units_of("T: [", "run.h5", {}) == {}
+def test_results_have_them() -> None:
+    model = lagcli.load_text(MODEL)
+    display = lagcli.simulate(model, t_end=0.1).display
+    assert stored_units(display) == given_units(model)
+    assert stored_units({}) == {}
