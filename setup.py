@@ -32,11 +32,19 @@ class BuildPackage(build_py):
         except CannotCompile as error:
             raise SystemExit(f"error: {error}") from None
         if not self.editable_mode:
+            self._leave_out_old_module()
             for name, (source, kinds) in COPIED.items():
                 folder = Path(self.build_lib) / "lagcli" / name
                 self.mkpath(str(folder))
                 for path in sorted(path for kind in kinds for path in source.rglob(f"*.{kind}")):
                     self.copy_file(str(path), str(folder / path.name))
+
+    def _leave_out_old_module(self) -> None:
+        """Remove the core for pages where it was compiled from other sources."""
+        module = Path(self.build_lib) / "lagcli" / "live" / "assets" / "core.wasm"
+        if module.exists() and core.fingerprint().encode() not in module.read_bytes():
+            print("core.wasm is that of other sources; the package gets none (`make wasm`)")
+            module.unlink()
 
 
 class PlatformWheel(bdist_wheel):

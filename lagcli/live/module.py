@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 
 from lagcli.engine.core import fingerprint
+from lagcli.engine.core.library import BUILT_FROM
 from lagcli.errors import Diagnostic, FileError
 
 _MODULE = "core.wasm"
@@ -16,24 +17,23 @@ def module() -> bytes:
     Raises
     ------
     FileError
-        It is not there, or not that of the sources.
+        It is not there, or not that of the core's library.
     """
     file = files("lagcli.live").joinpath("assets", _MODULE)
-    checkout = fingerprint.sources_are_here()
+    remedy = "install a wheel of lagcli, which has it"
+    if fingerprint.sources_are_here():
+        remedy = "run `make wasm` in the checkout, which compiles it"
     if not file.is_file():
-        remedy = "install a wheel of lagcli, which has it"
-        if checkout:
-            remedy = "run `make wasm` in the checkout, which compiles it"
         raise FileError(
             Diagnostic("core", "this installation has no core for pages (core.wasm)", help=remedy)
         )
     content = file.read_bytes()
-    if checkout and fingerprint.fingerprint().encode() not in content:
+    if BUILT_FROM.encode() not in content:
         raise FileError(
             Diagnostic(
                 "core",
-                f"{file} was compiled from other sources than those here",
-                help="run `make wasm` in the checkout",
+                f"{file} was compiled from other sources than the library of the core",
+                help=remedy,
             )
         )
     return content

@@ -85,6 +85,20 @@ def test_the_platforms() -> None:
     }
 
 
+def test_the_core_for_pages_is_there_and_of_the_same_sources(tmp_path: Path) -> None:
+    place = "lagcli/live/assets/core.wasm"
+    for content, problem in (
+        ({}, "core.wasm is missing"),
+        ({place: b"<html>"}, "core.wasm is missing"),
+        ({place: b"\0asm of others"}, "core.wasm is that of other sources"),
+    ):
+        with pytest.raises(WrongWheel, match=problem):
+            check_wheels.check_module(write(tmp_path, **content), fingerprint())
+    check_wheels.check_module(
+        write(tmp_path, **{place: b"\0asm " + fingerprint().encode()}), fingerprint()
+    )
+
+
 class OfLibrary(Wheel):
     """A wheel that contains one library and nothing else."""
 

@@ -118,6 +118,13 @@ def check_files(wheel: Wheel) -> None:
     demand(library == CORE / f"liblagcore{suffix[kind]}", f"the library is {library}")
 
 
+def check_module(wheel: Wheel, fingerprint: str) -> None:
+    """The core for pages is there, and that of the library's sources."""
+    module = wheel.files.get("lagcli/live/assets/core.wasm", b"")
+    demand(module.startswith(b"\0asm"), "core.wasm is missing: run `make wasm` before")
+    demand(fingerprint.encode() in module, "core.wasm is that of other sources")
+
+
 def declared() -> set[str]:
     """Return the functions that the core's public headers declare."""
     names = set()
@@ -208,6 +215,7 @@ def main(paths: list[str]) -> None:
             check_tags(wheel)
             check_files(wheel)
             check_library(wheel, fingerprint())
+            check_module(wheel, fingerprint())
             check_installation(path, wheel.platform)
             own = {wheel.library, *(f"{wheel.information}/{n}" for n in ("WHEEL", "RECORD"))}
             rest = {name: content for name, content in wheel.files.items() if name not in own}

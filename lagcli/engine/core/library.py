@@ -74,7 +74,9 @@ class Functions:
 
 _short, _long = _load(ctypes.PyDLL), _load(ctypes.CDLL)
 _core = Functions({"lag_fingerprint": (c_char_p,), "lag_best_kernel": (c_int,)})
-if not _is_current(_core.lag_fingerprint().decode()):
+#: The fingerprint of the sources that the library was compiled from.
+BUILT_FROM: str = _core.lag_fingerprint().decode()
+if not _is_current(BUILT_FROM):
     _refuse(f"{LIBRARY} was compiled from other sources than those beside it")
 
 #: Versions of the core's loops: for any processor, for AVX2, and the same with machine code.

@@ -26,3 +26,20 @@ def test_a_missing_or_an_old_module_is_an_error_with_a_remedy(
     assert run(["export", "atwood", "-o", str(tmp_path / "page.html")]) == 4
     assert "make wasm" in capsys.readouterr().err
     assert not (tmp_path / "page.html").exists()
+
+
+def test_an_installation_names_the_remedy_that_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without the sources, as after `pip install .`: also an old module is not used silently."""
+    assets = tmp_path / "assets"
+    assets.mkdir()
+    monkeypatch.setattr(live_module, "files", lambda package: tmp_path)
+    monkeypatch.setattr(live_module.fingerprint, "sources_are_here", lambda: False)
+    for problem in ("no core for pages", "other sources"):
+        assert run(["export", "atwood", "-o", str(tmp_path / "page.html")]) == 4
+        printed = capsys.readouterr().err
+        assert problem in printed
+        assert "install a wheel of lagcli" in printed
+        assert "make wasm" not in printed
+        (assets / "core.wasm").write_bytes(b"\0asm of other sources")
