@@ -20,7 +20,9 @@ from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import UsageError
 from lagcli.export.content import LICENCE
+from lagcli.export.icon import icon as draw
 from lagcli.export.names import Identifiers
+from lagcli.export.terminals import terminals, terminals_and_icons
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.units import UnknownUnit, read_unit
 from lagcli.model.model import Model, velocity
@@ -96,7 +98,11 @@ class FmuVariable(NamedTuple):
 
 
 def fmu(
-    model: Model, version: str = "2.0", inputs: Sequence[str] = (), wheels: str | None = None
+    model: Model,
+    version: str = "2.0",
+    inputs: Sequence[str] = (),
+    wheels: str | None = None,
+    icon: bool = True,
 ) -> bytes:
     """Return a model as an FMU.
 
@@ -110,6 +116,9 @@ def fmu(
     wheels : str, optional
         A folder with wheels of this version of lagcli for other platforms, whose libraries the FMU
         also gets. It always has that of this machine.
+    icon : bool
+        Whether the FMU gets a picture of the mechanism, for which the model is simulated and
+        drawn; models without a view and installations without matplotlib give none.
 
     Raises
     ------
@@ -121,7 +130,7 @@ def fmu(
     """
     if version not in VERSIONS:
         raise UsageError(f"there is no FMI {version}; known are {', '.join(VERSIONS)}")
-    return _Fmu(prepare(model), version, inputs).packed(_libraries(version, wheels))
+    return _Fmu(prepare(model), version, inputs).packed(_libraries(version, wheels), icon)
 
 
 class _Fmu:
@@ -186,7 +195,7 @@ class _Fmu:
         named = [(str(column), unit_of_column(column, units) or "") for column in columns]
         return (*named, *((name, units.get(name, "")) for name in self.system.outputs))
 
-    def packed(self, libraries: Mapping[tuple[str, str], bytes]) -> bytes:
+    def packed(self, libraries: Mapping[tuple[str, str], bytes], icon: bool) -> bytes:
         """Return the FMU as the contents of its file."""
         method = method_of(self.simulation)
         model, values = resources(self.simulation, method, self._derived_tape(), self.inputs)
@@ -199,6 +208,7 @@ class _Fmu:
                 "resources/values.bin": values,
                 **self._derivatives(),
                 "documentation/index.html": self.documentation(),
+                **self._appearance(icon),
                 **{
                     f"binaries/{folder}/{self.identifier}.{suffix}": content
                     for (folder, suffix), content in libraries.items()
@@ -228,6 +238,19 @@ class _Fmu:
         if not self.differentiable:
             return {}
         return {"resources/derivatives.bin": derivatives(self.simulation, self._derived_tape())}
+
+    def _appearance(self, icon: bool) -> dict[str, bytes]:
+        """Return the icon and, for FMI 3.0, the terminals, by the names of their files."""
+        picture = None
+        if icon:
+            picture = draw(self.simulation)
+        if self.version == "2.0":
+            return {} if picture is None else {"model.png": picture}
+        found = {} if picture is None else {"terminalsAndIcons/icon.png": picture}
+        described = terminals_and_icons([*terminals(self.model, self.inputs)], picture is not None)
+        if described is not None:
+            found["terminalsAndIcons/terminalsAndIcons.xml"] = described
+        return found
 
     # modelDescription.xml
 

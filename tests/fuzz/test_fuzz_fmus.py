@@ -33,7 +33,7 @@ def test_random_communication_points(kind: str, tmp_path: Path) -> None:
         run = lagcli.simulate(model)
         if run.status != "completed":
             continue
-        instance = Unpacked(lagcli.fmu(model), tmp_path / str(seed)).instance()
+        instance = Unpacked(lagcli.fmu(model, icon=False), tmp_path / str(seed)).instance()
         rng, start, end = random.Random(seed), run.time[0], run.time[-1]
         count, power = rng.choice([1, 5, 60]), rng.choice([1, 3])
         points = sorted(start + (end - start) * rng.random() ** power for _ in range(count))
@@ -61,7 +61,7 @@ def test_random_restored_states(kind: str, tmp_path: Path) -> None:
         run = lagcli.simulate(model)
         if run.status != "completed":
             continue
-        fmu = Unpacked(lagcli.fmu(model), tmp_path / str(seed))
+        fmu = Unpacked(lagcli.fmu(model, icon=False), tmp_path / str(seed))
         times = np.linspace(run.time[0], run.time[-1], 41).tolist()
         try:
             assert restored_differently(fmu, times, 30, seed) == 0, case
@@ -74,6 +74,6 @@ def test_random_restored_states(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", STEPPED)
 def test_random_steps_of_an_input(kind: str, tmp_path: Path) -> None:
     model = lagcli.load_text(as_parameter(kind))
-    fmu = Unpacked(lagcli.fmu(model, inputs=["F"]), tmp_path)
+    fmu = Unpacked(lagcli.fmu(model, inputs=["F"], icon=False), tmp_path)
     for seed in range(FUZZ_COUNT // len(STEPPED) + 1):
         assert difference(fmu, kind, seed) < 1e-6, seed

@@ -39,16 +39,36 @@ def still_image(scene: Scene, label: str) -> str:
     label : str
         What is shown, in words.
     """
-    time = scene.time[0] + _MOMENT * (scene.time[-1] - scene.time[0])
-    if find_spec("matplotlib") is None or find_spec("PIL") is None:
+    picture = still_picture(scene, _SIZE, f"t = {_moment(scene):.4g} s")
+    if picture is None:
         return ""
-    from PIL import Image
-
-    held, frame = io.BytesIO(), SceneDrawing(scene, *_SIZE).frame(time, f"t = {time:.4g} s")
-    # few colours: text and lines on paper
-    Image.fromarray(frame).quantize(32).save(held, "png", optimize=True)
     width, height = _SIZE
     return (
         f'<img alt="{escape(label)}" width="{width}" height="{height}"'
-        f' src="data:image/png;base64,{b64encode(held.getvalue()).decode()}">'
+        f' src="data:image/png;base64,{b64encode(picture).decode()}">'
     )
+
+
+def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | None:
+    """Return a PNG file with a scene; None without matplotlib, which draws it.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : (width, height)
+        Pixels.
+    text : str
+        Written into the picture.
+    """
+    if find_spec("matplotlib") is None or find_spec("PIL") is None:
+        return None
+    from PIL import Image
+
+    held, frame = io.BytesIO(), SceneDrawing(scene, *size).frame(_moment(scene), text)
+    # few colours: text and lines on paper
+    Image.fromarray(frame).quantize(32).save(held, "png", optimize=True)
+    return held.getvalue()
+
+
+def _moment(scene: Scene) -> float:
+    return float(scene.time[0] + _MOMENT * (scene.time[-1] - scene.time[0]))

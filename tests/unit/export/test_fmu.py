@@ -41,7 +41,7 @@ outputs: {lever: r + x}
 
 def unpacked(model: Any, folder: Path, version: str = "2.0", **options: Any) -> Unpacked:
     try:
-        content = lagcli.fmu(model, version, **options)
+        content = lagcli.fmu(model, version, **{"icon": False} | options)
     except UsageError as error:
         if "has no name for this platform" in str(error):
             pytest.skip(str(error))
