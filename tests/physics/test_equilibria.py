@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from random_cases import seeds
+from random_cases import FUZZ_COUNT, seeds
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import lagcli
@@ -331,17 +332,64 @@ def test_a_coordinate_that_is_neutral_on_one_branch_alone_does_not_hide_a_pitchf
     assert sorted(signs) == [-1.0, 1.0]
 
 
-@pytest.mark.parametrize("size", [0.3, 0.41])
-def test_a_branch_point_near_which_no_step_converges_is_no_failure(size: float) -> None:
-    """Nor are rounding errors of z, the stiffness of w, changes of stability."""
+def check_pitchfork_beside_a_neutral_motion(size: float, stiffness: float) -> None:
+    """On the branch z = 0 the stiffness of u is `stiffness` (1 - s), that of w is z.
+
+    Rounding errors of z are no changes of stability; next to s = 1 they exceed the stiffness of u.
+    """
     text = (
         f"coordinates: [u, w]\nparameters: {{s: 0.5}}\ndefinitions: {{z: u - {size}*sin(s)}}\n"
-        "T: (u'^2 + w'^2)/2\nV: 0\nQ: {u: 0.001*((s - 1)*z - z^3) - z*w^2, w: -z*w}\n"
+        f"T: (u'^2 + w'^2)/2\nV: 0\nQ: {{u: {stiffness}*((s - 1)*z - z^3) - z*w^2, w: -z*w}}\n"
         f"initial: {{u: {size}*sin(0.5), w: 0, u': 0, w': 0}}\n"
     )
     diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.5, 1.5)
     assert [point.kind for point in diagram.special] == ["branch point"]
-    assert diagram.special[0].parameter == pytest.approx(1.0, rel=1e-3)
+    assert diagram.special[0].crossing == "pitchfork"
+    assert diagram.special[0].parameter == pytest.approx(1.0, rel=1e-7)
+
+
+@pytest.mark.parametrize("size", [0.3, 0.41, 0.996311839, 2.7, 17.660410748])
+def test_a_branch_point_beside_a_neutral_motion(size: float) -> None:
+    check_pitchfork_beside_a_neutral_motion(size, 0.001)
+
+
+@pytest.mark.fuzz
+def test_branch_points_beside_a_neutral_motion() -> None:
+    for seed in range(FUZZ_COUNT // 10):
+        rng = np.random.default_rng(seed)
+        size, stiffness = np.exp(rng.uniform(-3, 3.4)), rng.choice([1e-3, 1e-2, 0.1, 1])
+        check_pitchfork_beside_a_neutral_motion(float(size), float(stiffness))
+
+
+@pytest.mark.parametrize("seed", seeds(3, 60))
+def test_buckling_loads_of_columns_of_rigid_links(seed: int) -> None:
+    """V = Σ k_i/2 (a_i − a_{i−1})² + Σ P L_i cos a_i: P is an eigenvalue of K x = P L x."""
+    rng = np.random.default_rng(seed)
+    n = 2 + seed % 2
+    stiffness, length, mass = (np.exp(rng.uniform(-s, s, n)).tolist() for s in (2, 1, 1))
+    matrix = np.diag(stiffness) + np.diag([*stiffness[1:], 0.0])
+    for i in range(1, n):
+        matrix[i, i - 1] = matrix[i - 1, i] = -stiffness[i]
+    loads = eigh(matrix, np.diag(length), eigvals_only=True)
+    end = 1.3 * loads[0]
+    names = [f"a{i}" for i in range(n)]
+    turns = ["a0", *(f"(a{i} - a{i - 1})" for i in range(1, n))]
+    kinetic = " + ".join(f"{m!r}/2*{a}'^2" for m, a in zip(mass, names, strict=True))
+    potential = " + ".join(
+        f"{k!r}/2*{turn}^2 + P*{x!r}*cos({a})"
+        for k, turn, x, a in zip(stiffness, turns, length, names, strict=True)
+    )
+    start = ", ".join(f"{a}: 0, {a}': 0" for a in names)
+    text = (
+        f"coordinates: [{', '.join(names)}]\nparameters: {{P: {0.5 * float(loads[0])!r}}}\n"
+        f"T: {kinetic}\nV: {potential}\n"
+        f"initial: {{{start}}}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "P", 0.5 * loads[0], end)
+    found = [x for x in diagram.special if x.branch == 0]
+    assert {x.kind for x in found} == {"branch point"}
+    expected = loads[loads < end]
+    assert [x.parameter for x in found] == pytest.approx(expected.tolist(), rel=1e-9)
 
 
 def test_velocity_is_a_parameter_of_steady_motions() -> None:

@@ -215,7 +215,9 @@ class ExtendedProblem:
         matrix = np.column_stack([problem.jacobian(residual), slope])
         return Place(z, residual, matrix * np.outer(self.rows, self.columns))
 
-    def correct(self, z: Array, tangent: Array, rank: int) -> tuple[Place, int] | None:
+    def correct(
+        self, z: Array, tangent: Array, rank: int, frame: Frame | None = None
+    ) -> tuple[Place, int] | None:
         """Return the root in the plane through z normal to a tangent, and the number of Newton
         steps.
 
@@ -225,6 +227,10 @@ class ExtendedProblem:
         tangent : (n,) array
         rank : int
             Rank of ∂R/∂z along the branch.
+        frame : Frame, optional
+            Null spaces next to the root: steps are normal to the neutral motions. Without it, they
+            have the least norm, and beside a branch point a neutral motion may be stiffer than the
+            one that loses its stiffness there.
         """
         target = tangent @ z
         for iteration in range(_ITERATIONS):
@@ -233,9 +239,16 @@ class ExtendedProblem:
                 return None
             if place.residual.relative <= _REACHED and abs(tangent @ z - target) <= 1e-12:
                 return place, iteration
-            system = np.vstack([place.matrix, tangent])
             right = np.concatenate([self.rows * place.residual.value, [tangent @ z - target]])
-            step = _solved(system, right, rank + 1)
+            if frame is None or not frame.right.size:
+                step = _solved(np.vstack([place.matrix, tangent]), right, rank + 1)
+            else:
+                more = np.zeros(frame.right.shape[1])
+                system = _bordered(place.matrix, tangent, frame)
+                try:
+                    step = np.linalg.solve(system, np.concatenate([right, more]))[: len(z)]
+                except np.linalg.LinAlgError:
+                    return None
             if not np.isfinite(step).all() or np.abs(step).max() > 1.0:
                 return None
             z = z - step
@@ -245,6 +258,13 @@ class ExtendedProblem:
         if place is None or not place.residual.relative <= ACCEPTED:
             return None
         return place, _ITERATIONS
+
+
+def _bordered(matrix: Array, tangent: Array, frame: Frame) -> Array:
+    """Return ∂R/∂z with a tangent and null spaces as further rows and columns: a square matrix."""
+    below = np.vstack([tangent, frame.right.T])
+    corner = np.zeros((len(below), frame.left.shape[1]))
+    return np.vstack([np.hstack([matrix, frame.left]), np.hstack([below, corner])])
 
 
 def _solved(matrix: Array, right: Array, rank: int) -> Array:
@@ -301,6 +321,26 @@ class Frame(NamedTuple):
     left: Array
 
 
+class _Stretch(NamedTuple):
+    """Successive points of a branch, and the distance of the second along the tangent of the
+    first."""
+
+    before: Traced
+    after: Traced
+    length: float
+
+    def guess(self, distance: float) -> Array:
+        """Return z at a distance by Hermite's cubic.
+
+        Beside a branch point, the tangent of the first point may lead to the other branch.
+        """
+        x, along = distance / self.length, self.before.tangent
+        slope = self.after.tangent / (along @ self.after.tangent)
+        chord = (self.after.place.z - self.before.place.z) / self.length
+        bend = (1 - x) * (along - chord) + x * (chord - slope)
+        return np.asarray(self.before.place.z + distance * (chord + (1 - x) * bend))
+
+
 class _Bracket(NamedTuple):
     """Distances from a point of a branch before and after a change, and the point of the former."""
 
@@ -354,8 +394,14 @@ class Tracer:
     def framed(self, place: Place, along: Array, before: Frame | None = None) -> Traced:
         """Return the point with its tangent close to a direction.
 
-        The tangent and the null spaces are those of the previous point, projected.
+        The tangent and the null spaces are those of the previous point, projected. Beside a branch
+        point singular values do not tell a neutral motion from the one that loses its stiffness;
+        the bordered matrix does.
         """
+        if before is not None and self.neutral:
+            bordered = self._framed_by_border(place, along, before)
+            if bordered is not None:
+                return bordered
         u, _, vt = np.linalg.svd(place.matrix)
         null, left = vt[self.rank :].T, u[:, self.rank :]
         tangent = null @ (null.T @ along)
@@ -366,6 +412,24 @@ class Tracer:
         if before is not None:
             right, left = _nearest(right, before.right), _nearest(left, before.left)
         return Traced(place, tangent, Frame(right, left))
+
+    def _framed_by_border(self, place: Place, along: Array, before: Frame) -> Traced | None:
+        """Return the point with its tangent and null spaces; None where the border leaves the
+        matrix singular."""
+        system = _bordered(place.matrix, along, before)
+        rows, columns = place.matrix.shape
+        one: Array = np.eye(len(system))
+        try:
+            null = np.linalg.solve(system, one[:, rows:])[:columns]
+            left = np.linalg.solve(system.T, one[:, columns:])[:rows]
+        except np.linalg.LinAlgError:
+            return None
+        tangent = null[:, 0] / np.linalg.norm(null[:, 0])
+        right: Array = np.asarray(
+            null[:, 1:] - np.outer(tangent, tangent @ null[:, 1:]), dtype=float
+        )
+        frame = Frame(_nearest(right, before.right), _nearest(left, before.left))
+        return Traced(place, tangent, frame)
 
     def start(self, z: Array, direction: float) -> Traced:
         """Return a root with the tangent along which the parameter changes in a direction."""
@@ -379,12 +443,16 @@ class Tracer:
             along = null[:, 0]
         return self.framed(place, direction * along)
 
-    def advanced(self, point: Traced, length: float) -> tuple[Traced, int] | None:
+    def advanced(
+        self, point: Traced, length: float, guess: Array | None = None
+    ) -> tuple[Traced, int] | None:
         """Return the next point of a branch, and the number of Newton steps; None if there is
-        none."""
-        corrected = self.problem.correct(
-            point.place.z + length * point.tangent, point.tangent, self.rank
-        )
+        none.
+
+        Newton's method begins on the tangent, or with a guess.
+        """
+        z = point.place.z + length * point.tangent if guess is None else guess
+        corrected = self.problem.correct(z, point.tangent, self.rank, point.frame)
         if corrected is None:
             return None
         place, steps = corrected
@@ -425,15 +493,15 @@ class Tracer:
             after, used, steps = moved
             last = self._leaves(after)
             if last:
-                after, used = self._at_limit(before, used)
-            ended = self._contact_end(before, after, used)
+                after, used = self._at_limit(_Stretch(before, after, used))
+            ended = self._contact_end(_Stretch(before, after, used))
             if ended is not None:
                 after, used = (
                     ended.point,
                     float(before.tangent @ (ended.point.place.z - before.place.z)),
                 )
             following = self.stability(after)
-            special = list(self._changes(before, stability, after, following, used))
+            special = list(self._changes(_Stretch(before, after, used), stability, following))
             if ended is not None:
                 yield after, following, [*special, ended]
                 return
@@ -448,17 +516,18 @@ class Tracer:
             before, stability = after, following
             length = min(_LONGEST, used * (1.5 if steps <= 4 else 1.0))
 
-    def _contact_end(self, before: Traced, after: Traced, length: float) -> LocatedPoint | None:
+    def _contact_end(self, stretch: _Stretch) -> LocatedPoint | None:
         """Return the point at which the first contact changes between two points, if one does."""
         local = self.problem.local
 
         def margins(x: Traced) -> Array:
             return local.margins(x.place.residual.point)
 
-        if not (margins(after) < -ZERO).any():
+        after = margins(stretch.after)
+        if not (after < -ZERO).any():
             return None
-        _, last = self._bisected(before, length, lambda x: bool((margins(x) < 0.0).any()))
-        row = int(np.argmin(margins(after) / np.maximum(margins(last) - margins(after), ZERO)))
+        _, last = self._bisected(stretch, lambda x: bool((margins(x) < 0.0).any()))
+        row = int(np.argmin(after / np.maximum(margins(last) - after, ZERO)))
         kind, name = local.contact_end(row)
         return LocatedPoint(kind, last, name)
 
@@ -476,20 +545,26 @@ class Tracer:
         margin = _VERTICAL * (high - low) if vertical(point) else 0.0
         return not low - margin <= self.problem.value(point.place.z) <= high + margin
 
-    def _at_limit(self, before: Traced, length: float) -> tuple[Traced, float]:
+    def _between(self, stretch: _Stretch, distance: float) -> Traced | None:
+        """Return the point at a distance along the first point's tangent; None if there is none."""
+        moved = self.advanced(stretch.before, distance, stretch.guess(distance))
+        return None if moved is None else moved[0]
+
+    def _at_limit(self, stretch: _Stretch) -> tuple[Traced, float]:
         """Return the point at which the parameter reaches its limit."""
-        inside, last = self._bisected(before, length, self._leaves)
+        inside, last = self._bisected(stretch, self._leaves)
         return last, inside
 
     def _bisected(
-        self, before: Traced, length: float, changed: Callable[[Traced], bool]
+        self, stretch: _Stretch, changed: Callable[[Traced], bool]
     ) -> tuple[float, Traced]:
         """Return the position of a change by bisection, and the point there."""
-        last = self._halved(before, _Bracket(0.0, length, before), changed, _BISECTIONS)
+        whole = _Bracket(0.0, stretch.length, stretch.before)
+        last = self._halved(stretch, whole, changed, _BISECTIONS)
         return last.low, last.point
 
     def _halved(
-        self, before: Traced, bracket: _Bracket, changed: Callable[[Traced], bool], times: int
+        self, stretch: _Stretch, bracket: _Bracket, changed: Callable[[Traced], bool], times: int
     ) -> _Bracket:
         """Return the part of a bracket in which a change is, after some halvings."""
         low, high, last = bracket
@@ -497,9 +572,9 @@ class Tracer:
             middle = (low + high) / 2
             if middle in (low, high):
                 break
-            moved = self.advanced(before, middle)
-            if moved is not None and not changed(moved[0]):
-                low, last = middle, moved[0]
+            point = self._between(stretch, middle)
+            if point is not None and not changed(point):
+                low, last = middle, point
             else:
                 high = middle
         return _Bracket(low, high, last)
@@ -507,68 +582,69 @@ class Tracer:
     # special points
 
     def _changes(
-        self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
+        self, stretch: _Stretch, stable: Stability, following: Stability
     ) -> Iterator[LocatedPoint]:
         """Yield the special points between two points, located, in their order."""
         located = sorted(
-            self._special(before, stable, after, following, length),
-            key=lambda x: float(before.tangent @ x.point.place.z),
+            self._special(stretch, stable, following),
+            key=lambda x: float(stretch.before.tangent @ x.point.place.z),
         )
         verdict = stable.verdict
         for number, special in enumerate(located):
             if number + 1 < len(located):
-                middle = self._between(before, special, located[number + 1])
+                middle = self._halfway(stretch, special, located[number + 1])
                 reached = verdict if middle is None else self.stability(middle).verdict
             else:
                 reached = following.verdict
             yield special._replace(change=None if reached == verdict else (verdict, reached))
             verdict = reached
 
-    def _between(self, before: Traced, one: LocatedPoint, other: LocatedPoint) -> Traced | None:
+    def _halfway(self, stretch: _Stretch, one: LocatedPoint, other: LocatedPoint) -> Traced | None:
         """Return the point of the branch halfway between two special points."""
         middle = (one.point.place.z + other.point.place.z) / 2
-        moved = self.advanced(before, float(before.tangent @ (middle - before.place.z)))
-        return None if moved is None else moved[0]
+        before = stretch.before
+        return self._between(stretch, float(before.tangent @ (middle - before.place.z)))
 
     def _special(
-        self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
+        self, stretch: _Stretch, stable: Stability, following: Stability
     ) -> list[LocatedPoint]:
         """Return the special points between two points, located."""
         located: list[LocatedPoint] = []
+        before, after, _ = stretch
         level = vertical(before) and vertical(after)
         if not level and before.tangent[-1] * after.tangent[-1] < 0:
             sign = np.sign(before.tangent[-1])
-            turned = self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)
+            turned = self._bisected(stretch, lambda x: sign * x.tangent[-1] < 0)
             located.append(LocatedPoint("fold", turned[1]))
         crossing = self._determinant(before)
         if not level and crossing(after) < 0:
-            located.append(LocatedPoint("branch point", self._root(before, length, crossing)))
+            located.append(LocatedPoint("branch point", self._root(stretch, crossing)))
         was, now = _growing(stable), _growing(following)
         # where real eigenvalues coincide, an oscillation begins that grew before
         if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
             if min(was, now) == 0.0:
                 _, changed = self._bisected(
-                    before, length, lambda x: (_growing(self.stability(x)) > 0) != (was > 0)
+                    stretch, lambda x: (_growing(self.stability(x)) > 0) != (was > 0)
                 )
-                refined = self._refined(before, changed, 1 if now > 0 else -1, length)
+                refined = self._refined(stretch, changed, 1 if now > 0 else -1)
                 located.append(LocatedPoint("flutter", refined))
             else:
-                point = self._root(before, length, lambda x: _growth(self.stability(x)))
+                point = self._root(stretch, lambda x: _growth(self.stability(x)))
                 located.append(LocatedPoint("Hopf point", point))
         if stable.verdict != following.verdict:
-            located += self._verdict_changes(before, stable, following, length, located)
+            located += self._verdict_changes(stretch, stable, following, located)
         return located
 
     def _verdict_changes(
         self,
-        before: Traced,
+        stretch: _Stretch,
         stable: Stability,
         following: Stability,
-        length: float,
         known: list[LocatedPoint],
     ) -> list[LocatedPoint]:
         """Return where the verdict changes between two points without a known special point."""
         changes: list[LocatedPoint] = []
+        before, _, length = stretch
         # the first and the last change; a narrow range between them may be undecided
         for verdict, same in ((stable.verdict, True), (following.verdict, False)):
 
@@ -576,15 +652,15 @@ class Tracer:
                 return (self.stability(x).verdict == verdict) != same
 
             near = [x.point.place.z for x in (*known, *changes)]
-            rough = self._halved(before, _Bracket(0.0, length, before), changed, _ROUGH)
+            rough = self._halved(stretch, _Bracket(0.0, length, before), changed, _ROUGH)
             # what follows moves it by less than the other half
             z = rough.point.place.z
             if any(np.linalg.norm(z - other) < _EXPLAINED / 2 * length for other in near):
                 continue
-            point = self._halved(before, rough, changed, _BISECTIONS - _ROUGH).point
+            point = self._halved(stretch, rough, changed, _BISECTIONS - _ROUGH).point
             if "unstable" in (stable.verdict, following.verdict):
                 side = 1 if following.verdict == "unstable" else -1
-                point = self._refined(before, point, side, length)
+                point = self._refined(stretch, point, side)
             far = all(np.linalg.norm(point.place.z - z) > _EXPLAINED * length for z in near)
             # the verdict of the first point alone, if it is an exceptional one, is no change
             if far and np.linalg.norm(point.place.z - before.place.z) > _SINGLE * length:
@@ -594,15 +670,16 @@ class Tracer:
                 changes.append(LocatedPoint(kind, point))
         return changes
 
-    def _refined(self, before: Traced, point: Traced, side: int, length: float) -> Traced:
+    def _refined(self, stretch: _Stretch, point: Traced, side: int) -> Traced:
         """Return the point at which the growth rate vanishes, extrapolated from one side.
 
         Beside it, rounding errors of eigenvalues are larger than these. The growth rate, or its
         square where a pair of eigenvalues meets, is a smooth function of the distance.
         """
+        before, _, length = stretch
         near = float(before.tangent @ (point.place.z - before.place.z))
-        moved = [self.advanced(before, near + side * k * _BESIDE * length) for k in (1, 2, 3, 4)]
-        points = [point for point, _ in filter(None, moved)]
+        beside = [near + side * k * _BESIDE * length for k in (1, 2, 3, 4)]
+        points = [x for x in (self._between(stretch, d) for d in beside) if x is not None]
         if len(points) < 4:
             return point
         stability = [self.stability(x) for x in points]
@@ -624,13 +701,10 @@ class Tracer:
         The border is the same for all points, so that it is a smooth function along the branch:
         null spaces computed at each point could be exchanged at a branch point.
         """
-        left, right = before.frame.left, before.frame.right
-        below = np.hstack(
-            [np.vstack([before.tangent, right.T]), np.zeros((1 + self.neutral, left.shape[1]))]
-        )
 
         def parts(matrix: Array) -> tuple[float, float]:
-            sign, logarithm = np.linalg.slogdet(np.vstack([np.hstack([matrix, left]), below]))
+            bordered = _bordered(matrix, before.tangent, before.frame)
+            sign, logarithm = np.linalg.slogdet(bordered)
             return float(sign), float(logarithm)
 
         sign, logarithm = parts(before.place.matrix)
@@ -641,7 +715,7 @@ class Tracer:
 
         return relative
 
-    def _root(self, before: Traced, length: float, function: Callable[[Traced], float]) -> Traced:
+    def _root(self, stretch: _Stretch, function: Callable[[Traced], float]) -> Traced:
         """Return the point near another one at which a smooth function changes its sign.
 
         Newton's method is ill-conditioned at a branch point. The point is interpolated from
@@ -649,16 +723,18 @@ class Tracer:
         """
         from scipy.optimize import brentq
 
+        length = stretch.length
+
         def value(distance: float) -> float:
-            moved = self.advanced(before, distance)
-            return function(moved[0]) if moved is not None else 0.0
+            point = self._between(stretch, distance)
+            return function(point) if point is not None else 0.0
 
         near = brentq(value, 0.0, length, xtol=_BESIDE * length)
-        beside = [self.advanced(before, near + k * _BESIDE * length) for k in (-3, -1, 1, 3)]
-        points = [point for point, _ in filter(None, beside)]
+        beside = [near + k * _BESIDE * length for k in (-3, -1, 1, 3)]
+        points = [x for x in (self._between(stretch, d) for d in beside) if x is not None]
         if len(points) < 2:  # no step converges near it
-            sign = np.sign(function(before))
-            return self._bisected(before, length, lambda x: sign * function(x) < 0)[1]
+            sign = np.sign(function(stretch.before))
+            return self._bisected(stretch, lambda x: sign * function(x) < 0)[1]
         z = _at_zero([function(x) for x in points], np.array([x.place.z for x in points]))
         tangent = np.asarray(sum(x.tangent for x in points))
         place = self.problem.place(z)
@@ -708,5 +784,6 @@ def _nearest(basis: Array, before: Array) -> Array:
     """Return the orthonormal basis of a space that is closest to a previous one."""
     if not basis.shape[1]:
         return basis
-    u, _, vt = np.linalg.svd(basis.T @ before)
-    return np.asarray(basis @ (u @ vt))
+    orthonormal, _ = np.linalg.qr(basis)
+    u, _, vt = np.linalg.svd(orthonormal.T @ before)
+    return np.asarray(orthonormal @ (u @ vt))

@@ -97,14 +97,15 @@ def stability_of(
     reached = local.reached(operating_point.point, given)
     operating_point = replace(operating_point, tangent=reached)
     dimension -= len(given.positions) - len(reached.positions)
-    reduced = reduced_matrices(local, operating_point)
+    changed = _rounding_of_stiffness(local, operating_point)
+    reduced = _without_asymmetry(reduced_matrices(local, operating_point), changed)
     stiffness = hessian_eigenvalues(reduced)
     symmetric = symmetric_eigenpairs(reduced)
     pairs, states = symmetric or asymmetric_eigenpairs(linear_model(local, operating_point))
     order = np.argsort(np.abs(pairs), kind="stable")
     values, states = pairs[order], states[:, order]
     rate = _rate(local, operating_point)
-    slow = max(_SLOW * rate, math.sqrt(_rounding_of_stiffness(local, operating_point)))
+    slow = max(_SLOW * rate, math.sqrt(changed))
     values[np.abs(values) <= slow] = 0.0
     largest = max(rate, np.abs(values).max(initial=0.0))
     for k in range(min(dimension, len(values))):
@@ -132,6 +133,17 @@ def _rounding_of_stiffness(local: LocalEquations, operating_point: OperatingPoin
     by_place = (basis.T @ change @ basis)[np.ix_(moving, moving)]
     largest = (by_place / np.outer(inertia[moving], inertia[moving])).max(initial=0.0)
     return float(largest) if np.isfinite(largest) else 0.0
+
+
+def _without_asymmetry(reduced: ReducedMatrices | None, changed: float) -> ReducedMatrices | None:
+    """Return M, D and K without an asymmetry of K that is a rounding error, at most `changed`."""
+    if reduced is None or reduced.symmetric:
+        return reduced
+    inertia = np.sqrt(np.abs(np.diag(reduced.mass)))
+    asymmetry = np.abs(reduced.stiffness - reduced.stiffness.T)
+    if not (asymmetry <= changed * np.outer(inertia, inertia)).all():
+        return reduced
+    return reduced._replace(stiffness=(reduced.stiffness + reduced.stiffness.T) / 2)
 
 
 def _rate(local: LocalEquations, operating_point: OperatingPoint) -> float:
