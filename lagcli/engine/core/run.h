@@ -43,6 +43,7 @@ typedef struct {
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */
+    double *terms;                     /* 2 kinds and nq: scratch */
 } lag_tolerances;
 
 /* dop853.c: whether stability, not the order's accuracy, limits the steps. */

@@ -103,6 +103,7 @@ static void allocate(lag_run *run)
     run->tolerances.acceleration_terms = lag_doubles(pool, nq);
     run->tolerances.future_acceleration = lag_doubles(pool, nq);
     run->tolerances.largest = lag_doubles(pool, 2 * kinds);
+    run->tolerances.terms = lag_doubles(pool, 2 * kinds + nq);
     run->projection.scale_position = lag_doubles(pool, run->system.nh);
     run->projection.scale_velocity = lag_doubles(pool, nc);
     run->solver.a = lag_doubles(pool, nq + nc);

@@ -29,23 +29,104 @@ void lag_sizes_energy(lag_run *run, const double *y)
         run->tolerances.size[2 * nq] = fmax(run->tolerances.size[2 * nq], kinetic_energy(run, y + nq, 0.0));
 }
 
-/* Raise R_i to what the accelerations of coordinates at rest will be. */
+/* The sums of the magnitudes of f_i and, with accelerations a, of M_ij a_j: the largest of each kind of coordinates over
+ * its largest M_ii, to `terms`. Without a: of f_i alone. */
+static const double *terms_of(lag_run *run, double t, const double *y, const double *a)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *d = &s->dynamics;
+    double *terms = run->tolerances.terms, *inertia = terms + run->tolerances.kinds;
+    double *forces = inertia + run->tolerances.kinds;
+    lag_evaluate(d, s, t, y, LAG_ALL);
+    for (int i = 0; i < s->nq; ++i)
+        forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
+    for (int m = 0; a && m < s->nm / s->blocks; ++m) /* of the motion; f of the derivatives is not there */
+        forces[s->mass_row[m]] += fabs(OUT(d, m) * a[s->mass_column[m]]);
+    memset(terms, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
+    for (int i = 0; i < s->nq; ++i) {
+        const int kind = run->tolerances.kind[i];
+        terms[kind] = fmax(terms[kind], forces[i]);
+        if (s->mass_diagonal[i] >= 0)
+            inertia[kind] = fmax(inertia[kind], OUT(d, s->mass_diagonal[i]));
+    }
+    for (int kind = 0; kind < run->tolerances.kinds; ++kind) {
+        const double size = inertia[kind] > 0.0 ? terms[kind] / inertia[kind] : 0.0;
+        terms[kind] = isfinite(size) ? size : 0.0;
+    }
+    return terms;
+}
+
+/* The same of f_i for coordinate i, or A_i if that is larger; and of the forces of rows, which pass rounding errors on:
+ * those of B_k a are those of the a_i that row k changes. An acceleration `a` that is all rounding shows how many there
+ * are. */
+static const double *balanced_terms(lag_run *run, double t, const double *y, const double *a)
+{
+    const lag_switching *sw = &run->switching;
+    const int nq = run->system.nq;
+    const double *of_kind = terms_of(run, t, y, NULL);
+    double *terms = run->tolerances.terms + 2 * run->tolerances.kinds;
+    for (int i = 0; i < nq; ++i)
+        terms[i] = fmax(of_kind[run->tolerances.kind[i]], run->tolerances.acceleration_terms[i]);
+    for (int k = 0; k < sw->rows; ++k) {
+        if (sw->mode[k] != LAG_HOLDS)
+            continue;
+        const double *row = sw->jacobian + k * nq, *response = sw->response + k * (nq + run->system.nc);
+        double sum = 0.0, own = 0.0;
+        for (int i = 0; i < nq; ++i) {
+            sum += fabs(row[i]) * terms[i];
+            own += row[i] * response[i];
+        }
+        const double force = own > 0.0 ? fmax(fabs(sw->force[k]), sum / own) : 0.0;
+        for (int i = 0; i < nq; ++i)
+            terms[i] = fmax(terms[i], fabs(response[i]) * force);
+    }
+    for (int i = 0; i < nq; ++i)
+        if (fabs(a[i]) < VANISHED * terms[i])
+            terms[i] = fmax(terms[i], fabs(a[i]) / DBL_EPSILON);
+    return terms;
+}
+
+/* Raise R_i to what the accelerations of coordinates at rest will be; or A_i, where forces will be in balance. */
 static void look_ahead(lag_run *run)
 {
     const int nq = run->system.nq;
     const double *y = run->step.y, *a = run->step.f + nq;
-    double *f = run->step.f_new, length = run->settings.t_end - run->step.t;
+    double *f = run->step.f_new, *balanced = run->step.trial, length = run->settings.t_end - run->step.t;
     int at_rest = 0;
     for (int i = 0; i < nq; ++i)
         at_rest |= y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0;
     if (!at_rest)
         return;
+    memset(balanced, 0, (size_t)nq * sizeof(double));
     for (int k = 0; k < LOOKS; ++k) {
-        if (lag_derivative(run, run->step.t + (k + 0.5) / LOOKS * length, y, f))
+        const double t = run->step.t + (k + 0.5) / LOOKS * length;
+        if (lag_derivative(run, t, y, f))
             continue;
-        for (int i = 0; i < nq; ++i)
-            if (y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0)
-                run->tolerances.future_acceleration[i] = fmax(run->tolerances.future_acceleration[i], fabs(f[nq + i]));
+        const double *terms = balanced_terms(run, t, y, f + nq);
+        for (int i = 0; i < nq; ++i) {
+            if (y[i] != 0.0 || y[nq + i] != 0.0 || a[i] != 0.0)
+                continue;
+            const double later = fabs(f[nq + i]);
+            double *size = later < HIDDEN * terms[i] ? balanced : run->tolerances.future_acceleration;
+            size[i] = fmax(size[i], later < HIDDEN * terms[i] ? terms[i] : later);
+        }
+    }
+    for (int i = 0; i < nq; ++i)
+        if (run->tolerances.acceleration_terms[i] < HIDDEN * balanced[i])
+            run->tolerances.acceleration_terms[i] = balanced[i];
+}
+
+/* Raise A_i where forces that balance, as those of rows that hold, have grown so much that their rounding errors come
+ * near the tolerances. */
+static void count_growth(lag_run *run)
+{
+    const int nq = run->system.nq;
+    const double h = SUMMING * run->step.h, *terms = balanced_terms(run, run->step.t, run->step.y, run->step.f + nq);
+    for (int i = 0; i < nq / run->system.blocks; ++i) {
+        const double size = FOLLOWING * run->settings.rtol * run->tolerances.size[nq + i];
+        double *a = run->tolerances.acceleration_terms + i;
+        if (GROWN * h * terms[i] > size + h * *a)
+            *a = terms[i];
     }
 }
 
@@ -53,26 +134,10 @@ static void look_ahead(lag_run *run)
  * largest sum of the magnitudes of f_i and M_ij a_j over the largest M_ii. */
 static void count_forces(lag_run *run, double *largest)
 {
-    const lag_system *s = &run->system;
-    const lag_tape *d = &s->dynamics;
-    double *forces = run->step.trial, *of_kind = run->step.f_new, *inertia = of_kind + run->tolerances.kinds;
-    lag_evaluate(d, s, run->step.t, run->step.y, LAG_ALL);
-    for (int i = 0; i < s->nq; ++i)
-        forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
-    for (int m = 0; m < s->nm / s->blocks; ++m) /* of the motion; f of the derivatives is not there */
-        forces[s->mass_row[m]] += fabs(OUT(d, m) * run->step.f[s->nq + s->mass_column[m]]);
-    memset(of_kind, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
-    for (int i = 0; i < s->nq; ++i) {
-        const int kind = run->tolerances.kind[i];
-        of_kind[kind] = fmax(of_kind[kind], forces[i]);
-        if (s->mass_diagonal[i] >= 0)
-            inertia[kind] = fmax(inertia[kind], OUT(d, s->mass_diagonal[i]));
-    }
-    for (int kind = 0; kind < run->tolerances.kinds; ++kind) {
-        const double a = inertia[kind] > 0.0 ? of_kind[kind] / inertia[kind] : 0.0;
-        if (largest[kind] < HIDDEN * a && isfinite(a))
-            largest[kind] = a;
-    }
+    const double *terms = terms_of(run, run->step.t, run->step.y, run->step.f + run->system.nq);
+    for (int kind = 0; kind < run->tolerances.kinds; ++kind)
+        if (largest[kind] < HIDDEN * terms[kind])
+            largest[kind] = terms[kind];
 }
 
 /* y' with rounding errors of one side: all operations are rounded down, or up. Where a machine has no rounding modes,
@@ -160,6 +225,8 @@ void lag_sizes_update(lag_run *run)
     const double h = SUMMING * run->step.h, length = TIMING * (run->settings.t_end - run->step.t_start);
     double *size = run->tolerances.size, *largest = run->tolerances.largest;
     memset(largest, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
+    if (run->switching.acting)
+        count_growth(run);
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
             double *all = largest + part * run->tolerances.kinds + run->tolerances.kind[i];

@@ -16,7 +16,9 @@
  *     what it changes by between rounding up and rounding down, over the rounding unit; the largest
  *     among coordinates of the same kind. Where the acceleration is zero and, at the start, all
  *     rounding too (a coordinate that a constraint holds), it is the largest sum of the magnitudes of
- *     forces over the largest inertia among coordinates of the same kind;
+ *     forces over the largest inertia among coordinates of the same kind. It is raised to that of later
+ *     times where a coordinate at rest stays so, as a body that friction holds under a load that grows, and
+ *     during the run where forces that rows hold have grown beyond it;
  *   - TIMING times T R_i for a velocity, and h T R_i for its coordinate. T is the length of the run,
  *     R_i, of a coordinate at rest without acceleration, the largest acceleration at times to come: a
  *     load that is applied later, at a time that is known to a rounding.
@@ -36,6 +38,8 @@
 #define SUMMING (100.0 * DBL_EPSILON)
 #define TIMING (10.0 * DBL_EPSILON)
 #define HIDDEN 1e-8         /* of the forces' size: a smaller A is a rounding error */
+#define VANISHED 1e-12      /* of the forces' size: an acceleration below it is all rounding */
+#define GROWN 0.1           /* of the forces' size: a smaller A, without a velocity, is too small for rows that hold */
 #define NO_SIZE 1e-100      /* tolerance of an entry without any size so far */
 #define LOOKS 64            /* number of later times at which accelerations are evaluated */
 

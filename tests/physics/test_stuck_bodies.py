@@ -1,0 +1,219 @@
+"""Bodies that friction or limits hold at rest under harmonic forces, against closed forms.
+
+A body on which the load is F sin(ω t) sticks while |F sin(ω t)| <= G. From rest it slips first at
+asin(G/F)/ω. If F < 1.86 G it comes to rest before the load turns, and slips again half a period
+after that, with
+
+    v = F/(m ω) (cos(ω t₁) − cos(ω t)) − G/m (t − t₁).
+
+Errors of forces that balance must not look like errors of the motion: runs ended with "the step
+size fell" or at the largest number of steps.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from random_cases import FUZZ_COUNT
+from scipy.optimize import brentq
+
+import lagcli
+from lagcli.trajectory.trajectory import Trajectory
+
+METHODS = ["auto", "DOP853", "Taylor", "Radau", "Rodas5P"]
+#: Ratio F/G from which a slip lasts until the load exceeds G in the other direction.
+NO_REST = 1.86
+
+
+class Load(NamedTuple):
+    """A body of mass m under F sin(ω t), held by at most G."""
+
+    mass: float
+    limit: float
+    force: float
+    rate: float
+    periods: float
+
+    @property
+    def first_slip(self) -> float:
+        return math.asin(self.limit / self.force) / self.rate
+
+    @property
+    def rest(self) -> float:
+        """The time at which the first slip ends."""
+
+        def rate(x: float) -> float:
+            slip = math.cos(x0) - math.cos(x)
+            return self.force / self.limit * slip - (x - x0)
+
+        x0 = self.first_slip * self.rate
+        return brentq(rate, math.pi - x0, x0 + math.pi, xtol=1e-14) / self.rate
+
+    def instants(self) -> list[tuple[float, str]]:
+        """Return when it slips and sticks, if it comes to rest in each half of a period."""
+        if self.force <= self.limit:
+            return []
+        half, end = math.pi / self.rate, self.periods * 2 * math.pi / self.rate
+        both = ((self.first_slip, "slips"), (self.rest, "sticks"))
+        all_ = [(t + k * half, kind) for k in range(int(2 * self.periods) + 1) for t, kind in both]
+        return [x for x in all_ if x[0] <= end]
+
+
+def block(load: Load, form: str) -> str:
+    """Return the model of a block that a limit, friction, or a belt holds."""
+    end = load.periods * 2 * math.pi / load.rate
+    values = f"m: {load.mass!r}, G: {load.limit!r}, F: {load.force!r}, w: {load.rate!r}, g: 9.81"
+    x, more, law, potential = "x", "", "{expr: x' = 0, limit: G}", "0"
+    force, speed = "F*sin(w*t)", "0"
+    if form == "belt":
+        law, values, speed = "{expr: x' = u, limit: G}", f"{values}, u: 0.3", "u"
+    elif form in ("floor", "guide"):
+        x, more, potential = "x, y", " + m/2*y'^2", "m*g*y"
+        sign = ">=" if form == "floor" else "="
+        law = f"{{expr: y {sign} 0, friction: G/(m*g), slip: x'}}"
+    elif form == "sign":
+        force += " - G*sign(x')"
+    constraints = "" if form == "sign" else f"constraints:\n  hold: {law}\n"
+    start = ", y: 0, y': 0" if form in ("floor", "guide") else ""
+    return (
+        f"coordinates: [{x}]\nparameters: {{{values}}}\nT: m/2*x'^2{more}\nV: {potential}\n"
+        f'Q: {{x: "{force}"}}\n{constraints}initial: {{x: 0, x\': {speed}{start}}}\n'
+        f"simulation: {{t_end: {end!r}, samples: 101}}\n"
+    )
+
+
+def check_block(load: Load, form: str, method: str) -> Trajectory:
+    model = lagcli.load_text(block(load, form))
+    run = lagcli.simulate(model, method=method, max_steps=100_000)
+    assert run.status == "completed", run.message
+    assert run.events is not None
+    expected = load.instants()
+    assert [x for x in run.events.kinds if x in ("slips", "sticks")] == [x[1] for x in expected]
+    # the first slip is a double root next to F = G: its instant is known to √ε/(F/G − 1)
+    np.testing.assert_allclose(
+        [t * load.rate for t in run.events.time], [t * load.rate for t, _ in expected], atol=2e-6
+    )
+    friction = run.multipliers[:, -1]
+    assert np.abs(friction).max() <= load.limit * (1 + 1e-9)
+    if not expected:  # it balances the load
+        assert friction == pytest.approx(
+            -load.force * np.sin(load.rate * run.time), abs=1e-9 * load.limit
+        )
+        speed = 0.3 if form == "belt" else 0.0
+        assert np.abs(run.v[:, 0] - speed).max() <= 1e-9 * load.force / load.mass / load.rate
+    return run
+
+
+@pytest.mark.parametrize(
+    ("mass", "limit", "rate", "ratio", "periods", "form", "method"),
+    [
+        (1e5, 1e4, 1.0, 1 + 1e-6, 1.3, "sign", "auto"),
+        (9.984, 1.0, 1000.0, 0.999, 1.3, "limit", "DOP853"),
+        (1e5, 1.0, 1e-3, 0.9, 200, "limit", "Rodas5P"),
+        (2.87, 1e-9, 46.15, 1 - 1e-9, 20, "limit", "Taylor"),
+        (3.147, 1e-9, 1e6, 1.0, 1.3, "limit", "Taylor"),
+        (4.695, 1e4, 31.84, 1.1, 5, "limit", "auto"),
+        (1e5, 1e-9, 1.0, 1.4937, 0.2, "limit", "Radau"),
+    ],
+)
+def test_blocks_that_did_not_end(
+    mass: float, limit: float, rate: float, ratio: float, periods: float, form: str, method: str
+) -> None:
+    check_block(Load(mass, limit, ratio * limit, rate, periods), form, method)
+
+
+def random_block(seed: int) -> tuple[Load, str, str]:
+    rng = random.Random(seed)
+    form = rng.choice(["limit", "sign", "floor", "guide", "belt"])
+    limit = rng.choice([1.0, 1e-9, 1e4, rng.uniform(0.1, 10)])
+    mass = rng.choice([1.0, 1e-6, 1e5, rng.uniform(0.1, 10)])
+    if form in ("floor", "guide"):
+        mass = limit / (9.81 * rng.choice([0.1, 0.5, 1, 30]))
+    rate = rng.choice([1.0, 1e-3, 1e6, rng.uniform(0.1, 100)])
+    if form == "belt":  # its speed is of the size of the block's
+        mass, rate = limit, rng.uniform(0.5, 5)
+    near = rng.choice([0, 1e-6, -1e-6, 1e-3, -1e-3, rng.uniform(-1, NO_REST - 1)])
+    if near == 0 and form in ("floor", "guide"):
+        near = -1e-12  # μ N is G but for rounding
+    periods = rng.choice([0.2, 1.3, 5, 20])
+    return Load(mass, limit, limit * (1 + near), rate, periods), form, rng.choice(METHODS)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_blocks(seed: int) -> None:
+    check_block(*random_block(seed))
+
+
+@pytest.mark.fuzz
+def test_many_random_blocks() -> None:
+    for seed in range(FUZZ_COUNT):
+        check_block(*random_block(1000 + seed))
+
+
+@pytest.mark.parametrize("method", ["auto", "Taylor"])
+def test_many_periods_of_rest_in_a_step(method: str) -> None:
+    """The load has whole periods between the times at which later forces are looked at."""
+    check_block(Load(3.0, 1.0, 0.99, 1e3, 128), "limit", method)
+
+
+def test_a_constraint_holds_a_body_at_rest_under_a_growing_load() -> None:
+    for rate in (1e-3, 1.0, 1e6):
+        text = (
+            f"coordinates: [x, y]\nparameters: {{m: 1e-3, F: 7, w: {rate}}}\n"
+            "T: m/2*(x'^2 + y'^2)\nV: F*(x - y)^2\nQ: {x: F*sin(w*t)}\n"
+            "constraints: {hold: x' = 0}\ninitial: {x: 0, y: 0, x': 0, y': 0}\n"
+            f"simulation: {{t_end: {20 / rate!r}}}\n"
+        )
+        run = lagcli.simulate(lagcli.load_text(text))
+        assert run.status == "completed", run.message
+        assert run.counts["steps"] < 200
+        expected = -7 * np.sin(rate * run.time)
+        assert run.multipliers[:, 0] == pytest.approx(expected, abs=1e-9)
+
+
+def stack(seed: int) -> tuple[str, float]:
+    """Return the model of two blocks, one on the other, that stay at rest; and the largest load."""
+    rng = random.Random(seed)
+    unit = rng.choice([1e-6, 1.0, 1e4])
+    lower, upper = unit * 10 ** rng.uniform(-1.5, 1), unit * 10 ** rng.uniform(-1.5, 1)
+    floor, between = unit * rng.uniform(1, 30), unit * rng.uniform(1, 30)
+    part = rng.choice([0.0, 0.5, 1.0])
+    load = min(floor, between / part if part else floor) * rng.choice([0.3, 0.999, 1 - 1e-6])
+    rate = rng.choice([1e-3, 1.0, 50.0, 1e4])
+    text = (
+        f"coordinates: [x, y]\nparameters: {{m: {lower!r}, n: {upper!r}, G: {floor!r}, "
+        f"H: {between!r}, F: {load!r}, w: {rate!r}}}\n"
+        "T: m/2*x'^2 + n/2*y'^2\n"
+        f"Q: {{x: {1 - part}*F*sin(w*t), y: {part}*F*sin(w*t)}}\n"
+        "constraints:\n  floor: {expr: x' = 0, limit: G}\n  on: {expr: y' - x' = 0, limit: H}\n"
+        "initial: {x: 0, x': 0, y: 0, y': 0}\n"
+        f"simulation: {{t_end: {rng.choice([2, 8, 60]) / rate!r}}}\n"
+    )
+    return text, load
+
+
+def check_stack(seed: int) -> None:
+    text, load = stack(seed)
+    method = random.Random(-seed).choice(METHODS)
+    run = lagcli.simulate(lagcli.load_text(text), method=method, max_steps=100_000)
+    assert run.status == "completed", run.message
+    assert run.events is not None
+    assert len(run.events) == 0
+    rate = float(text.split(" w: ")[1].split("}")[0])
+    expected = -load * np.sin(rate * run.time)
+    assert run.multipliers[:, 0] == pytest.approx(expected, abs=1e-9 * load)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_stacks_that_stay(seed: int) -> None:
+    check_stack(seed)
+
+
+@pytest.mark.fuzz
+def test_many_stacks_that_stay() -> None:
+    for seed in range(FUZZ_COUNT // 2):
+        check_stack(1000 + seed)
