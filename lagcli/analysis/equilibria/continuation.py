@@ -421,13 +421,11 @@ class Tracer:
         one: Array = np.eye(len(system))
         try:
             null = np.linalg.solve(system, one[:, rows:])[:columns]
-            left = np.linalg.solve(system.T, one[:, columns:])[:rows]
+            left = np.asarray(np.linalg.solve(system.T, one[:, columns:])[:rows], dtype=float)
         except np.linalg.LinAlgError:
             return None
         tangent = null[:, 0] / np.linalg.norm(null[:, 0])
-        right: Array = np.asarray(
-            null[:, 1:] - np.outer(tangent, tangent @ null[:, 1:]), dtype=float
-        )
+        right = np.asarray(null[:, 1:] - np.outer(tangent, tangent @ null[:, 1:]), dtype=float)
         frame = Frame(_nearest(right, before.right), _nearest(left, before.left))
         return Traced(place, tangent, frame)
 
