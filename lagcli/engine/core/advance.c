@@ -235,6 +235,8 @@ int lag_advance(lag_run *run, int64_t slice)
         if (lag_check_left_out(run) && lag_take_all_rows(run, 1))
             return LAG_INACCURATE;
         status = run->method->step(run);
+        if ((status == LAG_FLOOR || status == LAG_UNDEFINED) && lag_jams(run))
+            return LAG_JAMMED;
         if (status != LAG_RUNNING)
             return status;
         const int sound = accurate(run);

@@ -230,7 +230,6 @@ typedef struct {
     int with_friction;                 /* ... whether it had friction */
     int equal_restitution;             /* ... whether all its coefficients of restitution are equal */
     const int *takes_part;             /* rows: participating in the last impact */
-    double margin;                     /* uniqueness of the forces while something slips: 0 if it jams */
     int motions;                       /* result of the last contact problem: core/contact/contact.h */
     int begun;                         /* whether the initial modes are known ... */
     const int *first_mode;             /* ... these modes */

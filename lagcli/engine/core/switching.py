@@ -79,7 +79,6 @@ class lag_instant_report(Structure):
         ("gained", c_double),
         *each(c_int, "with_friction equal_restitution"),
         ("takes_part", Integers),
-        ("margin", c_double),
         *each(c_int, "motions begun"),
         ("first_mode", Integers),
         *each(Doubles, "before a multipliers"),
@@ -335,12 +334,6 @@ class SwitchingIntegrator(Integrator):
         """Energy gained by the last impact, J; whether it had friction, and equal restitution."""
         report = self._instant
         return report.gained, bool(report.with_friction), bool(report.equal_restitution)
-
-    @property
-    def margin(self) -> float:
-        """How unique the forces are while something slips: 1 without friction, 0 where it jams."""
-        margin: float = self._instant.margin
-        return margin
 
     @property
     def unresolved(self) -> tuple[str, int]:

@@ -220,7 +220,7 @@ class SwitchingIntegration(Integration):
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
-        if status < Status.HAPPENED and status != Status.FLOOR and self.frozen is None:
+        if status < Status.HAPPENED and self.frozen is None:
             return super().handle_status(status)
         core = self.core
         if self.frozen is not None:
@@ -230,16 +230,15 @@ class SwitchingIntegration(Integration):
         if status == Status.RESOLVED:
             self.resolve()
             return False
-        if status in _REFUSED or status == Status.FLOOR:
+        if status in _REFUSED:
             from lagcli.engine.switching.stops import refusal
 
             self.collect()
             stop = refusal(
                 self.split_system, status, core, self.settings.impacts, self.log, self.branches()
             )
-            if stop is not None:
-                self.log_end(status)
-                raise stop
+            self.log_end(status)
+            raise stop
         if status == Status.UNRESOLVED:
             from lagcli.engine.switching.stops import unresolved
 

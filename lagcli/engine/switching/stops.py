@@ -27,8 +27,6 @@ _LAWS = {
     "poisson": ("Poisson's law", "", "use `impacts: sequential`"),
     "sequential": ("one contact at a time", "", "use `impacts: poisson`"),
 }
-#: Margin below which forces, which are inversely proportional to it, reduce the steps.
-_JAMMING = 1e-3
 
 
 def gains_energy(
@@ -116,11 +114,6 @@ def two_motions(
         f"two motions are possible at `{names[row]}` at t = {t:.9g} s: {ways}"
         f"{_bound(problem, row)}; reduce the friction, or give the bodies some compliance"
     )
-
-
-def jamming(margin: float, slipping: Sequence[SwitchedRow]) -> bool:
-    """Return whether a run with decreasing steps jams, by the margin of its motion."""
-    return bool(slipping) and abs(margin) < _JAMMING
 
 
 def jammed(slipping: Sequence[SwitchedRow]) -> int:
@@ -349,8 +342,8 @@ def refusal(
     impacts: str,
     log: EventEntries,
     branches: Sequence[Sequence[str]] = (),
-) -> Stop | None:
-    """Return the end of a run at a contact; None if its steps become small for another reason.
+) -> Stop:
+    """Return the end of a run at a contact.
 
     Parameters
     ----------
@@ -379,10 +372,8 @@ def refusal(
         if status == Status.NO_IMPACT:
             return no_impact(t, contacts)
         return gains_energy(t, contacts, core.gain[0], impacts, *core.gain[1:])
-    if status in (Status.JAMMED, Status.FLOOR):
+    if status == Status.JAMMED:
         slipping = [row for row, mode in zip(rows, core.modes, strict=False) if RowMode(mode).slips]
-        if status == Status.FLOOR and not jamming(core.margin, slipping):
-            return None
         return jams(t, split.system, slipping)
     taking, problem, motions = core.problem
     failure = two_motions if motions else no_motion
@@ -394,7 +385,7 @@ def ending(split: SplitSystem, status: int, core: Any) -> tuple[Occurrence, int]
 
     None if the motion is unique, as where an impact would gain energy.
     """
-    if status in (Status.JAMMED, Status.FLOOR):
+    if status == Status.JAMMED:
         rows = zip(split.switching.rows, core.modes, strict=False)
         return "jams", jammed([row for row, mode in rows if RowMode(mode).slips])
     if status in (Status.NO_MODE, Status.TWO_MODES):

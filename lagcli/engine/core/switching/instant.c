@@ -37,6 +37,8 @@
 /* What the program that drives the run knows of an instant. */
 enum { NOTHING_REPORTED, BEGIN_REPORTED, END_REPORTED };
 
+#define JAMMING 1e-3        /* margin below which forces, which are inversely proportional to it, reduce the steps */
+
 static double *velocities(lag_run *run)
 {
     return run->step.y + run->system.nq;
@@ -48,6 +50,21 @@ static int loose(const lag_switching *sw, int row)
     return sw->redundant && isfinite(sw->slack[row]) && !sw->tight[row];
 }
 
+/* Whether a row slips. */
+static int slips(const lag_switching *sw)
+{
+    for (int i = 0; i < sw->rows; ++i)
+        if (lag_row_slips(sw, i))
+            return 1;
+    return 0;
+}
+
+int lag_jams(lag_run *run)
+{
+    return slips(&run->switching) && !lag_all_forces(run, run->step.t, run->step.y)
+           && fabs(run->switching.margin) < JAMMING;
+}
+
 /* Record the watched functions that cross zero and end a mode. Returns LAG_RUNNING, or LAG_JAMMED. */
 static int note_ends(lag_run *run)
 {
@@ -56,6 +73,8 @@ static int note_ends(lag_run *run)
         const lag_watched_function *w = sw->watched + k;
         if (!w->hit || (w->what < LAG_WATCH_SLIP && loose(sw, w->which)))
             continue;
+        if (w->what == LAG_WATCH_FORCE && slips(sw) && sw->margin < run->settings.rtol)
+            return LAG_JAMMED; /* the force is 0/0 within the tolerance: Painleve's singular point */
         if (w->what == LAG_WATCH_FORCE)
             sw->ended[w->which] = FORCE_ENDED;
         else if (w->what == LAG_WATCH_STICK)

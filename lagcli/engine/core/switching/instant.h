@@ -17,6 +17,10 @@ int lag_begin_change(lag_run *run);
  * Returns LAG_RUNNING; sw->due says whether an instant is to be done; or another status. */
 int lag_look_for_instant(lag_run *run);
 
+/* Whether a contact force grows without bound at (run->step.t, run->step.y), while something slips: steps become small
+ * there, or equations undefined in them. */
+int lag_jams(lag_run *run);
+
 /* Do what is due at (run->step.t, run->step.y), and restart there. Returns LAG_RUNNING; LAG_HAPPENED where the
  * program that drives the run has something to do before; or what went wrong. */
 int lag_do_instant(lag_run *run);

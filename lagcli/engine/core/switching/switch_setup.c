@@ -195,7 +195,7 @@ lag_instant_report lag_instant_of(lag_run *run)
                                                                                                    : LAG_OF_ROW;
     return (lag_instant_report){run->step.t, run->step.y, sw->mode, sw->active, sw->phi, sw->psi,
                                 sw->trial_force, sw->gained, sw->with_friction, sw->equal_restitution,
-                                sw->takes_part, sw->margin, sw->motions, sw->begun, sw->first_mode,
+                                sw->takes_part, sw->motions, sw->begun, sw->first_mode,
                                 sw->before, sw->begin, sw->begin + run->system.nq,
                                 sw->kinks.crossed, sw->kinks.slid, sw->kinks.state, sw->kinks.branch,
                                 kind, w->which};

@@ -156,7 +156,7 @@ typedef struct {
     double *slack;                     /* rows: of lag_share_contacts; infinity without redundancy */
     int *tight;                        /* rows, likewise */
     int *shares;                       /* rows: whether the log has that the force is not unique */
-    double margin;
+    double margin;                     /* uniqueness of the forces while something slips: 0 if it jams */
     double strength;                   /* the largest force of a row so far */
     double *work;                      /* scratch of forces.c */
     double *lu;                        /* (rows + nf)^2 */

@@ -15,7 +15,6 @@ from lagcli.engine.lowering.lower import lower
 from lagcli.engine.switching import stops
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.stops import refusal
-from lagcli.engine.switching.switching import SwitchedRow
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.model.loader import load_text
 from lagcli.simulations.simulation import prepare
@@ -97,13 +96,6 @@ def test_jamming_in_a_guide() -> None:
     found = stops.two_motions(0.0, ["rough", "rough.slip"], problem, contact_motions(problem))
     assert str(found).startswith("2 solutions for the friction at `rough` at t = 0 s: jamming (")
     assert "beyond the bound 1.155" in str(found)
-
-
-def test_rows_that_jam() -> None:
-    slipping = [SwitchedRow(1, limit=0, normal=0)]
-    assert stops.jamming(1e-6, slipping)
-    assert not stops.jamming(0.5, slipping)
-    assert not stops.jamming(1e-6, [])
 
 
 #: Painlevé's rod: half length 0.5 m, tan θ = 2, whose tip slides backwards.
