@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 from lagcli.cli.options import assignments, refuse_same_file
 from lagcli.cli.parameters import Option
-from lagcli.cli.streams import tell
+from lagcli.cli.streams import tell, text_width
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
 
@@ -90,7 +91,11 @@ def load_steady(
 
 
 def print_analysis(
-    content: Mapping[str, Any], text: str, written: str | None, json: bool, quiet: bool
+    content: Mapping[str, Any],
+    format: Callable[[], str],
+    written: str | None,
+    json: bool,
+    quiet: bool,
 ) -> None:
     """Print the result of an analysis, as JSON or text, and the name of its file."""
     from lagcli.cli.summary import to_json
@@ -98,9 +103,19 @@ def print_analysis(
     if json:
         print(to_json(content))
     elif written is None:
-        print_listing(text)
+        print_listing(formatted(format))
     elif not quiet:
-        tell(f"{text}\n  written  {written}")
+        tell(f"{formatted(format)}\n  written  {written}")
+
+
+def formatted(format: Callable[[], str]) -> str:
+    """Return the text of an analysis, laid out for a terminal where it is printed on one."""
+    from lagcli.analysis.output.text import laid_out
+
+    if not sys.stdout.isatty():
+        return format()
+    with laid_out(text_width()):
+        return format()
 
 
 def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:

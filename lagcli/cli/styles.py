@@ -52,7 +52,7 @@ def print_listing(
     text : str
     column : int, optional
         Columns in front of the text of labels. By default the text is that of an analysis: a
-        heading, and lines of 80 columns, which a narrower terminal wraps.
+        heading, and lines, of which a narrower terminal wraps those that are not laid out for it.
     stream : text stream, optional
         Standard output by default.
     plain : bool

@@ -23,7 +23,7 @@ from lagcli.analysis.output.tables import (
     names_of,
     unit_of,
 )
-from lagcli.analysis.output.text import WIDTH
+from lagcli.analysis.output.text import width
 from lagcli.arrays import Array, Indices
 from lagcli.model.model import Model
 from lagcli.results.listing import wrapped
@@ -159,21 +159,26 @@ def format_comparison(content: Mapping[str, Any]) -> str:
 def _formulations(content: Mapping[str, Any]) -> list[str]:
     reference = content["reference"]
     table = _runs_table(content["runs"])
-    head, *rows = table.lines()
     names = table._replace(columns=table.columns[:_IDENTIFYING]).lines()[1:]
-    lines = [
+    lines = wrapped(
         f"{content['model']}: compared with {reference['formulation']}, {reference['method']},"
         f" rtol {reference['rtol']:.0e}",
+        width(),
         "",
-        head,
-    ]
+        " " * 4,
+    )
+    for number, (head, *rows) in enumerate(table.parts(_IDENTIFYING)):
+        lines += ["", head]
+        for run, row, identified in zip(content["runs"], rows, names, strict=True):
+            if run["status"] != "not available":
+                lines.append(row)
+            elif not number:
+                lines += wrapped(run["message"], width(), f"{identified}  ", " " * 4)
     notes = []
-    for run, row, identified in zip(content["runs"], rows, names, strict=True):
+    for run in content["runs"]:
         name = _FORMULATIONS.get(run["formulation"], run["formulation"])
         if run["status"] == "not available":
-            lines.append(f"{identified}  {run['message']}")
             continue
-        lines.append(row)
         if run["status"] != "completed":
             notes.append(f"{name}, {run['method']}: {run['status']}: {run['message']}")
         drifts = (run["drift_position"], run["drift_velocity"], 0.0)
@@ -191,7 +196,7 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
         " and Δλ, differences relative to the largest value of the same unit"
     )
     for note in notes:
-        lines += wrapped(f"note: {note}", WIDTH, "  ", " " * 8)
+        lines += wrapped(f"note: {note}", width(), "  ", " " * 8)
     return lines
 
 
@@ -249,13 +254,13 @@ def _two_models(content: Mapping[str, Any]) -> list[str]:
                 text += f"{x['difference']:.3e} at t = {x['time']:.6g} s{share}"
             if x.get("explained"):
                 text += "; explained"
-            lines += wrapped(text.lstrip(), WIDTH, "  ", " " * 26)
+            lines += wrapped(text.lstrip(), width(), "  ", " " * 26)
     if any(x.get("explained") for x in content["multipliers"]):
         said = (
             "explained: the Lagrangians differ by F times the constraint, which does not change the"
             " motion but reduces λ by F"
         )
-        lines += wrapped(said, WIDTH, "  ", "  ")
+        lines += wrapped(said, width(), "  ", "  ")
     for number, names in enumerate((content["only_first"], content["only_second"])):
         if names:
             more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""

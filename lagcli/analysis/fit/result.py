@@ -23,6 +23,7 @@ from lagcli.analysis.output.tables import (
     TextColumn,
     UnitText,
 )
+from lagcli.analysis.output.text import width
 from lagcli.arrays import Array
 from lagcli.results.listing import wrapped
 
@@ -248,7 +249,6 @@ def _rms(values: Array) -> float:
     return scale * float(np.sqrt(np.mean((finite / scale) ** 2)))
 
 
-_WIDTH = 80
 #: Smallest correlation that is listed, and the largest number of them.
 _STRONG, _LISTED = 0.9, 6
 
@@ -433,6 +433,6 @@ def _entry(label: str, text: str) -> list[str]:
 
 
 def _wrapped(text: str, label: str) -> list[str]:
-    lines = wrapped(text, _WIDTH - len(label))
+    lines = wrapped(text, width() - len(label))
     first, *rest = lines or [""]
     return [label + first, *(" " * len(label) + line for line in rest)]

@@ -31,7 +31,7 @@ from lagcli.analysis.output.tables import (
     state_quantities,
     unit_of,
 )
-from lagcli.analysis.output.text import WIDTH, entry, state_lines
+from lagcli.analysis.output.text import entry, state_lines, width
 from lagcli.model.model import Model
 from lagcli.results.listing import wrapped
 
@@ -296,7 +296,7 @@ def format_modes(content: Mapping[str, Any]) -> str:
         forces = _shape({f"λ {k}": v for k, v in mode["multipliers"].items()})
         head = f"  {mode['number']:>4}  "
         for text in (f"δq: {shape}", *([f"δλ: {forces}"] if forces else ())):
-            lines += wrapped(text, WIDTH, head, " " * 12)
+            lines += wrapped(text, width(), head, " " * 12)
             head = " " * 8
     return "\n".join([*lines, *_notes(content)])
 
@@ -344,7 +344,7 @@ def _size(name: str, rows: Sequence[Sequence[float]]) -> str:
 
 def _notes(content: Mapping[str, Any]) -> Iterator[str]:
     for note in content["notes"]:
-        yield from wrapped(f"note: {note}", WIDTH, "  ", " " * 8)
+        yield from wrapped(f"note: {note}", width(), "  ", " " * 8)
 
 
 LINEAR_SUFFIXES = (".json", ".npz", ".mat", ".h5")

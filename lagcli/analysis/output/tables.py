@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from lagcli.analysis.output.text import width
 from lagcli.columns import unit_quotient
 
 
@@ -95,7 +96,38 @@ class ResultTable(NamedTuple):
     facts: bool = False
 
     def lines(self) -> list[str]:
-        """Return the head and the rows of the columns that text shows."""
+        """Return the parts of the table, with an empty line between them."""
+        first, *others = self.parts()
+        return [*first, *(line for part in others for line in ("", *part))]
+
+    def parts(self, identifying: int = 1) -> list[list[str]]:
+        """Return the head and the rows of the columns that text shows.
+
+        The columns that do not fit beside the others form further parts, each with those that
+        identify the rows.
+
+        Parameters
+        ----------
+        identifying : int
+            Number of first columns that identify a row.
+        """
+        cells = self._cells()
+        names, *others = cells[:identifying], *cells[identifying:]
+        room = width() - sum(max(map(len, column)) for column in names)
+        parts: list[list[list[str]]] = [[]]
+        left = room
+        for column in others:
+            if parts[-1] and max(len(cell.rstrip()) for cell in column) > left:
+                parts.append([])
+                left = room
+            parts[-1].append(column)
+            left -= max(map(len, column))
+        return [
+            ["".join(row).rstrip() for row in zip(*names, *part, strict=True)] for part in parts
+        ]
+
+    def _cells(self) -> list[list[str]]:
+        """Return the columns of text, each with its head and values, as they are written."""
         shown = [(column, column.text) for column in self.columns if column.text is not None]
         texts = [
             text.texts
@@ -103,10 +135,9 @@ class ResultTable(NamedTuple):
             else [_text(x, column.digits) for x in column.values]
             for column, text in shown
         ]
-        heads = [text.head for _, text in shown]
         return [
-            "".join(text.form.format(x) for x, (_, text) in zip(row, shown, strict=True))
-            for row in (heads, *zip(*texts, strict=True))
+            [text.form.format(x) for x in (text.head, *values)]
+            for values, (_, text) in zip(texts, shown, strict=True)
         ]
 
 

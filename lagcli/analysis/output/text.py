@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 from lagcli.results.listing import wrapped
 
-#: Columns of the text.
-WIDTH = 80
+#: Columns of the text: by default those of a file, on a terminal those of `laid_out`.
+_COLUMNS = ContextVar("_COLUMNS", default=80)
 _LABEL = 9
+
+
+def width() -> int:
+    """Return the columns of the text."""
+    return _COLUMNS.get()
+
+
+@contextmanager
+def laid_out(columns: int) -> Iterator[None]:
+    """Lay out texts that are formatted in this context in so many columns."""
+    token = _COLUMNS.set(columns)
+    try:
+        yield
+    finally:
+        _COLUMNS.reset(token)
 
 
 def entry(label: str, text: str, indent: int = 2) -> list[str]:
     """Return a label followed by a wrapped text."""
     before = " " * (indent + _LABEL)
-    first, *rest = wrapped(text, WIDTH - len(before)) or [""]
+    first, *rest = wrapped(text, width() - len(before)) or [""]
     return [f"{' ' * indent}{label:<{_LABEL}}{first}", *(before + line for line in rest)]
 
 

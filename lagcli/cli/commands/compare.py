@@ -93,7 +93,7 @@ def compare(
         content = describe_models(compare_models(loaded, second, settings), loaded, second)
     if output is not None:
         write_content(content, {}, loaded, output, force)
-    print_analysis(content, format_comparison(content), output, json, quiet)
+    print_analysis(content, lambda: format_comparison(content), output, json, quiet)
 
 
 def _names(given: list[str] | None) -> list[str]:

@@ -80,14 +80,14 @@ def equilibrium(
     arrays = {}
     if along is None:
         content = describe_equilibria(find(loaded, steady=held, all=all, starts=starts))
-        text = format_equilibria(content)
+        format, note = format_equilibria, ""
     else:
         loaded, name, start, end = load_along(loaded, along)
         diagram = follow_equilibria(loaded, name, start, end, steady=held, branches=branches)
         content, arrays = describe_diagram(diagram), diagram_arrays(diagram)
-        text = format_diagram(content)
+        format, note = format_diagram, ""
         if not branches and any(x.kind == "branch point" for x in diagram.special):
-            text += "\n  note: other branches cross at branch points; --branches follows them"
+            note = "\n  note: other branches cross at branch points; --branches follows them"
     if output is not None:
         write_content(content, arrays, loaded, output, force)
-    print_analysis(content, text, output, json, quiet)
+    print_analysis(content, lambda: format(content) + note, output, json, quiet)

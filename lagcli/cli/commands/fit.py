@@ -56,6 +56,7 @@ def fit(
     from lagcli.analysis.fit.file import check_written, write_fit, write_model
     from lagcli.analysis.fit.fit import fit as run_fit
     from lagcli.analysis.fit.result import format_fit
+    from lagcli.cli.operating_point import formatted
     from lagcli.cli.styles import print_listing
     from lagcli.cli.summary import to_json
     from lagcli.model.loader import load
@@ -89,7 +90,7 @@ def fit(
         described = result.as_dict()
         print(to_json({"command": "fit", **described, "output": output, "written": write}))
     elif not quiet:
-        print_listing(format_fit(result))
+        print_listing(formatted(lambda: format_fit(result)))
         for label, path in (("written", output), ("model", write)):
             if path:
                 print(f"  {label:<12}{path}")

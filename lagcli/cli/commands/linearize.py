@@ -84,4 +84,4 @@ def linearize(
     if file is not None:
         write_linear(linear, loaded, file, force)
     content = describe_linear(linear)
-    print_analysis(content, format_linear(content), file, json, quiet)
+    print_analysis(content, lambda: format_linear(content), file, json, quiet)

@@ -53,4 +53,4 @@ def modes(
     if output is not None:
         write_modes(analysis, loaded, output, force)
     content = describe_modes(analysis)
-    print_analysis(content, format_modes(content), output, json, quiet)
+    print_analysis(content, lambda: format_modes(content), output, json, quiet)

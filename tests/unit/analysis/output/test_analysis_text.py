@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from lagcli.analysis.output.text import WIDTH, entry, listed, without_rounding
+from lagcli.analysis.output.text import entry, listed, width, without_rounding
 
 
 def test_long_texts_continue_below_their_own_beginning() -> None:
     lines = entry("q", ", ".join(["alpha = 1.25"] * 12), indent=4)
     assert len(lines) > 1
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= width()
     start = lines[0].index("alpha")
     assert lines[0].startswith("    q ")
     assert all(line[:start].isspace() and not line[start].isspace() for line in lines[1:])

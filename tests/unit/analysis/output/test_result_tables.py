@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from random import Random
+
 from lagcli.analysis.output.tables import (
     Phrase,
     ResultColumn,
@@ -11,6 +13,7 @@ from lagcli.analysis.output.tables import (
     more,
     state_quantities,
 )
+from lagcli.analysis.output.text import laid_out, width
 
 
 def test_text_has_the_columns_that_ask_for_it() -> None:
@@ -48,3 +51,39 @@ def test_states_have_velocities_and_multipliers_that_any_of_them_has() -> None:
 def test_what_is_left_out_is_counted() -> None:
     assert more(3, 3) == []
     assert [x.text for x in more(5, 3)] == ["And 2 more in the file."]
+
+
+def table(random: Random) -> ResultTable:
+    columns = [ResultColumn("Row", ["a", "bb", "ccc"], text=TextColumn("row", "  {:<5}"))]
+    for i in range(random.randint(1, 9)):
+        cells = [str(random.randrange(10**4)) for _ in range(3)]
+        form = f"  {{:{random.choice('<>')}{random.randint(5, 15)}}}"
+        columns.append(ResultColumn(f"c{i}", cells, text=TextColumn(f"head{i}", form)))
+    return ResultTable(Phrase("made"), columns)
+
+
+def test_columns_that_do_not_fit_are_below_with_the_names_of_their_rows() -> None:
+    random = Random(4)
+    for _ in range(50):
+        made = table(random)
+        with laid_out(1000):
+            [whole] = made.parts()
+        for columns in (60, 80, 120):
+            with laid_out(columns):
+                parts = made.parts()
+                lines = made.lines()
+            assert max(map(len, lines)) <= columns
+            words = [[line.split() for line in part] for part in parts]
+            for number, line in enumerate(whole):
+                name, *cells = line.split()
+                assert all(part[number][0] == name for part in words)
+                assert [cell for part in words for cell in part[number][1:]] == cells
+            if len(whole[0]) <= columns:
+                assert lines == whole
+
+
+def test_texts_have_80_columns_unless_they_are_laid_out() -> None:
+    assert width() == 80
+    with laid_out(60):
+        assert width() == 60
+    assert width() == 80
