@@ -56,6 +56,30 @@ def test_derivatives_are_those_of_differences(name: str) -> None:
                 assert np.abs((y - x) / (2 * h) - own[:, j]).max(initial=0.0) <= 1e-5 * size
 
 
+@pytest.mark.parametrize(
+    ("name", "by"),
+    [
+        ("slider_crank", ["m", "l", "phi'"]),
+        ("rolling_disk", ["g", "x"]),
+        ("driven_slider_crank", ["r", "J_1"]),
+    ],
+)
+def test_derivatives_are_those_of_sensitivities(name: str, by: list[str]) -> None:
+    """Along the motion: dλ/dθ = ∂λ/∂q dq/dθ + ∂λ/∂v dv/dθ + ∂λ/∂p dp/dθ."""
+    model = exported(name).model
+    f, run = lagcli.dynamics(model), lagcli.simulate(model, samples=20, sensitivity=by)
+    d = f.derivatives(run.time, run.q, run.v)
+    for j, direction in enumerate(by):
+        of_p = np.array([float(p == direction) for p in f.parameters])
+        parts = [
+            np.einsum("kij,kj->ki", d.multipliers_q, run.dq[:, :, j]),
+            np.einsum("kij,kj->ki", d.multipliers_v, run.dv[:, :, j]),
+            d.multipliers_p @ of_p,
+        ]
+        error = np.abs(sum(parts) - run.dmultipliers[:, :, j]).max()
+        assert error <= 1e-12 * max(np.abs(x).max() for x in parts)
+
+
 def test_axes_of_states_are_broadcast() -> None:
     f = lagcli.dynamics(lagcli.load("slider_crank"))
     q = np.broadcast_to(f.q, (3, 1, 2))

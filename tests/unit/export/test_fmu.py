@@ -321,6 +321,26 @@ def test_a_step_begins_where_the_last_one_ended(tmp_path: Path) -> None:
     instance.free()
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_units_of_multipliers_and_forces(version: str, tmp_path: Path) -> None:
+    """2 λ x is a force: λ has N/m, in the bases of SI."""
+    fmu = unpacked(lagcli.load_text(PENDULUM), tmp_path, version)
+    bases = {}
+    for unit in fmu.description.findall("UnitDefinitions/Unit"):
+        base = unit.find("BaseUnit")
+        assert base is not None
+        bases[unit.get("name")] = {key: int(x) for key, x in base.attrib.items()}
+
+    def base_of(name: str) -> dict[str, int]:
+        variable = fmu.variables[name]
+        return bases[(variable if version == "3.0" else variable[0]).get("unit")]
+
+    assert base_of("lambda.rod") == {"kg": 1, "s": -2}
+    assert base_of("Qc.x") == base_of("F") == {"kg": 1, "m": 1, "s": -2}
+    assert base_of("energy_total") == {"kg": 1, "m": 2, "s": -2}
+    assert base_of("x_dot") == {"m": 1, "s": -1}
+
+
 def test_without_changes_the_start_is_that_of_the_run(tmp_path: Path) -> None:
     """To the last bit, also where parameters depend on others."""
     model = lagcli.load_text(PENDULUM)

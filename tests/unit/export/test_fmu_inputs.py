@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from stepped_inputs import STEPPED, as_parameter, difference
-from test_fmu import unpacked
+from test_fmu import PENDULUM, unpacked
 
 import lagcli
 
@@ -64,4 +64,21 @@ def test_an_input_leaves_what_events_have_set(tmp_path: Path) -> None:
     assert instance.get("s", "F") == [-0.5, 20.0]
     instance.set({"F": 3.0})
     assert instance.get("s", "F") == [-0.5, 3.0]
+    instance.free()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_an_input_does_not_move_the_state_of_model_exchange(version: str, tmp_path: Path) -> None:
+    """Which the tool integrates, also off the constraints; the accelerations follow at once."""
+    model = lagcli.load_text(PENDULUM)
+    instance = unpacked(model, tmp_path, version, inputs=["F"]).instance(exchange=True)
+    instance.begin(0.0)
+    state = [0.26, -0.44, 0.3, 0.1]
+    instance.move(0.0, state)
+    instance.set({"F": 4.0})
+    f = lagcli.dynamics(model)
+    a, multipliers = f(0.0, state[:2], state[2:], f.values(F=4.0))
+    found = instance.get("x_ddot", "y_ddot", "lambda.rod")
+    assert found == pytest.approx([*a, *multipliers], rel=1e-12)
+    assert instance.get("x", "y", "x_dot", "y_dot") == state
     instance.free()

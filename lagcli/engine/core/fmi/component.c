@@ -84,6 +84,8 @@ int lag_component_serialize(lag_component *c, const void *state, void *bytes, si
 {
     size_t needed;
     const void *from = lag_fmu_bytes_of(state, &needed);
+    if (!from)
+        return lag_fmu_fail(c->fmu, "there is no state to serialize");
     if (size < needed)
         return lag_fmu_fail(c->fmu, "the state has %zu bytes, more than the %zu there is room for", needed, size);
     memcpy(bytes, from, needed);

@@ -139,6 +139,7 @@ typedef struct lag_fmu_state lag_fmu_state;
 lag_fmu_state *lag_fmu_save(lag_fmu *fmu);
 int lag_fmu_restore(lag_fmu *fmu, lag_fmu_state *state);
 void lag_fmu_forget(lag_fmu_state *state);
+/* Its bytes; NULL of no state. */
 const void *lag_fmu_bytes_of(const lag_fmu_state *state, size_t *bytes);
 lag_fmu_state *lag_fmu_state_from(const lag_fmu *fmu, const void *from, size_t bytes);
 

@@ -106,8 +106,8 @@ int lag_fmu_restore(lag_fmu *fmu, lag_fmu_state *state)
 
 const void *lag_fmu_bytes_of(const lag_fmu_state *state, size_t *bytes)
 {
-    *bytes = state->bytes;
-    return state->words;
+    *bytes = state ? state->bytes : 0;
+    return state ? state->words : NULL;
 }
 
 lag_fmu_state *lag_fmu_state_from(const lag_fmu *fmu, const void *from, size_t bytes)
