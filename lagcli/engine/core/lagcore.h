@@ -417,7 +417,8 @@ void lag_move(lag_run *run, double t, const double *y, int64_t times_next);
  * LAG_RUNNING or LAG_UNDEFINED. */
 int lag_sizes_again(lag_run *run);
 
-lag_report lag_report_of(const lag_run *run);
+/* Write the state of a run. */
+void lag_report_of(const lag_run *run, lag_report *report);
 
 /* Taylor coefficients of y here, n rows of order + 1. Returns 0, or 1 where there are none. */
 int lag_coefficients(lag_run *run, double *out);

@@ -31,9 +31,9 @@ void lag_move(lag_run *run, double t, const double *y, int64_t times_next)
     run->samples.next = times_next;
 }
 
-lag_report lag_report_of(const lag_run *run)
+void lag_report_of(const lag_run *run, lag_report *report)
 {
-    return (lag_report){
+    *report = (lag_report){
         .t_old = run->step.t_old, .t = run->step.t, .y = run->step.y,
         .atol = run->tolerances.atol, .lengths = run->rows.lengths,
         .steps = run->step.steps, .rejected = run->step.rejected,

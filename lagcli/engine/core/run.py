@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from ctypes import (
+    addressof,
     byref,
     c_char_p,
     c_double,
@@ -80,7 +81,7 @@ core = Functions(
         "lag_repeat": (None, c_void_p),
         "lag_move": (None, c_void_p, c_double, c_void_p, c_int64),
         "lag_sizes_again": (c_int, c_void_p),
-        "lag_report_of": (lag_report, c_void_p),
+        "lag_report_of": (None, c_void_p, c_void_p),
         "lag_coefficients": (c_int, c_void_p, c_void_p),
         "lag_state_size": (c_size_t, c_void_p),
         "lag_save": (None, c_void_p, c_void_p),
@@ -143,6 +144,8 @@ class Integrator:
         self._run = core.lag_create(None, byref(equations), byref(record))
         check(not self._run)
         self.orders: list[PivotOrder] = []
+        self._written = lag_report()  # one for all: to make one takes longer than to fill it
+        self._written_to = addressof(self._written)
         self._use_functions(system)
 
     # the function is at hand also while the interpreter ends
@@ -322,7 +325,8 @@ class Integrator:
 
     @property
     def _report(self) -> Any:
-        return core.lag_report_of(self._run)
+        core.lag_report_of(self._run, self._written_to)
+        return self._written
 
     @property
     def t(self) -> float:

@@ -11,6 +11,8 @@
 #include "tape/tape.h"
 #include "watch.h"
 
+#define CALLS_OF_STEPS 100 /* calls of a tape that runs make at least, beside those of their samples */
+
 static void copy_equations(lag_run *run, const lag_equations *given)
 {
     lag_pool *pool = &run->pool;
@@ -123,6 +125,15 @@ static void allocate(lag_run *run)
         run->solver.multipliers = run->solver.a + nq;
 }
 
+/* Expect the calls of a tape at the samples, and in some steps. */
+static void expect_samples(const lag_run *run, const lag_tape *tape)
+{
+    const int64_t calls = run->samples.count - run->samples.next + CALLS_OF_STEPS;
+    lag_expect_calls(&tape->stream, calls);
+    for (int i = 0; i < 2; ++i)
+        lag_expect_calls(&tape->output_subsets[i], calls);
+}
+
 lag_run *lag_create(const lag_memory *memory, const lag_equations *equations, const lag_problem *problem)
 {
     lag_pool pool = lag_pool_of(memory);
@@ -143,6 +154,7 @@ lag_run *lag_create(const lag_memory *memory, const lag_equations *equations, co
         lag_destroy(run);
         return NULL;
     }
+    expect_samples(run, &run->system.constraint);
     return run;
 }
 
@@ -203,7 +215,10 @@ static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_
     run->watch.determinant.begin = NAN;
     run->solver.by = by;
     run->factors.plan.n = (run->system.nq + run->system.nc) / run->system.blocks;
-    return lag_bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics);
+    if (lag_bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics))
+        return 1;
+    expect_samples(run, &run->system.dynamics);
+    return 0;
 }
 
 int lag_use_dense(lag_run *run, const lag_program *dynamics)

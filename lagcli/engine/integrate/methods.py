@@ -239,11 +239,12 @@ class Methods:
 
     def _compare(self, steps: int) -> None:
         """Compare the explicit methods, by the last steps of the one that runs."""
-        mark, t, prices = self._mark, self.core.t, self._prices()
+        mark, t = self._mark, self.core.t
         taken, evaluations, examined = self._taken()
         self._note_place()
         self._next_review = 2 * steps
         if self.running == "Taylor":
+            prices = self._prices()
             price = prices.taylor + max(0.0, evaluations - prices.usual) * prices.evaluation
             if _CHEAPER * (price + examined * prices.examining) > self._ratio * prices.explicit:
                 self._expand = None

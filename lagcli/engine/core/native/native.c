@@ -9,7 +9,7 @@
  * than twice the time that the better choice would have taken: CALLS calls, and FIXED words of a stream for what all
  * streams need. docs/decisions/2026-11-native-code.md has the measurement. */
 #define CALLS 100
-#define FIXED 35000
+#define FIXED 200000
 
 typedef struct {
     lag_native native;                 /* first */
@@ -53,6 +53,12 @@ lag_routine lag_routine_of(lag_pool *pool, const int32_t *code, int64_t length, 
     (void)pool, (void)kernel, (void)end;
 #endif
     return made;
+}
+
+void lag_expect_calls(const lag_routine *routine, int64_t calls)
+{
+    if (routine->native && calls >= routine->native->wait)
+        routine->native->wait = 1;
 }
 
 void lag_native_emit(const lag_source *source, const lag_routine *routine, const lag_calls *calls)

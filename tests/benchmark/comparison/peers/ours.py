@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import replace
+from functools import cache
 from typing import Any
-from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,35 +103,45 @@ class _DefaultRun(_Ready):
 
     def make_ready(self) -> None:
         """Make the run, and reset the clocks."""
-        self.within = 0.0
+        _note_preparations()
         began = time.process_time()
         super().make_ready()
         self.before = time.process_time() - began
+        _spent_apart.clear()
 
-    def __call__(self) -> tuple[Outcome, list[Block]]:
-        with ExitStack() as stack:
-            for owner, name in (
-                (Integration, "ready"),
-                (Integration, "prices"),
-                (Integration, "go_on_with_series"),
-                (run_module, "unrolled"),
-                (Methods, "_go_on"),
-            ):
-                stack.enter_context(mock.patch.object(owner, name, self._apart(owner, name)))
-            return super().__call__()
+    @property
+    def within(self) -> float:
+        """Seconds of the run in which it prepared something."""
+        return sum(_spent_apart)
 
-    def _apart(self, owner: Any, name: str) -> Callable[..., Any]:
-        """Return a function that notes its time."""
-        function = getattr(owner, name)
 
-        def timed(*arguments: Any) -> Any:
-            before, began = self.within, time.process_time()
-            try:
-                return function(*arguments)
-            finally:  # with what it calls, which must not count twice
-                self.within = before + time.process_time() - began
+#: Seconds of the preparations of a run.
+_spent_apart: list[float] = []
 
-        return timed
+
+@cache
+def _note_preparations() -> None:
+    """Note the time of preparations from now on: in this process, which times nothing else."""
+    for owner, name in (
+        (Integration, "ready"),
+        (Integration, "go_on_with_series"),
+        (run_module, "unrolled"),
+        (Methods, "_go_on"),
+    ):
+        setattr(owner, name, _noted(getattr(owner, name)))
+
+
+def _noted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that notes its time."""
+
+    def timed(*arguments: Any) -> Any:
+        before, began = list(_spent_apart), time.process_time()
+        try:
+            return function(*arguments)
+        finally:  # with what it calls, which must not count twice
+            _spent_apart[:] = [*before, time.process_time() - began]
+
+    return timed
 
 
 def _default_rtol(case: PortedCase) -> tuple[float, ...]:

@@ -56,16 +56,23 @@ static void take(lag_simulation *simulation, const double *block)
     rows += count;
 }
 
+static int64_t steps_of(lag_simulation *simulation)
+{
+    lag_report report;
+    lag_report_of(lag_run_of(simulation), &report);
+    return report.steps;
+}
+
 /* Go on to the end, or by a number of steps. */
 static int go_on(lag_simulation *simulation, const double *block, int64_t steps)
 {
     int status = LAG_RUNNING;
     while (status == LAG_RUNNING || status == LAG_BLOCK_FULL) {
-        const int64_t before = lag_report_of(lag_run_of(simulation)).steps;
+        const int64_t before = steps_of(simulation);
         status = lag_simulate(simulation, steps < 0 ? 7 : steps);
         take(simulation, block);
         if (steps >= 0) {
-            steps -= lag_report_of(lag_run_of(simulation)).steps - before;
+            steps -= steps_of(simulation) - before;
             if (steps <= 0 && status == LAG_RUNNING)
                 break;
         }

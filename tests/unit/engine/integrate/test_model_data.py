@@ -18,7 +18,7 @@ from core_runs import MODELS, data_of, prepared
 from lagcli.engine.core.library import LIBRARY
 from lagcli.engine.core.run import METHODS, core
 from lagcli.engine.core.status import Status
-from lagcli.engine.core.structures import Arguments, lag_program, lag_stream
+from lagcli.engine.core.structures import Arguments, lag_program, lag_report, lag_stream
 from lagcli.engine.event_entries import OCCURRENCES
 from lagcli.engine.integrate import prepared as preparation
 from lagcli.engine.integrate import run
@@ -259,6 +259,12 @@ class Simulated:
         ).reshape(count.value, width.value)
         return [(row[0], OCCURRENCES[int(row[1])]) for row in numbers]
 
+    @property
+    def t(self) -> float:
+        report = lag_report()
+        core.lag_report_of(parts.lag_run_of(self.handle), byref(report))
+        return float(report.t)
+
     def __del__(self) -> None:
         if self.handle:
             parts.lag_destroy_simulation(self.handle)
@@ -269,7 +275,7 @@ def test_the_caller_may_change_settings() -> None:
     assert made.status == "read"
     assert made.run(3) == Status.RUNNING
     assert made.run() == Status.DONE
-    assert core.lag_report_of(parts.lag_run_of(made.handle)).t == 0.5
+    assert made.t == 0.5
     assert [what for _, what in made.log()] == ["impact"]
 
 
@@ -325,7 +331,7 @@ def test_values_that_others_must_follow_end_the_run(tmp_path: Path) -> None:
     made = Simulated(model_data(simulation.system, simulation.request, ("DOP853",)), "DOP853")
     assert made.run() == Status.DISPLACED
     assert made.run() == Status.DISPLACED
-    assert core.lag_report_of(parts.lag_run_of(made.handle)).t == pytest.approx(0.5)
+    assert made.t == pytest.approx(0.5)
 
 
 # what is damaged
