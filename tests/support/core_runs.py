@@ -20,16 +20,16 @@ from lagcli.simulations.simulation import Simulation, prepare
 MODELS = Path(__file__).parents[2] / "models"
 
 
-def pendulum() -> Integration:
-    """Return an integration that has not begun, to t = 5 s with 51 samples."""
+def pendulum(t_end: float = 5.0, samples: int = 51) -> Integration:
+    """Return an integration that has not begun."""
     what = lowered(lagcli.load(MODELS / "pendulum_cartesian.yaml"))
     start = State(0.0, np.array([0.0, -1.0]), np.array([1.5, 0.0]), what.p)
-    overrides = SettingsOverrides(t_end=5.0, method="DOP853", rtol=1e-10, atol=1e-12)
+    overrides = SettingsOverrides(t_end=t_end, method="DOP853", rtol=1e-10, atol=1e-12)
     request = IntegrationRequest(
         state=start,
         rank=1,
         settings=resolve(overrides),
-        times=np.linspace(0.0, 5.0, 51),
+        times=np.linspace(0.0, t_end, samples),
         atol=1e-12,
     )
     return Integration(what.system, request, lambda block: None, None)

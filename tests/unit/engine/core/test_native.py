@@ -193,22 +193,34 @@ def test_a_run_that_goes_back_keeps_its_code(monkeypatch: pytest.MonkeyPatch) ->
     """What was emitted after the state was saved is still there, and is released once."""
     monkeypatch.setattr(run, "KERNEL", NATIVE)
     before = executable()
-    integration = pendulum()
+    integration = pendulum(t_end=20.0)
     core = integration.core
     core.start()
     core.advance(2)
     assert executable() == before
     saved = core.save()
-    core.advance(100)
+    core.advance(300)
     emitted, state = executable(), core.state
     assert emitted > before
     core.restore(saved)
-    core.advance(100)
+    core.advance(300)
     np.testing.assert_array_equal(core.state, state)
     assert executable() >= emitted
     del integration, core
     gc.collect()
     assert executable() == before
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no list of mapped memory")
+@pytest.mark.parametrize(("samples", "emitted"), [(51, False), (20_000, True)])
+def test_code_is_emitted_at_once_if_the_samples_are_worth_it(
+    samples: int, *, emitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "KERNEL", NATIVE)
+    before = executable()
+    integration = pendulum(samples=samples)
+    integration.core.start()
+    assert (executable() > before) == emitted
 
 
 def results(name: str) -> Iterator[Array]:
