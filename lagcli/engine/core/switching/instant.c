@@ -37,6 +37,7 @@
 /* What the program that drives the run knows of an instant. */
 enum { NOTHING_REPORTED, BEGIN_REPORTED, END_REPORTED };
 
+#define UNCERTAIN 10.0      /* relative tolerances: a margin below may be zero */
 #define JAMMING 1e-3        /* margin below which forces, which are inversely proportional to it, reduce the steps */
 
 static double *velocities(lag_run *run)
@@ -73,7 +74,7 @@ static int note_ends(lag_run *run)
         const lag_watched_function *w = sw->watched + k;
         if (!w->hit || (w->what < LAG_WATCH_SLIP && loose(sw, w->which)))
             continue;
-        if (w->what == LAG_WATCH_FORCE && slips(sw) && sw->margin < run->settings.rtol)
+        if (w->what == LAG_WATCH_FORCE && slips(sw) && sw->margin < UNCERTAIN * run->settings.rtol)
             return LAG_JAMMED; /* the force is 0/0 within the tolerance: Painleve's singular point */
         if (w->what == LAG_WATCH_FORCE)
             sw->ended[w->which] = FORCE_ENDED;
