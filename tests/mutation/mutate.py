@@ -112,7 +112,6 @@ AREAS = {
         (
             "lagcli/engine/constraints/singular.py",
             "lagcli/engine/constraints/random_states.py",
-            "lagcli/engine/constraints/random_states.py",
             "lagcli/analysis/check/rank.py",
             "lagcli/engine/core/watch.c",
         ),
@@ -307,9 +306,13 @@ class Copy:
                 shutil.copy2(ROOT / name, target)
 
     def build(self) -> bool:
-        """Build the core, fast rather than fast to run; return whether it compiles."""
+        """Build the core, fast rather than fast to run; return whether it compiles.
+
+        An index beyond an array of a known size ends the process.
+        """
         command = [sys.executable, "building/core_library.py"]
-        environment = {**os.environ, "CFLAGS": "-O1"}
+        flags = "-O1 -fsanitize=bounds -fsanitize-undefined-trap-on-error"
+        environment = {**os.environ, "CFLAGS": flags}
         done = subprocess.run(
             command, cwd=self.folder, env=environment, capture_output=True, check=False
         )

@@ -218,7 +218,8 @@ class RankWatch:
             return None
         while later and later[-1].weakest < now.weakest:
             before, now = now, later.pop()
-        return self._located(path, before, now, later[-1] if later else now, other)
+        now = self._nearest(path, before, now, later[-1] if later else now)
+        return self._singular(path, low, high, now, other)
 
     def time_of_least(
         self, path: Path, low: float, high: float, other: Path | None = None
@@ -231,7 +232,7 @@ class RankWatch:
         points = self._parts(path, low, high)[::-1]
         i = min(range(len(points)), key=lambda i: points[i].weakest)
         before, after = points[max(0, i - 1)], points[min(i + 1, _PARTS)]
-        return self._located(path, before, points[i], after, other)
+        return self._singular(path, low, high, self._nearest(path, before, points[i], after), other)
 
     def inside(self, singular: SingularTime, path: Path, since: float, project: Project) -> Ahead:
         """Return a singular configuration inside a step, with states before it."""
@@ -249,34 +250,36 @@ class RankWatch:
         """Return equally spaced points of a path, the last one first."""
         return [self._at(path, t) for t in np.linspace(high, low, _PARTS + 1)]
 
-    def _located(
-        self, path: Path, before: _Point, now: _Point, after: _Point, other: Path | None
-    ) -> SingularTime:
-        """Return the time of the weakest state between two points, near a weak one."""
+    def _nearest(self, path: Path, before: _Point, now: _Point, after: _Point) -> _Point:
+        """Return the weakest state of a path between two points, near a weak one."""
         from scipy.optimize import minimize_scalar
 
         # from the time found so far: SciPy's tolerance is relative to the unknown
-        since, resolution = now.t, _resolution(before.t, after.t)
+        since = now.t
         found = minimize_scalar(
             lambda x: self.weakest(since + x, path(since + x)),
             bounds=(before.t - since, after.t - since),
             method="bounded",
-            options={"xatol": resolution},
+            options={"xatol": _resolution(before.t, after.t)},
         )
-        if found.fun < now.weakest:
-            now = self._at(path, since + float(found.x))
-        residual = self._residual(self._rows(now.t, path(now.t)))
-        errors = [now.weakest, _OFF if now.scaled.ndim == 2 else _ROUNDING]
+        return self._at(path, since + float(found.x)) if found.fun < now.weakest else now
+
+    def _singular(
+        self, path: Path, low: float, high: float, at: _Point, other: Path | None
+    ) -> SingularTime:
+        """Return the time of the weakest state of a path between two times, with its accuracy."""
+        errors = [at.weakest, _OFF if at.scaled.ndim == 2 else _ROUNDING]
         if other is not None:
-            errors.append(self.weakest(now.t, other(now.t)))
-        level = _CLEAR * max(errors)
-        within = resolution
-        while within < after.t - before.t and any(
+            errors.append(self.weakest(at.t, other(at.t)))
+        level, within = _CLEAR * max(errors), _resolution(low, high)
+        while any(
             self.weakest(t, path(t)) < level
-            for t in (max(before.t, now.t - within), min(now.t + within, after.t))
+            for t in (at.t - within, at.t + within)
+            if low <= t <= high
         ):
             within *= 2.0
-        return SingularTime(now.t, within, now.weakest < SINGULAR and residual < _OFF)
+        certain = at.weakest < SINGULAR and self._residual(self._rows(at.t, path(at.t))) < _OFF
+        return SingularTime(at.t, within, certain)
 
     def _at(self, path: Path, t: float) -> _Point:
         c = self._rows(t, path(t))

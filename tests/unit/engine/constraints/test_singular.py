@@ -16,6 +16,7 @@ from lagcli.engine.constraints.projection import Projection
 from lagcli.engine.constraints.singular import Crossing, RankWatch, SingularTime, _distance
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.sparse_rows import SparseRows
 
 START, SPEED = 0.5, 2.0
 #: Both angles turn at 2 rad/s, and both cosines vanish at π/2.
@@ -66,6 +67,69 @@ def test_the_singular_time_is_found_between_two(watch: RankWatch) -> None:
     assert found is not None
     assert found.certain
     assert abs(found.time - 1e-6 * SINGULAR_TIME) <= found.within < 1e-14
+
+
+def test_of_several_weak_states_the_weakest_is_located(watch: RankWatch) -> None:
+    """Of two places in which it is weak, one is a thirtieth as far from zero as the other."""
+
+    def path(t: float) -> np.ndarray:
+        away = min(0.01 + abs(t - 0.22), 0.3 + abs(t - 0.8))
+        return np.array([math.pi / 2 - away, math.pi / 2 - away, SPEED, SPEED, 0.0])
+
+    for low in (0.0, 0.22):
+        found = watch.time_of_least(path, low, 1.0)
+        assert found.time == pytest.approx(0.22, abs=1e-8)
+        assert not found.certain
+        # three times what is left there is 0.02 away
+        assert 0.01 < found.within < 0.1
+    assert watch.time_of_least(path, 0.5, 0.8).time == pytest.approx(0.5, abs=1e-8)
+    assert watch.singular_time(path, 0.0, 1.0) is None
+
+
+def test_a_path_off_the_constraints_is_not_certain(watch: RankWatch) -> None:
+    """Two branches that miss each other by its residual: one is turned away, one is not."""
+
+    def path(t: float) -> np.ndarray:
+        phi = START + SPEED * t
+        return np.array([phi, math.pi / 2 + 1e-3, SPEED, SPEED, 0.0])
+
+    found = watch.singular_time(path, SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2)
+    assert found is not None
+    assert found.time == pytest.approx(SINGULAR_TIME, abs=1e-3)
+    assert not found.certain
+
+
+def test_the_error_of_a_path_is_its_difference_from_another(watch: RankWatch) -> None:
+    ends = SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2
+    for late in (1e-3, -1e-5):
+        for search in (watch.singular_time, watch.time_of_least):
+            found = search(y, *ends, lambda t, late=late: y(t - late))
+            assert found is not None
+            assert abs(late) < found.within < 10 * abs(late)
+
+
+def test_states_inside_a_step_are_as_near_as_ahead_of_it(watch: RankWatch) -> None:
+    watch.add(0.0, y(0.0))
+    singular = SingularTime(SINGULAR_TIME, 1e-9, True)
+    project = Projection(watch.motion.evaluator, 1)
+    for far in (0.5, 0.01):
+        ahead = watch.inside(singular, y, SINGULAR_TIME - far, project)
+        # 0.04 of the largest value, that of the start
+        distance = min(far, 0.04 * far / math.sin(2 * far) * math.cos(START))
+        times = [SINGULAR_TIME - distance * k / 4 for k in (4, 3, 2, 1)]
+        assert [t for t, _ in ahead.before] == pytest.approx(times, rel=1e-12)
+        for t, state in ahead.before:
+            np.testing.assert_allclose(state, y(t), atol=1e-12)
+    assert ahead.path(1.0)[1].tolist() == [SPEED, SPEED]
+
+
+def test_nonzero_entries_are_scaled_as_an_array() -> None:
+    found = motion()
+    found.sizes, found.lengths = np.array([2.0, 3.0]), np.array([5.0])
+    rows = SparseRows((1, 2), np.array([0, 0]), np.array([1, 0]), np.array([7.0, 11.0]))
+    watch = RankWatch(found)
+    assert watch._scaled(rows).tolist() == pytest.approx([7 * 3 / 5, 11 * 2 / 5])
+    assert watch._scaled(np.asarray(rows)).tolist() == [pytest.approx([11 * 2 / 5, 7 * 3 / 5])]
 
 
 def test_steps_become_short_next_to_it(watch: RankWatch) -> None:

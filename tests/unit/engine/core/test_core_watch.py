@@ -208,6 +208,54 @@ def test_a_minimum_within_a_step_is_found_wherever_it_is() -> None:
             assert not watched.steps_over(*past, h, 1.2 / h)
 
 
+#: The two rows among so many that ln |det| is watched.
+AMONG_MANY = """
+coordinates: [x, y, w, s, u[1..26]]
+T: (x'^2 + y'^2 + w'^2 + s'^2 + sum(u[i]'^2, i = 1..26))/2
+constraints:
+  one: x = 0
+  two: s*(x*cos(w) + y*sin(w)) = 0
+  other[i = 1..26]: u[i] = 0
+initial: {x: 0, y: 0, w: 1, s: 1, x': 0, y': 0, w': 1, s': 0, u[1..26]: 0, u[1..26]': 0}
+"""
+
+
+def test_among_many_rows_the_place_of_a_minimum_is_bracketed() -> None:
+    """Where the angle passes zero, and twice where a parabola does; not where it stays away."""
+    watched = Watched(AMONG_MANY, "in a loop")
+
+    def state(w: float, rate: float) -> Array:
+        q, v = np.zeros((2, 30))
+        q[2], q[3], v[2] = w, 1.0, rate
+        return np.array([*q, *v, 0.0])
+
+    def bracket(
+        before: tuple[float, float], after: tuple[float, float], h: float
+    ) -> tuple[float, float] | None:
+        """Return the part of the step, from 0 to 1."""
+        found = watched.steps_over(state(*before), state(*after), h, 1.0)
+        since, _ = watched.core.step
+        low, high = ((x - since) / h for x in watched.core.suspect)
+        return (low - 1e-9, high + 1e-9) if found else None
+
+    for h in (0.01, 1.0, 30.0):
+        for place in np.linspace(0.002, 0.998, 25):
+            a, b = 1.2 * place, -1.2 * (1 - place)
+            found = bracket((a, -1.2 / h), (b, -1.2 / h), h)
+            assert found is not None
+            assert max(0.0, place - 4 / 64) <= found[0] + 1e-8
+            assert found[0] <= place <= found[1] <= min(1.0, place + 4 / 64) + 1e-8
+            assert not bracket((a + 0.4, 1.2 / h), (a + 1.2, 1.2 / h), h)
+            ends = [((x - place) ** 2 - 0.04, 2 * (x - place) / h) for x in (0.0, 1.0)]
+            found = bracket(ends[0], ends[1], h)
+            inside = [x for x in (place - 0.2, place + 0.2) if 0.0 <= x <= 1.0]
+            assert found is not None
+            assert found[0] <= min(inside) <= max(inside) <= found[1]
+            assert found[1] - found[0] < max(inside) - min(inside) + 8 / 64
+            ends = [((x - place) ** 2 + 0.04, 2 * (x - place) / h) for x in (0.0, 1.0)]
+            assert not bracket(ends[0], ends[1], h)
+
+
 @pytest.mark.parametrize("h", [0.01, 1.0, 30.0])
 def test_a_small_minimum_counts_below_a_twentieth_of_the_largest(h: float) -> None:
     """A parabola through its least angle at some place of the step."""
