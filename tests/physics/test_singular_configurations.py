@@ -119,16 +119,26 @@ def test_a_linkage_stops_where_its_branches_meet(
         check_singular_passage(seed, method, make)
 
 
+@pytest.mark.parametrize("rows", [1, 30])
 @pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau"])
-def test_the_motion_ends_at_a_cusp(method: str) -> None:
+def test_the_motion_ends_at_a_cusp(method: str, rows: int) -> None:
     """Arcs of y² = x³ from the cusp to x = u are as long as ((4 + 9 u)^(3/2) - 8)/27. A polynomial
     is no good path to it, where the accelerations are infinite, and no motion goes on."""
-    model = lagcli.load_text("""
-coordinates: [x, y]
-T: (x'^2 + y'^2)/2
-constraints: {c: y^2 = x^3}
-initial: {x: 1, x': -1, y: {guess: 1}, y': {guess: -1.5}}
-simulation: {t_end: 2, samples: 2}
+    model = lagcli.load_text(f"""
+parameters: {{N: {rows}}}
+coordinates: [x, y, u[1..N]]
+T: (x'^2 + y'^2 + sum(u[i]'^2, i = 1..N))/2
+constraints:
+  c: y^2 = x^3
+  other[i = 1..N]: u[i] = 0
+initial:
+  x: 1
+  x': -1
+  y: {{guess: 1}}
+  y': {{guess: -1.5}}
+  u[1..N]: 0
+  u[1..N]': 0
+simulation: {{t_end: 2, samples: 2}}
 """)
     time = (13**1.5 - 8) / 27 / np.hypot(1, 1.5)
     found = lagcli.simulate(model, method=method)
