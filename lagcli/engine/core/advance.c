@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "bind.h"
 #include "breaks.h"
 #include "derivatives/changes.h"
 #include "left_out.h"
@@ -26,6 +27,8 @@
 #define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
 #define ACCURATE_STEPS 20   /* consecutive accurate steps after which solutions are no longer refined */
 #define CONTRADICTION 5e-7  /* of the terms of B a = gamma: residual that is examined more closely */
+#define FORESEEN 8          /* steps after which the calls of the others are estimated ... */
+#define SURE 0.5            /* ... and the part of them that is expected */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
 /* Set the damping of the next step, and update the derivative. */
@@ -87,6 +90,15 @@ int lag_start(lag_run *run)
     return status == LAG_RUNNING && !run->switching.due ? lag_sample_until(run, run->step.t) : status;
 }
 
+/* Expect the calls of the steps that are left, if they are as long as the last one. */
+static void foresee(const lag_run *run)
+{
+    const double left = (run->settings.t_end - run->step.t) / run->step.h_old;
+    const double steps = SURE * fmin(left, 1e9), calls = (double)run->step.evaluations / (double)run->step.steps;
+    lag_expect(&run->system.dynamics, (int64_t)(steps * calls));
+    lag_expect(&run->system.constraint, (int64_t)steps);
+}
+
 /* Sample and project the last accepted step. */
 static int finish(lag_run *run)
 {
@@ -96,6 +108,8 @@ static int finish(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     run->step.finishing = 0;
+    if (run->step.steps == FORESEEN)
+        foresee(run);
     if (run->watch.mode)
         lag_watch_accept(run);
     run->rows.margin -= run->watch.path.length;

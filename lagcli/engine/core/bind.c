@@ -37,3 +37,10 @@ int lag_bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *pr
     lag_tape_set(tape, run->np, run->parameters);
     return 0;
 }
+
+void lag_expect(const lag_tape *tape, int64_t calls)
+{
+    lag_expect_calls(&tape->stream, calls);
+    for (int i = 0; i < 2; ++i)
+        lag_expect_calls(&tape->output_subsets[i], calls);
+}

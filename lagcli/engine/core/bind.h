@@ -13,4 +13,7 @@ void lag_bind_program(lag_pool *pool, lag_tape *tape, const lag_program *program
  * is no memory. */
 int lag_bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *program);
 
+/* Emit the code of a tape's outputs at the next call if so many calls, which will come, are worth it. */
+void lag_expect(const lag_tape *tape, int64_t calls);
+
 #endif

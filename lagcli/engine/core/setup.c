@@ -128,10 +128,7 @@ static void allocate(lag_run *run)
 /* Expect the calls of a tape at the samples, and in some steps. */
 static void expect_samples(const lag_run *run, const lag_tape *tape)
 {
-    const int64_t calls = run->samples.count - run->samples.next + CALLS_OF_STEPS;
-    lag_expect_calls(&tape->stream, calls);
-    for (int i = 0; i < 2; ++i)
-        lag_expect_calls(&tape->output_subsets[i], calls);
+    lag_expect(tape, run->samples.count - run->samples.next + CALLS_OF_STEPS);
 }
 
 lag_run *lag_create(const lag_memory *memory, const lag_equations *equations, const lag_problem *problem)

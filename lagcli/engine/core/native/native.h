@@ -12,7 +12,7 @@
 /* A routine of a stream, which may be NULL; with LAG_NATIVE it is emitted once it has run often. */
 lag_routine lag_routine_of(lag_pool *pool, const int32_t *code, int64_t length, int kernel);
 
-/* Emit a routine at its first call if so many calls, which will come, are worth it. */
+/* Emit a routine at its next call if so many calls, which will come, are worth it. */
 void lag_expect_calls(const lag_routine *routine, int64_t calls);
 
 /* Count a call that was interpreted. Returns whether it is time to emit the routine. */

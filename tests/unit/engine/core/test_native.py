@@ -223,6 +223,21 @@ def test_code_is_emitted_at_once_if_the_samples_are_worth_it(
     assert (executable() > before) == emitted
 
 
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no list of mapped memory")
+@pytest.mark.parametrize(("t_end", "emitted"), [(5.0, False), (500.0, True)])
+def test_code_is_emitted_early_if_many_steps_are_left(
+    t_end: float, *, emitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "KERNEL", NATIVE)
+    before = executable()
+    integration = pendulum(t_end)
+    integration.core.start()
+    integration.core.advance(7)
+    assert executable() == before
+    integration.core.advance(3)
+    assert (executable() > before) == emitted
+
+
 def results(name: str) -> Iterator[Array]:
     """Yield the numbers of a model's default run."""
     found = lagcli.simulate(lagcli.load(PATHS[name]), samples=41)
