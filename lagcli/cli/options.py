@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Callable, Iterable
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,15 +13,6 @@ from lagcli.settings.settings import SettingsOverrides
 
 #: Exit statuses that do not belong to an exception.
 BUG_STATUS, USAGE_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 2, 3, 130
-
-
-class Language(StrEnum):
-    """Languages of pages."""
-
-    en = "en"
-    de = "de"
-    fr = "fr"
-    es = "es"
 
 
 ModelPath = Annotated[

@@ -6,9 +6,7 @@ import json
 from importlib.resources import files
 
 from lagcli.errors import UsageError
-
-#: The languages, English first: its words are those in the scripts.
-LANGUAGES = ("en", "de", "fr", "es")
+from lagcli.live.languages import Language
 
 
 def words_of(lang: str) -> dict[str, str]:
@@ -19,12 +17,12 @@ def words_of(lang: str) -> dict[str, str]:
     UsageError
         The language is unknown.
     """
-    if lang not in LANGUAGES:
+    if lang not in [*Language]:
         raise UsageError(
-            f"--lang {lang}: there is no such language; known are {', '.join(LANGUAGES)}"
+            f"--lang {lang}: there is no such language; known are {', '.join(Language)}"
         )
     if lang == "en":
         return {}
     table = files("lagcli.live").joinpath("assets", "words.json").read_text(encoding="utf-8")
-    place = LANGUAGES.index(lang) - 1
+    place = [*Language].index(Language(lang)) - 1
     return {english: texts[place] for english, texts in json.loads(table).items()}

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from lagcli.cli.options import (
     Force,
-    Language,
     Output,
     Quiet,
     SetInitial,
@@ -17,6 +16,7 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.parameters import Argument, Option
+from lagcli.live.languages import Language
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model

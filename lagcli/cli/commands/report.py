@@ -2,9 +2,10 @@
 
 from typing import Annotated
 
-from lagcli.cli.options import Force, Language, Quiet, ResultFile, ViewModel
+from lagcli.cli.options import Force, Quiet, ResultFile, ViewModel
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, tell
+from lagcli.live.languages import Language
 
 
 def report(

@@ -9,12 +9,13 @@ import pytest
 
 import lagcli
 from lagcli.errors import UsageError
-from lagcli.live.words import LANGUAGES, words_of
+from lagcli.live.languages import Language
+from lagcli.live.words import words_of
 
 PACKAGE = Path(lagcli.__file__).parent
 
 
-@pytest.mark.parametrize("lang", LANGUAGES[1:])
+@pytest.mark.parametrize("lang", [*Language][1:])
 def test_translations_have_what_varies(lang: str) -> None:
     for english, text in words_of(lang).items():
         assert text.count("{}") == english.count("{}"), english
