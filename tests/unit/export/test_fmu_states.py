@@ -129,6 +129,26 @@ def test_bytes_that_are_no_state_are_refused(ball: Unpacked, tmp_path: Path) -> 
     instance.free()
 
 
+def test_a_simulation_that_has_ended_without_a_reason_is_refused(ball: Unpacked) -> None:
+    """Its steps would return at once, and never arrive."""
+    content = saved(ball)
+    words = np.frombuffer(content, np.uint64)
+    # after what was set: the phase of the simulation, 1, and its status, 0
+    places = np.flatnonzero((words[:-1] == 1) & (words[1:] == 0))
+    refused = 0
+    for place in places[places > HEADER + 8]:
+        changed = words.copy()
+        changed[place] = 4
+        instance = ball.instance()
+        try:
+            instance.restore_from(checked(changed))
+            instance.step(0.75, 0.01)
+        except FmuError as error:
+            refused += "damaged" in str(error)
+        instance.free()
+    assert refused > 0
+
+
 def test_hostile_bytes_end_with_a_status(ball: Unpacked) -> None:
     """Any words, with a checksum: the state is refused, or simulates to some end."""
     content, rng = saved(ball), np.random.default_rng(4)
