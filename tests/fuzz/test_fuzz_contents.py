@@ -235,6 +235,35 @@ def test_a_mode_about_a_point_whose_square_overflows(
     assert "Warning" not in said
 
 
+def test_infinite_places_of_pins(tmp_path: Path, originals: dict[str, bytes]) -> None:
+    path = tmp_path / "road.h5"
+    path.write_bytes(originals["road"])
+    with h5py.File(path, "a") as root:
+        root["q"][2] = 1e308
+        root["q"][3] = np.inf
+    with path.open("r+b") as file:
+        seal.seal(file)
+    status, said = answer("animate", str(path), "-o", str(tmp_path / "out.html"))
+    assert status in (0, 3), said
+    assert "Warning" not in said
+
+
+def test_a_sweep_with_more_constraints_than_multipliers(
+    tmp_path: Path, originals: dict[str, bytes]
+) -> None:
+    path = tmp_path / "sweep.h5"
+    path.write_bytes(originals["sweep"])
+    with h5py.File(path, "a") as root:
+        names = root["constraint"][()]
+        del root["constraint"]
+        root["constraint"] = np.concatenate([names, names])
+    with path.open("r+b") as file:
+        seal.seal(file)
+    status, said = answer("report", str(path), "-o", str(tmp_path / "out.html"))
+    assert status == 4, said
+    assert "multipliers has shape (4, 5, 1), and not (4, 5, 2)" in said
+
+
 @pytest.mark.parametrize(
     ("command", "kind", "names"),
     [

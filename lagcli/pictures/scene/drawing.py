@@ -345,13 +345,17 @@ def vector_ends(moment: Moment, vector: DrawnVector) -> Array:
     """
     foot = moment.points[vector.at]
     ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
+    if vector.quantity == "velocity" or not np.isfinite(ends).all():
+        return ends
     way = ends[1, :2] - ends[0, :2]
     length = math.hypot(*way)
-    if vector.quantity == "velocity" or not (math.isfinite(length) and length > 0):
+    if not (math.isfinite(length) and length > 0):
         return ends
     side = np.zeros(2)
     for segment in moment.scene.segments:
         a, b = (moment.places[name][:2] for name in (segment.start, segment.end))
+        if not (np.isfinite(a).all() and np.isfinite(b).all()):
+            continue
         line = b - a
         size = math.hypot(*line)
         if not (math.isfinite(size) and size > 0):

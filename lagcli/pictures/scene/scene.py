@@ -220,7 +220,8 @@ class Scene:
         counts = np.array(list(bodies.values()))
         pins = []
         for i, name in enumerate(bodies):
-            together = np.abs(at - at[i]).max(axis=1, initial=0.0) <= _TOGETHER * size
+            with np.errstate(invalid="ignore"):  # infinite places
+                together = np.abs(at - at[i]).max(axis=1, initial=0.0) <= _TOGETHER * size
             together[i] = True  # also if it is nowhere
             meeting = counts[together].sum() > 1 and not masses[together].any()
             if meeting and not together[:i].any():

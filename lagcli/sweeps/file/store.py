@@ -16,6 +16,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.column_units import shared_unit, unit
+from lagcli.columns import BY_NAME
 from lagcli.errors import FileError
 from lagcli.json_schema import check_json
 from lagcli.model.model import Model
@@ -316,9 +317,13 @@ class SweepFile:
         return values
 
     def _check_length(self, name: str, shape: tuple[int, ...]) -> None:
-        lengths = [self.length, len(self.times)] if len(shape) > 1 else [self.length]
-        if list(shape[:2]) != lengths:
-            raise ValueError(f"{name} has shape {shape} for {self.length} rows")
+        lengths = [self.length]
+        if len(shape) > 1:
+            lengths.append(len(self.times))
+            if name in BY_NAME and (along := BY_NAME[name].along):
+                lengths.append(len(self.names(along)))
+        if list(shape[: len(lengths)]) != lengths:
+            raise ValueError(f"{name} has shape {shape}, and not {tuple(lengths)}")
 
     def messages(self, rows: slice = slice(None)) -> list[str]:
         """Return the messages of some rows, or all."""
