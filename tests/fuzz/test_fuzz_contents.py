@@ -248,20 +248,39 @@ def test_infinite_places_of_pins(tmp_path: Path, originals: dict[str, bytes]) ->
     assert "Warning" not in said
 
 
-def test_a_sweep_with_more_constraints_than_multipliers(
-    tmp_path: Path, originals: dict[str, bytes]
+@pytest.mark.parametrize("option", ["rtol", "atol", "method", "formulation"])
+def test_an_option_of_a_run_that_is_a_list(
+    tmp_path: Path, originals: dict[str, bytes], option: str
 ) -> None:
-    path = tmp_path / "sweep.h5"
-    path.write_bytes(originals["sweep"])
+    path = tmp_path / "run.h5"
+    path.write_bytes(originals["run"])
     with h5py.File(path, "a") as root:
-        names = root["constraint"][()]
-        del root["constraint"]
-        root["constraint"] = np.concatenate([names, names])
+        options = json.loads(root.attrs["options"])
+        root.attrs["options"] = np.bytes_(json.dumps(options | {option: [[]]}))
     with path.open("r+b") as file:
         seal.seal(file)
     status, said = answer("report", str(path), "-o", str(tmp_path / "out.html"))
     assert status == 4, said
-    assert "multipliers has shape (4, 5, 1), and not (4, 5, 2)" in said
+    assert f"options.{option} is [[]]" in said
+
+
+@pytest.mark.parametrize(
+    ("dataset", "shape"),
+    [("multipliers", (4, 5, 2)), ("energy_potential", (4, 5, 1)), ("peak", (4, 5)), ("q", (4, 5))],
+)
+def test_a_sweep_with_an_array_of_another_shape(
+    tmp_path: Path, originals: dict[str, bytes], dataset: str, shape: tuple[int, ...]
+) -> None:
+    path = tmp_path / "sweep.h5"
+    path.write_bytes(originals["sweep"])
+    with h5py.File(path, "a") as root:
+        del root[dataset]
+        root[dataset] = np.ones(shape)
+    with path.open("r+b") as file:
+        seal.seal(file)
+    status, said = answer("report", str(path), "-o", str(tmp_path / "out.html"))
+    assert status == 4, said
+    assert f"{dataset} has shape {shape}, and not (4" in said
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.column_units import shared_unit, unit
-from lagcli.columns import BY_NAME
 from lagcli.errors import FileError
 from lagcli.json_schema import check_json
 from lagcli.model.model import Model
@@ -52,6 +51,8 @@ _SHORT, _MESSAGES = 64, 1 << 16
 #: Number of rows that are read at once.
 SLAB = 1 << 14
 _OUTPUTS = "outputs/"
+#: The axis besides the rows and the times of each array of stored samples; empty if it has none.
+_KEPT = {quantity.name: quantity.along for quantity in KEPT}
 #: The root attributes that are read: texts, and JSON.
 _TEXTS = ("lagcli_version", "model", "model_sha256", "model_path")
 _JSON = (
@@ -306,29 +307,29 @@ class SweepFile:
         """Return some rows of a dataset, or all."""
         if dataset.startswith(_OUTPUTS):
             name = dataset.removeprefix(_OUTPUTS)
-            self._check_length(dataset, self._outputs.shape(name))
+            self._check_shape(dataset, self._outputs.shape(name))
             return self._outputs.read(name, rows)
         kind = "i1" if dataset == "status" else "<i8" if dataset in COUNTS else "<f8"
         stored = numbers(self.root, dataset, kind)
-        self._check_length(dataset, stored.shape)
+        self._check_shape(dataset, stored.shape)
         values = stored[rows]
         if dataset in self._varied and not np.isfinite(values).all():
             raise ValueError(f"{dataset} has varied values that are not finite")
         return values
 
-    def _check_length(self, name: str, shape: tuple[int, ...]) -> None:
+    def _check_shape(self, name: str, shape: tuple[int, ...]) -> None:
         lengths = [self.length]
-        if len(shape) > 1:
+        if name.startswith(_OUTPUTS) or name in _KEPT:
             lengths.append(len(self.times))
-            if name in BY_NAME and (along := BY_NAME[name].along):
-                lengths.append(len(self.names(along)))
-        if list(shape[: len(lengths)]) != lengths:
+        if along := _KEPT.get(name):
+            lengths.append(len(self.names(along)))
+        if list(shape) != lengths:
             raise ValueError(f"{name} has shape {shape}, and not {tuple(lengths)}")
 
     def messages(self, rows: slice = slice(None)) -> list[str]:
         """Return the messages of some rows, or all."""
         dataset = texts(self.root, "message")
-        self._check_length("message", dataset.shape)
+        self._check_shape("message", dataset.shape)
         return [x.decode() for x in dataset[rows].tolist()]
 
     def results(self) -> Iterator[Results]:
