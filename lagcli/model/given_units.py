@@ -30,5 +30,5 @@ def given_units(model: Model) -> Mapping[str, GivenUnit]:
 
 def stored_units(display: Mapping[str, Any]) -> Mapping[str, GivenUnit]:
     """Return the same from ``Record.display``, of a result file or a sweep."""
-    units = display.get("given_units", {})
-    return {name: GivenUnit(unit, float(to_si(unit))) for name, unit in units.items()}
+    given = display.get("given_units", {})
+    return {name: GivenUnit(x["unit"], x["factor"]) for name, x in given.items()}

@@ -48,7 +48,7 @@ def result_display(model: Model) -> dict[str, Any]:
             for p in model.parameters.values()
             if p.name in given
         },
-        "given_units": {name: x.unit for name, x in given.items()},
+        "given_units": {name: x._asdict() for name, x in given.items()},
     }
 
 

@@ -48,7 +48,17 @@ DISPLAY: dict[str, Any] = {
         "definitions": NAMES,
         "jumping": NAMES,
         "given": {"type": "object", "additionalProperties": {"type": "string"}},
-        "given_units": {"type": "object", "additionalProperties": {"type": "string"}},
+        "given_units": {
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "required": ["unit", "factor"],
+                "properties": {
+                    "unit": {"type": "string"},
+                    "factor": {"type": "number", "exclusiveMinimum": 0},
+                },
+            },
+        },
     },
 }
 

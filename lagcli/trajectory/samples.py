@@ -258,8 +258,8 @@ class Record:
         What pictures need of the model: ``latex``, the declared LaTeX of coordinates;
         ``definitions``, names of definitions and inputs, which the names of coordinates must not
         look like; ``jumping``, outputs that jump at events; ``given``, parameters in units other
-        than SI as they were given, such as ``1500 rpm``; ``given_units``, the units of those, and
-        of initial values. Empty if unknown.
+        than SI as they were given, such as ``1500 rpm``; ``given_units``, the ``unit`` of those and
+        of initial values, and its ``factor`` to SI. Empty if unknown.
     inputs : mapping of str to InputTable
         The tables of the model's inputs, by name.
     events : EventLog or None

@@ -10,6 +10,7 @@ import json
 import random
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
@@ -105,6 +106,16 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
         return {kind: Path(f"{kind}.h5").read_bytes() for kind in FILES}
 
 
+@contextlib.contextmanager
+def changed(path: Path, original: bytes) -> Iterator[h5py.File]:
+    """Write a file whose content is changed in this context, with a checksum of its own."""
+    path.write_bytes(original)
+    with h5py.File(path, "a") as root:
+        yield root
+    with path.open("r+b") as file:
+        seal.seal(file)
+
+
 def try_mutants(kind: str, original: bytes, folder: Path, count: int) -> Counter[str]:
     """Read mutants of a file by all commands that read such files."""
     path, r = folder / f"{kind}.h5", random.Random(kind)
@@ -170,14 +181,11 @@ def test_a_comparison_without_an_optional_part_is_read(
     tmp_path: Path, originals: dict[str, bytes]
 ) -> None:
     path = tmp_path / "models.h5"
-    path.write_bytes(originals["models"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["models"]) as root:
         content = json.loads(root.attrs["content"])
         for x in content["multipliers"]:
             del x["explained"]
         root.attrs["content"] = np.bytes_(json.dumps(content))
-    with path.open("r+b") as file:
-        seal.seal(file)
     for arguments in (["info", str(path)], ["report", str(path), "-o", str(tmp_path / "r.html")]):
         status, said = answer(*arguments)
         assert status == 0, said
@@ -188,11 +196,8 @@ def test_forces_too_large_or_small_to_be_drawn(
     tmp_path: Path, originals: dict[str, bytes], value: float
 ) -> None:
     path = tmp_path / "run.h5"
-    path.write_bytes(originals["run"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["run"]) as root:
         root["constraint_force_by"][3:7] = value
-    with path.open("r+b") as file:
-        seal.seal(file)
     status, said = answer("report", str(path), "-o", str(tmp_path / "r.html"))
     assert status in (0, 2), said
     assert "Warning" not in said
@@ -203,14 +208,11 @@ def test_modes_without_a_finite_motion(
     tmp_path: Path, originals: dict[str, bytes], part: str, number: float
 ) -> None:
     path = tmp_path / "modes.h5"
-    path.write_bytes(originals["modes"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["modes"]) as root:
         content = json.loads(root.attrs["content"])
         for name in content["modes"][0][part]:
             content["modes"][0][part][name] = [number, number]
         root.attrs["content"] = np.bytes_(json.dumps(content))
-    with path.open("r+b") as file:
-        seal.seal(file)
     page = ["-o", str(tmp_path / "out.html")]
     for command in (["report", str(path)], ["animate", str(path), "--mode", "1"]):
         status, said = answer(*command, *page)
@@ -223,13 +225,10 @@ def test_a_mode_about_a_point_whose_square_overflows(
     tmp_path: Path, originals: dict[str, bytes]
 ) -> None:
     path = tmp_path / "rolling.h5"
-    path.write_bytes(originals["rolling"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["rolling"]) as root:
         content = json.loads(root.attrs["content"])
         content["operating_point"]["q"]["psi"] = 1e308
         root.attrs["content"] = np.bytes_(json.dumps(content))
-    with path.open("r+b") as file:
-        seal.seal(file)
     status, said = answer("animate", str(path), "--mode", "1", "-o", str(tmp_path / "out.html"))
     assert status == 0, said
     assert "Warning" not in said
@@ -237,15 +236,32 @@ def test_a_mode_about_a_point_whose_square_overflows(
 
 def test_infinite_places_of_pins(tmp_path: Path, originals: dict[str, bytes]) -> None:
     path = tmp_path / "road.h5"
-    path.write_bytes(originals["road"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["road"]) as root:
         root["q"][2] = 1e308
         root["q"][3] = np.inf
-    with path.open("r+b") as file:
-        seal.seal(file)
     status, said = answer("animate", str(path), "-o", str(tmp_path / "out.html"))
     assert status in (0, 3), said
     assert "Warning" not in said
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [({"m": "foo"}, 'is "foo"'), ({"m": {"unit": "g", "factor": 0}}, "not greater than 0")],
+)
+def test_given_units_of_runs_that_are_compared(
+    tmp_path: Path, originals: dict[str, bytes], given: dict[str, object], what: str
+) -> None:
+    other, path = tmp_path / "other.h5", tmp_path / "run.h5"
+    with changed(other, originals["run"]) as root:
+        values = json.loads(root.attrs["parameters"])
+        root.attrs["parameters"] = np.bytes_(json.dumps(values | {"m": 2.0}))
+    with changed(path, originals["run"]) as root:
+        display = json.loads(root.attrs["display"])
+        root.attrs["display"] = np.bytes_(json.dumps(display | {"given_units": given}))
+    status, said = answer("plot", str(path), str(other), "-o", str(tmp_path / "out.svg"))
+    assert status == 4, said
+    assert "display.given_units.m" in said
+    assert what in said
 
 
 @pytest.mark.parametrize("option", ["rtol", "atol", "method", "formulation"])
@@ -253,12 +269,9 @@ def test_an_option_of_a_run_that_is_a_list(
     tmp_path: Path, originals: dict[str, bytes], option: str
 ) -> None:
     path = tmp_path / "run.h5"
-    path.write_bytes(originals["run"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["run"]) as root:
         options = json.loads(root.attrs["options"])
         root.attrs["options"] = np.bytes_(json.dumps(options | {option: [[]]}))
-    with path.open("r+b") as file:
-        seal.seal(file)
     status, said = answer("report", str(path), "-o", str(tmp_path / "out.html"))
     assert status == 4, said
     assert f"options.{option} is [[]]" in said
@@ -272,12 +285,9 @@ def test_a_sweep_with_an_array_of_another_shape(
     tmp_path: Path, originals: dict[str, bytes], dataset: str, shape: tuple[int, ...]
 ) -> None:
     path = tmp_path / "sweep.h5"
-    path.write_bytes(originals["sweep"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["sweep"]) as root:
         del root[dataset]
         root[dataset] = np.ones(shape)
-    with path.open("r+b") as file:
-        seal.seal(file)
     status, said = answer("report", str(path), "-o", str(tmp_path / "out.html"))
     assert status == 4, said
     assert f"{dataset} has shape {shape}, and not (4" in said
@@ -302,11 +312,8 @@ def test_numbers_too_large_for_an_axis(
 ) -> None:
     path = tmp_path / "fit.h5"
     for name in names:
-        path.write_bytes(originals["fit"])
-        with h5py.File(path, "a") as root:
+        with changed(path, originals["fit"]) as root:
             root["data_1"][name][0], root["data_1"][name][1:] = values
-        with path.open("r+b") as file:
-            seal.seal(file)
         target = tmp_path / f"{name}.{kind}"
         status, said = answer(command, str(path), "-o", str(target), "--force")
         assert status == 0, f"{name}: {command}: {said}"
@@ -314,12 +321,9 @@ def test_numbers_too_large_for_an_axis(
 
 def test_residuals_whose_squares_overflow(tmp_path: Path, originals: dict[str, bytes]) -> None:
     path = tmp_path / "fit.h5"
-    path.write_bytes(originals["fit"])
-    with h5py.File(path, "a") as root:
+    with changed(path, originals["fit"]) as root:
         root["data_1"]["sigmas"][...] = 1e-200
         measured, model = root["data_1"]["measured"][()], root["data_1"]["model"][()]
-    with path.open("r+b") as file:
-        seal.seal(file)
     status, said = answer("info", str(path))
     assert status == 0, said
     rms = np.sqrt(np.mean((measured - model) ** 2)) / 1e-200
