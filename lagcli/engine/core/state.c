@@ -65,6 +65,21 @@ static void flag(lag_archive *a, int *x)
     lag_archive_int(a, x, 0, 1);
 }
 
+#define LENGTH(list) (sizeof(list) / sizeof *(list))
+
+/* So many arrays of n entries. */
+static void reals(lag_archive *a, double *const *arrays, size_t count, int64_t n)
+{
+    for (size_t i = 0; i < count; ++i)
+        lag_archive_reals(a, arrays[i], n);
+}
+
+static void flags(lag_archive *a, int *const *arrays, size_t count, int n)
+{
+    for (size_t i = 0; i < count; ++i)
+        lag_archive_integers(a, arrays[i], n, 0, 1);
+}
+
 static void number(lag_archive *a, int64_t *x)
 {
     lag_archive_count(a, x, 0, INT64_MAX / 4);
@@ -84,13 +99,10 @@ static void step(lag_archive *a, lag_run *run)
     const int n = lag_size(&run->system);
     double *several[] = {s->y, s->f, s->y_old, s->y_new, s->f_new};
     double *one[] = {&s->t_start, &s->t, &s->t_stop, &s->h, &s->error_old, &s->t_old, &s->h_old};
-    int *flags[] = {&s->searching, &s->dense_inaccurate};
-    for (size_t i = 0; i < sizeof several / sizeof *several; ++i)
-        lag_archive_reals(a, several[i], n);
-    for (size_t i = 0; i < sizeof one / sizeof *one; ++i)
-        real(a, one[i]);
-    for (size_t i = 0; i < sizeof flags / sizeof *flags; ++i)
-        flag(a, flags[i]);
+    int *marks[] = {&s->searching, &s->dense_inaccurate};
+    reals(a, several, LENGTH(several), n);
+    reals(a, one, LENGTH(one), 1);
+    flags(a, marks, LENGTH(marks), 1);
     lag_archive_int(a, &s->dense_ready, 0, 2);
     lag_archive_reals(a, s->dense, INT64_C(7) * n); /* from which Radau's method extrapolates */
     number(a, &s->steps);
@@ -149,8 +161,7 @@ static void watch(lag_archive *a, lag_run *run)
     double *one[] = {&w->pivot, &w->largest_pivot, &w->pivot_at_end, w->suspect, w->suspect + 1, &w->largest_step,
                      &path->t, &path->length, &path->speed, &path->margin, &path->margin_at_end, &d->begin};
     int last = path->entries == path->last, by = (int)d->by;
-    for (size_t i = 0; i < sizeof one / sizeof *one; ++i)
-        real(a, one[i]);
+    reals(a, one, LENGTH(one), 1);
     number(a, &w->examined);
     lag_archive_int(a, &w->mode, LAG_IGNORE, LAG_STOP);
     flag(a, &w->approaching);
@@ -189,8 +200,7 @@ static void implicit(lag_archive *a, lag_run *run)
 static void kinks(lag_archive *a, lag_kinks *k)
 {
     double *several[] = {k->branch, k->bound, k->size, k->growth, k->rounding};
-    for (size_t i = 0; i < sizeof several / sizeof *several; ++i)
-        lag_archive_reals(a, several[i], k->count);
+    reals(a, several, LENGTH(several), k->count);
     lag_archive_integers(a, k->state, k->count, LAG_OFF_SURFACE, LAG_SIDE_KNOWN);
     lag_archive_int(a, &k->slides, -1, k->count - 1);
     real(a, &k->weight);
@@ -214,8 +224,7 @@ static void watched(lag_archive *a, lag_switching *sw)
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         double *one[] = {&w->sign, &w->shift, &w->noise, &w->value, &w->rate, &w->resolved, &w->ended};
-        for (size_t i = 0; i < sizeof one / sizeof *one; ++i)
-            real(a, one[i]);
+        reals(a, one, LENGTH(one), 1);
         flag(a, &w->clear);
         flag(a, &w->hit);
     }
@@ -226,24 +235,20 @@ static void switching(lag_archive *a, lag_run *run, const lag_method *chosen)
     lag_switching *sw = &run->switching;
     const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = lag_size(&run->system);
     int *modes[] = {sw->mode, sw->mode_before, sw->first_mode};
-    int *flags[] = {sw->active, sw->takes_part, sw->came_to_rest, sw->tight, sw->shares};
+    int *marks[] = {sw->active, sw->takes_part, sw->came_to_rest, sw->tight, sw->shares};
     double *by_row[] = {sw->phi, sw->psi, sw->drift, sw->gamma, sw->size, sw->speed, sw->tried, sw->stray, sw->slack,
                         sw->rest_time, sw->trial_force};
     double *one[] = {&sw->margin, &sw->strength, &sw->instant, &sw->last, &sw->since, &sw->interval, &sw->gained,
                      &sw->remainder};
     int *other[] = {&sw->acting, &sw->redundant, &sw->begun, &sw->report, &sw->moved, &sw->settled, &sw->with_friction,
                     &sw->equal_restitution};
-    for (size_t i = 0; i < sizeof modes / sizeof *modes; ++i)
+    for (size_t i = 0; i < LENGTH(modes); ++i)
         lag_archive_integers(a, modes[i], rows, LAG_OPEN, LAG_SLIPS_BACKWARD);
-    for (size_t i = 0; i < sizeof flags / sizeof *flags; ++i)
-        lag_archive_integers(a, flags[i], rows, 0, 1);
+    flags(a, marks, LENGTH(marks), rows);
     lag_archive_integers(a, sw->ended, rows, NOTHING_ENDED, SLIPPING_ENDED);
-    for (size_t i = 0; i < sizeof by_row / sizeof *by_row; ++i)
-        lag_archive_reals(a, by_row[i], rows);
-    for (size_t i = 0; i < sizeof one / sizeof *one; ++i)
-        real(a, one[i]);
-    for (size_t i = 0; i < sizeof other / sizeof *other; ++i)
-        flag(a, other[i]);
+    reals(a, by_row, LENGTH(by_row), rows);
+    reals(a, one, LENGTH(one), 1);
+    flags(a, other, LENGTH(other), 1);
     lag_archive_int(a, &sw->stage, 0, 2);
     lag_archive_int(a, &sw->rounds, 0, INT32_MAX / 2);
     lag_archive_int(a, &sw->impacts, 0, INT32_MAX / 2);
