@@ -10,6 +10,7 @@ import pytest
 from fmi import FmuError, Unpacked
 from fmu_states import restored_differently
 from known_event_cases import EVENT_CASES
+from known_events import Case
 from known_force_cases import FORCE_CASES
 from known_rest_cases import REST_CASES
 from random_cases import FUZZ_COUNT
@@ -22,15 +23,19 @@ CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
 REFUSED = "an event sets values that the constraints do not allow"
 
 
+def simulated(case: Case) -> tuple[lagcli.Model, lagcli.Trajectory]:
+    """Return the model of a case, with the settings of the case, and its run."""
+    listed = ", ".join(f"{key}: {value}" for key, value in case.options.items())
+    model = lagcli.load_text(f"{case.text}\nsimulation: {{{listed}}}\n")
+    return model, lagcli.simulate(model)
+
+
 @pytest.mark.fuzz
 @pytest.mark.parametrize("kind", CASES)
 def test_random_communication_points(kind: str, tmp_path: Path) -> None:
     for seed in range(FUZZ_COUNT // len(CASES) + 1):
         case = CASES[kind](seed)
-        # the settings of the case are those of the model
-        listed = ", ".join(f"{key}: {value}" for key, value in case.options.items())
-        model = lagcli.load_text(f"{case.text}\nsimulation: {{{listed}}}\n")
-        run = lagcli.simulate(model)
+        model, run = simulated(case)
         if run.status != "completed":
             continue
         instance = Unpacked(lagcli.fmu(model, icon=False), tmp_path / str(seed)).instance()
@@ -56,9 +61,7 @@ def test_random_communication_points(kind: str, tmp_path: Path) -> None:
 def test_random_restored_states(kind: str, tmp_path: Path) -> None:
     for seed in range(FUZZ_COUNT // (4 * len(CASES)) + 1):
         case = CASES[kind](seed)
-        listed = ", ".join(f"{key}: {value}" for key, value in case.options.items())
-        model = lagcli.load_text(f"{case.text}\nsimulation: {{{listed}}}\n")
-        run = lagcli.simulate(model)
+        model, run = simulated(case)
         if run.status != "completed":
             continue
         fmu = Unpacked(lagcli.fmu(model, icon=False), tmp_path / str(seed))

@@ -39,6 +39,13 @@ class _EventInfo(ctypes.Structure):
     )
 
 
+def with_another_word(data: bytes, rng: np.random.Generator) -> bytes:
+    """Return a resource of an FMU with another word after its first two, which identify it."""
+    words = np.frombuffer(data, dtype=np.int64).copy()
+    words[rng.integers(2, len(words))] = rng.integers(-5, 1 << int(rng.integers(1, 63)))
+    return words.tobytes()
+
+
 class FmuError(Exception):
     """A function of the FMU has failed; the message is what it reported."""
 

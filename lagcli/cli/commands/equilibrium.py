@@ -77,15 +77,15 @@ def equilibrium(
         raise UsageError("--branches needs --along, as in --along P=0:3 --branches")
     check_target(model, output, (".json", ".h5"), force)
     loaded, held = load_steady(model, set, set_initial, steady)
-    arrays = {}
+    arrays, note = {}, ""
     if along is None:
         content = describe_equilibria(find(loaded, steady=held, all=all, starts=starts))
-        format, note = format_equilibria, ""
+        format = format_equilibria
     else:
         loaded, name, start, end = load_along(loaded, along)
         diagram = follow_equilibria(loaded, name, start, end, steady=held, branches=branches)
         content, arrays = describe_diagram(diagram), diagram_arrays(diagram)
-        format, note = format_diagram, ""
+        format = format_diagram
         if not branches and any(x.kind == "branch point" for x in diagram.special):
             note = "\n  note: other branches cross at branch points; --branches follows them"
     if output is not None:

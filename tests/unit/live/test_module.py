@@ -11,12 +11,18 @@ from lagcli.errors import FileError
 from lagcli.live import module as live_module
 
 
-def test_a_missing_or_an_old_module_is_an_error_with_a_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assets = tmp_path / "assets"
-    assets.mkdir()
+@pytest.fixture
+def assets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder in which the module is looked for; it is empty."""
     monkeypatch.setattr(live_module, "files", lambda package: tmp_path)
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    return folder
+
+
+def test_a_missing_or_an_old_module_is_an_error_with_a_remedy(
+    assets: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(FileError, match="no core for pages") as missing:
         live_module.module()
     assert "make wasm" in str(missing.value)
@@ -29,12 +35,12 @@ def test_a_missing_or_an_old_module_is_an_error_with_a_remedy(
 
 
 def test_an_installation_names_the_remedy_that_it_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    assets: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Without the sources, as after `pip install .`: also an old module is not used silently."""
-    assets = tmp_path / "assets"
-    assets.mkdir()
-    monkeypatch.setattr(live_module, "files", lambda package: tmp_path)
     monkeypatch.setattr(live_module.fingerprint, "sources_are_here", lambda: False)
     for problem in ("no core for pages", "other sources"):
         assert run(["export", "atwood", "-o", str(tmp_path / "page.html")]) == 4
