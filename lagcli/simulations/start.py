@@ -12,6 +12,7 @@ from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
+    NoOrientation,
     Spin,
     UndefinedStart,
     VanishingGradient,
@@ -72,6 +73,8 @@ def find_start(
         raise _no_start(model, error) from None
     except VanishingGradient as error:
         raise _no_gradient(model, error.constraints) from None
+    except NoOrientation as error:
+        raise _no_orientation(model, error.quaternion) from None
     if system.switching is not None:
         from lagcli.simulations.contacts import check_contacts
 
@@ -292,6 +295,20 @@ def _no_gradient(model: Model, constraints: list[str]) -> NumericalError:
             "check lengths that are 0; hold a point by its coordinates: x = 0 and y = 0 in place of"
             " x^2 + y^2 = 0",
         )
+    )
+
+
+def _no_orientation(model: Model, quaternion: str) -> ModelError:
+    return ModelError(
+        [
+            Diagnostic(
+                "no-orientation",
+                f"the guess of the quaternion `{quaternion}` is 0, which is no orientation: its"
+                " angular velocity is given in the frame of the body",
+                model.initial_positions[f"{quaternion}.0"].location,
+                f"give a rotation: `{quaternion}: {{guess: 1}}`",
+            )
+        ]
     )
 
 

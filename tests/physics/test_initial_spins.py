@@ -236,3 +236,14 @@ def test_rows_of_a_sweep_start_as_single_runs(spun: str, z: float, tmp_path: Pat
         measured = file["z"][-1]
     run = lagcli.simulate(lagcli.load_text(text, set={"w0": 2.5}))
     assert measured == pytest.approx(run.outputs["wz"][-1], abs=1e-8)
+
+
+@pytest.mark.parametrize("velocity", ["[0, 0.5, 3]", "{guess: [0, 0.5, 3]}"])
+def test_a_guess_of_zeros_is_no_orientation(velocity: str) -> None:
+    """The rates of any ω are 0 there: the body started at rest, without a word."""
+    with pytest.raises(ModelError) as found:
+        _ = rolling("{guess: [0, 0, 0, 0]}", velocity).start
+    (one,) = found.value.diagnostics
+    assert "the guess of the quaternion `e` is 0" in one.message
+    assert one.location is not None
+    assert (one.location.line, one.help) == (7, "give a rotation: `e: {guess: 1}`")

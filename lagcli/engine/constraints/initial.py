@@ -144,12 +144,27 @@ def consistent_state(
         The equations are not finite there.
     VanishingGradient
         A constraint holds only at points where its gradient vanishes.
+    NoOrientation
+        The guess of a quaternion whose angular velocity is given is 0.
     """
     known = Evaluator(system, given.p) if evaluator is None else evaluator
     search = ConsistentSearch(
         known.with_parameters(given.p), given.t, fixed_q, fixed_v, spins=spins
     )
     return search.solve(given.q, given.v)
+
+
+class NoOrientation(NoStart):
+    """A quaternion whose components are all 0: its angular velocity has no meaning.
+
+    Parameters
+    ----------
+    quaternion : str
+    """
+
+    def __init__(self, quaternion: str):
+        super().__init__(f"{quaternion} is 0")
+        self.quaternion = quaternion
 
 
 class VanishingGradient(NoStart):
@@ -230,8 +245,6 @@ class ConsistentSearch:
                     moved[f"{names[i]}'"] = float(v[i]), float(new_v[i])
         for spin in self.spins:
             places = list(spin.places)
-            if not q[places].any():
-                continue
             before, after = spin_of(q[places], v[places]), spin_of(new_q[places], new_v[places])
             rounding = _ROUNDING * np.abs([before, after]).max()
             for label, x, y in zip(spin.labels(), before.tolist(), after.tolist(), strict=True):
@@ -535,11 +548,19 @@ def spin_derivative(e: Array, rates: Array, de: Array, drates: Array) -> Array:
 
 
 def with_given_spins(spins: Sequence[Spin], before: Array, v: Array, q: Array) -> Array:
-    """Return velocities whose ω at an orientation q are those of v at another one."""
+    """Return velocities whose ω at an orientation q are those of v at another one.
+
+    Raises
+    ------
+    NoOrientation
+        The other one is a quaternion of zeros, whose rates say nothing of ω.
+    """
     v = v.copy()
     for spin in spins:
         places = list(spin.places)
-        if not np.array_equal(before[places], q[places]) and before[places].any():
+        if not before[places].any():
+            raise NoOrientation(spin.name)
+        if not np.array_equal(before[places], q[places]):
             v[places] = rates_of_spin(q[places]) @ spin_of(before[places], v[places])
     return v
 

@@ -157,12 +157,13 @@ class Drag:
         model, state = self._simulation.model, self._state
         entries = model.initial_velocities.values()
         spins, q = spins_of(model), np.array([x.value for x in model.initial_positions.values()])
-        v = with_given_spins(spins, q, np.array([x.value for x in entries]), self._q)
-        given = State(state.t, self._q, v, state.p)
+        v = np.array([x.value for x in entries])
         fixed, free = np.ones(len(self._q), bool), np.zeros(len(self._q), bool)
         as_given = np.array([x.fixed for x in entries])
         system = self._simulation.system
+        given = State(state.t, self._q, v, state.p)
         try:
+            given = given._replace(v=with_given_spins(spins, q, v, self._q))
             start = consistent_state(system, given, fixed, as_given, self._evaluator, spins)
         except NoStart:
             start = consistent_state(system, given, fixed, free, self._evaluator)

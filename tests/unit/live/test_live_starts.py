@@ -190,6 +190,22 @@ def test_an_angular_velocity_holds_where_the_orientation_is_set(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
+    ("orientation", "case"),
+    [
+        ("{guess: 1}", Case({}, {f"e.{i}": (0.0, True) for i in range(4)})),
+        ("{guess: [s, 0, 0, 0]}", Case({"s": 0.0}, {})),
+    ],
+)
+def test_a_quaternion_of_zeros_is_no_orientation(
+    orientation: str, case: Case, tmp_path: Path
+) -> None:
+    """The page lost the angular velocity, as `simulate` did: its rates are 0 there."""
+    model = lagcli.load_text(TURNING.format(constraints="", e=orientation, omega="[1, 2, 3]"))
+    [(_, refused, _)] = starts_of(model, [case], tmp_path)
+    assert refused == "both"
+
+
+@pytest.mark.parametrize(
     "count", [3, pytest.param(max(1, FUZZ_COUNT // 10), marks=pytest.mark.fuzz)]
 )
 def test_turning_bodies_start_where_simulate_does(count: int, tmp_path: Path) -> None:

@@ -301,8 +301,9 @@ int lag_fmu_initialize(lag_fmu *fmu, double start, double stop)
     return 0;
 }
 
-/* Angular velocities hold where components of quaternions are set: their rates follow. They do not where rates are set. */
-static void turn_spins(lag_fmu *fmu)
+/* Angular velocities hold where components of quaternions are set: their rates follow. They do not where rates are set.
+ * Returns a lag_start_status. */
+static int turn_spins(lag_fmu *fmu)
 {
     double *q = fmu->begin, *v = q + fmu->nq;
     for (lag_spin *spin = fmu->search.spins; spin < fmu->search.spins + fmu->search.spin_count; ++spin) {
@@ -315,14 +316,17 @@ static void turn_spins(lag_fmu *fmu)
             turned |= fmu->is_given[at] && fmu->initial[at] != q[at];
             spin->given &= !fmu->is_given[fmu->nq + at];
         }
-        if (!turned || !(own > 0.0))
+        if (!turned)
             continue;
+        if (spin->given && !(own > 0.0)) /* its rates are 0 for any angular velocity */
+            return LAG_START_UNTURNED;
         lag_angular_velocity(spin, q, v, omega);
         for (int i = 0; i < 4; ++i)
             if (fmu->is_given[spin->place[i]])
                 q[spin->place[i]] = fmu->initial[spin->place[i]];
         lag_turn_quaternion(spin, omega, q, v);
     }
+    return LAG_START_FOUND;
 }
 
 /* Evaluate the parameters that depend on those that are given. */
@@ -337,14 +341,14 @@ static void evaluate_parameters(lag_fmu *fmu, const double *given)
         fmu->parameters[i] = OUT(&fmu->start, i);
 }
 
-/* The same with the initial values that depend on what was set. */
-static void evaluate_start(lag_fmu *fmu)
+/* The same with the initial values that depend on what was set. Returns a lag_start_status. */
+static int evaluate_start(lag_fmu *fmu)
 {
     const int nq = fmu->nq;
     evaluate_parameters(fmu, fmu->given);
     for (int i = 0; i < 2 * nq; ++i)
         fmu->begin[i] = OUT(&fmu->start, fmu->own + i);
-    turn_spins(fmu);
+    const int status = turn_spins(fmu);
     for (int i = 0; i < 2 * nq; ++i) {
         if (fmu->is_given[i])
             fmu->begin[i] = fmu->initial[i];
@@ -352,6 +356,7 @@ static void evaluate_start(lag_fmu *fmu)
     }
     memcpy(fmu->y, fmu->begin, 2 * (size_t)nq * sizeof *fmu->y);
     fmu->y[2 * nq] = 0.0;
+    return status;
 }
 
 /* Whether nothing was set to another value than that of the data. */
@@ -372,20 +377,23 @@ int lag_fmu_prepare(lag_fmu *fmu)
     lag_model model = fmu->model;
     const lag_problem *nominal = &fmu->model.problem;
     lag_fmu_end_simulation(fmu);
-    evaluate_start(fmu);
+    int found = evaluate_start(fmu);
     memcpy(fmu->taken, fmu->given, (size_t)fmu->settable * sizeof *fmu->taken);
-    if (is_nominal(fmu)) {
+    if (found == LAG_START_FOUND && is_nominal(fmu)) {
         memcpy(fmu->parameters, nominal->parameters, (size_t)fmu->own * sizeof(double));
         memcpy(fmu->y, nominal->y, (2 * (size_t)fmu->nq + 1) * sizeof(double));
     } else {
-        const int found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y,
-                                         fmu->lengths, fmu->plain_lengths);
+        if (found == LAG_START_FOUND)
+            found = lag_start_find(&fmu->search, fmu->started_at, fmu->parameters, fmu->is_fixed, fmu->y, fmu->lengths,
+                                   fmu->plain_lengths);
         if (found == LAG_START_CONTRADICTED)
             return lag_fmu_fail(fmu, "the initial values that are set do not satisfy the constraints");
         if (found == LAG_START_UNDEFINED)
             return lag_fmu_fail(fmu, "the constraints have no finite value at the initial state");
         if (found == LAG_START_SINGULAR)
             return lag_fmu_fail(fmu, "the constraints are singular at the initial state");
+        if (found == LAG_START_UNTURNED)
+            return lag_fmu_fail(fmu, "the initial values of a quaternion are all 0, which is no orientation");
         if (found == LAG_START_NO_MEMORY)
             return lag_fmu_fail(fmu, "there is no memory");
         model.problem.lengths = fmu->lengths;

@@ -649,8 +649,8 @@ static int find_velocities(lag_start_search *s, double t, const int *fixed, doub
     return found;
 }
 
-/* Let the angular velocities that are given be those at an orientation, as they were at the guess. */
-static void turn_with_positions(const lag_start_search *s, double *y)
+/* Let the angular velocities that are given be those at an orientation, as they were at the guess. Returns a lag_start_status. */
+static int turn_with_positions(const lag_start_search *s, double *y)
 {
     const int nq = s->equations.nq;
     for (const lag_spin *spin = s->spins; spin < s->spins + s->spin_count; ++spin) {
@@ -659,12 +659,15 @@ static void turn_with_positions(const lag_start_search *s, double *y)
             turned |= s->guess[spin->place[i]] != y[spin->place[i]];
             any |= s->guess[spin->place[i]] != 0.0;
         }
-        if (!spin->given || !turned || !any)
+        if (spin->given && !any)
+            return LAG_START_UNTURNED;
+        if (!spin->given || !turned)
             continue;
         double omega[3];
         lag_angular_velocity(spin, s->guess, y + nq, omega);
         lag_turn_quaternion(spin, omega, y, y + nq);
     }
+    return LAG_START_FOUND;
 }
 
 int lag_start_find(lag_start_search *s, double t, const double *p, const int *fixed, double *y, double *lengths,
@@ -678,10 +681,10 @@ int lag_start_find(lag_start_search *s, double t, const double *p, const int *fi
     lag_tape_set(&s->constraint, s->equations.np, p);
     lag_tape_set(&s->lasting, e->np, p);
     int status = find_positions(s, t, fixed, y);
-    if (status == LAG_START_FOUND) {
-        turn_with_positions(s, y);
+    if (status == LAG_START_FOUND)
+        status = turn_with_positions(s, y);
+    if (status == LAG_START_FOUND)
         status = find_velocities(s, t, fixed, y);
-    }
     if (status != LAG_START_FOUND)
         return status;
     memcpy(s->sizes, s->model->problem.sizes, (size_t)nq * sizeof *s->sizes); /* the run's */

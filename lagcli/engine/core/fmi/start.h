@@ -12,6 +12,7 @@ enum lag_start_status {
     LAG_START_CONTRADICTED, /* no values of the free entries satisfy the constraints nearby */
     LAG_START_UNDEFINED,    /* the constraints have no finite value */
     LAG_START_SINGULAR,     /* the rank of B is not that of the data */
+    LAG_START_UNTURNED,     /* a quaternion whose angular velocity is given is 0: no orientation */
     LAG_START_NO_MEMORY,
 };
 
