@@ -20,7 +20,8 @@ _RESERVED = words(
     " union unsigned void volatile while main M f B gamma position velocity out lambda j0 j1 jn y0"
     " y1 yn NULL INFINITY NAN errno stdin stdout stderr signgam index time NQ NC NH NP NO ROWS"
     " POSITIONS rows position_rows position_of bounded clipped piece table solve share rate"
-    " solve_constrained abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
+    " solve_constrained slopes S J NX share shares multiply solve_shares slopes_along"
+    " share_jacobian abs exp log log10 log2 pow sin cos tan asin acos atan atan2 sinh cosh tanh"
     " asinh acosh atanh sqrt cbrt hypot erf erfc floor ceil fabs fmax fmin fmod round trunc rint"
     " free malloc calloc exit printf puts getc putc rand div abort system remove rename"
     " linux unix i386 L_ctermid L_cuserid L_tmpnam L_tmpnam_s P_tmpdir alloca environ"
@@ -58,7 +59,7 @@ def write_c(content: Content) -> str:
     """Return the equations of a model as a program in C."""
     named = (*content.system.coordinates, *content.system.parameters)
     reserved = {*_RESERVED, *(x for x in named if _MACRO.fullmatch(x))}
-    writer = CodeWriter(content, _SYNTAX, "{0}[{1}]", reserved)
+    writer = CodeWriter(content, _SYNTAX, "{0}[{1}]", reserved, differentiates=True)
     counts, name = content.system.counts, Identifiers(_RESERVED).of(content.model.name)
     own = asset("model.c").replace("model_", f"{name}_").replace("MODEL_", f"{name.upper()}_")
     state, settings = content.start.state, content.settings
@@ -72,6 +73,7 @@ def write_c(content: Content) -> str:
         "NH": counts.nh,
         "NP": len(system.parameters),
         "NO": len(content.columns),
+        "NX": 1 + 2 * counts.nq + len(system.parameters),
         "ROWS": len(content.rows),
         "POSITIONS": len(content.position_rows),
     }
@@ -93,9 +95,11 @@ def write_c(content: Content) -> str:
         equations="\n".join(_equations(writer)),
         constraints="\n".join(_constraints(writer)),
         outputs="\n".join(_outputs(writer)),
+        slopes="\n".join(_slopes(writer)),
         columns=_strings(content.columns),
         share=asset("share.c") if redundant else "",
         solution=_SHARED if redundant else _REGULAR,
+        jacobian=_SHARED_JACOBIAN if redundant else _REGULAR_JACOBIAN,
         names=_strings(names),
         atol=_numbers(content.tolerances),
         rtol=number(settings.rtol),
@@ -106,12 +110,21 @@ def write_c(content: Content) -> str:
     return "\n".join(["/*", *(line.rstrip() for line in lines), " */", text])
 
 
-_REGULAR = "    return solve_constrained(M, f, B, NC, rows, gamma, a, lambda);"
+_REGULAR = "    return solve_constrained(M, f, B, NC, rows, 1, gamma, a, lambda);"
 _SHARED = """\
     double c[ROWS], mu[ROWS];
     for (int i = 0; i < ROWS; ++i)
         c[i] = gamma[rows[i]];
-    return solve_constrained(M, f, B, ROWS, rows, c, a, mu) || share(B, mu, lambda);"""
+    return solve_constrained(M, f, B, ROWS, rows, 1, c, a, mu) || share(B, mu, lambda);"""
+_REGULAR_JACOBIAN = """\
+    double *S = malloc(sizeof(double) * (NQ + NC) * NX);
+    if (!S)
+        return 1;
+    slopes(t, q, v, a, lambda, p, S);
+    const int singular = solve_constrained(M, S, B, NC, rows, NX, S + NQ * NX, J, J + NQ * NX);
+    free(S);
+    return singular;"""
+_SHARED_JACOBIAN = "    return share_jacobian(t, q, v, p, M, B, a, lambda, J);"
 
 
 def _rows(content: Content) -> str:
@@ -236,3 +249,10 @@ def _outputs(writer: CodeWriter) -> list[str]:
     lines = _body(writer, section, ("t", "q", "v", "a", "lambda", "p"))
     values = zip(writer.content.columns, writer.vector(section.assigned.outputs), strict=True)
     return lines + [f"    out[{i}] = {x}; /* {name} */" for i, (name, x) in enumerate(values)]
+
+
+def _slopes(writer: CodeWriter) -> list[str]:
+    section, entries = writer.slopes()
+    lines = _body(writer, section, ("t", "q", "v", "a", "lambda", "p"))
+    lines += ["    memset(S, 0, sizeof(double) * (NQ + NC) * NX);"]
+    return lines + [f"    S[{i} * NX + {j}] = {x};" for i, j, x in entries]

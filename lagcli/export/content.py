@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.linear.dense import row_scale
 from lagcli.engine.lowering.lower import lower
-from lagcli.engine.system import System
+from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.inputs import PiecewiseFunction
-from lagcli.engine.tape.tape import Tape
+from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import UsageError
@@ -40,6 +41,21 @@ SIGN = (
     " constraint, or of psi with respect to the velocities; of an equation lhs = rhs, phi or psi"
     " is lhs - rhs."
 )
+
+
+class SlopeTape(NamedTuple):
+    """G = f − M a + Bᵀλ above Γ = γ − B a, differentiated by t, q, v and p at fixed a and λ.
+
+    Parameters
+    ----------
+    pattern : tuple of (row, column)
+        Places of the nonzero entries in a matrix of nq + nc rows and 1 + 2 nq + np columns.
+    tape : Tape
+        (t, q, v, a, λ, p) → the entries.
+    """
+
+    pattern: Pattern
+    tape: Tape
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,6 +119,35 @@ class Content:
     def report(self) -> Tape:
         """(t, q, v, a, λ, p) → the columns of `columns`."""
         return self.system.report
+
+    @cached_property
+    def slopes(self) -> SlopeTape:
+        """The derivatives of the equations."""
+        system, nq = self.system, len(self.system.coordinates)
+        assert system.variation is not None
+        assert system.parameter_variation is not None
+        by_state, by_p = system.variation(), system.parameter_variation(system.parameters)
+        blocks = (
+            (by_state.force_position, 0, 1),
+            (by_state.force_velocity, 0, 1 + nq),
+            (by_state.rhs_position, nq, 1),
+            (by_state.rhs_velocity, nq, 1 + nq),
+        )
+        places = [(i + down, j + across) for own, down, across in blocks for i, j in own]
+        powers = len(by_state.power_position) + len(by_state.power_velocity)
+        outputs = [*range(len(places))]
+        outputs += [len(places) + powers + i for i in range(system.counts.unknowns)]
+        places += [(i, 0) for i in range(system.counts.unknowns)]
+        first = 1 + 2 * nq
+        of_p = [(i, j + first) for i, j in by_p.force] + [(i + nq, j + first) for i, j in by_p.rhs]
+        tape = by_state.tape
+        builder = Arithmetic(tape.inputs, tape.parameters, functions=tape.functions)
+        entries = builder.splice(tape, range(tape.inputs), outputs)
+        entries += builder.splice(by_p.tape, range(tape.inputs), range(len(of_p)))
+        found = [
+            (place, x) for place, x in zip(places + of_p, entries, strict=True) if x != builder.zero
+        ]
+        return SlopeTape(tuple(x for x, _ in found), builder.finish([x for _, x in found]))
 
     @cached_property
     def columns(self) -> tuple[str, ...]:

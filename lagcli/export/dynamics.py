@@ -14,7 +14,7 @@ from lagcli.engine.integrate.prepared import find_elimination
 from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.linear.elimination import Elimination, unroll
 from lagcli.engine.program.program import assemble
-from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
+from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.errors import UsageError
 from lagcli.export.content import Content, content_of
@@ -161,42 +161,23 @@ class DynamicsFunction:
     ) -> DynamicsDerivatives:
         """Return the derivatives of a and λ at states.
 
-        Raises
-        ------
-        UsageError
-            The constraints are redundant: λ of least norm then has no such derivative.
+        With redundant constraints they are those of the values that this function has: also where
+        the constraints do not hold, so that they are no longer redundant there. Along motions on
+        the constraints, they do not depend on the rows that are left out.
         """
-        if self._content.redundant:
-            raise UsageError(
-                f"the constraints of {self._content.model.name} are redundant"
-                f" ({', '.join(self._content.redundant)} follow from the others), so that λ has no"
-                " derivatives; leave the redundant constraints out of the model"
-            )
         rows, shape = self._states(t, q, v, p)
+        nq = len(self.coordinates)
         solved = self._solve(rows)
-        points = self._with_solution(rows, solved)
-        variation, by_p = self._variations
-        nq, nc, n = len(self.coordinates), len(self.constraints), len(rows)
-        of_state, of_p = self._variation_table(points), self._parameter_table(points)
-        # G = f − M a + Bᵀλ above Γ = γ − B a, by t, q, v and p
-        right = np.zeros((n, nq + nc, 1 + 2 * nq + len(self.parameters)))
-        first = 0
-        for pattern, down, across in (
-            (variation.force_position, 0, 1),
-            (variation.force_velocity, 0, 1 + nq),
-            (variation.rhs_position, nq, 1),
-            (variation.rhs_velocity, nq, 1 + nq),
-        ):
-            first = _place(right, pattern, of_state, first, down, across)
-        first += len(variation.power_position) + len(variation.power_velocity)
-        right[:, :, 0] = of_state[:, first : first + nq + nc]
-        first = _place(right, by_p.force, of_p, 0, 0, 1 + 2 * nq)
-        _place(right, by_p.rhs, of_p, first, nq, 1 + 2 * nq)
+        a, multipliers = solved[:, :nq], solved[:, nq:]
         mass, _, jacobian, _ = self._equations(rows)
-        x, multipliers = _solve_dense(mass, right[:, :nq], jacobian, right[:, nq:])
+        if self._content.redundant:
+            x, of_multipliers = self._least_norm_slopes(rows, a, multipliers, mass, jacobian)
+        else:
+            right = self._slopes(rows, a, multipliers)
+            x, of_multipliers = _solve_dense(mass, right[:, :nq], jacobian, right[:, nq:])
         parts = [
             block.reshape(*shape, *block.shape[1:])
-            for whole in (x, multipliers)
+            for whole in (x, of_multipliers)
             for block in (
                 whole[:, :, 0],
                 whole[:, :, 1 : 1 + nq],
@@ -262,19 +243,8 @@ class DynamicsFunction:
         return _Table(self._content.report)
 
     @cached_property
-    def _variations(self) -> tuple[JacobianTapes, ParameterTapes]:
-        system = self._system
-        assert system.variation is not None
-        assert system.parameter_variation is not None
-        return system.variation(), system.parameter_variation(system.parameters)
-
-    @cached_property
-    def _variation_table(self) -> _Table:
-        return _Table(self._variations[0].tape)
-
-    @cached_property
-    def _parameter_table(self) -> _Table:
-        return _Table(self._variations[1].tape)
+    def _slope_table(self) -> _Table:
+        return _Table(self._content.slopes.tape)
 
     @cached_property
     def _eliminated(self) -> _Table | None:
@@ -305,13 +275,64 @@ class DynamicsFunction:
         kept = self._rows
         a, multipliers = _solve_dense(mass, force[..., None], jacobian[:, kept], rhs[:, kept, None])
         if len(kept) < len(self.constraints):
-            # B = C B_r; of all λ with Bᵀλ = B_rᵀμ, the one of least norm
-            own = jacobian[:, kept]
-            across = own.transpose(0, 2, 1)
-            shares = _solve_stack(own @ across, own @ jacobian.transpose(0, 2, 1))
-            rest = _solve_stack(shares @ shares.transpose(0, 2, 1), multipliers)
-            multipliers = shares.transpose(0, 2, 1) @ rest
+            # of all λ with Bᵀλ = B_rᵀμ, the one of least norm
+            shares = self._shares(jacobian)
+            multipliers = shares @ _solve_stack(_turned(shares) @ shares, multipliers)
         return np.hstack([a[..., 0], multipliers[..., 0]])
+
+    def _shares(self, jacobian: Array) -> Array:
+        """Return C of B = C B_r, (n, nc, rank), where B_r are the independent rows."""
+        own = jacobian[:, self._rows]
+        return _turned(_solve_stack(own @ _turned(own), own @ _turned(jacobian)))
+
+    def _slopes(self, rows: Array, a: Array, multipliers: Array) -> Array:
+        """Return the derivatives of G above Γ at fixed a and λ, (n, nq + nc, 1 + 2 nq + np)."""
+        pattern = self._content.slopes.pattern
+        unknowns, size = a.shape[1] + multipliers.shape[1], 1 + 2 * a.shape[1] + len(self.p)
+        out = np.zeros((len(rows), unknowns, size))
+        if pattern:
+            down, across = np.array(pattern, dtype=np.intp).T
+            points = self._with_solution(rows, np.hstack([a, multipliers]))
+            out[:, down, across] = self._slope_table(points)
+        return out
+
+    def _least_norm_slopes(
+        self, rows: Array, a: Array, multipliers: Array, mass: Array, jacobian: Array
+    ) -> tuple[Array, Array]:
+        """Return the derivatives of a and of λ = C s with Cᵀ C s = μ, by t, q, v and p.
+
+        G and Γ are affine in a and λ, so that differences of their derivatives are ∂(B x) and
+        ∂(Bᵀ l) at fixed x and l.
+        """
+        kept, nq = self._rows, a.shape[1]
+        own, shares = jacobian[:, kept], self._shares(jacobian)
+        square = own @ _turned(own)
+        no_a, none = np.zeros_like(a), np.zeros_like(multipliers)
+        plain = self._slopes(rows, no_a, none)
+
+        def of_rows(x: Array) -> Array:
+            return np.asarray(plain[:, nq:] - self._slopes(rows, x[..., 0], none)[:, nq:])
+
+        def of_forces(x: Array) -> Array:
+            return np.asarray(self._slopes(rows, no_a, x[..., 0])[:, :nq] - plain[:, :nq])
+
+        def spread(x: Array) -> Array:
+            out = np.zeros((*multipliers.shape, 1))
+            out[:, kept] = x
+            return out
+
+        forces = multipliers[..., None]
+        mu = _turned(shares) @ forces
+        right = self._slopes(rows, a, spread(mu)[..., 0])
+        x, of_mu = _solve_dense(mass, right[:, :nq], own, right[:, nq:][:, kept])
+        inner = _turned(shares) @ shares
+        weights = _solve_stack(square, _solve_stack(inner, mu))
+        rest = jacobian - shares @ own  # zero where the constraints hold
+        along = of_rows(_turned(own) @ weights)
+        turn = along - shares @ along[:, kept] + rest @ of_forces(spread(weights))
+        back = own @ of_forces(forces - spread(mu)) + of_rows(_turned(rest) @ forces)[:, kept]
+        change = of_mu - _solve_stack(square, back) - _turned(shares) @ turn
+        return x, turn + shares @ _solve_stack(inner, change)
 
     def _equations(self, rows: Array) -> tuple[Array, Array, Array, Array]:
         """Return M (n, nq, nq), f (n, nq), B (n, nc, nq) and γ (n, nc)."""
@@ -379,13 +400,8 @@ def solved_tape(system: System, elimination: Elimination) -> Tape:
     return builder.finish([*a, *multipliers, residual])
 
 
-def _place(
-    matrices: Array, pattern: Pattern, entries: Array, first: int, down: int, across: int
-) -> int:
-    """Write entries to their places in matrices; return the place after the last entry."""
-    for k, (i, j) in enumerate(pattern, first):
-        matrices[:, down + i, across + j] = entries[:, k]
-    return first + len(pattern)
+def _turned(matrices: Array) -> Array:
+    return matrices.transpose(0, 2, 1)
 
 
 def _solve_dense(mass: Array, force: Array, jacobian: Array, rhs: Array) -> tuple[Array, Array]:

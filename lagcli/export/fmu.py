@@ -241,9 +241,7 @@ class _Fmu:
 
     def _appearance(self, icon: bool) -> dict[str, bytes]:
         """Return the icon and, for FMI 3.0, the terminals, by the names of their files."""
-        picture = None
-        if icon:
-            picture = draw(self.simulation)
+        picture = draw(self.simulation) if icon else None
         if self.version == "2.0":
             return {} if picture is None else {"model.png": picture}
         found = {} if picture is None else {"terminalsAndIcons/icon.png": picture}

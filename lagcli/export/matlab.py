@@ -16,9 +16,9 @@ _RESERVED = words(
     "break case catch classdef continue else elseif end for function global if otherwise parfor"
     " persistent return spmd switch try while do until unwind_protect endif endfor endfunction"
     " ans eps e i j I J Inf inf NaN nan NA pi realmin realmax true false nargin nargout M f B"
-    " gamma position velocity out model equations residuals outputs dynamics simulate piece ifelse"
-    " clipped abs sqrt exp log sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh"
-    " floor ceil power erf erfc zeros"
+    " gamma position velocity out model S equations residuals outputs dynamics slopes derivatives"
+    " solve simulate piece ifelse clipped abs sqrt exp log sin cos tan asin acos atan atan2 sinh"
+    " cosh tanh asinh acosh atanh floor ceil power erf erfc zeros"
 )
 
 
@@ -46,6 +46,9 @@ function out = ifelse(condition, yes, no)
     out = no;
   end
 end"""
+_REGULAR_JACOBIAN = """\
+  S = slopes(t, q, v, a, multipliers, p);
+  [of_a, of_multipliers] = solve(M, S(1:n, :), B, S(n+1:end, :));"""
 _LEAST_NORM = """\
   % B = C B_r; of all lambda with B' lambda = B_r' mu, the one of least norm
   C = ((B(rows, :) * B(rows, :)') \\ (B(rows, :) * B'))';
@@ -55,7 +58,7 @@ _LEAST_NORM = """\
 
 def write_matlab(content: Content) -> str:
     """Return the equations of a model as a function of MATLAB, which Octave runs."""
-    writer = CodeWriter(content, _SYNTAX, "{0}({1})", _RESERVED, first=1)
+    writer = CodeWriter(content, _SYNTAX, "{0}({1})", _RESERVED, first=1, differentiates=True)
     system, state, settings = content.system, content.start.state, content.settings
     name = Identifiers(_RESERVED).of(content.model.name)
     head = [
@@ -86,6 +89,8 @@ def write_matlab(content: Content) -> str:
         "outputs_body": "\n".join(_outputs(writer)),
         "holonomic": _places(system.holonomic),
         "rows": _places(content.rows),
+        "slopes_body": "\n".join(_slopes(writer)),
+        "jacobian": asset("jacobian_matlab.m").rstrip() if content.redundant else _REGULAR_JACOBIAN,
         "solution": _LEAST_NORM if content.redundant else "",
         "count": str(len(system.constraints)),
         "outputs_count": str(len(content.columns)),
@@ -147,6 +152,14 @@ def _outputs(writer: CodeWriter) -> list[str]:
     section = writer.sections.report
     values = writer.vector(section.assigned.outputs)
     return [*_body(writer, section), *_entries("out", values)]
+
+
+def _slopes(writer: CodeWriter) -> list[str]:
+    section, entries = writer.slopes()
+    system = writer.content.system
+    columns = 1 + 2 * system.counts.nq + len(system.parameters)
+    lines = [*_body(writer, section), f"  S = zeros({system.counts.unknowns}, {columns});"]
+    return lines + [f"  S({i}, {j}) = {x};" for i, j, x in entries]
 
 
 def _helpers(writer: CodeWriter) -> list[str]:

@@ -150,10 +150,12 @@ class _ModelicaText:
     def dynamics(self) -> None:
         """Add M, f, B and γ."""
         writer, system = self.writer, self.content.system
-        if any("t" in section.assigned.read or section.pieces for section in writer.sections):
+        if any(
+            "t" in section.assigned.read or section.pieces for section in writer.sections.written
+        ):
             self.declared.append("Real t;")
             self.equations.append("t = time;")
-        for name, i in dict.fromkeys(x for s in writer.sections for x in s.pieces):
+        for name, i in dict.fromkeys(x for s in writer.sections.written for x in s.pieces):
             size = self.content.functions[i].size
             self.declared.append(f"Real {name}[{size}];")
             self.equations.append(f"{name} = table_{i}(t);")

@@ -18,7 +18,7 @@ from lagcli.export.sections import CodeSection, CodeWriter
 _RESERVED = words(
     "False None True and as assert async await break class continue def del elif else except"
     " finally for from global if import in is lambda nonlocal not or pass raise return try while"
-    " yield with np jnp jax ca scipy erfc M f B gamma piece clipped abs float max min"
+    " yield with np jnp jax ca scipy erfc M f B gamma piece clipped abs float max min S"
 )
 
 
@@ -52,6 +52,11 @@ _CALLS = {
 }
 _NUMPY_ERF = {"erf": "scipy.special.erf", "erfc": "scipy.special.erfc"}
 _JAX_ERF = {"erf": "jax.scipy.special.erf", "erfc": "jax.scipy.special.erfc"}
+
+
+_REGULAR_JACOBIAN = """\
+    S = slopes(t, q, v, a, multipliers, p)
+    of_a, of_multipliers = solve(M, S[:n], B, ROWS, S[n:])"""
 
 
 class Dialect(NamedTuple):
@@ -150,7 +155,8 @@ class _Module:
     def __init__(self, content: Content, dialect: Dialect):
         self.content, self.dialect = content, dialect
         reserved = {*_RESERVED, *(f"TABLE_{i}" for i in range(len(content.functions)))}
-        self.writer = CodeWriter(content, dialect.syntax, "{0}[{1}]", reserved)
+        own = dialect is NUMPY  # the other libraries differentiate by themselves
+        self.writer = CodeWriter(content, dialect.syntax, "{0}[{1}]", reserved, differentiates=own)
 
     def text(self) -> str:
         content, dialect, system = self.content, self.dialect, self.content.system
@@ -173,6 +179,8 @@ class _Module:
             constraints="\n".join(self.constraints()),
             outputs="\n".join(self.outputs()),
             solution=dialect.redundant if redundant else dialect.regular,
+            slopes="\n".join(self.slopes() if dialect is NUMPY else ()),
+            jacobian=asset("jacobian_numpy.py").rstrip() if redundant else _REGULAR_JACOBIAN,
             border=dialect.redundant_rows if redundant else dialect.regular_rows,
             rtol=number(settings.rtol),
             atol=_list(content.tolerances),
@@ -251,6 +259,14 @@ class _Module:
         values = self.writer.vector(section.assigned.outputs)
         both = f"{self.vector(values[:nh])}, {self.vector(values[nh:])}"
         return [*self.body(section), f"    return {both}"]
+
+    def slopes(self) -> list[str]:
+        """Return the lines of the derivatives of the equations."""
+        section, entries = self.writer.slopes()
+        counts = self.content.system.counts
+        columns = 1 + 2 * counts.nq + len(self.content.system.parameters)
+        lines = [f"    S = {self.dialect.zeros.format(counts.unknowns, columns)}"]
+        return [*self.body(section), *lines, *(f"    S[{i}, {j}] = {x}" for i, j, x in entries)]
 
     def outputs(self) -> list[str]:
         """Return the lines of energies, powers and outputs."""

@@ -64,21 +64,35 @@ class CodeSection(NamedTuple):
 
 
 class Sections(NamedTuple):
-    """The three functions of code: M, f, B, γ; φ, ψ; energies, powers and outputs."""
+    """The functions of code.
+
+    Parameters
+    ----------
+    dynamics, constraints, report : CodeSection
+        M, f, B, γ; φ, ψ; energies, powers and outputs.
+    slopes : CodeSection, optional
+        The entries of `lagcli.export.content.SlopeTape`.
+    """
 
     dynamics: CodeSection
     constraints: CodeSection
     report: CodeSection
+    slopes: CodeSection | None = None
+
+    @property
+    def written(self) -> tuple[CodeSection, ...]:
+        """All that there are."""
+        return tuple(section for section in self if section is not None)
 
     @property
     def used(self) -> frozenset[Op]:
         """The operations that code needs."""
-        return frozenset(op for section in self for op in section.assigned.used)
+        return frozenset(op for section in self.written for op in section.assigned.used)
 
     @property
     def pieces(self) -> frozenset[int]:
         """The tables that code needs."""
-        return frozenset(number for section in self for _, number in section.pieces)
+        return frozenset(number for section in self.written for _, number in section.pieces)
 
 
 class CodeWriter:
@@ -90,10 +104,12 @@ class CodeWriter:
     syntax : Syntax
     entry : str
         Format of an entry of an array: ``{0}[{1}]``.
-    first : int
-        Index of the first entry of an array.
     reserved : iterable of str
         Words that are no names of variables.
+    first : int
+        Index of the first entry of an array.
+    differentiates : bool
+        Whether the code has derivatives of the equations: its language has none of its own.
     """
 
     def __init__(
@@ -103,6 +119,7 @@ class CodeWriter:
         entry: str,
         reserved: Iterable[str],
         first: int = 0,
+        differentiates: bool = False,
     ):
         self.content, self.syntax, self.entry, self.first = content, syntax, entry, first
         names = Identifiers({"t", "q", "v", "p", "a", "multipliers", *reserved})
@@ -120,6 +137,7 @@ class CodeWriter:
             self._section(content.dynamics, state),
             self._section(content.constraints, state),
             self._section(content.report, [*state, *forces]),
+            self._section(content.slopes.tape, [*state, *forces]) if differentiates else None,
         )
 
     def _of(self, array: str, names: Sequence[str]) -> list[LocalVariable]:
@@ -152,6 +170,12 @@ class CodeWriter:
         """Return the nonzero entries of a matrix: row, column, text."""
         pairs = zip(pattern, outputs, strict=True)
         return [(i + self.first, j + self.first, self.syntax.text(x)) for (i, j), x in pairs]
+
+    def slopes(self) -> tuple[CodeSection, list[tuple[int, int, str]]]:
+        """Return the section of the derivatives of the equations, and their entries."""
+        section = self.sections.slopes
+        assert section is not None
+        return section, self.matrix(self.content.slopes.pattern, section.assigned.outputs)
 
     def vector(self, outputs: Sequence[Expression]) -> list[str]:
         """Return the entries of a vector as text."""

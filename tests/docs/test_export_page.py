@@ -10,7 +10,9 @@ from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import numpy as np
 import pytest
 
 import lagcli
@@ -52,6 +54,19 @@ def test_the_program_in_c_is_compiled_and_run_as_shown(tmp_path: Path) -> None:
     assert command is not None
     subprocess.run(command[1], shell=True, cwd=tmp_path, check=True)
     assert len((tmp_path / "run.csv").read_text().splitlines()) == 602
+
+
+def test_the_linear_model_in_python_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, slider = lagcli.load("slider_crank"), ModuleType("slider")
+    exec(code(model, "python"), slider.__dict__)
+    monkeypatch.setitem(sys.modules, "slider", slider)
+    names: dict[str, Any] = {}
+    with redirect_stdout(StringIO()):
+        exec(indented("import numpy as np, slider"), names)
+    f = lagcli.dynamics(model)
+    expected = f.derivatives(f.t, f.q, f.v, f.values(tau=0.1))
+    assert np.allclose(names["d"].a_q, expected.a_q, rtol=1e-12)
+    assert np.allclose(names["d"].a_v, expected.a_v, rtol=1e-12)
 
 
 def test_the_example_in_casadi_runs(monkeypatch: pytest.MonkeyPatch) -> None:

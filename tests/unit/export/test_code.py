@@ -7,21 +7,42 @@ import shutil
 import subprocess
 from ctypes import c_double
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from exported import close, compiled, exported, module, pointers, points
+from exported import Point, close, compiled, exported, module, pointers, points
 from shipped import PATHS, every_model
 
 import lagcli
 from lagcli.errors import UsageError
 from lagcli.export.c import write_c
 from lagcli.export.content import content_of, independent_rows
+from lagcli.export.dynamics import DynamicsFunction
 from lagcli.export.formats import code, format_of
 from lagcli.export.matlab import write_matlab
 from lagcli.export.python import write_casadi, write_jax, write_numpy
 
 MODELS = every_model(smooth=True)
+
+
+def slopes(name: str, point: Point) -> list[Any]:
+    """Return the derivatives of a and λ, which are tested by differences and by sensitivities."""
+    return list(DynamicsFunction(exported(name)).derivatives(*point.state))
+
+
+def alike(found: Any, expected: Any) -> bool:
+    """Return whether derivatives agree: two eliminations of a matrix, with its condition."""
+    found, size = np.asarray(found).reshape(expected.shape), np.abs(expected).max(initial=0.0)
+    return bool(np.abs(found - expected).max(initial=0.0) <= 1e-10 * size + 1e-12)
+
+
+def parts_of(jacobian: Any, nq: int) -> list[Any]:
+    """Return the blocks of one matrix, in the order of `slopes`."""
+    columns = np.cumsum([1, nq, nq])
+    return [x for rows in np.split(jacobian, [nq]) for x in np.split(rows, columns, axis=1)]
+
+
 NEEDS_CC = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 #: A choice, a minimum, arguments beyond a domain by rounding, a root of a sum, powers, a table.
 FUNCTIONS = """
@@ -67,6 +88,11 @@ def test_a_file_of_c_compiles_in_silence_and_has_the_values_of_the_engine(
         arguments = [*state[:3], *pointers(a, multipliers), state[3], *pointers(out)]
         library[f"{name}_outputs"](*arguments)
         assert np.array_equal(out, point.outputs)
+        values = np.zeros(counts.nq), np.zeros(counts.nc + 1)
+        jacobian = np.zeros((counts.unknowns, 1 + 2 * counts.nq + len(point.p)))
+        assert library[f"{name}_jacobian"](*state, *pointers(*values, jacobian)) == 0
+        assert close(values[0], point.a)
+        assert all(map(alike, parts_of(jacobian, counts.nq), slopes(name, point)))
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -80,6 +106,7 @@ def test_a_module_for_numpy_has_the_values_of_the_engine(name: str) -> None:
         assert all(map(close, own.constraints(*point.state), (point.position, point.velocity)))
         out = own.outputs(*point.state[:3], point.a, point.multipliers, point.p)
         assert close(out, point.outputs)
+        assert all(map(alike, own.derivatives(*point.state), slopes(name, point)))
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -132,10 +159,7 @@ def test_a_module_for_jax_has_the_values_and_derivatives_of_the_engine(name: str
     a, multipliers = jax.jit(jax.vmap(own.dynamics))(*states)
     assert close(a, [point.a for point in points(name)])
     assert close(multipliers, [point.multipliers for point in points(name)])
-    if exported(name).redundant:
-        return
-    model = exported(name).model
-    expected = lagcli.dynamics(model).derivatives(*states)
+    expected = DynamicsFunction(exported(name)).derivatives(*states)
     found = jax.jit(jax.vmap(jax.jacobian(own.dynamics, (0, 1, 2, 3))))(*states)
     for by, expected_by in zip([x for own_ in found for x in own_], expected, strict=True):
         size = np.abs(expected_by).max(initial=0.0)
@@ -159,7 +183,10 @@ def test_octave_has_the_values_of_the_engine(name: str, tmp_path: Path) -> None:
         lines += [
             f"t = {t!r}; q = {column(rest[0])}; v = {column(rest[1])}; p = {column(rest[2])};",
             "[a, l] = m.dynamics(t, q, v, p); o = m.outputs(t, q, v, a, l, p);",
-            "[x, y] = m.residuals(t, q, v, p); printf('%.17g ', [a; l; x; y; o]); disp('');",
+            "[x, y] = m.residuals(t, q, v, p); d = m.derivatives(t, q, v, p);",
+            "l_ = [d.multipliers_t d.multipliers_q d.multipliers_v d.multipliers_p];",
+            "d = [d.a_t d.a_q d.a_v d.a_p; l_]';",
+            "printf('%.17g ', [a; l; x; y; o; d(:)]); disp('');",
         ]
     (tmp_path / "drive.m").write_text("\n".join(lines), "utf-8")
     command = ["octave", "--no-gui", "--quiet", "drive.m"]
@@ -170,6 +197,8 @@ def test_octave_has_the_values_of_the_engine(name: str, tmp_path: Path) -> None:
         for part in parts:
             own, numbers = numbers[: len(part)], numbers[len(part) :]
             assert close(own, part)
+        whole = numbers.reshape(len(point.a) + len(point.multipliers), -1)
+        assert all(map(alike, parts_of(whole, len(point.q)), slopes(name, point)))
 
 
 @NEEDS_CC

@@ -33,12 +33,10 @@ def test_a_and_multipliers_are_those_of_the_engine(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_derivatives_are_those_of_differences(name: str) -> None:
     f = lagcli.dynamics(exported(name).model)
-    if exported(name).redundant:
-        with pytest.raises(UsageError, match="redundant"):
-            f.derivatives(f.t, f.q, f.v)
-        return
     point = points(name)[0]
     state = [np.array(point.t), *map(np.array, point.state[1:])]
+    if exported(name).redundant:  # away from the constraints, where they are not redundant
+        state[1] += 0.1 * np.random.default_rng(5).standard_normal(len(state[1]))
     found = f.derivatives(*state)
     for place, names in ((1, "q"), (2, "v"), (3, "p")):
         for j in range(len(state[place])):
@@ -78,6 +76,28 @@ def test_derivatives_are_those_of_sensitivities(name: str, by: list[str]) -> Non
         ]
         error = np.abs(sum(parts) - run.dmultipliers[:, :, j]).max()
         assert error <= 1e-12 * max(np.abs(x).max() for x in parts)
+
+
+def test_derivatives_with_redundant_constraints_are_those_along_motions() -> None:
+    """dλ/dl of runs, whose constraints stay redundant, next to differences of runs: h² and 1/h."""
+    name, by, h = "parallelogram", "l", 1e-4
+    model = exported(name).model
+    f = lagcli.dynamics(model)
+    options = {"samples": 8, "t_end": 1.0, "rtol": 1e-11}
+    run = lagcli.simulate(model, sensitivity=[by], **options)
+    value = f.p[f.parameters.index(by)]
+    low, high = (
+        lagcli.simulate(lagcli.load(name, set={by: value + x}), **options) for x in (-h, h)
+    )
+    d = f.derivatives(run.time, run.q, run.v)
+    of_p = np.array([float(p == by) for p in f.parameters])
+    parts = [
+        np.einsum("kij,kj->ki", d.multipliers_q, run.dq[:, :, 0]),
+        np.einsum("kij,kj->ki", d.multipliers_v, run.dv[:, :, 0]),
+        d.multipliers_p @ of_p,
+    ]
+    expected = (high.multipliers - low.multipliers) / (2 * h)
+    assert np.abs(sum(parts) - expected).max() <= 1e-6 * np.abs(expected).max()
 
 
 def test_axes_of_states_are_broadcast() -> None:
