@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 At = Annotated[
-    float | None, Option("--at", metavar="T", help="At the state of a run at this time, s.")
+    float | None,
+    Option("--at", metavar="T", unit="s", help="At the state of a run at this time, s."),
 ]
 Equilibrium = Annotated[
     bool, Option("--equilibrium", help="At the equilibrium near the initial values.")

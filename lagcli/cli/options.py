@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from lagcli.cli.parameters import Argument, CommandParameter, Option, parameters_of
+from lagcli.cli.quantities import NumberIn, NumbersIn
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumber
@@ -126,6 +127,10 @@ def with_settings(
     return decorate
 
 
+#: Placeholders of quantities by their unit.
+_METAVARS = {"s": "TIME", "1/s": "RATE"}
+
+
 def _option(setting: Setting[Any]) -> CommandParameter:
     """Return the option of a setting."""
     stated = f" [default: {setting.stated}]" if setting.stated else ""
@@ -135,13 +140,17 @@ def _option(setting: Setting[Any]) -> CommandParameter:
             type_ = bool
         case WholeNumber():
             type_ = int
-        case Times() | Names() | Choice():
+        case Times():
+            type_ = NumbersIn(setting.unit)
+        case Names() | Choice():
             type_ = str
+        case _ if setting.unit:
+            type_ = NumberIn(setting.unit)
     return CommandParameter(
         setting.name,
         ("--" + setting.name.replace("_", "-"),),
         setting.help + stated,
-        setting.metavar,
+        setting.metavar or _METAVARS.get(setting.unit),
         type_,
         setting.choices,
         default=False if type_ is bool else None,
@@ -149,30 +158,13 @@ def _option(setting: Setting[Any]) -> CommandParameter:
 
 
 def _overrides(given: dict[str, Any]) -> SettingsOverrides:
-    """Return the settings given by options.
-
-    Raises
-    ------
-    UsageError
-        The times are not a list of numbers.
-    """
+    """Return the settings given by options."""
     for name, value in given.items():
         setting = SettingsOverrides.DECLARED[name]
-        if value is not None and isinstance(setting, Times):
-            given[name] = _numbers(name, value)
-        elif value is not None and isinstance(setting, Names):
+        if value is not None and isinstance(setting, Names):
             from lagcli.model.names.members import split_names
 
             given[name] = split_names(value)
         elif value is False:
             given[name] = None  # a flag that is not given does not override the model file
     return SettingsOverrides(**given)
-
-
-def _numbers(name: str, text: str) -> list[float]:
-    try:
-        return [float(x) for x in text.split(",")]
-    except ValueError:
-        raise UsageError(
-            f"--{name} {text!r} is not a list of numbers, as in --{name} 0.5,1,2"
-        ) from None

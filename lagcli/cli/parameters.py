@@ -6,6 +6,8 @@ from collections.abc import Callable
 from types import NoneType, UnionType
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
+from lagcli.cli.quantities import NumberIn
+
 
 class Argument:
     """Declaration of an argument, in the annotation of a parameter: ``Annotated[str, Argument()]``.
@@ -20,6 +22,7 @@ class Argument:
     flags: tuple[str, ...] = ()
     least: int | None = None
     most: int | None = None
+    unit: str | None = None
 
     def __init__(self, *, metavar: str, help: str):
         self.metavar, self.help = metavar, help
@@ -37,6 +40,8 @@ class Option:
         Placeholder of the value in the help; by default its type.
     least, most : int, optional
         Range of a number.
+    unit : str, optional
+        Unit of a number, which may be given in another unit of its dimension.
     """
 
     def __init__(
@@ -46,9 +51,10 @@ class Option:
         metavar: str | None = None,
         least: int | None = None,
         most: int | None = None,
+        unit: str | None = None,
     ):
         self.flags, self.help, self.metavar = flags, help, metavar
-        self.least, self.most = least, most
+        self.least, self.most, self.unit = least, most, unit
 
 
 class CommandParameter(NamedTuple):
@@ -196,7 +202,8 @@ def parameter(
     flags = declared.flags
     if isinstance(declared, Option) and not flags:
         flags = (f"--{name.replace('_', '-')}",)
+    converts = str if choices else NumberIn(declared.unit) if declared.unit else annotation
     return CommandParameter(
-        *(name, flags, declared.help, declared.metavar, str if choices else annotation, choices),
+        *(name, flags, declared.help, declared.metavar, converts, choices),
         *(many, required, default, declared.least, declared.most),
     )

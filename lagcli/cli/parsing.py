@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from lagcli.cli.parameters import CommandParameter
+from lagcli.cli.quantities import WrongNumber
 
 
 class CommandLineError(Exception):
@@ -142,6 +143,8 @@ def _converted(parameter: CommandParameter, text: str) -> Any:
         )
     try:
         value = parameter.type(text)
+    except WrongNumber as error:
+        raise _invalid(parameter, str(error)) from None
     except ValueError:
         raise _invalid(parameter, f"{text!r} is not a valid {parameter.type_name}") from None
     least, most = parameter.least, parameter.most

@@ -35,9 +35,13 @@ def animate(
     ],
     model: ViewModel = None,
     start: Annotated[
-        float | None, Option("--from", help="Start time of the animated part, s.")
+        float | None,
+        Option("--from", metavar="TIME", unit="s", help="Start time of the animated part, s."),
     ] = None,
-    end: Annotated[float | None, Option("--to", help="End time of the animated part, s.")] = None,
+    end: Annotated[
+        float | None,
+        Option("--to", metavar="TIME", unit="s", help="End time of the animated part, s."),
+    ] = None,
     speed: Annotated[
         float | None,
         Option(
@@ -46,7 +50,8 @@ def animate(
         ),
     ] = None,
     duration: Annotated[
-        float | None, Option(help="Duration of the animation, s, instead of --speed.")
+        float | None,
+        Option(metavar="TIME", unit="s", help="Duration of the animation, s, instead of --speed."),
     ] = None,
     fps: Annotated[
         float | None,

@@ -71,6 +71,13 @@ _TOKEN = re.compile(
 _PLAIN = re.compile(r"(?:[^\W\d_⁰¹²³⁴⁵⁶⁷⁸⁹](?![0-9])|[\s*/^()]|(?<![^\W\d_])[+-]?[0-9.]+)+")
 _LONGEST = 100  # maximum number of characters of a unit
 
+#: A number and its unit, which need not be one.
+WITH_UNIT = re.compile(
+    r"\s*([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)"
+    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|[°˚℃℉]|1\s*/).*)",
+    re.DOTALL,
+)
+
 UNIT_HELP = "units are written as `kg`, `m/s^2`, `N*m`, `deg`"
 
 

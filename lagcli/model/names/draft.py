@@ -18,7 +18,14 @@ from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Sized, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import NumberExpr, SumExpr, Tree
-from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, is_unit, to_si
+from lagcli.model.expression.units import (
+    UNIT_HELP,
+    WITH_UNIT,
+    Factor,
+    UnknownUnit,
+    is_unit,
+    to_si,
+)
 from lagcli.model.model import NO_INDICES, Constraint, Definition, Parameter
 from lagcli.model.names.building import ExpressionTemplate, build, name_errors
 from lagcli.model.names.expansion import expand
@@ -293,13 +300,6 @@ class Formula:
         return sized.value
 
 
-_WITH_UNIT = re.compile(
-    r"\s*([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)"
-    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|[°˚℃℉]|1\s*/).*)",
-    re.DOTALL,
-)
-
-
 _LARGEST = 2**1023  # larger numbers may be beyond a double, which building an expression reports
 
 
@@ -353,7 +353,7 @@ def read_quantity(
         )
         return None
     text = node.value
-    if match := _WITH_UNIT.fullmatch(text.replace("−", "-")):
+    if match := WITH_UNIT.fullmatch(text.replace("−", "-")):
         own = match[2].strip()
         if match[1] == "0" and re.match("[xXoObB][0-9a-fA-F]", own):
             location = node.span(match.start(1), match.end(2))
@@ -402,7 +402,7 @@ def read_quantity(
 
 def unit_of(node: YamlNode | None) -> str | None:
     """Return the unit after a number, or None."""
-    match = _WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
+    match = WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
     return match[2].strip() if match and is_unit(match[2].strip()) else None
 
 

@@ -1,5 +1,6 @@
 """Command lines: words of options and arguments, their values, and errors."""
 
+import math
 import random
 from enum import StrEnum
 from getopt import GetoptError, gnu_getopt
@@ -7,8 +8,11 @@ from typing import Annotated, Literal
 
 import pytest
 
+from lagcli.cli.options import with_settings
 from lagcli.cli.parameters import Argument, Command, Option, parameters_of
 from lagcli.cli.parsing import CommandLineError, split, values
+from lagcli.cli.quantities import NumberIn, WrongNumber
+from lagcli.settings.settings import SettingsOverrides
 
 
 class Colour(StrEnum):
@@ -189,3 +193,64 @@ Options:
     assert misuse(drawn, "Wrong.") == (
         "Usage: lagcli draw [OPTIONS] {FILE}\nTry 'lagcli draw --help' for help.\n\nError: Wrong."
     )
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "value"),
+    [
+        ("s", "0.5", 0.5),
+        ("s", "500ms", 0.5),
+        ("s", "7 ms", 0.007),
+        ("s", " 2.5 min ", 150.0),
+        ("s", "1e-3h", 3.6),
+        ("s", "-5 ms", -0.005),
+        ("s", "20 1/Hz", 20.0),
+        ("s", "1e999999999 s", math.inf),
+        ("s", "1e308 h", math.inf),
+        ("s", "-1e308 h", -math.inf),
+        ("s", "1e-999999999 s", 0.0),
+        ("1/s", "10 Hz", 10.0),
+    ],
+)
+def test_quantities(unit: str, text: str, value: float) -> None:
+    assert NumberIn(unit)(text) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "'' is not a number, as in 2 or '2 s'"),
+        ("abc", "'abc' is not a number, as in 2 or '2 s'"),
+        ("5m", "'5m' is in m, but must be in s"),
+        ("5 rad/s", "'5 rad/s' is in rad/s, but must be in s"),
+        ("2h30", "'2h30': `h30` is not a unit"),
+        ("5 M", "'5 M': `M` is not a unit"),
+    ],
+)
+def test_wrong_quantities(text: str, message: str) -> None:
+    with pytest.raises(WrongNumber) as caught:
+        NumberIn("s")(text)
+    assert str(caught.value).startswith(message)
+
+
+def test_settings_may_be_given_in_other_units() -> None:
+    @with_settings("t_end", "times", "alpha", "rtol")
+    def command(settings: SettingsOverrides) -> None:
+        pass
+
+    own = command.parameters  # type: ignore[attr-defined]
+    words = ["--t-end", "2 min", "--times", "0.1,200 ms,1 s", "--alpha=10 Hz"]
+    given = values(*split(words, own), own)
+    expected = {"t_end": 120.0, "times": [0.1, 0.2, 1.0], "alpha": 10.0, "rtol": None}
+    assert given == expected
+
+
+def test_an_option_may_have_a_unit() -> None:
+    def command(
+        start: Annotated[float | None, Option("--from", unit="s", help="")] = None,
+    ) -> None: ...
+
+    own = parameters_of(command)
+    assert values(*split(["--from", "20 ms"], own), own) == {"start": 0.02}
+    with pytest.raises(CommandLineError, match=r"'--from': '2 kg' is in kg, but must be in s\.$"):
+        values(*split(["--from", "2 kg"], own), own)
