@@ -49,6 +49,7 @@ def load_steady(
     set: Iterable[str] | None,
     set_initial: Iterable[str] | None,
     steady: Iterable[str] | None,
+    preset: str | None = None,
 ) -> tuple[Model, dict[str, float | None]]:
     """Load a model, and parse the velocities and quantities of a steady motion, in SI.
 
@@ -65,8 +66,10 @@ def load_steady(
     from lagcli.model.loader import load, load_text
     from lagcli.model.values import given_value
 
-    parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
-    loaded = load(model, parameters, initial)
+    parameters: dict[str, object] = {**assignments("--set", set)}
+    initial: dict[str, object] = {**assignments("--set-initial", set_initial)}
+    loaded = load(model, parameters, initial, preset=preset)
+    parameters, initial = dict(loaded.set), dict(loaded.set_initial)
     items = list(steady or ())
     unknown = [item.strip() for item in items if "=" not in item and item.strip()]
     held = assignments("--steady", [item for item in items if item.strip() not in unknown])

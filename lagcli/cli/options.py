@@ -40,6 +40,14 @@ SetInitial = Annotated[
         " Repeatable.",
     ),
 ]
+PresetName = Annotated[
+    str | None,
+    Option(
+        "--preset",
+        metavar="PRESET",
+        help="Take the values of a preset of the model; --set and --set-initial replace them.",
+    ),
+]
 ResultFile = Annotated[str, Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")]
 ViewModel = Annotated[
     str | None,

@@ -35,6 +35,7 @@ from lagcli.pictures.selection import FAMILY, RATIO, ROUNDING
 from lagcli.pictures.style import PALETTE, constraint_colors
 from lagcli.play.controls import Control, controls
 from lagcli.play.equations import PlayEquations
+from lagcli.play.presets import presets
 from lagcli.play.runs import MOST_SAMPLES, live_plot, model_word, plot_groups
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.resources import Resources, method_of, resources, settable_parameters
@@ -164,6 +165,7 @@ class _Contents:
                 {**control.to_json(), "suffix": "", "follows": name not in known}
                 for name, control in self._controls().items()
             ],
+            "presets": presets(model, self._controls(), known),
             "groups": {key: title for key, title in groups.items() if self._quantities(key)},
             "draggable": drawn,
             "equations": self._equations.html,

@@ -25,8 +25,8 @@ _PLAY = ("lagcli.play", "assets")
 _LIVE = ("lagcli.live", "assets")
 #: Scripts of the page that `lagcli play` has, too, after those of the player.
 _SHARED = (
-    *("controls.js", "scenarios.js", "drag.js", "phase.js", "happened.js", "equations.js"),
-    *("pictures.js", "play.js"),
+    *("controls.js", "presets.js", "scenarios.js", "drag.js", "phase.js", "happened.js"),
+    *("equations.js", "pictures.js", "play.js"),
 )
 #: Scripts of the worker, which simulates.
 _WORKER = ("words.js", "core.js", "answers.js", "runs.js", "worker.js")

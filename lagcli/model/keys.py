@@ -169,6 +169,16 @@ OUTPUT = mapping(
     "expr",
 )
 INITIAL = mapping({"guess": described("value from which the solver starts", EXPRESSION)}, "guess")
+PRESET = mapping(
+    {
+        "description": _DESCRIPTION,
+        "parameters": described("name → value, as under `parameters`", named(SCALAR)),
+        "initial": described(
+            "name → value or {`guess`: value}, as under `initial`",
+            named(one_of(EXPRESSION, INITIAL)),
+        ),
+    }
+)
 DISC = mapping(
     {
         "center": described("point", _POINT),

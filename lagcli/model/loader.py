@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model import keys
@@ -48,6 +49,9 @@ from lagcli.model.sections.view import read_view
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Source
 from lagcli.settings.settings import Settings
+
+if TYPE_CHECKING:
+    from lagcli.model.sections.presets import PresetEntry
 
 #: The keys of a model file, in the order of the documentation.
 MODEL = keys.mapping(
@@ -111,6 +115,14 @@ MODEL = keys.mapping(
             " values](#initial-values))",
             keys.one_of(keys.named(keys.one_of(keys.EXPRESSION, keys.INITIAL)), keys.EMPTY),
         ),
+        "presets": keys.described(
+            "name → {`parameters`, `initial`, `description`}: values for `--preset` and the pages"
+            " (see [Presets](#presets))",
+            keys.one_of(
+                {"type": "object", "additionalProperties": keys.PRESET},
+                keys.EMPTY,
+            ),
+        ),
         "outputs": keys.described(
             "name → expression, or {`expr`, `unit`, `description`}: additional columns of the"
             " result",
@@ -142,6 +154,7 @@ def load(
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
     drawn: bool = True,
+    preset: str | None = None,
 ) -> Model:
     """Load and check a model file.
 
@@ -157,6 +170,8 @@ def load(
     drawn : bool
         Whether errors in the view are errors of the model. Otherwise, a view with errors is left
         out, and `Model.view_errors` lists them.
+    preset : str, optional
+        Name of a preset of the file, whose values the others replace.
 
     Returns
     -------
@@ -168,9 +183,11 @@ def load(
         The file cannot be read.
     ModelError
         The file is not a valid model; contains all diagnostics.
+    UsageError
+        The file has no such preset.
     """
     text, name = read_text(path)
-    return load_text(text, name, set, set_initial, drawn=drawn)
+    return load_text(text, name, set, set_initial, drawn=drawn, preset=preset)
 
 
 def load_text(
@@ -180,11 +197,18 @@ def load_text(
     set_initial: Mapping[str, object] | None = None,
     data: Mapping[str, InputData] | None = None,
     drawn: bool = True,
+    preset: str | None = None,
 ) -> Model:
     """Load and check the text of a model file; see `load`.
 
     ``data`` are tables of inputs that are already loaded: their files are not read.
     """
+    if preset is not None:
+        from lagcli.model.sections.presets import with_preset
+
+        model = load_text(text, path, set, set_initial, data, drawn)
+        given = with_preset(model, preset, model.set, model.set_initial)
+        return load_text(text, path, *given, model.data, drawn)
     source = Source(text.removeprefix("\ufeff"), path)
     check_text(source)
     with _without_gc():
@@ -296,6 +320,11 @@ def _model(
         except ModelError as error:
             view, view_errors = None, tuple(error.diagnostics)
         draft.report = essential
+    presets: list[PresetEntry] = []
+    if draft.get("presets") is not None:
+        from lagcli.model.sections.presets import preset_entries
+
+        presets = preset_entries(draft)
     fit = None
     if draft.get("fit") is not None:
         from lagcli.model.sections.fit import read_fit
@@ -344,7 +373,12 @@ def _model(
         from lagcli.model.dimensions.reporting import unit_diagnostics
 
         raise ModelError(unit_diagnostics(model, units))
-    return replace(model, units=units)
+    model = replace(model, units=units)
+    if not presets:
+        return model
+    from lagcli.model.sections.presets import read_presets
+
+    return replace(model, presets=read_presets(draft, presets, parameter_entries, model))
 
 
 def _title(name: str) -> str:

@@ -493,6 +493,26 @@ class View(NamedTuple):
     masses: tuple[str, ...] | None = None
 
 
+class Preset(NamedTuple):
+    """Values that the author names.
+
+    Parameters
+    ----------
+    name : str
+        Any text.
+    description : str or None
+    set, set_initial : mappings of str to str
+        In the syntax of ``--set`` and ``--set-initial``.
+    location : SourceLocation
+    """
+
+    name: str
+    description: str | None
+    set: Mapping[str, str]
+    set_initial: Mapping[str, str]
+    location: SourceLocation
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """A checked model.
@@ -540,6 +560,7 @@ class Model:
     left_out: tuple[str, ...] = ()
     spins: Mapping[str, tuple[bool, bool, bool]] = field(default_factory=dict)
     inputs: Mapping[str, Input] = field(default_factory=dict)
+    presets: tuple[Preset, ...] = ()
 
     @property
     def sha256(self) -> str:

@@ -35,7 +35,7 @@ def given_expression(model: Model, option: str, text: str) -> Basic:
     """
     source, what = Source(text, f"{option} {text}", numbered=False), f"`{text}`"
     node = Scalar(source, (0, 0), (0, len(text)), text)
-    draft = _draft(model, source)
+    draft = draft_of(model, source)
     parsed = draft.parse(node, what)
     expression = None if parsed is None else draft.scalar(parsed, what)
     draft.report.finish()
@@ -52,7 +52,7 @@ def given_value(model: Model, option: str, name: str, text: str) -> float:
         It has an error, or depends on more than parameters.
     """
     node, what = override_node(option, name, text), f"the value of `{name}`"
-    draft = _draft(model, node.source)
+    draft = draft_of(model, node.source)
     quantity = read_quantity(draft, node, what)
     number: float | None = None
     if quantity is not None:
@@ -67,8 +67,9 @@ def given_value(model: Model, option: str, name: str, text: str) -> float:
     return number
 
 
-def _draft(model: Model, source: Source) -> Draft:
-    """Return a draft with the names of a loaded model."""
+def draft_of(model: Model, source: Source | None = None) -> Draft:
+    """Return a draft with the names of a loaded model, for a text, or without one."""
+    source = source or Source("", model.path, numbered=False)
     return Draft(source, Mapping(source, (0, 0), (0, 0), {}), Diagnostics([]), names=model.names)
 
 

@@ -37,6 +37,7 @@ from lagcli.pictures.style import PALETTE, constraint_colors, family_colors
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
 from lagcli.play.equations import PlayEquations
+from lagcli.play.presets import presets
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.sampling import sample_times
@@ -226,6 +227,7 @@ class Played:
         return {
             "members": self.members,
             "controls": [c.to_json() for c in self.controls.values()],
+            "presets": presets(self.model, self.controls),
             "groups": plot_groups(self.model),
             "draggable": [name for name, moves in places(self.model, view).items() if moves]
             if view is not None

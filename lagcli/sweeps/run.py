@@ -14,8 +14,10 @@ from typing import Any
 from lagcli.column_units import NOT_STATED
 from lagcli.engine.contract import Interrupted
 from lagcli.errors import FileError
+from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import read_text
+from lagcli.model.sections.presets import with_preset
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -95,6 +97,7 @@ def sweep(
     zipped: bool = False,
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
+    preset: str | None = None,
     jobs: int | None = None,
     resume: bool = False,
     retry_failed: bool = False,
@@ -124,6 +127,8 @@ def sweep(
         As for `lagcli.sweeps.plan.plan.make_plan`.
     set, set_initial : mappings, optional
         Values that replace the model's in all rows.
+    preset : str, optional
+        A preset of the model, whose values ``vary``, ``set`` and ``set_initial`` replace.
     jobs : int, optional
         Number of processes; by default the number of available processors. Results do not depend on
         it.
@@ -165,6 +170,10 @@ def sweep(
     if isinstance(model, Model):
         set = {**model.set, **(set or {})}
         set_initial = {**model.set_initial, **(set_initial or {})}
+    if preset is not None:
+        loaded = load_text(text, name, set, set_initial, data)
+        varied = [item.partition("=")[0].strip() for item in vary]
+        set, set_initial = with_preset(loaded, preset, set or {}, set_initial or {}, varied)
     given = measures.items() if isinstance(measures, Mapping) else map(named_measure, measures)
     request = SweepRequest(vary, sample, seed, zipped, tuple(given), keep, strict)
     prepared = prepare_sweep(

@@ -203,6 +203,103 @@ def test_values_have_the_units_of_the_file(tmp_path, opened, until):
     assert curves(page, "coordinates")[1]["phi"][0] == pytest.approx(np.pi / 3, rel=1e-15)
 
 
+PRESETS = """\
+title: <Swing>
+coordinates: {phi: rad}
+parameters: {m: 1 kg, l: 30 cm, w: 2 rad/s, k: 2*m, g: 9.81 m/s^2}
+T: m/2*l^2*phi'^2
+V: -m*g*l*cos(phi) + k*g*l/100*phi^2
+initial: {phi: 20 deg, phi': 0 rad/s}
+simulation: {t_end: 1, samples: 21}
+presets:
+  <b>heavy</b> & long: {description: Much <i>heavier</i>., parameters: {m: 5 kg, l: 0.8 m}}
+  Time: {initial: {phi: 90 deg, phi': {guess: 2*w}}}
+  other spring: {parameters: {k: 3 kg}}
+"""
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    """Return a model with presets, and its page."""
+    needs_core()
+    path = tmp_path_factory.mktemp("presets") / "swing.yaml"
+    path.write_text(PRESETS, encoding="utf-8")
+    model = lagcli.load(path)
+    page = path.with_suffix(".html")
+    page.write_text(lagcli.live_page(model, "de"), encoding="utf-8")
+    return path, page
+
+
+def test_presets_are_runs_of_simulate(swing, opened, until):
+    path, page = swing
+    page = opened(page)
+    buttons = page.locator("#presets button")
+    names = ["<b>heavy</b> & long", "Time", "other spring"]
+    assert buttons.all_inner_texts() == names
+    assert page.locator("#presets h2").inner_text() == "Voreinstellungen"
+    assert buttons.nth(2).is_disabled()
+    assert buttons.nth(2).get_attribute("title") == "Diese Seite kann k nicht setzen"
+    for place, name in enumerate(names[:2]):
+        buttons.nth(place).click()
+        until(page, DRAWN)
+        pressed = [x.get_attribute("aria-pressed") for x in buttons.all()]
+        assert pressed == [str(i == place).lower() for i in range(3)]
+        run = simulate(lagcli.load(path, preset=name))
+        found = curves(page, "coordinates")[1]["phi"]
+        np.testing.assert_allclose(found, run.q[:, 0], rtol=0, atol=1e-7)
+    assert page.evaluate("page.controls.changes().set_initial") == {
+        "phi": "90",
+        "phi'": "{guess: 4}",
+    }
+    # another value is no preset any more, and the description belongs to one
+    enter(page, until, "l", "40")
+    assert page.locator('#presets [aria-pressed="true"]').count() == 0
+    buttons.first.click()
+    until(page, DRAWN)
+    assert page.locator(".preset-description").inner_text() == "Much <i>heavier</i>."
+    assert page.evaluate("page.controls.changes()")["set"] == {"m": "5", "l": "80"}
+
+
+def test_a_link_names_a_preset(swing, opened, until):
+    path, file = swing
+    page = opened(file)
+    page.evaluate("location.hash = '#phi=45&preset=Time&preset=other%20spring'")
+    page.locator("#unknown").wait_for()
+    until(page, DRAWN)
+    assert page.locator("#unknown").inner_text().endswith("preset=other spring")
+    assert page.evaluate("page.controls.changes().set_initial") == {
+        "phi": "45",
+        "phi'": "{guess: 4}",
+    }
+    until(page, "location.hash.includes('phi') && !location.hash.includes('preset')")
+    run = simulate(lagcli.load(path, preset="Time", set_initial={"phi": "45 deg"}))
+    np.testing.assert_allclose(
+        curves(page, "coordinates")[1]["phi"], run.q[:, 0], rtol=0, atol=1e-7
+    )
+
+
+def test_presets_work_in_a_sandboxed_frame_by_keyboard_on_a_narrow_screen(
+    swing, tmp_path, visit, until
+):
+    _, page = swing
+    frame = tmp_path / "frame.html"
+    frame.write_text(
+        f'<iframe src="{page.as_uri()}#preset=Time" width="390" height="800" style="border: 0"'
+        ' sandbox="allow-scripts allow-downloads"></iframe>'
+    )
+    outer = visit(frame)
+    outer.frame_locator("iframe").locator('#presets [aria-pressed="true"]').wait_for()
+    inner = outer.frames[1]
+    first = outer.frame_locator("iframe").locator("#presets button").first
+    first.focus()
+    first.press("Enter")
+    until(inner, DRAWN)
+    assert inner.evaluate("page.controls.changes().set") == {"m": "5", "l": "80"}
+    assert first.get_attribute("aria-pressed") == "true"
+    assert inner.evaluate("document.documentElement.scrollWidth") <= 390
+    assert inner.evaluate(CONTRAST) == []
+
+
 def test_texts_of_a_model_are_not_markup(tmp_path, opened):
     needs_core()
     model = lagcli.load_text(

@@ -637,14 +637,13 @@ def test_scenarios_are_kept_and_come_back(opened, served, tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     assert run([*words[1:], "--quiet"]) == 0
     assert np.array_equal(lagcli.read(words[-1]).multipliers[:, 0], curve)
-    # as blocks of model files
-    blocks = yaml.safe_load(copied("Copy as YAML"))
-    assert blocks["heavy & slow"] == {
-        "parameters": {"m": 2.5},
-        "initial": {"psi": {"guess": 0.3}},
-        "simulation": {"t_end": 0.5},
-    }
-    assert blocks["small <b>crank</b>"]["parameters"] == {"m": 2.5, "r": "l/4"}
+    # as presets of the model file
+    block = copied("Copy as presets")
+    presets = yaml.safe_load(block)["presets"]
+    assert presets["heavy & slow"] == {"parameters": {"m": 2.5}, "initial": {"psi": {"guess": 0.3}}}
+    assert presets["small <b>crank</b>"]["parameters"] == {"m": 2.5, "r": "l/4"}
+    model = lagcli.load_text(lagcli.load(CRANK).text + block, preset="heavy & slow")
+    assert (model.set, model.set_initial) == ({"m": "2.5"}, {"psi": "{guess: 0.3}"})
     with p.page.expect_download() as download:
         p.page.get_by_role("button", name="Download").click()
     kept = tmp_path / download.value.suggested_filename

@@ -66,7 +66,8 @@ CONTRAST = """() => {
   const NOT = `option, script, style, .skip, :disabled, ${OLD}`;
   const parse = (text) => {
     const [r, g, b, a = 1] = text.match(/[\\d.]+/g).map(Number);
-    return { rgb: [r, g, b], a };
+    const whole = text.startsWith("color(") ? 255 : 1; // a mixed colour has parts up to 1
+    return { rgb: [r, g, b].map((x) => whole * x), a };
   };
   const over = ({ rgb, a }, below) => rgb.map((x, i) => a * x + (1 - a) * below[i]);
   const behind = (box) => {

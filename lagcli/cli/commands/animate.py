@@ -5,7 +5,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
-from lagcli.cli.options import Force, NoColor, Quiet, SetInitial, SetParameter, ViewModel
+from lagcli.cli.options import (
+    Force,
+    NoColor,
+    PresetName,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    ViewModel,
+)
 from lagcli.cli.parameters import Argument, Option
 from lagcli.cli.streams import print_notes, tell
 from lagcli.errors import UsageError
@@ -82,6 +90,7 @@ def animate(
     at: At = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     force: Force = False,
     quiet: Quiet = False,
     no_color: NoColor = False,
@@ -89,8 +98,8 @@ def animate(
     """Animate a run, or a mode of small motions.
 
     The animation shows the view of the model; without a view, its coordinates over time. A run
-    that failed is shown up to its last sample. --equilibrium, --steady, --at, --set and
-    --set-initial choose the operating point of --mode, as for lagcli modes.
+    that failed is shown up to its last sample. --equilibrium, --steady, --at, --set, --set-initial
+    and --preset choose the operating point of --mode, as for lagcli modes.
     """
     from lagcli.cli.progress import Progress
     from lagcli.pictures.animation.animate import animate as make
@@ -103,6 +112,7 @@ def animate(
         "--at": at,
         "--set": set,
         "--set-initial": set_initial,
+        "--preset": preset,
     }
     stored = file.lower().endswith((".h5", ".hdf5"))
     if mode is not None and stored:
@@ -117,7 +127,7 @@ def animate(
         source = stored_mode_motion(file, mode, amplitude=amplitude)
     elif mode is not None:
         source = _mode_motion(
-            mode, amplitude, at, equilibrium, load_steady(file, set, set_initial, steady)
+            mode, amplitude, at, equilibrium, load_steady(file, set, set_initial, steady, preset)
         )
     elif given := [name for name, value in of_modes.items() if value is not None]:
         raise UsageError(f"{given[0]} is for --mode N, which animates a mode of a model")

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from lagcli.cli.options import Json, ModelPath, SetInitial, SetParameter, assignments
+from lagcli.cli.options import Json, ModelPath, PresetName, SetInitial, SetParameter, assignments
 from lagcli.cli.parameters import Option
 
 
@@ -10,6 +10,7 @@ def check(
     model: ModelPath,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     width: Annotated[
         int | None,
         Option(
@@ -35,6 +36,7 @@ def check(
         model,
         set=assignments("--set", set),
         set_initial=assignments("--set-initial", set_initial),
+        preset=preset,
     )
     result = check_model(loaded)
     if json:

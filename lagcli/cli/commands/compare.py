@@ -7,6 +7,7 @@ from lagcli.cli.options import (
     Force,
     Json,
     ModelPath,
+    PresetName,
     Quiet,
     SetInitial,
     SetParameter,
@@ -52,6 +53,7 @@ def compare(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     *,
     settings: SettingsOverrides,
     json: Json = False,
@@ -83,13 +85,13 @@ def compare(
                 " with the settings of the first"
             )
     parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
-    loaded = load(model, parameters, initial)
+    loaded = load(model, parameters, initial, preset=preset)
     if other is None:
         content = describe_comparison(
             find(loaded, settings, chosen[0], chosen[1], [_number(x) for x in chosen[2]])
         )
     else:
-        second = load(other, parameters, initial)
+        second = load(other, parameters, initial, preset=preset)
         content = describe_models(compare_models(loaded, second, settings), loaded, second)
     if output is not None:
         write_content(content, {}, loaded, output, force)

@@ -156,6 +156,10 @@ def _initial_values(line: CommandWords) -> Iterator[str]:
         yield _assigned(f"{name}'")
 
 
+def _presets(line: CommandWords) -> Iterator[str]:
+    yield from _keys(line, "presets")
+
+
 def _varied(line: CommandWords) -> Iterator[str]:
     yield from _parameters(line)
     yield from _initial_values(line)
@@ -172,6 +176,7 @@ _NAMES: dict[str | None, Names] = {
     "--set": _parameters,
     "--set-initial": _initial_values,
     "--vary": _varied,
+    "--preset": _presets,
     "--from": _shipped,
     "NAME": _shipped,
     "MODEL": _models,
@@ -201,7 +206,7 @@ def completion(
     """Print the completion script of a shell.
 
     It completes commands, options and their values, files, shipped models, and the names of the
-    model's parameters and initial values. Load it from the shell's start-up file:
+    model's parameters, initial values and presets. Load it from the shell's start-up file:
 
     bash: eval "$(lagcli completion bash)"
 

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from lagcli.cli.operating_point import check_target, load_along, load_steady, print_analysis
-from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
+from lagcli.cli.options import Force, Json, ModelPath, PresetName, Quiet, SetInitial, SetParameter
 from lagcli.cli.parameters import Option
 from lagcli.errors import UsageError
 
@@ -51,6 +51,7 @@ def equilibrium(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -76,7 +77,7 @@ def equilibrium(
     if branches and along is None:
         raise UsageError("--branches needs --along, as in --along P=0:3 --branches")
     check_target(model, output, (".json", ".h5"), force)
-    loaded, held = load_steady(model, set, set_initial, steady)
+    loaded, held = load_steady(model, set, set_initial, steady, preset)
     arrays, note = {}, ""
     if along is None:
         content = describe_equilibria(find(loaded, steady=held, all=all, starts=starts))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from lagcli.cli.options import (
     Force,
     Output,
+    PresetName,
     Quiet,
     SetInitial,
     SetParameter,
@@ -58,6 +59,7 @@ def export(
     output: Output = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     fmi: Annotated[
         FmiVersion, Option("--fmi", help="Version of FMI, of an FMU.")
     ] = FmiVersion.fmi2,
@@ -100,7 +102,9 @@ def export(
     options = ExportOptions(fmi.value, tuple(input or ()), wheels, lang.value)
     if output is not None and (output.endswith(("/", os.sep)) or os.path.isdir(output)):
         options.check("page")
-        _export_folder([load(model, *given) for model in models], to, output, lang.value, force)
+        _export_folder(
+            [load(model, *given, preset=preset) for model in models], to, output, lang.value, force
+        )
         if not quiet:
             print(f"written: {len(models) + 1} pages in {output}", file=sys.stderr)
         return
@@ -112,7 +116,7 @@ def export(
     chosen = format_of(None if to is None else to.value, target)
     if target is not None:
         check_writable(target, force)
-    loaded = load(model, *given)
+    loaded = load(model, *given, preset=preset)
     content = chosen.write(loaded, options)
     if target is None:
         if chosen.name == "fmu":

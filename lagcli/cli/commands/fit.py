@@ -7,6 +7,7 @@ from lagcli.cli.options import (
     Force,
     Json,
     ModelPath,
+    PresetName,
     Quiet,
     SetInitial,
     SetParameter,
@@ -42,6 +43,7 @@ def fit(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     *,
     settings: SettingsOverrides,
     force: Force = False,
@@ -71,6 +73,7 @@ def fit(
         model,
         set=assignments("--set", set),
         set_initial=assignments("--set-initial", set_initial),
+        preset=preset,
     )
     if write is not None:
         refuse_same_file(model, write)

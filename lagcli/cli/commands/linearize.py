@@ -10,7 +10,7 @@ from lagcli.cli.operating_point import (
     load_steady,
     print_analysis,
 )
-from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
+from lagcli.cli.options import Force, Json, ModelPath, PresetName, Quiet, SetInitial, SetParameter
 from lagcli.cli.parameters import Option
 
 
@@ -53,6 +53,7 @@ def linearize(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -71,7 +72,7 @@ def linearize(
     from lagcli.analysis.linear.linear_model import linearize as linear_model
 
     check_target(model, file, LINEAR_SUFFIXES, force)
-    loaded, held = load_steady(model, set, set_initial, steady)
+    loaded, held = load_steady(model, set, set_initial, steady, preset)
     linear = linear_model(
         loaded,
         at=at,

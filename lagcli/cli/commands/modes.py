@@ -10,7 +10,7 @@ from lagcli.cli.operating_point import (
     load_steady,
     print_analysis,
 )
-from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
+from lagcli.cli.options import Force, Json, ModelPath, PresetName, Quiet, SetInitial, SetParameter
 from lagcli.cli.parameters import Option
 
 
@@ -30,6 +30,7 @@ def modes(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -48,7 +49,7 @@ def modes(
     from lagcli.analysis.linear.modes import modes as find_modes
 
     check_target(model, output, MODES_SUFFIXES, force)
-    loaded, held = load_steady(model, set, set_initial, steady)
+    loaded, held = load_steady(model, set, set_initial, steady, preset)
     analysis = find_modes(loaded, at=at, equilibrium=equilibrium, steady=held)
     if output is not None:
         write_modes(analysis, loaded, output, force)

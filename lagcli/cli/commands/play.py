@@ -7,6 +7,7 @@ from typing import Annotated
 
 from lagcli.cli.options import (
     ModelPath,
+    PresetName,
     Quiet,
     SetInitial,
     SetParameter,
@@ -29,6 +30,7 @@ def play(
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     *,
     settings: SettingsOverrides,
     quiet: Quiet = False,
@@ -53,7 +55,8 @@ def play(
         ) from None
     from lagcli.play.runs import Played
 
-    loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
+    given = assignments("--set", set), assignments("--set-initial", set_initial)
+    loaded = load(model, *given, preset=preset)
     Played(loaded, settings).check()
     server = Server(lambda: Played(loaded, settings), loaded, listen(port or 0))
 

@@ -13,6 +13,7 @@ from lagcli.cli.options import (
     Json,
     ModelPath,
     NoColor,
+    PresetName,
     Quiet,
     SetInitial,
     SetParameter,
@@ -46,6 +47,7 @@ def simulate(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
+    preset: PresetName = None,
     *,
     settings: SettingsOverrides,
     strict: Annotated[
@@ -78,7 +80,8 @@ def simulate(
     if output == "-" and json:
         raise UsageError("-o - and --json both use standard output; write to a file, or drop one")
     began = time.perf_counter()
-    loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
+    given = assignments("--set", set), assignments("--set-initial", set_initial)
+    loaded = load(model, *given, preset=preset)
     load_seconds = time.perf_counter() - began
     if output is not None:
         output = resolve_name(output, loaded)

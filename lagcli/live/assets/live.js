@@ -4,13 +4,15 @@
  * The exported page: that of `lagcli play` with a Simulator, and a link that holds its state.
  *
  * The fragment of the address is that of a query: `#m=2&l=0.3&phi'=~1`, values in the units of the
- * controls, t_end among them; `~` before a value makes it a guess, `!` a fixed one. The scenarios are in
+ * controls, t_end among them; `~` before a value makes it a guess, `!` a fixed one. `preset=heavy` stands
+ * for the values of a preset, which the others replace. The scenarios are in
  * the entry `!scenarios`, which no name can be.
  */
 
 /** The fragment of the page's address. */
 class State {
   static SCENARIOS = "!scenarios";
+  static PRESET = "preset"; // unless the model has a value of this name
 
   entries() {
     return [...new URLSearchParams(location.hash.slice(1))];
@@ -64,16 +66,23 @@ class LivePage extends Page {
 
   /** Take the values of the address. */
   #restore() {
-    const [state, unknown] = [[], []];
-    for (const [name, text] of this.state.entries()) {
-      if (name === State.SCENARIOS) continue;
+    const [state, unknown] = [new Map(), []];
+    const entries = this.state.entries();
+    const own = this.controls.list.has(State.PRESET);
+    for (const [, name] of entries.filter(([name]) => name === State.PRESET && !own)) {
+      const preset = this.presets.find(name);
+      if (preset) preset.state.forEach(([name, value]) => state.set(name, value));
+      else unknown.push(`${State.PRESET}=${name}`);
+    }
+    for (const [name, text] of entries) {
+      if (name === State.SCENARIOS || (name === State.PRESET && !own)) continue;
       const control = this.controls.list.get(name);
       if (!control || control.follows) unknown.push(name);
-      else state.push([name, { text: text.replace(/^[~!]/, ""), free: { "~": true, "!": false }[text[0]] ?? control.free }]);
+      else state.set(name, { text: text.replace(/^[~!]/, ""), free: { "~": true, "!": false }[text[0]] ?? control.free });
     }
     this.unknown.hidden = !unknown.length;
     this.unknown.textContent = unknown.length ? `${say("The link has values that this page cannot set:")} ${unknown.join(", ")}` : "";
-    this.controls.goTo(state, null);
+    this.controls.goTo([...state], null);
   }
 
   /** Put the values of the controls in the address, and show the link. */

@@ -482,6 +482,7 @@ _EXAMPLES = {
     "constraints": "rod: x^2 + y^2 = l^2",
     "initial": "phi: 0.5",
     "outputs": "height: l*sin(phi)",
+    "presets": "heavy: {parameters: {m: 2 kg}}",
     "events": "flat: {when: theta <= 0, stop: true}",
     "simulation": "t_end: 10",
 }

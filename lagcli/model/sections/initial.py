@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
+from typing import Any, NamedTuple
 
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.grammar import Span
@@ -22,7 +23,15 @@ from lagcli.model.expression.trees import (
 )
 from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import InitialValue, Written
-from lagcli.model.names.draft import Draft, Formula, Indices, Quantity, QuantityValue, read_quantity
+from lagcli.model.names.draft import (
+    Draft,
+    Entry,
+    Formula,
+    Indices,
+    Quantity,
+    QuantityValue,
+    read_quantity,
+)
 from lagcli.model.names.expansion import substituted
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, indices_of, members_clause
@@ -71,7 +80,8 @@ class InitialReader:
         fixed: bool = True,
         quantity: Quantity | None = None,
     ):
-        self.draft, self.location = draft, declaration.node.location
+        self.draft, self.declaration = draft, declaration
+        self.location = declaration.node.location
         self.what = what = f"the initial value of `{declaration.title}`"
         node, own = unwrapped(draft, declaration.node, what)
         self.fixed, self.quantity = fixed and own, quantity
@@ -320,20 +330,7 @@ def read_initial(draft: Draft, overrides: Mapping[str, object]) -> tuple[Values,
     names = draft.names
     entries = draft.entries("initial")
     given = _overriding(draft, overrides)
-    attempted: dict[str, Member] = {}
-    readers: dict[int, Reader] = {}
-    for name, key, node in entries or []:
-        if _states_closed(draft, name, node):
-            continue
-        declaration = _declaration(draft, name, key, node)
-        for member, reader in _values(draft, declaration) if declaration else ():
-            readers[id(member.declaration)] = reader
-            if not _enter(draft, attempted, member):
-                break
-    jobs = {
-        canonical: (readers[id(member.declaration)], member.indices)
-        for canonical, member in attempted.items()
-    }
+    jobs = _entered(draft, entries or [])
     for canonical, option in given.items():
         node = override_node("--set-initial", option, overrides[option])
         declaration = _named(draft, canonical, node, guess_or(node))
@@ -341,15 +338,131 @@ def read_initial(draft: Draft, overrides: Mapping[str, object]) -> tuple[Values,
             name = member.name + "'" * member.declaration.primes
             if not member.declaration.part or name not in given:
                 jobs[name] = (reader, member.indices)
-    values: Values = {}
-    for canonical in sorted(jobs, key=lambda name: name.endswith("'")):
-        reader, indices = jobs[canonical]
-        reader.read(canonical, indices, values)
+    values = _read(jobs)
     if entries is not None and not names.incomplete and "initial" not in draft.misspelled_keys:
         _report_missing(draft, jobs.keys())
     positions = {q: values[q] for q in names.coordinates if q in values}
     velocities = {q: values[f"{q}'"] for q in names.coordinates if f"{q}'" in values}
     return positions, velocities, _spins(jobs)
+
+
+Jobs = dict[str, tuple[Reader, Indices]]
+
+
+def _entered(draft: Draft, entries: Iterable[Entry]) -> Jobs:
+    """Return the readers of the values of entries, by coordinate and velocity."""
+    attempted: dict[str, Member] = {}
+    readers: dict[int, Reader] = {}
+    for name, key, node in entries:
+        if _states_closed(draft, name, node):
+            continue
+        declaration = _declaration(draft, name, key, node)
+        for member, reader in _values(draft, declaration) if declaration else ():
+            readers[id(member.declaration)] = reader
+            if not _enter(draft, attempted, member):
+                break
+    return {
+        canonical: (readers[id(member.declaration)], member.indices)
+        for canonical, member in attempted.items()
+    }
+
+
+def _read(jobs: Jobs) -> Values:
+    """Evaluate values; velocities last, because rates of quaternions need their orientations."""
+    values: Values = {}
+    for canonical in sorted(jobs, key=lambda name: name.endswith("'")):
+        reader, indices = jobs[canonical]
+        reader.read(canonical, indices, values)
+    return values
+
+
+class ChangedValues(NamedTuple):
+    """Initial values of a model with other entries in place of its own.
+
+    Parameters
+    ----------
+    texts : dict of str to str
+        The other entries in the syntax of ``--set-initial``.
+    fields : dict
+        The fields of the model, with all values.
+    """
+
+    texts: dict[str, str]
+    fields: dict[str, Any]
+
+
+def changed_values(draft: Draft, entries: Iterable[Entry], what: str) -> ChangedValues:
+    """Read entries of initial values in place of those of the file.
+
+    Parameters
+    ----------
+    draft : Draft
+    entries : iterable of Entry
+    what : str
+        What has them, for messages.
+    """
+    entries = list(entries)
+    for name, key, node in entries:
+        if _states_closed(draft, name, node):
+            draft.report.add(
+                "bad-setting",
+                f"{what} has values; `{name}: closed` is none",
+                key.location,
+                "write it under `initial` of the model",
+            )
+    own = _entered(draft, entries)
+    jobs = {**_entered(draft, draft.entries("initial") or []), **own}
+    values = _read(jobs)
+    texts: dict[str, str] = {}
+    for canonical, (reader, _) in own.items():
+        if canonical in values:
+            texts.update(_as_option(draft, canonical, reader, values, what))
+    fields = {
+        "initial_positions": {q: values[q] for q in draft.names.coordinates if q in values},
+        "initial_velocities": {
+            q: values[f"{q}'"] for q in draft.names.coordinates if f"{q}'" in values
+        },
+        "spins": _spins(jobs),
+    }
+    return ChangedValues(texts, fields)
+
+
+def _as_option(
+    draft: Draft, canonical: str, reader: Reader, values: Values, what: str
+) -> dict[str, str]:
+    """Return the value of an entry as an option has it: as written, if it is one text."""
+    declaration = reader.declaration
+    node, fixed = declaration.node, True
+    if isinstance(node, MappingNode):
+        node, fixed = node.entries["guess"][1], False
+    name = canonical
+    if isinstance(reader, VectorReader) and (reader.turning or isinstance(node, Scalar)):
+        base, _, _ = canonical.rstrip("'").rpartition(".")
+        name = base + "'" * declaration.primes
+    if isinstance(node, Scalar) and not declaration.indices:
+        text = node.value.strip()
+    elif isinstance(reader, VectorReader) and reader.turning:
+        spin: Values = {}
+        for axis, cell in reader.cells.items():
+            cell.read(axis, {}, spin)
+        if len({x.fixed for x in spin.values()}) > 1:
+            draft.report.add(
+                "bad-setting",
+                f"{what}: some components of `{declaration.title}` are fixed, and some are guesses",
+                declaration.node.location,
+                "fix the angular velocity, or write all of it as a guess",
+            )
+        text = f"[{', '.join(_written(x) for x in spin.values())}]"
+        fixed = fixed and all(x.fixed for x in spin.values())
+    else:
+        value = values[canonical]
+        text, fixed = _written(value), value.fixed
+    return {name: text if fixed else f"{{guess: {text}}}"}
+
+
+def _written(value: InitialValue) -> str:
+    """Return a value in SI as text with all its digits."""
+    return repr(value.value).removesuffix(".0")
 
 
 def _spins(jobs: Mapping[str, tuple[Reader, Indices]]) -> Spins:

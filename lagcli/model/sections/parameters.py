@@ -190,11 +190,14 @@ class _ParameterReader:
         if not is_number(value.value):
             unit = None
         elif unit is not None and to_si(unit) != 1:
+            written = f"`{name}: {value.value} {unit}`"
+            if value is not self.overrides[name]:
+                written = f"--set '{name}={value.value} {unit}'"
             self.draft.report.add(
                 "ambiguous-unit",
                 f"`{name}` is given in {unit} in the file, and without a unit here",
                 value.location,
-                f"write the unit: --set '{name}={value.value} {unit}'",
+                f"write the unit: {written}",
             )
             return None
         quantity = read_quantity(self.draft, value, what, unit)
@@ -381,7 +384,9 @@ def _unit(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, b
 
 
 def override_node(option: str, name: str, value: object) -> Scalar:
-    """Return a value from the command line or from Python as a node."""
+    """Return a value from the command line or from Python as a node; one in a file is its own."""
+    if isinstance(value, Scalar):
+        return value
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         text = str(value)
     else:

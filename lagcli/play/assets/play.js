@@ -31,6 +31,7 @@ class Page {
     found("controls").addEventListener("change", (event) => {
       if (connection.refines && event.target.type === "range") this.ask(event);
     });
+    this.presets = new Presets(found("presets"), (state, event) => this.controls.goTo(state, event));
     found("reset").addEventListener("click", (event) => {
       this.equations.restore();
       this.controls.reset(event);
@@ -57,6 +58,7 @@ class Page {
   ask(event = null) {
     this.#send({ coarse: event?.type === "input" && event.target.type === "range" });
     this.scenarios?.mark();
+    this.presets.mark(this.controls.state());
     if (event) this.asked.set(this.number, event.timeStamp);
     this.waiting ??= setTimeout(() => this.#say("computing …"), Page.PATIENCE);
   }
@@ -143,11 +145,13 @@ class Page {
   }
 
   /** Show the controls of a model with these numbers of members. */
-  #build({ members, controls, equations, colors }) {
+  #build({ members, controls, presets, equations, colors }) {
     this.equations.build(equations, colors);
     this.pictures.colors = colors;
     this.members = members;
     this.controls.build(controls);
+    this.presets.build(presets);
+    this.presets.mark(this.controls.state());
   }
 
   #draw(answer) {

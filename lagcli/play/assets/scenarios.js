@@ -41,7 +41,7 @@ class Scenarios {
     this.items = document.createElement("ul");
     this.export = Row.text("div", "actions", "");
     this.#addCopy("Copy as command lines", () => this.commands());
-    this.#addCopy("Copy as YAML", () => this.blocks());
+    this.#addCopy("Copy as presets", () => this.blocks());
     this.export.append(this.#button("Download", () => this.#download()));
     const files = Object.assign(document.createElement("input"), { type: "file", hidden: true });
     files.accept = "application/json";
@@ -78,24 +78,22 @@ class Scenarios {
     return lines.join("");
   }
 
-  /** Return the values of each scenario as a model file has them. */
+  /** Return the scenarios as presets of a model file; these have no end time. */
   blocks() {
     const block = (key, values) => {
       const lines = Object.entries(values).map(([name, value]) => {
         const written = /^\{guess: (.*)\}$/s.exec(value);
         const text = written ? `{guess: ${Scenarios.#yaml(written[1])}}` : Scenarios.#yaml(value);
-        return `    ${Scenarios.#yaml(name)}: ${text}\n`;
+        return `      ${Scenarios.#yaml(name)}: ${text}\n`;
       });
-      return lines.length ? `  ${key}:\n${lines.join("")}` : "";
+      return lines.length ? `    ${key}:\n${lines.join("")}` : "";
     };
-    return this.list
-      .map(({ name, changes: { set, set_initial, t_end } }) => {
-        const end = t_end ? { t_end } : {};
-        const inner =
-          block("parameters", set) + block("initial", set_initial) + block("simulation", end);
-        return `${Scenarios.#yaml(name)}:${inner ? `\n${inner}` : " {}\n"}`;
-      })
-      .join("");
+    const presets = this.list.map(({ name, changes: { set, set_initial, t_end } }) => {
+      const inner = block("parameters", set) + block("initial", set_initial);
+      const end = t_end ? `  # simulated until t_end = ${t_end}` : "";
+      return `  ${Scenarios.#yaml(name)}:${inner ? "" : " {}"}${end}\n${inner}`;
+    });
+    return `presets:\n${presets.join("")}`;
   }
 
   /** Return a text as YAML has it: as it is where it is a number or a name, else in quotes. */

@@ -34,6 +34,7 @@ def test_all_keys_that_fit_together_are_shown():
         "inputs",
         "L",
         "D",
+        "presets",
         "events",
         "fit",
     ]
