@@ -44,6 +44,15 @@ VERSIONS = ("2.0", "3.0")
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
+#: What co-simulation of FMI 3.0 can do, as attributes of its description.
+_EVENTS = (
+    "providesIntermediateUpdate",
+    "mightReturnEarlyFromDoStep",
+    "canReturnEarlyAfterIntermediateUpdate",
+    "hasEventMode",
+)
+
+
 class Platform(NamedTuple):
     """A platform on which an FMU may be used.
 
@@ -363,6 +372,8 @@ class _Fmu:
                 capabilities["providesAdjointDerivatives"] = "true"
         if kind == "CoSimulation":
             capabilities["canHandleVariableCommunicationStepSize"] = "true"
+            if not two:
+                capabilities |= dict.fromkeys(_EVENTS, "true")
         elif two:
             capabilities["completedIntegratorStepNotNeeded"] = "false"
         else:
@@ -395,6 +406,8 @@ class _Fmu:
         listed = Xml.SubElement(root, "ModelVariables")
         for v in variables:
             attributes = _attributes_of(v) | _numbers(v, units, self.exchanges)
+            if v.causality == "output":
+                attributes["intermediateUpdate"] = "true"
             Xml.SubElement(listed, "Float64", attributes)
         structure = Xml.SubElement(root, "ModelStructure")
         for v in variables:

@@ -103,3 +103,18 @@ def test_the_controller_in_fmpy_runs(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with redirect_stdout(printed):
         exec(indented("from fmpy import extract, read_model_description"), {})
     assert printed.getvalue() == "1.0\n"
+
+
+def test_the_master_with_events_in_fmpy_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("fmpy")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.fmu").write_bytes(lagcli.fmu(lagcli.load("bouncing_ball"), "3.0"))
+    text = PAGE[PAGE.index("### Events of a master") :]
+    block = re.search(r"^    from fmpy(?:.*)\n(?:(?:    .*)?\n)*", text, re.M)
+    assert block is not None
+    example, printed = re.sub(r"^    ", "", block[0], flags=re.M), StringIO()
+    with redirect_stdout(printed):
+        exec(example, {})
+    assert f"# {printed.getvalue()}" in example

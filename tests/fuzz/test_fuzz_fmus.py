@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmi import FmuError, Unpacked
+from fmu_events import with_events
 from fmu_states import restored_differently
 from known_event_cases import EVENT_CASES
 from known_events import Case
@@ -71,6 +72,40 @@ def test_random_restored_states(kind: str, tmp_path: Path) -> None:
         except FmuError as error:
             if REFUSED not in str(error):
                 raise
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kind", CASES)
+def test_random_events_of_a_master(kind: str, tmp_path: Path) -> None:
+    """Each event of the log is one of event mode, and the last state is that of the run.
+
+    Event mode also reports where a force has a kink, which no log has.
+    """
+    for seed in range(FUZZ_COUNT // (2 * len(CASES)) + 1):
+        case = CASES[kind](seed)
+        model, run = simulated(case)
+        if run.status != "completed":
+            continue
+        fmu = Unpacked(lagcli.fmu(model, version="3.0", icon=False), tmp_path / str(seed))
+        random_ = random.Random(seed)
+        start, end = float(run.time[0]), float(run.time[-1])
+        count = random_.choice([0, 1, 20])
+        points = sorted(start + (end - start) * random_.random() for _ in range(count))
+        names = [f"{q}{rate}" for rate in ("", "_dot") for q in model.coordinate_names]
+        try:
+            found = with_events(fmu, names, [start, *points, end])
+        except FmuError as error:
+            if REFUSED in str(error):
+                continue
+            raise
+        times = np.array([instant.time for instant in found.instants])
+        log = run.events
+        for i, kind_ in enumerate(log.kinds if log is not None else ()):
+            if kind_ not in ("rest", "redundant", "not unique") and start < log.time[i] < end:
+                assert np.abs(times - log.time[i]).min(initial=np.inf) <= 1e-5 * (end - start), case
+        expected = np.concatenate([run.q[-1], run.v[-1]])
+        size = np.concatenate([np.abs(run.q).max(axis=0), np.abs(run.v).max(axis=0)])
+        assert (np.abs(found.values - expected) <= 3e-5 * np.maximum(size, 1e-4)).all(), case
 
 
 @pytest.mark.fuzz

@@ -6,15 +6,19 @@ import ctypes
 import io
 import itertools
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as Xml
 
 import numpy as np
 
 _LOGGER2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+_UPDATE3 = ctypes.CFUNCTYPE(
+    None, c_void_p, c_double, c_bool, c_bool, c_bool, c_bool,
+    ctypes.POINTER(c_bool), ctypes.POINTER(c_double),
+)  # fmt: skip
 _LOGGER3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 
 
@@ -67,15 +71,42 @@ class Unpacked:
         identifier = self.description.find("CoSimulation").get("modelIdentifier")  # type: ignore[union-attr]
         self.binaries = sorted(folder.glob(f"binaries/*/{identifier}.*"))
 
-    def instance(self, exchange: bool = False) -> Instance:
+    def instance(self, exchange: bool = False, **options: Any) -> Instance:
         """Make an instance."""
-        return Instance(self, exchange)
+        return Instance(self, exchange, **options)
+
+
+class Step(NamedTuple):
+    """What a step of FMI 3.0 returns: flags, and the time it has reached."""
+
+    event: bool
+    terminate: bool
+    early: bool
+    time: float
 
 
 class Instance:
-    """An instance of an FMU."""
+    """An instance of an FMU.
 
-    def __init__(self, fmu: Unpacked, exchange: bool = False):
+    Parameters
+    ----------
+    fmu : Unpacked
+    exchange : bool
+        Whether it is for model exchange.
+    events, early : bool
+        Whether the importer handles events, and lets steps end early, in FMI 3.0.
+    update : callable, optional
+        Called with the time within steps; returns the time at which the step is to end, or None.
+    """
+
+    def __init__(
+        self,
+        fmu: Unpacked,
+        exchange: bool = False,
+        events: bool = False,
+        early: bool = False,
+        update: Callable[[float], float | None] | None = None,
+    ):
         self.fmu, self.three = fmu, fmu.version == "3.0"
         # the platform of this machine: the only one there is in these tests
         self.library = ctypes.CDLL(str(fmu.binaries[0]))
@@ -88,8 +119,9 @@ class Instance:
             make.restype = c_void_p
             given = (b"one", token.get("instantiationToken", "").encode())
             head = (*given, f"{resources}/".encode(), c_bool(False), c_bool(False))
-            more = () if exchange else (c_bool(False), c_bool(False), None, c_size_t(0))
-            last = () if exchange else (None,)
+            more = () if exchange else (c_bool(events), c_bool(early), None, c_size_t(0))
+            self._update: Any = None if update is None else _UPDATE3(self._updated(update))
+            last = () if exchange else (self._update,)
             self.handle = c_void_p(make(*head, *more, None, self._logger, *last))
         else:
             logger = _LOGGER2(lambda env, name, status, category, text: self._log(text))
@@ -103,6 +135,16 @@ class Instance:
             )  # fmt: skip
         if not self.handle.value:
             raise FmuError(*self.messages)
+
+    @staticmethod
+    def _updated(update: Callable[[float], float | None]) -> Callable[..., None]:
+        def called(env: Any, t: float, *flags: Any) -> None:
+            _, _, _, may_return, early, end = flags
+            wanted = update(t)
+            if wanted is not None and may_return:
+                early[0], end[0] = True, wanted
+
+        return called
 
     def _log(self, text: bytes) -> None:
         self.messages.append(text.decode().replace("%%", "%"))
@@ -155,10 +197,24 @@ class Instance:
         """Go on by a step; return whether the simulation has ended."""
         if not self.three:
             return self.call("DoStep", c_double(t), c_double(size), 1, allowed=(0, 2)) == 2
+        return self.step3(t, size).terminate
+
+    def step3(self, t: float, size: float) -> Step:
+        """Go on by a step of FMI 3.0."""
         needed, end, early, last = c_bool(), c_bool(), c_bool(), c_double()
         refs = byref(needed), byref(end), byref(early), byref(last)
         self.call("DoStep", c_double(t), c_double(size), c_bool(True), *refs)
-        return end.value
+        return Step(needed.value, end.value, early.value, last.value)
+
+    def happen(self) -> tuple[bool, float]:
+        """Handle an event of FMI 3.0; return whether it ends the simulation, and the next time."""
+        self.call("EnterEventMode")
+        flags = [c_bool() for _ in range(5)]
+        following = c_double()
+        self.call("UpdateDiscreteStates", *map(byref, flags), byref(following))
+        if not flags[1].value:
+            self.call("EnterStepMode")
+        return flags[1].value, following.value
 
     def simulate(
         self,

@@ -218,7 +218,7 @@ int lag_advance(lag_run *run, int64_t slice)
             int status = run->switching.used ? lag_look_for_instant(run) : LAG_RUNNING;
             if (status == LAG_RUNNING && !run->switching.due)
                 status = finish(run);
-            if (status != LAG_RUNNING)
+            if (status != LAG_RUNNING || (run->switching.due && run->switching.waits))
                 return status;
             if (run->watch.mode && !run->switching.due && lag_approaches(run))
                 return LAG_NEAR;

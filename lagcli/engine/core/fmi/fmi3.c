@@ -37,19 +37,30 @@ typedef void fmi3IntermediateUpdateCallback(fmi3InstanceEnvironment environment,
 typedef void fmi3LockPreemptionCallback(void);
 typedef void fmi3UnlockPreemptionCallback(void);
 
+/* An instance with the importing tool's callbacks, which are those of the component, too. */
+typedef struct {
+    fmi3LogMessageCallback *log;
+    fmi3IntermediateUpdateCallback *update;
+    lag_component *component;
+} lag_fmi3;
+
 static void log_message(void *context, const char *text)
 {
     const lag_component *c = context;
-    fmi3LogMessageCallback *const *log = c->callbacks;
-    if (*log)
-        (*log)(c->environment, fmi3Error, "logStatusError", text);
+    const lag_fmi3 *own = c->callbacks;
+    if (own->log)
+        own->log(c->environment, fmi3Error, "logStatusError", text);
 }
 
-/* An instance with the callback for messages. */
-typedef struct {
-    fmi3LogMessageCallback *log;
-    lag_component *component;
-} lag_fmi3;
+static double intermediate_update(void *context, double t)
+{
+    const lag_component *c = context;
+    const lag_fmi3 *own = c->callbacks;
+    fmi3Boolean early = false;
+    fmi3Float64 end = t;
+    own->update(c->environment, t, false, true, true, c->fmu->may_return, &early, &end);
+    return early ? end : INFINITY;
+}
 
 static fmi3Status status_of(int failed)
 {
@@ -66,7 +77,7 @@ static fmi3Instance make(fmi3String name, fmi3String resources, int exchange, fm
     if (!made)
         return NULL;
     made->log = log;
-    made->component = lag_component_make(name, resources, exchange, log_message, environment, &made->log);
+    made->component = lag_component_make(name, resources, exchange, log_message, environment, made);
     if (!made->component) {
         free(made);
         return NULL;
@@ -103,9 +114,16 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback *log,
                                          fmi3IntermediateUpdateCallback *update)
 {
-    (void)token, (void)visible, (void)logging, (void)event_mode, (void)early_return, (void)intermediate, (void)count;
-    (void)update;
-    return make(name, resources, 0, environment, log);
+    (void)token, (void)visible, (void)logging, (void)intermediate, (void)count; /* all values can be had */
+    lag_fmi3 *made = make(name, resources, 0, environment, log);
+    if (!made)
+        return NULL;
+    lag_fmu *fmu = made->component->fmu;
+    fmu->has_event_mode = event_mode;
+    fmu->may_return = early_return;
+    made->update = update;
+    fmu->update = update ? intermediate_update : NULL;
+    return made;
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
@@ -313,23 +331,33 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 step, fmi3Boole
     lag_fmu *fmu = INSTANCE(c);
     (void)no_return;
     const int failed = lag_fmu_advance(fmu, t, t + step);
-    *event_handling_needed = *early_return = false;
+    *event_handling_needed = lag_fmu_is_due(fmu);
     *terminate = fmu->phase == LAG_FMU_ENDED; /* by an event */
     *last_time = lag_fmu_time(fmu);
+    *early_return = fmu->may_return && *last_time < t + step;
     return status_of(failed);
 }
 
-/* Model exchange */
+/* Events */
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needed, fmi3Boolean *terminate,
                                     fmi3Boolean *nominals_changed, fmi3Boolean *values_changed,
                                     fmi3Boolean *next_event_time_defined, fmi3Float64 *next_event_time)
 {
-    *needed = *terminate = *nominals_changed = *next_event_time_defined = false;
+    lag_fmu *fmu = INSTANCE(c);
+    *needed = *terminate = *nominals_changed = *values_changed = *next_event_time_defined = false;
     *next_event_time = INFINITY;
-    *values_changed = INSTANCE(c)->exchange && lag_fmu_drifted(INSTANCE(c));
-    return status_of(*values_changed && lag_fmu_project(INSTANCE(c)));
+    if (fmu->exchange) {
+        *values_changed = lag_fmu_drifted(fmu);
+        return status_of(*values_changed && lag_fmu_project(fmu));
+    }
+    const int failed = lag_fmu_happen(fmu, next_event_time);
+    *terminate = fmu->phase == LAG_FMU_ENDED;
+    *next_event_time_defined = isfinite(*next_event_time);
+    return status_of(failed);
 }
+
+/* Model exchange */
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean no_return, fmi3Boolean *enter_event_mode,
                                        fmi3Boolean *terminate)

@@ -443,6 +443,7 @@ int lag_fmu_start(lag_fmu *fmu)
     }
     fmu->phase = status == LAG_DONE ? LAG_FMU_ENDED : LAG_FMU_STARTED;
     fmu->current = 0;
+    lag_wait(fmu->simulation, fmu->has_event_mode);
     return 0;
 }
 
@@ -460,6 +461,14 @@ int lag_fmu_begin(lag_fmu *fmu)
 double lag_fmu_time(const lag_fmu *fmu)
 {
     return fmu->simulation ? lag_run_of(fmu->simulation)->step.t : fmu->started_at;
+}
+
+/* Take what a simulation returns. Returns 0, or 1, and a message. */
+static int take_status(lag_fmu *fmu, int status)
+{
+    if (status == LAG_DONE)
+        fmu->phase = LAG_FMU_ENDED;
+    return status == LAG_RUNNING || status == LAG_DONE ? 0 : lag_fmu_fail_at(fmu, status);
 }
 
 /* Make the changed inputs those of the run, which goes on from its state; an event that they trigger may end it. Returns 0,
@@ -481,11 +490,16 @@ static int take_inputs(lag_fmu *fmu)
         return 0;
     }
     status = lag_change_parameters(fmu->simulation, fmu->held, fmu->parameters, fmu->own);
-    if (status == LAG_RUNNING)
-        status = lag_simulate(fmu->simulation, 0);
-    if (status == LAG_DONE)
-        fmu->phase = LAG_FMU_ENDED;
-    return status == LAG_RUNNING || status == LAG_DONE ? 0 : lag_fmu_fail_at(fmu, status);
+    return take_status(fmu, status == LAG_RUNNING ? lag_simulate(fmu->simulation, 0) : status);
+}
+
+/* Tell the importing tool of a step of the integration. */
+static double update(void *context)
+{
+    lag_fmu *fmu = context;
+    fmu->current = 0;
+    const double end = fmu->update(fmu->context, lag_fmu_time(fmu));
+    return fmu->may_return ? end : INFINITY;
 }
 
 int lag_fmu_advance(lag_fmu *fmu, double from, double t)
@@ -505,11 +519,31 @@ int lag_fmu_advance(lag_fmu *fmu, double from, double t)
     if (fmu->phase == LAG_FMU_ENDED)
         return 0;
     fmu->current = 0;
-    const int status = lag_simulate_to(fmu->simulation, t);
-    if (status == LAG_DONE)
-        fmu->phase = LAG_FMU_ENDED;
-    else if (status != LAG_RUNNING)
-        return lag_fmu_fail_at(fmu, status);
+    int status;
+    do
+        status = lag_simulate_watched(fmu->simulation, t, fmu->update ? update : NULL, fmu);
+    while (status == LAG_RUNNING && !fmu->may_return && lag_fmu_time(fmu) < t);
+    return take_status(fmu, status);
+}
+
+int lag_fmu_is_due(const lag_fmu *fmu)
+{
+    return fmu->phase == LAG_FMU_STARTED && lag_is_due(fmu->simulation);
+}
+
+int lag_fmu_happen(lag_fmu *fmu, double *next)
+{
+    *next = INFINITY;
+    if (fmu->phase != LAG_FMU_STARTED)
+        return fmu->phase != LAG_FMU_ENDED;
+    if (fmu->changed && take_inputs(fmu))
+        return 1;
+    if (lag_fmu_is_due(fmu)) {
+        fmu->current = 0;
+        if (take_status(fmu, lag_simulate(fmu->simulation, 0)))
+            return 1;
+    }
+    *next = lag_next_time(fmu->simulation);
     return 0;
 }
 

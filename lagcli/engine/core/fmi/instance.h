@@ -36,6 +36,9 @@
 /* Receives what is wrong. */
 typedef void lag_fmu_message(void *context, const char *text);
 
+/* Receives the time within a step of the co-simulation. Returns the time at which this is to end: INFINITY as planned. */
+typedef double lag_fmu_update(void *context, double t);
+
 /* Whether an initial value was set: not; it holds; the search for a consistent state may change it. */
 enum lag_fmu_given { LAG_FMU_NOT_GIVEN, LAG_FMU_FIXED, LAG_FMU_GUESS };
 
@@ -81,6 +84,9 @@ typedef struct {
     int exchange;                      /* whether another program integrates: model exchange */
     int current;                       /* whether the values are those of the state */
     int changed;                       /* whether an input has changed since the last step */
+    int has_event_mode;                /* of co-simulation: whether the importing tool handles events ... */
+    int may_return;                    /* ... and steps may end before their end */
+    lag_fmu_update *update;            /* called after each step of the integration; NULL */
     lag_fmu_directions directions;
     uint64_t identity;                 /* a hash of the files and of the library; even */
 } lag_fmu;
@@ -118,9 +124,16 @@ int lag_fmu_fail_at(lag_fmu *fmu, int status);
 /* Evaluate all values at a sample of the simulation's last step: t, q, v, a, lambda. */
 void lag_fmu_evaluate_at(lag_fmu *fmu, const double *row);
 
-/* Go on from the present time to another. `fmu->phase` is LAG_FMU_ENDED if an event has ended the simulation before. */
+/* Go on from the present time to another. It ends before where that is allowed: at an event, which lag_fmu_is_due tells
+ * and lag_fmu_happen completes, as the next step does, too; or as `update` says. `fmu->phase` is LAG_FMU_ENDED if an event
+ * has ended the simulation. */
 int lag_fmu_advance(lag_fmu *fmu, double from, double t);
 double lag_fmu_time(const lag_fmu *fmu);
+int lag_fmu_is_due(const lag_fmu *fmu);
+
+/* Let the event happen that is due, and the inputs act that have changed; *next is the time of the next one that is known,
+ * or INFINITY. */
+int lag_fmu_happen(lag_fmu *fmu, double *next);
 
 /* Model exchange, of models that do not switch: the state is (q, v). */
 void lag_fmu_move(lag_fmu *fmu, double t, const double *state);

@@ -98,7 +98,9 @@ int lag_fmu_restore(lag_fmu *fmu, lag_fmu_state *state)
         fmu->phase = LAG_FMU_FAILED;
         return lag_fmu_fail(fmu, "the saved state is damaged");
     }
-    if (!runs(fmu))
+    if (runs(fmu))
+        lag_wait(fmu->simulation, fmu->has_event_mode);
+    else
         lag_fmu_end_simulation(fmu);
     fmu->current &= runs(fmu);
     return 0;

@@ -275,6 +275,8 @@ int lag_simulate(lag_simulation *s, int64_t steps)
             }
             if (run->step.steps >= s->steps_to_unroll && unroll(s))
                 return end(s, LAG_NO_MEMORY);
+            if (lag_is_due(s))
+                return LAG_RUNNING;
             break;
         case LAG_HAPPENED:
             status = lag_events_happen(s);
@@ -307,13 +309,33 @@ int lag_simulate(lag_simulation *s, int64_t steps)
     }
 }
 
+void lag_wait(lag_simulation *s, int waits)
+{
+    s->run->switching.waits = waits;
+}
+
+int lag_is_due(const lag_simulation *s)
+{
+    return s->run->switching.due && s->run->switching.waits;
+}
+
+double lag_next_time(const lag_simulation *s)
+{
+    return lag_next_tick(s->run);
+}
+
 int lag_simulate_to(lag_simulation *s, double t)
+{
+    return lag_simulate_watched(s, t, NULL, NULL);
+}
+
+int lag_simulate_watched(lag_simulation *s, double t, lag_after_step *after, void *context)
 {
     lag_run *run = s->run;
     int status = lag_simulate(s, 0), repeated = 0;
     if (!(run->settings.t_end > t))
         run->settings.t_end = t + (t - run->step.t_start) + 1.0;
-    while (status == LAG_RUNNING && run->step.t < t) {
+    while (status == LAG_RUNNING && run->step.t < t && !lag_is_due(s)) {
         lag_set_stop(run);
         run->step.t_stop = fmin(run->step.t_stop, t);
         status = lag_simulate(s, 1);
@@ -323,6 +345,8 @@ int lag_simulate_to(lag_simulation *s, double t)
         if (repeated && repeated < REPEATS) {
             lag_repeat(run);
             status = LAG_RUNNING;
+        } else if (status == LAG_RUNNING && after) {
+            t = fmin(t, fmax(after(context), run->step.t));
         }
     }
     return status;
@@ -333,7 +357,7 @@ int lag_change_parameters(lag_simulation *s, const double *from, const double *t
     lag_run *run = s->run;
     double *p = s->p ? s->p : run->parameters;
     if (run->switching.used && s->phase == LAG_UNDER_WAY) {
-        const int status = lag_begin_change(run);
+        const int status = run->switching.due ? LAG_RUNNING : lag_begin_change(run);
         if (status != LAG_RUNNING)
             return end(s, status);
     } else {

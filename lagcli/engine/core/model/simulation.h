@@ -67,6 +67,20 @@ const double *lag_parameters_of(lag_simulation *s);
  * its state; what switches is an instant there, which lag_simulate completes. Returns LAG_RUNNING, or why it ends. */
 int lag_change_parameters(lag_simulation *s, const double *from, const double *to, int count);
 
+/* Let it return LAG_RUNNING before each instant at which something switches, which lag_simulate completes; or not. */
+void lag_wait(lag_simulation *s, int waits);
+
+/* Whether it waits before an instant. */
+int lag_is_due(const lag_simulation *s);
+
+/* The time of the next tick of a clock; infinity if there is none. */
+double lag_next_time(const lag_simulation *s);
+
+/* lag_simulate_to, with a function that is called after each step, and returns the time not to go beyond; it ends before
+ * an instant if it waits. */
+typedef double lag_after_step(void *context);
+int lag_simulate_watched(lag_simulation *s, double t, lag_after_step *after, void *context);
+
 /* Whether a contact is beyond its surface at a state, once the motion has begun: it begins on the surfaces of contacts
  * that are closed or beyond them. */
 int lag_is_violated(const lag_simulation *s, const double *y);

@@ -176,6 +176,7 @@ typedef struct {
     /* the instant */
     int begun, due, located;           /* initial modes are known; an instant is to be handled; samples are taken
                                           first */
+    int waits;                         /* whether lag_advance returns before it handles an instant */
     int report;                        /* whether to return to the caller */
     int moved;                         /* whether the caller has changed the state */
     int stage;                         /* what the caller knows of the instant: instant.c */
