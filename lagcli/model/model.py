@@ -504,6 +504,8 @@ class Preset(NamedTuple):
     set, set_initial : mappings of str to str
         In the syntax of ``--set`` and ``--set-initial``.
     location : SourceLocation
+    errors : tuple of Diagnostic
+        Why the preset cannot be taken with the number of members that the model has now.
     """
 
     name: str
@@ -511,6 +513,7 @@ class Preset(NamedTuple):
     set: Mapping[str, str]
     set_initial: Mapping[str, str]
     location: SourceLocation
+    errors: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

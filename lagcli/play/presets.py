@@ -7,14 +7,14 @@ from typing import Any
 
 from lagcli.model.loader import load_text
 from lagcli.model.model import InitialValue, Model, Parameter
-from lagcli.model.sections.presets import combined
+from lagcli.model.sections.presets import not_replaced
 from lagcli.play.controls import Control
 
 
 def presets(
     model: Model, controls: Mapping[str, Control], settable: Collection[str] | None = None
 ) -> list[dict[str, Any]]:
-    """Return the presets of a model as JSON values.
+    """Return the presets of a model as JSON values: those that fit its number of members.
 
     Parameters
     ----------
@@ -31,8 +31,11 @@ def presets(
     """
     described = []
     for preset in model.presets:
-        given = combined(model, (model.set, model.set_initial), (preset.set, preset.set_initial))
-        changed = load_text(model.text, model.path, *given, model.data)
+        if preset.errors:
+            continue
+        own = (model.set, model.set_initial)
+        kept = not_replaced(model, own, (preset.set, preset.set_initial))
+        changed = load_text(model.text, model.path, *kept, model.data, preset=preset.name)
         values: dict[str, Parameter | InitialValue] = {**changed.parameters, **changed.initial}
         names = [*preset.set, *_components(changed, preset.set_initial)]
         described.append(

@@ -90,14 +90,11 @@ def read_presets(
     Raises
     ------
     ModelError
-        A preset has an error. Not if the number of members has been changed, because members that a
-        preset names may be missing then.
+        A preset has an error. If the number of members has been changed, members that a preset
+        names may be missing: its `errors` are raised when it is taken.
     """
-    presets, errors = [], list[Diagnostic]()
-    for entry in entries:
-        reader = _PresetReader(draft, entry, declared, model)
-        presets.append(reader.preset())
-        errors += reader.errors()
+    presets = [_PresetReader(draft, entry, declared, model).preset() for entry in entries]
+    errors = [error for preset in presets for error in preset.errors]
     if errors and not any(name in model.structural_parameters for name in model.set):
         raise ModelError(errors)
     return tuple(presets)
@@ -115,18 +112,21 @@ class _PresetReader:
 
     def preset(self) -> Preset:
         """Return the preset, with the values that have no error."""
-        nodes = self.parameters()
-        parameters = read_parameters(self.draft, self.declared, nodes)
+        nodes, given = self.parameters(), self.model.set
+        # those given replace those of the preset, and its expressions use them
+        parameters = read_parameters(self.draft, self.declared, {**nodes, **given})
         self.draft.parameters = parameters
         for name, node in nodes.items():
-            if name in parameters:
+            if name in parameters and name not in given:
                 self.check_range(parameters[name], node)
         values = changed_values(self.draft, self.entry.initial, self.what)
         parameters = {**self.model.parameters, **parameters}
         self.changed = replace(self.model, parameters=parameters, **values.fields)
         entry = self.entry
         texts = {name: node.value.strip() for name, node in nodes.items()}
-        return Preset(entry.name, entry.description, texts, values.texts, entry.key.location)
+        location = entry.key.location
+        errors = tuple(self.errors())
+        return Preset(entry.name, entry.description, texts, values.texts, location, errors)
 
     def errors(self) -> list[Diagnostic]:
         """Return the errors, each once and with the preset."""
@@ -265,6 +265,8 @@ def with_preset(
     ------
     UsageError
         The model has no such preset.
+    ModelError
+        The preset does not fit the number of members that the model has.
     """
     names = [preset.name for preset in model.presets]
     if name not in names:
@@ -273,6 +275,8 @@ def with_preset(
         help_ = help_ or (f"its presets are {known}" if known else "it has none")
         raise UsageError(f"the model has no preset `{shorten(name)}`; {help_}")
     preset = model.presets[names.index(name)]
+    if preset.errors:
+        raise ModelError(list(preset.errors))
     left_out = dict.fromkeys(without)
     every = combined(
         model,
@@ -284,9 +288,15 @@ def with_preset(
 
 
 def combined(model: Model, below: Given, above: Given) -> Given:
-    """Return parameters and initial values of both, those ``above`` in place of those ``below``.
+    """Return parameters and initial values of both, those ``above`` in place of those ``below``."""
+    kept = not_replaced(model, below, above)
+    return {**kept[0], **above[0]}, {**kept[1], **above[1]}
 
-    A vector is in place of its components.
+
+def not_replaced(model: Model, below: Given, above: Given) -> Given:
+    """Return the parameters and initial values that others do not replace.
+
+    A vector replaces its components.
     """
     from lagcli.model.values import draft_of
 
@@ -308,4 +318,4 @@ def combined(model: Model, below: Given, above: Given) -> Given:
         for name, x in below[1].items()
         if not {canonical(name), whole(canonical(name))} & initial_above
     }
-    return {**parameters, **above[0]}, {**initial, **above[1]}
+    return parameters, initial

@@ -7,6 +7,9 @@ import pytest
 import lagcli
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.model import Model
+from lagcli.play.controls import controls
+from lagcli.play.presets import presets
+from lagcli.settings.settings import resolve
 
 MODEL = """\
 coordinates: {x: m, y: m, phi: rad, e: quaternion}
@@ -109,12 +112,49 @@ def test_a_preset_that_does_not_exist_is_named() -> None:
         lagcli.load_text(MODEL, preset="a")
 
 
-def test_presets_of_members_that_are_not_there_now_are_no_error() -> None:
-    text = with_presets("  a: {parameters: {'k[2]': 5, m: 2}}")
-    model = lagcli.load_text(text, set={"N": 1})
-    assert model.presets[0].set == {"m": "2"}
+def test_a_preset_of_members_that_are_not_there_now_is_refused_when_it_is_taken() -> None:
+    text = with_presets("  a: {parameters: {'k[2]': 5, m: 2}}\n  b: {parameters: {m: 2}}")
+    assert lagcli.load_text(text, set={"N": 1}).parameter_values["m"] == 1
+    assert lagcli.load_text(text, set={"N": 1}, preset="b").parameter_values["m"] == 2
+    with pytest.raises(ModelError, match=r"preset `a`: the model has no parameter `k\[2\]`"):
+        lagcli.load_text(text, set={"N": 1}, preset="a")
     with pytest.raises(ModelError):
         lagcli.load_text(text.replace("k[2]", "k[3]"))
+
+
+CHAIN = """\
+coordinates: ["x[1..N]", "y[1..N]"]
+parameters: {N: 3, m: 1 kg, l: 100 mm, g: 9.81 m/s^2}
+T: sum(m/2*(x[i]'^2 + y[i]'^2), i = 1..N)
+V: sum(m*g*y[i], i = 1..N)
+initial: {"x[i = 1..N]": i*l, "y[1..N]": 0, "x[1..N]'": 0, "y[1..N]'": 0}
+presets:
+  hang: {initial: {"x[1..N]": 0, "y[i = 1..N]": -i*l}}
+  long: {parameters: {l: 300 mm}, initial: {"x[1..N]": 0, "y[i = 1..N]": -i*l}}
+"""
+
+
+@pytest.mark.parametrize("members", [2, 3, 5])
+@pytest.mark.parametrize("given", [None, 0.2])
+@pytest.mark.parametrize("name", ["hang", "long"])
+def test_a_preset_follows_the_values_that_are_given_with_it(
+    members: int, given: float | None, name: str
+) -> None:
+    set = {"N": members} | ({"l": f"{given} m"} if given else {})
+    model = lagcli.load_text(CHAIN, set=set, preset=name)
+    length = given or (0.3 if name == "long" else 0.1)
+    values = {q: x.value for q, x in model.initial.items() if x.value}
+    assert values == pytest.approx({f"y[{i + 1}]": -(i + 1) * length for i in range(members)})
+
+
+@pytest.mark.parametrize("members", [2, 5])
+def test_pages_have_presets_in_place_of_the_values_that_were_given(members: int) -> None:
+    model = lagcli.load_text(CHAIN, set={"N": members, "l": "200 mm"}, set_initial={"x[1]": 1})
+    [hang, long] = presets(model, controls(model, resolve(model.settings)))
+    for preset, length in ((hang, 0.2), (long, 0.3)):
+        state = {name: float(value["text"]) for name, value in preset["state"]}
+        for i in range(1, members + 1):
+            assert (state[f"x[{i}]"], state[f"y[{i}]"]) == (0, pytest.approx(-i * length))
 
 
 @pytest.mark.parametrize(
