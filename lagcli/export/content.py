@@ -161,14 +161,9 @@ class Content:
 
     @cached_property
     def rows(self) -> tuple[int, ...]:
-        """Constraints whose rows of B are independent and span all, holonomic ones first."""
-        state, holonomic = self.start.state, list(self.system.holonomic)
-        if self.start.rank == len(self.system.constraints):
-            return tuple(range(self.start.rank))
-        d = Evaluator(self.system, state.p).dynamics(state.t, state.q, state.v)
-        others = [i for i in range(len(d.rhs)) if i not in holonomic]
-        kept = independent_rows(d.jacobian, [*holonomic, *others])
-        if len(kept) != self.start.rank:
+        """Constraints whose rows of B are independent and span all."""
+        kept = independent_constraints(self.simulation)
+        if kept is None:
             raise UsageError(
                 f"{self.model.name} cannot be written as code: which of its redundant constraints"
                 " are independent is not clear at the initial state"
@@ -265,6 +260,21 @@ def content_of(model: Model) -> Content:
         )
     settings = resolve(SettingsOverrides(), model.settings)
     return Content(ready(equations, system, settings, {}))
+
+
+def independent_constraints(simulation: Simulation) -> tuple[int, ...] | None:
+    """Return constraints whose rows of B are independent and span all, holonomic ones first.
+
+    None if that is not clear at the initial state.
+    """
+    system, start = simulation.system, simulation.start
+    if start.rank == len(system.constraints):
+        return tuple(range(start.rank))
+    state, holonomic = start.state, list(system.holonomic)
+    d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
+    others = [i for i in range(len(d.rhs)) if i not in holonomic]
+    kept = independent_rows(d.jacobian, [*holonomic, *others])
+    return kept if len(kept) == start.rank else None
 
 
 def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:

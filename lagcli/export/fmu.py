@@ -19,7 +19,7 @@ from lagcli.engine.core.library import LIBRARY
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import UsageError
-from lagcli.export.content import LICENCE
+from lagcli.export.content import LICENCE, independent_constraints
 from lagcli.export.icon import icon as draw
 from lagcli.export.names import Identifiers
 from lagcli.export.terminals import terminals, terminals_and_icons
@@ -235,18 +235,19 @@ class _Fmu:
 
     @property
     def differentiable(self) -> bool:
-        """Whether the FMU has directional derivatives.
+        """Whether the FMU has directional derivatives: nothing switches."""
+        return self._rows is not None and not self.model.switches and not self.system.has_kinks
 
-        Nothing switches, and λ is not one of least norm, whose null space would change.
-        """
-        regular = self.simulation.start.rank == len(self.system.constraints)
-        return regular and not self.model.switches and not self.system.has_kinks
+    @cached_property
+    def _rows(self) -> tuple[int, ...] | None:
+        return independent_constraints(self.simulation)
 
     def _derivatives(self) -> dict[str, bytes]:
         """Return the file of directional derivatives, by its name."""
-        if not self.differentiable:
+        if not self.differentiable or self._rows is None:
             return {}
-        return {"resources/derivatives.bin": derivatives(self.simulation, self._derived_tape())}
+        content = derivatives(self.simulation, self._derived_tape(), self._rows)
+        return {"resources/derivatives.bin": content}
 
     def _appearance(self, icon: bool) -> dict[str, bytes]:
         """Return the icon and, for FMI 3.0, the terminals, by the names of their files."""

@@ -25,7 +25,7 @@ from lagcli.simulations.directions import start_tape
 from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.start import spins_of
 
-_DERIVATIVES = int.from_bytes(b"llderiv1", "little")
+_DERIVATIVES = int.from_bytes(b"llderiv2", "little")
 _MAGIC = int.from_bytes(b"llvalue2", "little")
 
 
@@ -127,7 +127,7 @@ def _constraints_at_start(system: System) -> list[bytes]:
     ]
 
 
-def derivatives(simulation: Simulation, derived: Tape) -> bytes:
+def derivatives(simulation: Simulation, derived: Tape, rows: Sequence[int]) -> bytes:
     """Return what the core needs for directional derivatives of a model that does not switch.
 
     Parameters
@@ -135,6 +135,8 @@ def derivatives(simulation: Simulation, derived: Tape) -> bytes:
     simulation : Simulation
     derived : Tape
         (t, q, v, a, λ, p) → the derived values, as for `resources`.
+    rows : sequence of int
+        Constraints whose rows of B are independent and span all.
     """
     model, system = simulation.model, simulation.system
     settable = settable_parameters(model)
@@ -147,6 +149,7 @@ def derivatives(simulation: Simulation, derived: Tape) -> bytes:
     body = b"".join(
         [
             word_data(system.dynamics.parameters - system.functions.size),
+            integers_data(rows),
             program_data(assemble(directional(start)._replace(parameters=0))),
             program_data(assemble(arranged(directional(equations), state))),
             program_data(assemble(arranged(directional(derived), forces))),

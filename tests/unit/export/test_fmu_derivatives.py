@@ -14,6 +14,7 @@ from shipped import every_model
 from test_fmu import PENDULUM, unpacked
 
 import lagcli
+from lagcli.export.dynamics import DynamicsFunction
 
 
 def state_names(model: lagcli.Model) -> list[str]:
@@ -46,17 +47,9 @@ def test_derivatives_of_all_outputs_are_those_of_differences(name: str, tmp_path
     fmu = unpacked(model, tmp_path, version)
     kind = fmu.description.find("CoSimulation")
     assert kind is not None
-    provided = any(key.startswith("providesDirectional") for key in kind.attrib)
-    assert provided != bool(exported(name).redundant)
-    if fmu.description.find("ModelExchange") is None:
-        return  # with tables: see below
-    if not provided:
-        refused = fmu.instance()
-        refused.begin(0.0)
-        with pytest.raises(FmuError, match="redundant constraints"):
-            refused.directional([], [], [])
-        refused.free()
-        return
+    assert any(key.startswith("providesDirectional") for key in kind.attrib)
+    if fmu.description.find("ModelExchange") is None or exported(name).redundant:
+        return  # with tables, or only along motions: see below
     states, names, point = state_names(model), outputs_of(fmu), points(name)[0]
     x = np.concatenate([point.q, point.v])
     instance = fmu.instance(exchange=True)
@@ -78,9 +71,7 @@ def test_derivatives_are_those_of_the_dynamics(name: str, tmp_path: Path) -> Non
     """
     model = exported(name).model
     fmu = unpacked(model, tmp_path, "2.0" if len(name) % 2 else "3.0")
-    if exported(name).redundant:
-        return
-    f, states = lagcli.dynamics(model), state_names(model)
+    f, states = DynamicsFunction(exported(name)), state_names(model)
     instance = fmu.instance()
     instance.begin(f.t)
     instance.step(f.t, 0.3)
@@ -106,6 +97,35 @@ def test_derivatives_are_those_of_the_dynamics(name: str, tmp_path: Path) -> Non
         size = np.abs(adjoint * seed).max()
         assert adjoint @ seed == pytest.approx(weights @ found, abs=1e-9 * size)
     instance.free()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_with_redundant_constraints_they_are_those_along_motions(
+    version: str, tmp_path: Path
+) -> None:
+    """λ of least norm turns with the rods: dλ/dt along the motion, next to differences of h²."""
+    fmu = unpacked(lagcli.load("parallelogram"), tmp_path, version)
+    names, states = outputs_of(fmu), state_names(lagcli.load("parallelogram"))
+    for start in (0.1, 0.37):
+        values, h = [], 1e-4
+        for t in (start - h, start, start + h):
+            one = fmu.instance()
+            one.begin(0.0)
+            one.step(0.0, t)
+            values.append(np.array(one.get(*names)))
+            if t != start:
+                one.free()
+                continue
+            rates = one.get(*states[len(states) // 2 :], *(f"{q[:-4]}_ddot" for q in states[4:]))
+            time, seed = (["time"], [1.0]) if version == "3.0" else ([], [])
+            found = one.directional(names, [*time, *states], [*seed, *rates])
+            if version == "3.0":
+                weights = np.random.default_rng(2).normal(size=len(names))
+                adjoint = one.directional(names, [*time, *states], weights, adjoint=True)
+                assert adjoint @ [*seed, *rates] == pytest.approx(weights @ found, rel=1e-10)
+            one.free()
+        expected = (values[2] - values[0]) / (2 * h)
+        assert np.abs(found - expected).max() <= 1e-5 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
@@ -146,7 +166,7 @@ def test_models_that_switch_say_that_they_have_none(tmp_path: Path) -> None:
         assert not any("Derivative" in key for key in kind.attrib)
         instance = fmu.instance()
         instance.begin(0.0)
-        with pytest.raises(FmuError, match="models that switch"):
+        with pytest.raises(FmuError, match="a model that switches has no directional"):
             instance.directional(["x_ddot"] if "x_ddot" in fmu.variables else [], [], [])
         instance.free()
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi import Instance, Unpacked
+from fmi import FmuError, Instance, Unpacked
 from fmu_events import with_events
 from shipped import PATHS, REPRESENTATIVES
 from stepped_inputs import as_parameter
@@ -220,6 +220,23 @@ def test_steps_within_are_reported_and_may_be_the_last(name: str, tmp_path: Path
         one.begin(0.0)
         assert one.step3(0.0, 0.5) == (False, False, False, 0.5)
         one.free()
+
+
+def test_an_instance_begins_again_with_its_events_and_says_when_it_has_none(
+    tmp_path: Path,
+) -> None:
+    fmu, times = unpacked(lagcli.load("bouncing_ball"), tmp_path, "3.0"), []
+    one = fmu.instance(events=True, early=True)
+    with pytest.raises(FmuError, match="has not begun"):
+        one.happen()
+    for _ in range(2):
+        one.begin(0.0)
+        one.happen()
+        times.append(one.step3(0.0, 2.0))
+        one.call("Reset")
+    assert times[0] == times[1]
+    assert times[0].event
+    one.free()
 
 
 def test_smooth_models_have_no_events(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@
 
 #include "bind.h"
 #include "evaluate.h"
+#include "linear/dense.h"
 #include "model/simulation.h"
 #include "motion.h"
 #include "solution.h"
@@ -46,13 +47,13 @@ static void change_parameters(lag_fmu *fmu)
 }
 
 /* delta (f - M a + B' lambda) and delta (gamma - B a) at fixed a and lambda: to d->right. */
-static void right_side(lag_fmu *fmu, const double *state, const double *of_state)
+static void right_side(lag_fmu *fmu, const double *state, const double *multipliers, const double *of_state)
 {
     const lag_run *run = lag_run_of(fmu->simulation);
     const lag_system *s = &run->system;
     lag_fmu_directions *d = &fmu->directions;
     const lag_tape *tape = &d->equation_tape;
-    const double *a = state + 1 + 2 * s->nq, *multipliers = a + s->nq;
+    const double *a = state + 1 + 2 * s->nq;
     double *right = d->right;
     lag_tape_set(tape, run->np, run->parameters);
     double *r = put(tape->registers, state, 1 + 2 * (int64_t)s->nq);
@@ -73,6 +74,116 @@ static void right_side(lag_fmu *fmu, const double *state, const double *of_state
     }
 }
 
+/* X = A B of n rows and m columns, with sums of `inner` terms: A has entries A[i * ai + k * ak], B has B[k * bk + j * bj]. */
+static void multiply(int n, int inner, int m, const double *A, int ai, int ak, const double *B, int bk, int bj, double *X)
+{
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < m; ++j) {
+            double sum = 0.0;
+            for (int k = 0; k < inner; ++k)
+                sum += A[i * ai + k * ak] * B[k * bk + j * bj];
+            X[i * m + j] = sum;
+        }
+}
+
+/* Factor what the changes of redundant constraints need at the present values, and find mu. Returns 0, or 1 where the
+ * independent rows depend on each other. */
+static int factor_redundant(lag_fmu *fmu)
+{
+    const lag_system *s = &lag_run_of(fmu->simulation)->system;
+    const lag_tape *of = &s->dynamics;
+    lag_fmu_directions *d = &fmu->directions;
+    const int nq = s->nq, nc = s->nc, rank = d->rank, n = nq + rank;
+    const double *multipliers = fmu->values + 1 + 3 * nq;
+    double *own = d->independent, largest = 0.0;
+    memset(own, 0, (size_t)rank * (size_t)nq * sizeof *own);
+    memset(d->matrix, 0, (size_t)n * (size_t)n * sizeof *d->matrix);
+    memset(d->shares, 0, (size_t)nc * (size_t)rank * sizeof *d->shares);
+    lag_evaluate(of, s, fmu->values[0], fmu->values + 1, LAG_ALL);
+    for (int i = 0; i < s->nm; ++i) {
+        d->matrix[s->mass_row[i] * n + s->mass_column[i]] = OUT(of, i);
+        largest = fmax(largest, OUT(of, i));
+    }
+    for (int i = 0, k = 0; i < s->nb; ++i) {
+        for (k = 0; k < rank && d->rows[k] != s->jacobian_row[i]; ++k)
+            ;
+        if (k < rank)
+            own[k * nq + s->jacobian_column[i]] = OUT(of, lag_first_jacobian(s) + i);
+    }
+    for (int k = 0; k < rank; ++k) {
+        double sum = 0.0;
+        for (int j = 0; j < nq; ++j)
+            sum += own[k * nq + j] * own[k * nq + j];
+        d->weight[k] = largest / sqrt(sum);
+        for (int j = 0; j < nq; ++j)
+            d->matrix[(nq + k) * n + j] = d->matrix[j * n + nq + k] = d->weight[k] * own[k * nq + j];
+    }
+    /* rows of C: (B_r B_r')^-1 B_r times rows of B */
+    for (int i = 0; i < s->nb; ++i)
+        for (int k = 0; k < rank; ++k)
+            d->shares[s->jacobian_row[i] * rank + k] +=
+                own[k * nq + s->jacobian_column[i]] * OUT(of, lag_first_jacobian(s) + i);
+    multiply(rank, nq, rank, own, nq, 1, own, 1, nq, d->square);
+    if (lag_lu(d->matrix, d->pivots, n) || lag_lu(d->square, d->pivots + n, rank))
+        return 1;
+    for (int i = 0; i < nc; ++i)
+        lag_lu_solve(d->square, d->pivots + n, rank, d->shares + i * rank);
+    multiply(rank, nc, rank, d->shares, 1, rank, d->shares, rank, 1, d->inner);
+    if (lag_lu(d->inner, d->pivots + n + rank, rank))
+        return 1;
+    double *mu = d->solution;
+    multiply(rank, nc, 1, d->shares, 1, rank, multipliers, 1, 1, mu);
+    memset(d->mu, 0, (size_t)nc * sizeof *d->mu);
+    for (int k = 0; k < rank; ++k)
+        d->mu[d->rows[k]] = mu[k];
+    /* B_r' (B_r B_r')^-1 (C' C)^-1 mu: changes of B times it are those of C times (C' C)^-1 mu, but for rows of C */
+    lag_lu_solve(d->inner, d->pivots + n + rank, rank, mu);
+    lag_lu_solve(d->square, d->pivots + n, rank, mu);
+    multiply(nq, rank, 1, own, 1, nq, mu, 1, 1, d->least);
+    return 0;
+}
+
+/* delta a and delta lambda, to x, from d->right for mu in place of lambda, and the changes of B that the tape holds. */
+static void solve_redundant(lag_fmu *fmu, double *x)
+{
+    const lag_system *s = &lag_run_of(fmu->simulation)->system;
+    lag_fmu_directions *d = &fmu->directions;
+    const int nq = s->nq, nc = s->nc, rank = d->rank, n = nq + rank;
+    const double *multipliers = fmu->values + 1 + 3 * nq;
+    double *of_multipliers = x + nq, *solution = d->solution, *across = d->right, *turn = d->right + nq;
+    memcpy(solution, d->right, (size_t)nq * sizeof *solution);
+    for (int k = 0; k < rank; ++k)
+        solution[nq + k] = d->weight[k] * d->right[nq + d->rows[k]];
+    lag_lu_solve(d->matrix, d->pivots, n, solution);
+    memcpy(x, solution, (size_t)nq * sizeof *x);
+    memset(d->right, 0, (size_t)(nq + nc) * sizeof *d->right);
+    for (int i = 0; i < s->nb; ++i) {
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
+        const double change = OUT(&d->equation_tape, s->nm + nq + i);
+        across[column] += change * (multipliers[row] - d->mu[row]);
+        turn[row] += change * d->least[column];
+    }
+    double *change = of_multipliers, *back = solution; /* rank each */
+    for (int k = 0; k < rank; ++k)
+        change[k] = -solution[nq + k] * d->weight[k];
+    multiply(rank, nq, 1, d->independent, nq, 1, across, 1, 1, back);
+    lag_lu_solve(d->square, d->pivots + n, rank, back);
+    for (int k = 0; k < rank; ++k)
+        change[k] -= back[k];
+    for (int k = 0; k < rank; ++k)
+        back[k] = turn[d->rows[k]];
+    for (int i = 0; i < nc; ++i)
+        for (int k = 0; k < rank; ++k)
+            turn[i] -= d->shares[i * rank + k] * back[k];
+    multiply(rank, nc, 1, d->shares, 1, rank, turn, 1, 1, back);
+    for (int k = 0; k < rank; ++k)
+        back[k] = change[k] - back[k];
+    lag_lu_solve(d->inner, d->pivots + n + rank, rank, back);
+    multiply(nc, rank, 1, d->shares, rank, 1, back, 1, 1, of_multipliers);
+    for (int i = 0; i < nc; ++i)
+        of_multipliers[i] += turn[i];
+}
+
 /* The changes of all values along those of t, q, v, in d->changes, and of the parameters that can be set. */
 static int change_all(lag_fmu *fmu)
 {
@@ -82,11 +193,19 @@ static int change_all(lag_fmu *fmu)
     const int nq = s->nq, nc = s->nc, state = 1 + 2 * nq, known = state + nq + nc;
     double *x = d->right + nq + nc, *changes = d->changes, sum = 0.0, power;
     change_parameters(fmu);
-    if (lag_accelerate(run, fmu->values[0], fmu->values + 1, 1, &power) || lag_factor(run, fmu->values[0], fmu->values + 1))
-        return 1;
-    right_side(fmu, fmu->values, changes);
-    lag_solve(run, d->right, x, 1);
-    lag_turn(x + nq, nc);
+    if (d->rank < nc) {
+        if (factor_redundant(fmu))
+            return 1;
+        right_side(fmu, fmu->values, d->mu, changes);
+        solve_redundant(fmu, x);
+    } else {
+        if (lag_accelerate(run, fmu->values[0], fmu->values + 1, 1, &power)
+            || lag_factor(run, fmu->values[0], fmu->values + 1))
+            return 1;
+        right_side(fmu, fmu->values, fmu->values + state + nq, changes);
+        lag_solve(run, d->right, x, 1);
+        lag_turn(x + nq, nc);
+    }
     put(changes + state, x, nq + nc);
     const lag_tape *tape = &d->column_tape;
     lag_tape_set(tape, run->np, run->parameters);
@@ -130,7 +249,10 @@ static int begin(lag_fmu *fmu, const unsigned *unknowns, size_t count)
 {
     lag_fmu_directions *d = &fmu->directions;
     if (!d->has)
-        return lag_fmu_fail(fmu, "models that switch, or with redundant constraints, have no directional derivatives");
+        return lag_fmu_fail(fmu, fmu->model.contents & LAG_MODEL_SWITCHING
+                                     ? "a model that switches has no directional derivatives: they jump with its modes"
+                                     : "it is not clear at the initial state which of the redundant constraints are"
+                                       " independent: there are no directional derivatives");
     if (lag_fmu_get(fmu, NULL, 0, NULL))
         return 1;
     if (!fmu->simulation || !fmu->current)

@@ -1,4 +1,4 @@
-/* Directional derivatives of an instance's values: of models that do not switch, without redundant constraints. */
+/* Directional derivatives of an instance's values: of models that do not switch. */
 #ifndef LAGCLI_DIRECTIONAL_H
 #define LAGCLI_DIRECTIONAL_H
 
@@ -9,6 +9,9 @@
  * parameters that can be set. With the right sides at fixed a and lambda,
  *
  *   M delta a - B' delta lambda = delta (f - M a + B' lambda),  B delta a = delta (gamma - B a).
+ *
+ * With redundant constraints, B = C B_r with independent rows B_r, and lambda = C (C' C)^-1 mu is that of least norm. The
+ * changes are those of a motion on the constraints; along changes that leave these, they depend on which rows B_r has.
  *
  * Returns 0, or 1, and a message, if that fails.
  */

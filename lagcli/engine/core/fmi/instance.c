@@ -157,10 +157,18 @@ static int read_directions(lag_fmu *fmu, const void *data, int64_t bytes)
     lag_fmu_directions *d = &fmu->directions;
     lag_reader in = {.at = data, .words = bytes / 8, .status = LAG_MODEL_READ};
     if (bytes < 24 || bytes % 8 || lag_read_word(&in) != LAG_DERIVATIVES_MAGIC || lag_read_word(&in) != bytes / 8
-        || fmu->model.contents & LAG_MODEL_SWITCHING || fmu->model.problem.rank != e->nc)
+        || fmu->model.contents & LAG_MODEL_SWITCHING)
         return 1;
     const int64_t p = d->parameters = lag_read_int(&in, fmu->own, e->np), state = 1 + 2 * (int64_t)e->nq;
     const int64_t entries = (int64_t)e->nm + e->nq + e->nb + e->nc;
+    int64_t rank = 0;
+    d->rows = lag_read_list(&in, &rank);
+    d->rank = (int)rank;
+    if (in.status != LAG_MODEL_READ || rank != fmu->model.problem.rank || rank > e->nc)
+        return 1;
+    for (int i = 0; i < d->rank; ++i)
+        if (d->rows[i] < (i ? d->rows[i - 1] + 1 : 0) || d->rows[i] >= e->nc)
+            return 1;
     d->of_parameters = lag_read_program(&in, 2 * (int64_t)fmu->settable, fmu->own);
     d->of_equations = lag_read_program(&in, 2 * state + p + e->np, entries);
     d->of_columns = lag_read_program(&in, 2 * (state + e->nq + e->nc) + p + e->np, fmu->derived);
@@ -170,6 +178,19 @@ static int read_directions(lag_fmu *fmu, const void *data, int64_t bytes)
     d->seeds = lag_doubles(&fmu->pool, 2 * (int64_t)fmu->settable);
     d->right = lag_doubles(&fmu->pool, 2 * ((int64_t)e->nq + e->nc));
     d->p = lag_doubles(&fmu->pool, p);
+    if (rank < e->nc) {
+        const int64_t n = e->nq + rank;
+        d->independent = lag_doubles(&fmu->pool, rank * e->nq);
+        d->matrix = lag_doubles(&fmu->pool, n * n);
+        d->weight = lag_doubles(&fmu->pool, rank);
+        d->square = lag_doubles(&fmu->pool, rank * rank);
+        d->shares = lag_doubles(&fmu->pool, e->nc * rank);
+        d->inner = lag_doubles(&fmu->pool, rank * rank);
+        d->solution = lag_doubles(&fmu->pool, n);
+        d->mu = lag_doubles(&fmu->pool, e->nc);
+        d->least = lag_doubles(&fmu->pool, e->nq);
+        d->pivots = lag_get(&fmu->pool, (size_t)(n + 2 * rank), sizeof *d->pivots);
+    }
     d->has = !fmu->pool.failed;
     return 0;
 }
@@ -534,8 +555,10 @@ int lag_fmu_is_due(const lag_fmu *fmu)
 int lag_fmu_happen(lag_fmu *fmu, double *next)
 {
     *next = INFINITY;
+    if (fmu->phase == LAG_FMU_ENDED)
+        return 0;
     if (fmu->phase != LAG_FMU_STARTED)
-        return fmu->phase != LAG_FMU_ENDED;
+        return lag_fmu_fail(fmu, "the simulation has not begun, or has failed");
     if (fmu->changed && take_inputs(fmu))
         return 1;
     if (lag_fmu_is_due(fmu)) {

@@ -13,9 +13,10 @@
  *   a program of the parameters that can be set: all parameters, q and v at the start
  *   a program of (t, q, v, a, lambda, p): the derived values
  *
- * A file derivatives.bin is for directional derivatives, of models that do not switch and without redundant constraints:
+ * A file derivatives.bin is for directional derivatives, of models that do not switch:
  *
  *   LAG_DERIVATIVES_MAGIC, the number of words, the number P of parameters that change
+ *   a list of constraints whose rows of B are independent and span all
  *   a program of (the parameters that can be set, their changes): the changes of all of the model's parameters
  *   a program of (t, q, v, their changes, delta p, p): the changes of the entries of M, f, the entries of B, gamma
  *   a program of (t, q, v, a, lambda, their changes, delta p, p): the changes of the derived values
@@ -29,7 +30,7 @@
 
 #define LAG_VALUES_MAGIC 0x3265756c61766c6c /* "llvalue2" where the lowest byte is the first */
 
-#define LAG_DERIVATIVES_MAGIC 0x3176697265646c6c /* "llderiv1" where the lowest byte is the first */
+#define LAG_DERIVATIVES_MAGIC 0x3276697265646c6c /* "llderiv2" where the lowest byte is the first */
 
 #define LAG_MESSAGE 400 /* bytes of a message, at most */
 
@@ -55,6 +56,14 @@ typedef struct {
     double *seeds;                     /* 2 settable: parameters that can be set, their changes */
     double *p;                         /* changes of the parameters that change */
     double *right;                     /* 2 (nq + nc): the right side, the solution */
+    int rank;                          /* of B ... */
+    const int32_t *rows;               /* ... independent rows B_r; if there are others: */
+    double *independent;               /* rank * nq: B_r */
+    double *matrix, *weight;           /* (nq + rank)^2: [[M, B_r'], [B_r, 0]] with weights (rank) of its rows, factored */
+    double *square, *shares, *inner;   /* rank^2: B_r B_r', factored; nc * rank: C with B = C B_r; rank^2: C' C, factored */
+    double *solution, *mu, *least;     /* nq + rank: scratch; nc: mu with lambda = C (C' C)^-1 mu, 0 in the other rows; nq:
+                                          B_r' (B_r B_r')^-1 (C' C)^-1 mu */
+    int *pivots;                       /* nq + 3 rank: of the three matrices */
 } lag_fmu_directions;
 
 typedef struct {
