@@ -1,14 +1,40 @@
-"""Data of a model in result files besides its text: units by column, and the view."""
+"""Units of a model's quantities, and what else of a model result files store besides its text."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from symengine import Symbol
 
 from lagcli.columns import ColumnName
-from lagcli.model.given_units import given_units
+from lagcli.model.expression.units import to_si
 from lagcli.model.model import TIME, Model, coordinate
+
+
+class GivenUnit(NamedTuple):
+    """A unit of a model file that is not SI, and its value in SI."""
+
+    unit: str
+    factor: float
+
+    def written(self, value: float) -> str:
+        """Return a value in SI as it was given: ``1500 rpm``."""
+        return f"{value / self.factor:.6g} {self.unit}"
+
+
+def given_units(model: Model) -> Mapping[str, GivenUnit]:
+    """Return the units of parameters and initial values that are given in others than SI."""
+    stated = {name: x.unit for name, x in model.parameters.items()}
+    stated |= {name: x.unit for name, x in model.initial.items()}
+    factors = {name: (unit, float(to_si(unit))) for name, unit in stated.items() if unit}
+    return {name: GivenUnit(*given) for name, given in factors.items() if given[1] != 1.0}
+
+
+def stored_units(display: Mapping[str, Any]) -> Mapping[str, GivenUnit]:
+    """Return the same from ``Record.display``, of a result file or a sweep."""
+    given = display.get("given_units", {})
+    return {name: GivenUnit(x["unit"], x["factor"]) for name, x in given.items()}
 
 
 def result_units(model: Model) -> dict[str, str]:

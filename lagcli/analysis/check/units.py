@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.reporting import TakenUnit, taken_units, unit_diagnostics
 from lagcli.model.expression.units import si_notation
-from lagcli.model.given_units import given_units
 from lagcli.model.model import Model
 from lagcli.model.names.members import family_of, format_members
+from lagcli.model.result_units import given_units
 
 _LISTED = 12  # names per line
 

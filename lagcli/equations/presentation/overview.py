@@ -22,7 +22,7 @@ from lagcli.equations.presentation.switching import (
 )
 from lagcli.equations.typesetting.nodes import Call, Line, Node, Sign, Step, Symbol, sum_of, whole
 from lagcli.model.expression.units import plain_notation, si_notation
-from lagcli.model.given_units import given_units
+from lagcli.model.result_units import given_units
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:

@@ -12,10 +12,9 @@ from lagcli.arrays import Array
 from lagcli.columns import unit_quotient
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import LagcliError, UsageError
-from lagcli.model.given_units import given_units
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
-from lagcli.model.result_units import result_units
+from lagcli.model.result_units import given_units, result_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
 from lagcli.pictures.curves import look_of_column, look_of_value, pretty_unit, raw

@@ -565,7 +565,7 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
     looks = {name: look_of_value(notation, name) for name in differing}
     if differing:
-        from lagcli.model.given_units import stored_units
+        from lagcli.model.result_units import stored_units
 
         given = stored_units(runs[0].record.display)
         units |= {name: pretty_unit(x.unit) for name, x in given.items()}

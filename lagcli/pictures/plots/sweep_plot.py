@@ -13,10 +13,9 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.column_units import NOT_STATED
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import UsageError
-from lagcli.model.given_units import GivenUnit, stored_units
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
-from lagcli.model.result_units import result_units
+from lagcli.model.result_units import GivenUnit, result_units, stored_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
 from lagcli.pictures.curves import look_of_value, pretty_unit
