@@ -15,6 +15,7 @@ from singular_motions import (
     stated_time,
     straight_four_bar,
     swinging_crank,
+    turning_velocity,
 )
 
 import lagcli
@@ -99,10 +100,33 @@ def check_continued_passage(seed: int, method: str, beside: int) -> None:
     assert wrong < 1e-8, (seed, method, wrong)
 
 
+def check_turning_velocity(seed: int, method: str) -> None:
+    """Where B depends on v: with few steps, and with many."""
+    rng = np.random.default_rng([seed, 33])
+    options = {"method": method, "rtol": float(10 ** rng.uniform(-9, -3)), "samples": 2}
+    state = rng.bit_generator.state
+    text, time = turning_velocity(rng, 0.0)
+    found = lagcli.simulate(lagcli.load_text(text), t_end=time + 0.5, **options)
+    assert found.status == "failed", (seed, method)
+    within = max(stated_accuracy(found.message), 5e-3)
+    assert within < 0.1
+    assert stated_time(found.message) == pytest.approx(time, abs=within), (seed, method)
+    rng.bit_generator.state = state
+    text, _ = turning_velocity(rng, 1e-2)
+    kept = lagcli.simulate(lagcli.load_text(text), t_end=time + 0.5, **options)
+    assert kept.status == "completed", (seed, method, kept.message)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_constraints_that_lose_rank_stop_the_run(method: str) -> None:
     for seed in range(8):
         check_losing_rank(seed, method)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_constraints_on_velocities_that_lose_rank_stop_the_run(method: str) -> None:
+    for seed in range(4):
+        check_turning_velocity(seed, method)
 
 
 @pytest.mark.parametrize(("seed", "method"), [(5, "Radau")])
@@ -170,6 +194,7 @@ def test_a_linkage_turns_where_its_branches_miss_each_other(
 def test_many_random_models(method: str) -> None:
     for seed in range(100, 500):
         check_losing_rank(seed, method)
+        check_turning_velocity(seed, method)
     for seed in range(100, 150):
         check_many_rows(seed, method)
         check_continued_passage(

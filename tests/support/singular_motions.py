@@ -209,6 +209,31 @@ initial:
     return Passage(text, time, time + 0.2, "x", lambda t: 2 * length * np.cos(exact.sol(t)[0]))
 
 
+def turning_velocity(rng: np.random.Generator, short: float) -> tuple[str, float]:
+    """Return a particle of constant speed u, and the time at which its velocity has a direction.
+
+    Its component in this direction is (1 - short) u cos(w (t - s)). At t = s, the velocity has the
+    direction, and B, which depends on it, loses rank; or it comes close to it and turns back.
+    """
+    u, w, s = (round(float(rng.uniform(*ends)), 4) for ends in ((0.3, 3), (0.2, 1), (0.2, 1.5)))
+    toward, mass = round(float(rng.uniform(0, 6)), 4), rng.uniform(0.1, 2, 2).round(3)
+    angle = toward + math.acos((1 - short) * math.cos(w * s))
+    text = f"""
+parameters: {{u: {u}, w: {w}, s: {s}, k: {1 - short!r}, a: {toward}}}
+coordinates: [x, y]
+T: ({mass[0]}*x'^2 + {mass[1]}*y'^2)/2
+constraints:
+  speed: x'^2 + y'^2 = u^2
+  along: x'*cos(a) + y'*sin(a) = k*u*cos(w*(t - s))
+initial:
+  x: 0
+  y: 0
+  x': {{guess: {u * math.cos(angle)!r}}}
+  y': {{guess: {u * math.sin(angle)!r}}}
+"""
+    return text, s
+
+
 def stated_time(message: str) -> float:
     """Return the time that a message about a singular configuration states."""
     found = re.search(r"singular configuration at t = (\S+) s", message)

@@ -217,7 +217,8 @@ void lag_measure(lag_run *run)
     run->watch.path.margin *= measure(run, run->rows.sizes, run->rows.lengths);
 }
 
-/* A state inside the last step, on the cubic through its ends: B depends on q and t alone. Returns its time. */
+/* A state inside the last step, on the cubic through its ends, with its slope: B depends on v, too, where constraints are
+ * nonlinear in it. Returns its time. */
 static double inside(lag_run *run, double x, double *y)
 {
     const int nq = run->system.nq;
@@ -227,10 +228,11 @@ static double inside(lag_run *run, double x, double *y)
         lag_dense(run, run->step.t_old + x * h, y);
         return run->step.t_old + x * h;
     }
-    for (int m = 0; m < nq; ++m)
+    for (int m = 0; m < nq; ++m) {
         y[m] = z * z * ((1.0 + 2.0 * x) * q0[m] + x * h * v0[m])
                + x * x * ((1.0 + 2.0 * z) * q1[m] - z * h * v1[m]);
-    memcpy(y + nq, v1, (size_t)nq * sizeof(double));
+        y[nq + m] = 6.0 * x * z * (q1[m] - q0[m]) / h + z * (1.0 - 3.0 * x) * v0[m] + x * (1.0 - 3.0 * z) * v1[m];
+    }
     return run->step.t_old + x * h;
 }
 
