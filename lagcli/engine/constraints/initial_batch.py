@@ -18,6 +18,12 @@ from lagcli.engine.system import Pattern, System
 _ITERATIONS = 50
 _HALVINGS = 30
 _STEP_RANK = 1e-6  # as in `initial`: below this, a full step would be too long
+#: Singular values of redundant rows between these may count as zero or not.
+_DOUBTFUL = (1e-9, 1e-5)
+#: Largest residual of a state beside the initial one, and number of Newton steps to it.
+_BESIDE, _STEPS_BESIDE = 1e-12, 10
+#: Smallest length of a row of B relative to that implied by its constraint's terms.
+_SHORT = 1e-5
 #: Size of the matrices of rows that are processed together: 16 MB.
 _NUMBERS = 1 << 21
 
@@ -30,9 +36,9 @@ class Starts(NamedTuple):
     q, v : (n, nq) arrays
         Consistent states, valid where ``found``.
     found : (n,) array of bool
-        Whether the row is regular: consistent, B of full rank, and no motion without inertia. The
-        others are handled by `lagcli.simulations.start.find_start`, which finds an initial state or
-        reports why there is none.
+        Whether the row is regular: consistent, B of the common rank, also beside the state, and no
+        motion without inertia. The others are handled by `lagcli.simulations.start.find_start`,
+        which finds an initial state or reports why there is none.
     """
 
     q: Array
@@ -49,10 +55,13 @@ class StartSearch:
     ----------
     system : System
         The System, whose tapes are assembled once.
+    rank : int, optional
+        Rank of B of rows that are found; by default all constraints are independent.
     """
 
-    def __init__(self, system: System):
+    def __init__(self, system: System, rank: int | None = None):
         self.system = system
+        self.rank = len(system.constraints) if rank is None else rank
         # each row has its own parameters
         self.tables = tuple(
             BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
@@ -85,7 +94,7 @@ class StartSearch:
         """
         system = self.system
         search = _StartSearch(
-            system, self.tables, t, np.flatnonzero(~fixed_q), np.flatnonzero(~fixed_v)
+            system, self.tables, t, np.flatnonzero(~fixed_q), np.flatnonzero(~fixed_v), self.rank
         )
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
         found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
@@ -105,9 +114,16 @@ class _StartSearch:
     """The search for initial states with the same free entries."""
 
     def __init__(
-        self, system: System, tables: tuple[Any, ...], t: float, free_q: Indices, free_v: Indices
+        self,
+        system: System,
+        tables: tuple[Any, ...],
+        t: float,
+        free_q: Indices,
+        free_v: Indices,
+        rank: int,
     ):
         self.system, self.t, self.free_q, self.free_v = system, t, free_q, free_v
+        self.rank, self.redundant = rank, rank < len(system.constraints)
         self.constraint, self.dynamics = tables
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
         self.holonomic = np.array(system.holonomic, dtype=np.intp)
@@ -150,6 +166,8 @@ class _StartSearch:
     def sizes(self, mass: Array, jacobian: Array) -> Array:
         """Return the sizes of the coordinates, (n, nq)."""
         inertia = self.system.inertia(np.diagonal(mass, axis1=1, axis2=2))
+        if (inertia > 0.0).all():
+            return np.sqrt(1.0 / inertia)
         return np.array([coordinate_sizes(m, b) for m, b in zip(inertia, jacobian, strict=True)])
 
     def matrices(self, out: Array) -> tuple[Array, Array]:
@@ -207,6 +225,12 @@ class _StartSearch:
     ) -> tuple[Array, Flags]:
         """Return the smallest change of the free entries that removes a residual, and where it
         exists."""
+        if self.redundant:
+            part = jacobian[:, :, free] * sizes[:, None, free]
+            own = mass[:, free[:, None], free] * sizes[:, free, None] * sizes[:, None, free]
+            change, usual = _least_redundant_change(part, residual, own)
+            change *= sizes[:, free]
+            return change, usual & _finite(change)
         # rows without free entries cannot be changed; the others are solved
         helped = np.isin(constraints, [i for i, j in self.system.jacobian_pattern if j in free])
         if not helped.all() and helped.sum() != len(free):
@@ -274,7 +298,15 @@ class _StartSearch:
     def regular(self, parameters: Array, q: Array, v: Array) -> Flags:
         """Return which rows are finite and have a well-conditioned scaled [[M, Bᵀ], [B, 0]]."""
         entries = self.entries(parameters, q, v)
-        matrix, finite = _saddle(*self.matrices(entries)), _finite(entries)
+        mass, jacobian = self.matrices(entries)
+        finite = _finite(entries)
+        if self.redundant:
+            mass[~finite], jacobian[~finite] = 0.0, 0.0
+            finite &= self.keeps_rank(parameters, q, v, mass, jacobian)
+            sizes = np.where(finite[:, None], self.sizes(mass, jacobian), 1.0)
+            left, _, _ = _decomposed(jacobian * sizes[:, None])
+            jacobian = left[:, :, : self.rank].swapaxes(1, 2) @ jacobian
+        matrix = _saddle(mass, jacobian)
         matrix[~finite] = 0.0
         for _ in range(4):  # Ruiz, as in `elimination`
             scale = np.sqrt(np.abs(matrix).max(axis=2, initial=0.0))
@@ -282,6 +314,62 @@ class _StartSearch:
             matrix /= scale[:, :, None] * scale[:, None, :]
         inverse = _inverses(matrix)
         return finite & (np.abs(inverse).max(axis=(1, 2), initial=0.0) < 1 / REGULAR)
+
+    # redundant constraints
+
+    def keeps_rank(
+        self, parameters: Array, q: Array, v: Array, mass: Array, jacobian: Array
+    ) -> Flags:
+        """Return where B has its rank, at the state and beside it: `RankWatch.check_start`."""
+        from lagcli.engine.constraints.singular import ASIDE
+
+        sizes, rank = self.sizes(mass, jacobian), self.rank
+        c = self.constraints(parameters, q, v)
+        reach, reach_of_rates = (np.abs(x / sizes).max(axis=1)[:, None] for x in (q, v))
+        lengths = _lengths_of_rows(jacobian * sizes[:, None])
+        terms = c.velocity_scale * _SHORT
+        kept = ((terms <= lengths * reach_of_rates) | (reach_of_rates == 0.0)).all(axis=1)
+        terms = c.position_scale * _SHORT
+        kept &= (terms <= lengths[:, self.holonomic] * reach).all(axis=1) & (reach[:, 0] > 0.0)
+        kept &= (lengths > 0.0).all(axis=1)
+        lengths = np.where(kept[:, None], lengths, 1.0)
+        scaled = jacobian * sizes[:, None] / lengths[:, :, None]
+        scaled[~kept] = 0.0
+        _, values, right = np.linalg.svd(scaled)
+        kept &= self.has_rank(values)
+        free = sizes[:, :, None] * right[:, rank:].swapaxes(1, 2)
+        mixture = free @ np.cos(1.0 + np.arange(free.shape[2]))
+        for direction in (*np.moveaxis(free, 2, 0), mixture):
+            for side in (-ASIDE, ASIDE):
+                beside, reached = self.beside(parameters, q + side * reach * direction, v, sizes)
+                near = self.constraints(parameters, beside, v).jacobian * sizes[:, None]
+                kept &= reached & _finite(near)
+                near[~kept] = 0.0
+                scaled = near / lengths[:, :, None]
+                kept &= self.has_rank(np.asarray(np.linalg.svd(scaled, compute_uv=False), float))
+        return kept
+
+    def has_rank(self, values: Array) -> Flags:
+        """Return where singular values are those of a B that clearly has the rank."""
+        ranks: Indices = (values > _STEP_RANK).sum(axis=1)
+        return _are_clear(values) & (ranks == self.rank)
+
+    def beside(self, parameters: Array, q: Array, v: Array, sizes: Array) -> tuple[Array, Flags]:
+        """Return the states on φ = 0 next to some that are not, and which were reached."""
+        every, reached = np.arange(self.nq), np.ones(len(q), dtype=bool)
+        if not len(self.holonomic):
+            return q, reached
+        for _ in range(_STEPS_BESIDE):
+            phi, jacobian = self.residual(parameters, q, v)
+            reached = np.abs(phi).max(axis=1) <= _BESIDE
+            rows = np.flatnonzero(~reached & _finite(phi) & _finite(jacobian))
+            if not len(rows):
+                break
+            mass, _ = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
+            own = sizes[rows]
+            step, _ = self.step(phi[rows], jacobian[rows], mass, own, every, self.holonomic)
+            q[rows] += step
+        return q, reached
 
 
 # linear algebra of many small matrices, each computed independently
@@ -339,6 +427,42 @@ def _inverses(matrix: Array) -> Array:
     rows = np.flatnonzero(np.isfinite(sign) & (sign != 0.0))
     inverse[rows] = np.linalg.inv(matrix[rows])
     return inverse
+
+
+def _lengths_of_rows(jacobian: Array) -> Array:
+    return np.sqrt((jacobian * jacobian).sum(axis=2))
+
+
+def _decomposed(jacobian: Array) -> tuple[Array, Array, Array]:
+    """Return U, the singular values of rows of equal length, and their lengths; 1 for zeros."""
+    lengths = _lengths_of_rows(jacobian)
+    lengths = np.where(np.isfinite(lengths) & (lengths > 0.0), lengths, 1.0)
+    scaled = jacobian / lengths[:, :, None]
+    scaled[~_finite(scaled)] = 0.0
+    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    return left, values, lengths
+
+
+def _least_redundant_change(jacobian: Array, residual: Array, mass: Array) -> tuple[Array, Flags]:
+    """Return the same for rows that may depend on each other, and where their rank is clear."""
+    left, values, lengths = _decomposed(jacobian)
+    ranks = (values > _STEP_RANK).sum(axis=1)
+    change = np.zeros((len(mass), mass.shape[1]))
+    for rank in np.unique(ranks).tolist():
+        rows = np.flatnonzero(ranks == rank)
+        if rank:
+            some = left[rows, :, :rank].swapaxes(1, 2)
+            independent = some @ (jacobian[rows] / lengths[rows, :, None])
+            rest = _times(some, residual[rows] / lengths[rows])
+            change[rows] = _least_change(independent, rest, mass[rows])
+    return change, _are_clear(values) & _finite(jacobian)
+
+
+def _are_clear(values: Array) -> Flags:
+    """Return where no singular value may count as zero or not."""
+    low, high = _DOUBTFUL
+    doubtful: Flags = ((values > low) & (values < high)).any(axis=1)
+    return ~doubtful
 
 
 def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array:

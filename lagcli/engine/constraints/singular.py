@@ -61,7 +61,7 @@ _NODES = 4
 #: Rows below this part of their scale, which is one millionth of their usual length, count as zero.
 _VANISHING = 0.1
 #: Displacement of an initial state, relative to the coordinates' size, to test for a singularity.
-_ASIDE = 1e-3
+ASIDE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -434,7 +434,7 @@ class RankWatch:
             return
         gone = self._vanishing(c.jacobian)
         free = self.motion.decompose(c.jacobian).null  # of unit size, each direction
-        size = _ASIDE * (np.abs(q / self.motion.sizes).max(initial=0.0) or self._length(c))
+        size = ASIDE * (np.abs(q / self.motion.sizes).max(initial=0.0) or self._length(c))
         # branches may lie between the directions, so a mixture of all is tried too
         mixture = free @ np.cos(1.0 + np.arange(free.shape[1]))
         for direction in (*free.T, mixture):

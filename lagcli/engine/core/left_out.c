@@ -8,9 +8,7 @@
 #include "watch.h"
 
 #define ENOUGH 0.1          /* of all rows' least pivot: what the least singular value of those used must exceed */
-#define LEAST_DEFECT 1e-10  /* of the terms of B a = gamma: allowed residual of rows that are left out, rtol between ... */
-#define MOST_DEFECT 5e-7    /* ... these */
-#define OFTEN 200           /* steps by the dense solution after which other rows are left out */
+#define LEAST_DEFECT 1e-10  /* of the terms of B a = gamma: allowed residual of rows that are left out: rtol, from this ... */
 
 /*
  * Combine `count` rows of nc multipliers without forces so that each has an entry 1 where the others have 0 and its own
@@ -47,20 +45,30 @@ int lag_share_multipliers(lag_run *run, double *multipliers)
 {
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    lag_rows *rows = &run->rows;
     const int nq = s->nq, nc = s->nc, count = lag_left_out(run);
-    double *force = run->step.trial, *x = run->solver.solution, *idle = rows->dependencies;
+    double *force = run->step.trial, *x = run->solver.solution;
     for (int j = 0; j < count; ++j) {
         memset(force, 0, (size_t)nq * sizeof(double));
         for (int i = 0; i < s->nb; ++i)
-            if (s->jacobian_row[i] == rows->left_out[j])
+            if (s->jacobian_row[i] == run->rows.left_out[j])
                 force[s->jacobian_column[i]] = OUT(d, lag_first_jacobian(s) + i);
         lag_respond(run, force, x);
-        x[nq + rows->left_out[j]] = 1.0;
+        memcpy(run->rows.dependencies + j * nc, x + nq, (size_t)nc * sizeof(double));
+    }
+    return lag_share_by_responses(run, multipliers);
+}
+
+int lag_share_by_responses(lag_run *run, double *multipliers)
+{
+    lag_rows *rows = &run->rows;
+    const int nc = run->system.nc, count = lag_left_out(run);
+    double *idle = rows->dependencies;
+    for (int j = 0; j < count; ++j) {
+        double *one = idle + j * nc;
+        one[rows->left_out[j]] = 1.0;
         for (int i = 0; i < nc; ++i)
-            if (!(fabs(x[nq + i]) * rows->lengths[i] * ENOUGH <= rows->lengths[rows->left_out[j]]))
+            if (!(fabs(one[i]) * rows->lengths[i] * ENOUGH <= rows->lengths[rows->left_out[j]]))
                 return 1;
-        memcpy(idle + j * nc, x + nq, (size_t)nc * sizeof(double));
     }
     rest_on_long_rows(idle, count, nc, multipliers);
     lag_pivot(idle, nc, count, count, rows->order, rows->components);
@@ -104,10 +112,14 @@ int lag_check_left_out(lag_run *run)
     return rows->margin <= 0.0;
 }
 
+double lag_allowed_defect(const lag_settings *settings)
+{
+    return fmin(fmax(settings->rtol, LEAST_DEFECT), MOST_DEFECT);
+}
+
 int lag_overlooked(lag_run *run)
 {
-    const double allowed = fmin(fmax(run->settings.rtol, LEAST_DEFECT), MOST_DEFECT);
-    return lag_left_out(run) && lag_contradiction(run, run->step.t, run->step.y) > allowed;
+    return lag_left_out(run) && lag_contradiction(run, run->step.t, run->step.y) > lag_allowed_defect(&run->settings);
 }
 
 int lag_take_all_rows(lag_run *run, int64_t dense_steps)

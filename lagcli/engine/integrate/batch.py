@@ -75,7 +75,11 @@ def prepare_batch(
     )
     if integration.run().status == "interrupted":
         raise Interrupted
-    return unrolled(system, integration.in_use)
+    prepared = unrolled(system, integration.in_use)
+    if integration.redundant and prepared.plain is None:
+        # for the runs that leave: single runs of small systems solve densely
+        prepared = prepared._replace(plain=assemble(system.dynamics, system.families))
+    return prepared
 
 
 def run_batch(
@@ -122,17 +126,19 @@ def run_batch(
 def suits_batch(system: System, request: IntegrationRequest) -> bool:
     """Return whether runs can be integrated in batches; otherwise they are integrated one by one.
 
-    Not supported are implicit methods, Baumgarte's stabilization, redundant constraints, contacts,
-    events, kinks, breaks, functions of time, constraints nonlinear in the velocities, an
-    elimination that is not unrolled, or samples that would fill the memory.
+    Not supported are implicit methods, Baumgarte's stabilization, contacts, events, kinks, breaks,
+    functions of time, constraints nonlinear in the velocities, an elimination that is not unrolled,
+    or that is of another rank, or samples that would fill the memory.
     """
     width = system.sample_layout.size
+    prepared = request.prepared
     return (
-        request.prepared is not None
-        and request.prepared.unrolled
+        prepared is not None
+        and prepared.unrolled
+        and prepared.elimination is not None
+        and len(prepared.elimination.order) == len(system.coordinates) + request.rank
         and request.settings.method in ("auto", "DOP853")
         and request.settings.formulation == "projection"
-        and request.rank == len(system.constraints)
         and not len(request.breaks)
         and not (switches(system) or system.nonlinear)
         and not system.functions.functions
@@ -152,7 +158,7 @@ class _BatchRuns:
         first = _of_row(request, parameters, q, v, 0)
         # in the common order, whatever that of the first one is
         first = first._replace(elimination=prepared.elimination)
-        single = Integration(system, first, lambda block: None, None)
+        single = Integration(system, first, lambda block: None, None, for_batch=True)
         width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - LANES)
         self.core = BatchIntegrator(

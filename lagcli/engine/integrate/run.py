@@ -177,13 +177,15 @@ class Integration:
     def may_leave_out(self) -> bool:
         """Whether redundant constraints may be left out of the elimination.
 
-        Not in small systems; without the projection, which shows whether they still follow from the
-        others; or if the equations need the multipliers of least norm at each evaluation.
+        Not in small systems, except in batches; without the projection, which shows whether they
+        still follow from the others; or if the equations need the multipliers of least norm at each
+        evaluation.
         """
         system, nc = self.system, len(self.system.constraints)
         stays = self.settings.formulation == "projection"
         large = self.nq + 2 * nc - self.request.rank >= LEAST_LEFT_OUT
-        return stays and large and system.tangent is None and system.switching is None
+        worth = large or self.for_batch
+        return stays and worth and system.tangent is None and system.switching is None
 
     def find_elimination(
         self, states: Sequence[State], lengths: Array | None = None

@@ -225,10 +225,11 @@ class RowGroup:
 
     @cached_property
     def _search(self) -> StartSearch:
-        """The search for initial states, whose programs serve all rows."""
+        """The search for initial states, whose programs serve all rows that run in batches."""
         from lagcli.engine.constraints.initial_batch import StartSearch
 
-        return StartSearch(self.variants.system)
+        assert self._request
+        return StartSearch(self.variants.system, self._request.rank)
 
     def _together(
         self,

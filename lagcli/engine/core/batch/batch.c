@@ -2,7 +2,9 @@
 
 #include <string.h>
 
+#include "left_out.h"
 #include "methods/method.h"
+#include "solution.h"
 
 const lag_batch_kernel *lag_batch_lanes(int kernel)
 {
@@ -74,6 +76,7 @@ static void bind_octet(lag_batch *s, lag_octet *o, const lag_program *dynamics,
     o->right = lanes(pool, nq + nc);
     o->x = lanes(pool, nq + nc);
     o->work = lanes(pool, 2 * (nq + nc));
+    o->responses = lanes(pool, (int64_t)lag_left_out(s->single) * nc);
     o->trial = lanes(pool, nq);
 }
 

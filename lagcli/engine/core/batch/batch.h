@@ -25,6 +25,7 @@ typedef struct {
     lag_batch_tape dynamics, constraint;
     double *scale_position, *scale_velocity; /* of lanes: nh, nc; the largest so far */
     double *right, *x, *work;          /* of lanes: nq + nc; the same; 2 (nq + nc) */
+    double *responses;                 /* of lanes: nc for each row that is left out */
     double *trial;                     /* of lanes: nq */
 } lag_octet;
 
@@ -66,6 +67,10 @@ struct lag_batch {
     double *path_begin, *path_last;
     double path_t[LAG_LANES], path_length[LAG_LANES], path_speed[LAG_LANES];
     double margin[LAG_LANES], margin_at_end[LAG_LANES];
+    double enough[LAG_LANES];          /* rows.margin of run.h, of rows that are not left out */
+    int poor[LAG_LANES];               /* steps in which they did not suffice */
+    int doubted;                       /* lanes whose next step needs all rows ... */
+    int all_rows;                      /* ... and those whose step uses them: by the dense solution of a single run */
 
     /* of lanes, n each: as in run.h */
     double *y, *y_new, *before, *projected, *dense_y;

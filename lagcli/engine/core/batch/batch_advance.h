@@ -115,6 +115,9 @@ static int batch_fill(lag_batch *s)
             s->moving.scale_velocity[i * LAG_LANES + l] = s->lengths[i * LAG_LANES + l] = 0.0;
         for (int i = 0; i < n; ++i)
             s->size[i * LAG_LANES + l] = 0.0;
+        s->enough[l] = 0.0;
+        s->poor[l] = 0;
+        s->doubted &= ~(1 << l);
         filled |= 1 << l;
     }
     if (filled) {
@@ -138,6 +141,7 @@ static void batch_begin(lag_batch *s, int lanes)
     batch_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_ALL);
     batch_derivative(&s->moving, f);
     lanes = batch_leave_all(s, lanes, batch_undefined(f, n));
+    lanes = batch_leave_all(s, lanes, batch_contradicting(s, lanes, s->t, s->y));
     batch_copy(s->stages, f, n, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {
@@ -252,13 +256,21 @@ static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
     const double t_end = s->settings->t_end;
     EACH_LANE (l)
         end[l] = h[l] == t_end - s->t[l] ? t_end : s->t[l] + h[l];
-    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->settings->rtol));
+    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->settings->rtol) & ~s->all_rows);
     batch_sizes_energy(s, lanes, s->y_new, NULL);
     if (s->detecting)
         lanes = batch_leave_all(s, lanes, batch_stiff(s, lanes, h));
     memcpy(s->projected, s->y_new, (size_t)n8 * sizeof(double));
     if (system->nc) {
-        lanes = batch_leave_all(s, lanes, batch_project(&s->moving, end, s->projected, lanes));
+        const int open = lanes & ~s->all_rows;
+        int failed = (lanes & s->all_rows) | batch_project(&s->moving, end, s->projected, open);
+        if (failed && lag_left_out(s->single)) {
+            EACH_LANE (l)
+                if (HAS(failed, l) && !batch_project_by_all_rows(s, l, end[l], s->y_new, l, s->projected))
+                    failed &= ~(1 << l);
+            batch_evaluate(&s->moving.constraint, system, end, s->projected, LAG_VELOCITIES);
+        }
+        lanes = batch_leave_all(s, lanes, failed);
         batch_measure(s, lanes);
         if (system->nh)
             lanes = batch_leave_all(s, lanes, batch_jumped(s));
@@ -267,7 +279,7 @@ static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
         EACH_LANE (l)
             if (HAS(lanes, l) && batch_singular(s, l, h[l], batch_alarmed(s, l, h[l])))
                 lanes = batch_leave_all(s, lanes, 1 << l);
-    return lanes;
+    return batch_leave_all(s, lanes, batch_contradicting(s, lanes, end, s->projected));
 }
 
 /* Prepare the next steps at the ends of the last. */
@@ -280,6 +292,7 @@ static void batch_go_on(lag_batch *s, int lanes, const double *end)
     if (moved) {
         batch_evaluate(&s->moving.dynamics, system, end, s->projected, LAG_ALL);
         batch_derivative(&s->moving, s->before);
+        batch_derive_by_all_rows(s, moved & s->all_rows, end, s->projected, s->before);
         batch_copy(f, s->before, n, moved);
     }
     /* f holds q' = v exactly in any case */
@@ -294,6 +307,7 @@ static void batch_go_on(lag_batch *s, int lanes, const double *end)
         if (HAS(lanes, l)) {
             s->counts[3 * s->run[l] + 2] += HAS(moved, l);
             s->t[l] = end[l];
+            s->enough[l] -= s->path_length[l];
         }
 }
 
@@ -304,6 +318,7 @@ static void batch_attempt(lag_batch *s, int lanes)
     EACH_LANE (l)
         if (HAS(lanes, l) && (h[l] = batch_step_size(s, l)) == 0.0)
             lanes = batch_leave_all(s, lanes, 1 << l);
+    s->all_rows = batch_lacking(s, lanes);
     if (!lanes)
         return;
     batch_stages(s, h);
@@ -319,7 +334,8 @@ static void batch_attempt(lag_batch *s, int lanes)
             continue;
         if (s->t[l] >= s->settings->t_end)
             batch_finish(s, l);
-        else if (s->counts[3 * s->run[l]] >= s->settings->max_steps || batch_complete_samples(s, l, 0))
+        else if (s->counts[3 * s->run[l]] >= s->settings->max_steps || s->poor[l] > OFTEN
+                 || batch_complete_samples(s, l, 0))
             lag_batch_leave(s, l);
     }
 }

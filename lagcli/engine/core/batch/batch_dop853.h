@@ -34,6 +34,7 @@ static void batch_stage(lag_batch *s, int stage, int end, const double *h)
                      d->registers + LAG_LANES);
     batch_tape_run(d, &d->stream);
     batch_derivative(&s->moving, s->stages + stage * n8);
+    batch_derive_by_all_rows(s, s->all_rows, d->registers, d->registers + LAG_LANES, s->stages + stage * n8);
 }
 
 /* All stages of a step; y_new is its end, at which the dynamics tape is then evaluated. */

@@ -1,4 +1,5 @@
 /* All functions of lanes for one instruction set: the including file defines VEC_BYTES and NAME. */
+#include "left_out.h"
 #include "methods/control.h"
 #include "methods/dop853.h"
 #include "methods/dop853_tableau.h"
@@ -8,6 +9,7 @@
 #include "project.h"
 #include "project_system.h"
 #include "sizes.h"
+#include "solution.h"
 #include "watch.h"
 
 /* each depends on those before it */
@@ -20,6 +22,8 @@
 #include "batch/batch_project.h"
 
 #include "batch/batch_watch.h"
+
+#include "batch/batch_left_out.h"
 
 #include "batch/batch_dop853.h"
 

@@ -1,23 +1,28 @@
 /* Projection onto the constraints in eight lanes; see project_system.c for one. */
 
-/* Put the largest residual over its scale to worst and the residuals' sum to sum (of lanes); measure
- * the scales of some lanes. */
-static void batch_positions(const lag_octet *o, int lanes, double *worst, double *sum)
+/* Put the largest residual over its scale to worst, that of rows that are left out to left, and the
+ * residuals' sum to sum (of lanes); measure the scales of some lanes. */
+static void batch_positions(const lag_octet *o, int lanes, double *worst, double *left, double *sum)
 {
     const lag_system *s = o->system;
     const lag_batch_tape *c = &o->constraint;
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
-        vec largest = all(0.0), total = all(0.0);
+        vec largest = all(0.0), aside = all(0.0), total = all(0.0);
         for (int i = 0; i < s->nh; ++i) {
             double *kept = o->scale_position + i * LAG_LANES + k;
             const vec phi = READ(OUTPUT(c, i) + k);
             const vec scale = larger(READ(OUTPUT(c, lag_constraint_position_scale(s) + i) + k), READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
-            largest = larger(magnitude(phi) / larger(scale, all(1e-300)), largest);
+            const vec relative = magnitude(phi) / larger(scale, all(1e-300));
+            if (batch_leaves_out(o, o->single->rows.place_left_out, i))
+                aside = larger(relative, aside);
+            else
+                largest = larger(relative, largest);
             total += phi;
         }
         AT(worst + k) = largest;
+        AT(left + k) = aside;
         AT(sum + k) = total;
     }
 }
@@ -71,9 +76,9 @@ static void batch_raise_scales(const lag_octet *o, const double *t, const double
     batch_evaluate(d, s, factored_at, factored, LAG_FACTORS);
 }
 
-/* Put -psi in the right side; measure the scales of some lanes, and return those of them in which psi
- * is not yet met. */
-static int batch_velocities(const lag_octet *o, int lanes)
+/* Put -psi in the right side, and the largest residual of rows that are left out over its scale to left (of
+ * lanes); measure the scales of some lanes, and return those of them in which psi is not yet met. */
+static int batch_velocities(const lag_octet *o, int lanes, double *left)
 {
     const lag_system *s = o->system;
     const lag_batch_tape *c = &o->constraint;
@@ -83,15 +88,20 @@ static int batch_velocities(const lag_octet *o, int lanes)
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
         mask unmet = {0};
+        vec aside = all(0.0);
         for (int i = 0; i < nc; ++i) {
             double *kept = o->scale_velocity + i * LAG_LANES + k;
             const vec psi = READ(OUTPUT(c, first + i) + k);
             const vec given = READ(OUTPUT(c, scales + i) + k);
             const vec scale = larger(given, READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
-            unmet |= ~(magnitude(psi) <= RESIDUAL * scale);
+            if (batch_leaves_out(o, o->single->rows.left_out, i))
+                aside = larger(magnitude(psi) / larger(scale, all(1e-300)), aside);
+            else
+                unmet |= ~(magnitude(psi) <= RESIDUAL * scale);
             AT(o->right + i * LAG_LANES + k) = -psi;
         }
+        AT(left + k) = aside;
         open |= set_of(unmet & measured, k);
     }
     return open;
@@ -110,7 +120,7 @@ static void batch_move(double *y, const double *change, int count, int lanes)
 /*
  * Bring y at t (of lanes) onto the constraints, in some lanes; the dynamics tape holds the factors at
  * y or nearby. The constraint tape then holds the state reached. Returns the lanes in which that
- * failed.
+ * failed, or violates rows that are left out.
  */
 static int batch_project(const lag_octet *o, const double *t, double *y, int lanes)
 {
@@ -118,15 +128,15 @@ static int batch_project(const lag_octet *o, const double *t, double *y, int lan
     const lag_batch_tape *c = &o->constraint;
     const int nq = s->nq, nh = s->nh;
     int open = lanes, failed = 0;
-    double best[LAG_LANES], worst[LAG_LANES], sum[LAG_LANES];
+    double best[LAG_LANES], worst[LAG_LANES], left[LAG_LANES], sum[LAG_LANES];
     EACH_LANE (l)
         best[l] = INFINITY;
     for (int iteration = 0; iteration < PROJECTIONS && open; ++iteration) {
         batch_evaluate(c, s, t, y, LAG_POSITIONS);
-        batch_positions(o, lanes, worst, sum);
+        batch_positions(o, lanes, worst, left, sum);
         if (iteration == RAISE) {
             batch_raise_scales(o, t, y, open);
-            batch_positions(o, lanes, worst, sum);
+            batch_positions(o, lanes, worst, left, sum);
         }
         EACH_LANE (l) {
             if (!HAS(open, l))
@@ -144,6 +154,7 @@ static int batch_project(const lag_octet *o, const double *t, double *y, int lan
             }
             best[l] = worst[l];
             open &= ~(met << l);
+            failed |= (met && left[l] > NOT_REACHED) << l;
         }
         if (!open)
             break;
@@ -159,7 +170,9 @@ static int batch_project(const lag_octet *o, const double *t, double *y, int lan
     /* linear in the velocities: see project_system.c */
     for (int iteration = 0; iteration < 2; ++iteration) {
         batch_evaluate(c, s, t, y, LAG_VELOCITIES);
-        open = batch_velocities(o, lanes & ~failed);
+        open = batch_velocities(o, lanes & ~failed, left);
+        EACH_LANE (l)
+            failed |= ((iteration || !open) && HAS(lanes, l) && left[l] > LEFT_OUT) << l;
         if (!open)
             break;
         batch_correct(o, o->right);

@@ -90,11 +90,16 @@ static int batch_complete(lag_batch *s, int l, int64_t first, int count)
         for (int i = 0; i < nc * LAG_LANES; ++i)
             o->scale_velocity[i] = s->moving.scale_velocity[i / LAG_LANES * LAG_LANES + l];
         batch_evaluate(&o->dynamics, system, t, y, LAG_FACTORS);
-        if (batch_project(o, t, y, ALL_LANES))
-            return 1;
+        memcpy(s->before, y, 2 * (size_t)nq * sizeof t);
+        const int failed = batch_project(o, t, y, ALL_LANES);
+        EACH_LANE (i)
+            if (HAS(failed, i)
+                && (!lag_left_out(s->single) || batch_project_by_all_rows(s, l, t[i], s->before, i, y)))
+                return 1;
     }
     batch_evaluate(&o->dynamics, system, t, y, LAG_ALL);
     batch_refined(o, o->x);
+    batch_respond(o);
     for (int i = 0; i < count; ++i) {
         double *row = batch_row(s, l, first + i);
         double *state = row + lag_sample_q(system), *unknowns = row + lag_sample_a(system);
@@ -105,6 +110,8 @@ static int batch_complete(lag_batch *s, int l, int64_t first, int count)
             unknowns[m] = m < nq ? x : -x;
             total += x;
         }
+        if (batch_share(s, l, i, unknowns + nq) && batch_accelerate_by_all_rows(s, l, t[i], y, i, unknowns))
+            return 1;
     }
     return !isfinite(total);
 }

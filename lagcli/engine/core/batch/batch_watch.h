@@ -1,6 +1,10 @@
 /* The watch for singular configurations in eight lanes: what shows at the stages of a step is kept
  * lane by lane; what raises an alarm is looked at by the functions of watch.c, one lane at a time. */
 
+#define LOOKING 0.1         /* part of the largest pivot above which a single run that approaches a singular configuration
+                             * does not look ahead: below 0.04 of the largest singular value, of which the least pivot is
+                             * at most the double (CERTAIN) */
+
 /* Begin to monitor a step in all lanes. */
 static void batch_watch_step(lag_batch *s)
 {
@@ -101,6 +105,7 @@ static lag_run *batch_single(const lag_batch *s, int l, const double *y)
     run->watch.path.length = s->path_length[l];
     run->watch.path.speed = s->path_speed[l];
     run->watch.path.margin = s->margin[l];
+    run->rows.margin = s->enough[l];
     return run;
 }
 
@@ -134,7 +139,7 @@ static int batch_singular(lag_batch *s, int l, double h, int alarmed)
         run->step.y_old[i] = s->y[i * LAG_LANES + l];
         run->step.y_new[i] = s->y_new[i * LAG_LANES + l];
     }
-    if (lag_stepped_over(run) || lag_approaches(run))
+    if (lag_stepped_over(run) || (lag_approaches(run) && run->watch.pivot < LOOKING * run->watch.largest_pivot))
         return 1;
     s->pivot[l] = run->watch.pivot;
     s->largest_pivot[l] = run->watch.largest_pivot;

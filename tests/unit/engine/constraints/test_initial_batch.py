@@ -66,6 +66,20 @@ def test_the_model_itself_starts_as_it_does_alone(path):
     np.testing.assert_allclose(starts.v, [expected.state.v] * 3, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("size", [0.0, 0.02, 0.3])
+def test_redundant_constraints_start_as_they_do_alone(size):
+    """Three parallel cranks: rows of rank 3, found if that is the common one."""
+    path = next(p for p in MODELS if p.stem == "parallelogram")
+    arguments = rows(lagcli.load(path), 12, size)
+    starts = StartSearch(arguments[0], 3)(*arguments[1:])
+    assert starts.found.all()
+    for row, expected in enumerate(alone(*arguments)):
+        assert expected.rank == 3
+        np.testing.assert_allclose(starts.q[row], expected.state.q, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(starts.v[row], expected.state.v, rtol=0, atol=1e-11)
+    assert not StartSearch(arguments[0], 2)(*arguments[1:]).found.any()
+
+
 @pytest.mark.parametrize(
     ("name", "size"),
     [("slider_crank", 0.3), ("four_bar", 0.02), ("four_bar", 0.2), ("andrews_squeezer", 0.02)],

@@ -44,9 +44,14 @@ def runner(path: Path, vary: str, **settings) -> Runner:
     [
         # in lanes, from guessed starts, of which each has its own order
         ("tests/found/stewart.yaml", "rp=0.5:0.7:0.05", {"t_end": 0.1, "samples": 2}),
-        # one by one: no lanes for this method, nor for redundant constraints
+        # with redundant constraints; runs leave the lanes at a singular configuration
+        (
+            "models/parallelogram.yaml",
+            "alpha_1'=5:7:0.5",
+            {"t_end": 0.1, "through_singular": True},
+        ),
+        # one by one: no lanes for this method
         ("models/four_bar.yaml", "m_1=1:2:0.25", {"t_end": 0.1, "method": "Radau"}),
-        ("models/parallelogram.yaml", "m=1:2:0.25", {"t_end": 0.1}),
     ],
 )
 def test_programs_are_assembled_once_for_all_rows(path, vary, settings, counted):

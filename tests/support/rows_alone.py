@@ -1,0 +1,75 @@
+"""Rows of a sweep against the same rows run one by one, as `simulate` runs them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.contract import Outcome
+from lagcli.errors import LagcliError
+from lagcli.model.model import Model
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.variants import Variants
+from lagcli.sweeps.rows.group import FinishedRuns, RowGroup
+
+#: Part of the largest value below which a quantity counts as zero.
+_SMALL = 1e-3
+
+
+def rows_together(
+    model: Model, columns: list[str], table: Any, **options: Any
+) -> tuple[RowGroup, list[tuple[Array, Outcome | LagcliError, int]]]:
+    """Return the samples of each row of a sweep, how its run ended, and the rank of B."""
+    variants = Variants(model, SettingsOverrides(**{"samples": 21, **options}))
+    group = RowGroup(variants, columns, [], False)
+    found: dict[int, tuple[Array, Outcome | LagcliError, int]] = {}
+
+    def take(ended: FinishedRuns) -> None:
+        for place, samples, run in zip(ended.places, ended.samples, ended.runs, strict=True):
+            assert place not in found
+            found[int(place)] = samples, run, ended.rank
+
+    group.run(np.asarray(table, dtype=float), take, lambda: None)
+    return group, [found.pop(i) for i in range(len(table))]
+
+
+def check_like_alone(
+    model: Model, columns: list[str], table: Any, tolerance: float, **options: Any
+) -> list[str]:
+    """Return how each row of a sweep ends, after comparing it with its single run.
+
+    Both must end alike, with the same message; q, v, a and λ may differ by a part of their largest
+    values.
+    """
+    group, together = rows_together(model, columns, table, **options)
+    table = np.asarray(table, dtype=float)
+    values = group.variants.values(group.columns, table)
+    return [
+        _compared(group, found, group.single(i, table[i], values, lambda: None), tolerance)
+        for i, found in enumerate(together)
+    ]
+
+
+def _compared(
+    group: RowGroup,
+    found: tuple[Array, Outcome | LagcliError, int],
+    alone: FinishedRuns,
+    tolerance: float,
+) -> str:
+    samples, run, rank = found
+    [single], [expected] = alone.runs, alone.samples
+    if isinstance(single, LagcliError) or isinstance(run, LagcliError):
+        assert (type(run), str(run)) == (type(single), str(single))
+        return "no start"
+    assert (run.status, run.message) == (single.status, single.message)
+    assert rank == alone.rank
+    layout = group.variants.system.sample_layout
+    assert samples.shape == expected.shape
+    np.testing.assert_array_equal(samples[:, 0], expected[:, 0])
+    for part in (layout.q, layout.v, layout.a, layout.multipliers):
+        one, other = samples[:, part], expected[:, part]
+        size = np.abs(other).max(initial=0.0) + _SMALL
+        np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * size)
+    return run.status
