@@ -461,8 +461,8 @@ def _least_redundant_change(jacobian: Array, residual: Array, mass: Array) -> tu
 def _are_clear(values: Array) -> Flags:
     """Return where no singular value may count as zero or not."""
     low, high = _DOUBTFUL
-    doubtful: Flags = ((values > low) & (values < high)).any(axis=1)
-    return ~doubtful
+    clear: Flags = np.all((values <= low) | (values >= high), axis=1)
+    return clear
 
 
 def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array:

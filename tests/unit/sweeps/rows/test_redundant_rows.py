@@ -102,3 +102,14 @@ def test_rows_that_become_dependent_stay_in_their_lanes(in_lanes):
     ends = check_like_alone(model, ["m", "g"], table, 1e-6, t_end=2.0, rtol=1e-9)
     assert ends == ["completed"] * 3
     assert in_lanes() == 3
+
+
+def test_a_row_does_not_depend_on_its_company():
+    model = lagcli.load(ROOT / "tests" / "found" / "bennett.yaml")
+    table = np.column_stack([np.linspace(0.7, 1.3, 9), np.linspace(10.5, 9.0, 9)])
+    _, together = rows_together(model, ["m", "g"], table, t_end=1.5)
+    for some in ([4], [8, 0, 2]):
+        _, apart = rows_together(model, ["m", "g"], table[some], t_end=1.5)
+        for i, (samples, run, _) in zip(some, apart, strict=True):
+            np.testing.assert_array_equal(samples, together[i][0])
+            assert run.counts == together[i][1].counts
