@@ -9,6 +9,7 @@ import pytest
 from known_events import METHODS
 from singular_motions import (
     Passage,
+    beside_an_oscillator,
     folding_crank,
     losing_rank,
     stated_accuracy,
@@ -25,9 +26,10 @@ LINKAGES = (folding_crank, straight_four_bar)
 SHORT = (1e-3, 1e-5, 1e-7)
 
 
-def check_losing_rank(seed: int, method: str) -> None:
+def check_losing_rank(seed: int, method: str, beside: float = 0.0) -> None:
     rng = np.random.default_rng(seed)
     text, time = losing_rank(rng)
+    text = beside_an_oscillator(text, beside) if beside else text
     found = lagcli.simulate(lagcli.load_text(text), t_end=1.0, samples=2, method=method)
     assert found.status == "failed", (seed, method)
     # where the weakest singular value is below 1e-5, and its rate may be small
@@ -35,6 +37,11 @@ def check_losing_rank(seed: int, method: str) -> None:
     regular = lagcli.load_text(text.replace("{o: 0,", "{o: 1.3,"))
     kept = lagcli.simulate(regular, t_end=1.0, samples=2, method=method)
     assert kept.status == "completed", (seed, method, kept.message)
+
+
+def oscillation(seed: int) -> float:
+    """Return the angular frequency of an oscillator beside the constraints, rad/s."""
+    return round(float(np.random.default_rng([seed, 5]).uniform(0.5, 20)), 3)
 
 
 def check_many_rows(seed: int, method: str) -> None:
@@ -129,6 +136,12 @@ def test_constraints_on_velocities_that_lose_rank_stop_the_run(method: str) -> N
         check_turning_velocity(seed, method)
 
 
+@pytest.mark.parametrize("seed", [4, 7, 15, 17])
+def test_steps_in_which_b_moves_far_pass_no_singular_configuration(seed: int) -> None:
+    """Few rows, whose determinant is watched where the path of B exceeds what it may be."""
+    check_losing_rank(seed, "DOP853", beside=oscillation(seed))
+
+
 @pytest.mark.parametrize(("seed", "method"), [(5, "Radau")])
 def test_many_constraints_that_lose_rank_stop_the_run(seed: int, method: str) -> None:
     check_many_rows(seed, method)
@@ -195,6 +208,7 @@ def test_many_random_models(method: str) -> None:
     for seed in range(100, 500):
         check_losing_rank(seed, method)
         check_turning_velocity(seed, method)
+        check_losing_rank(seed, method, beside=oscillation(seed))
     for seed in range(100, 150):
         check_many_rows(seed, method)
         check_continued_passage(

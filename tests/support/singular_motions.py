@@ -59,6 +59,18 @@ def losing_rank(
     return text, time
 
 
+def beside_an_oscillator(text: str, rate: float) -> str:
+    """Return a model of `losing_rank` with an oscillator, which meets no constraint: its angular
+    frequency limits the steps."""
+    for key, more in (
+        ("coordinates: [", "u, "),
+        ("T: ", "u'^2/2 + "),
+        ("initial: {", "u: 1, u': 0, "),
+    ):
+        text = text.replace(key, key + more)
+    return text.replace("constraints:", f"V: ({rate}*u)^2/2\nconstraints:")
+
+
 class Passage(NamedTuple):
     """A linkage that passes a position in which it is straight, or nearly.
 

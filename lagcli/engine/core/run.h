@@ -106,6 +106,7 @@ typedef struct {
                                         * rows, this and what follows NULL until the dense solution is used */
     int *order;                        /* nc */
     double *components;                /* nc * nc */
+    int32_t *same_column;              /* nb: the next entry of B in the column of each, or -1 */
     double *dependencies;              /* (nc - rank) * nc */
     double margin;                     /* left_out.c: path of B for which the rows that are not left out suffice */
     int poor;                          /* steps in which they did not */
@@ -117,10 +118,11 @@ typedef struct {
 #define LAG_DETERMINANTS 16 /* at which ln |det| is known in a step, at most */
 
 /*
- * ln |det [[M, B'], [B, 0]]| in a step, of models with many rows of B: near a time s at which B loses rank it is
- * 2 ln |t - s| and something smooth.
+ * ln |det [[M, B'], [B, 0]]| in a step, of models with many rows of B, or whose B moves too much for the bound by its
+ * path: near a time s at which B loses rank it is 2 ln |t - s| and something smooth.
  */
 typedef struct {
+    int kept;                          /* whether it is computed at the stages */
     int count;
     double t[LAG_DETERMINANTS], value[LAG_DETERMINANTS]; /* at the beginning, if it is known, and at the stages */
     double begin;                      /* at the beginning; NaN: not known */
@@ -136,6 +138,7 @@ typedef struct {
     const double *entries;             /* of the two, those from which the path continues */
     double t;                          /* of these */
     double length, speed;              /* of the path, and its largest speed between two stages */
+    int exceeded;                      /* whether the last step's path exceeded what its ends allow */
     double margin, margin_at_end;      /* of few rows: what the least singular value is not below, where the step began
                                         * and where it ended */
 } lag_path;
@@ -145,12 +148,12 @@ typedef struct {
     int mode;                          /* a lag_watching */
     double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
     double pivot_at_end;               /* of the last step, before projection; INFINITY: far from 0 */
-    int64_t examined;                  /* number of states whose least pivot was computed */
+    int64_t examined;                  /* number of states whose least pivot was computed, or would be by Taylor's method */
     double suspect[2];                 /* part of the last step in which B may lose rank: from 0 to 1 */
     double *combination;               /* nc: of rows, that inverse iteration found last */
     lag_path path;
-    lag_determinant determinant;       /* of many rows ... */
-    double largest_step;               /* since the least pivot was last computed */
+    lag_determinant determinant;
+    double largest_step;               /* of many rows: since the least pivot was last computed */
     int approaching;                   /* whether the last step went towards a singular configuration */
 } lag_watch;
 

@@ -85,6 +85,16 @@ static void allocate_rows(lag_run *run)
     run->rows.order = lag_get(pool, (size_t)nc, sizeof(int));
     run->rows.components = lag_doubles(pool, nc * nc);
     run->rows.dependencies = lag_doubles(pool, (nc - run->rows.rank) * nc);
+    int32_t *next = lag_copy_integers(pool, NULL, run->system.nb), *first = lag_copy_integers(pool, NULL, nq);
+    if (pool->failed)
+        return;
+    for (int64_t j = 0; j < nq; ++j)
+        first[j] = -1;
+    for (int i = run->system.nb - 1; i >= 0; --i) {
+        next[i] = first[run->system.jacobian_column[i]];
+        first[run->system.jacobian_column[i]] = i;
+    }
+    run->rows.same_column = next;
 }
 
 static void allocate(lag_run *run)

@@ -165,6 +165,8 @@ static void watch(lag_archive *a, lag_run *run)
     number(a, &w->examined);
     lag_archive_int(a, &w->mode, LAG_IGNORE, LAG_STOP);
     flag(a, &w->approaching);
+    flag(a, &path->exceeded);
+    flag(a, &d->kept);
     lag_archive_reals(a, w->combination, run->system.nc);
     lag_archive_reals(a, path->begin, nb);
     lag_archive_reals(a, path->last, nb);

@@ -22,6 +22,7 @@
 #define ROUGH_OF_FEW 0.02   /* ... at FEW places */
 #define FEW 5
 #define ASIDE_OF_ENDS 0.15  /* distance of two of them from the ends of a step */
+#define SEARCHED 4          /* states that a search would examine, about: in Taylor's method it has to */
 #define SLOWER 0.5          /* ratio of steps, the later to the earlier, from which the least pivot is computed */
 #define ASIDE 0.1           /* weight of all rows in the initial vector of inverse iteration */
 #define ITERATIONS 8        /* largest number of iterations ... */
@@ -88,20 +89,46 @@ static int by_determinant(const lag_run *run)
     return lag_many_rows(run) && by_factors(run);
 }
 
+/* The products of the rows of B, times sizes over lengths, with each other: nc * nc; B is that of the constraint tape.
+ * Returns 0, or 1 where they are not finite. */
+static int multiply_rows(lag_run *run, double *products)
+{
+    const lag_system *s = &run->system;
+    const int nc = s->nc / s->blocks, nb = s->nb / s->blocks;
+    const double *sizes = run->rows.sizes, *lengths = run->rows.lengths;
+    double *entries = run->rows.scaled, sum = 0.0;
+    memset(products, 0, (size_t)nc * nc * sizeof(double));
+    for (int i = 0; i < nb; ++i) {
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
+        sum += entries[i] = OUT(&s->constraint, lag_constraint_jacobian(s) + i) * sizes[column] / lengths[row];
+    }
+    for (int i = 0; i < nb; ++i) {
+        double *row = products + s->jacobian_row[i] * nc;
+        const double x = entries[i];
+        row[s->jacobian_row[i]] += x * x;
+        for (int k = run->rows.same_column[i]; k >= 0; k = run->rows.same_column[k]) {
+            const double product = x * entries[k];
+            row[s->jacobian_row[k]] += product;
+            products[s->jacobian_row[k] * nc + s->jacobian_row[i]] += product;
+        }
+    }
+    return !isfinite(sum);
+}
+
 double lag_least_pivot(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
-    const lag_tape *c = &s->constraint;
-    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks; /* of the motion, whose B is that of all blocks */
+    const int nc = s->nc / s->blocks; /* of the motion, whose B is that of all blocks */
+    double *products = run->rows.components;
     if (run->rows.rank == 0)
         return 1.0;
     ++run->watch.examined;
     if (by_determinant(run))
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
-    lag_evaluate(c, s, t, y, LAG_VELOCITIES);
-    if (lag_scaled_rows(run, 1, c, lag_constraint_jacobian(s)))
+    lag_evaluate(&s->constraint, s, t, y, LAG_VELOCITIES);
+    if (multiply_rows(run, products))
         return 1.0;
-    return lag_pivot(run->rows.scaled, nq, nc, run->rows.rank / s->blocks, run->rows.order, run->rows.components);
+    return lag_pivot_of_products(products, nc, run->rows.rank / s->blocks, run->rows.order);
 }
 
 void lag_watch_restart(lag_run *run)
@@ -119,6 +146,7 @@ void lag_watch_restart(lag_run *run)
     run->watch.determinant.begin = NAN;
     run->watch.largest_step = 0.0;
     run->watch.approaching = 0;
+    path->exceeded = 0;
 }
 
 void lag_watch_step(lag_run *run)
@@ -134,6 +162,7 @@ void lag_watch_step(lag_run *run)
         d->value[d->count++] = d->begin;
     }
     d->by = lag_solving_by(run);
+    d->kept = by_factors(run) && (lag_many_rows(run) || (path->exceeded && !run->method->uses_series));
 }
 
 /* Keep B of the dynamics tape at time t, and its distance from the stage before. */
@@ -167,7 +196,7 @@ void lag_watch_stage(lag_run *run, double t)
 void lag_watch_determinant(lag_run *run, double t)
 {
     lag_determinant *d = &run->watch.determinant;
-    if (!by_determinant(run))
+    if (!d->kept)
         return;
     d->t[d->count] = t;
     d->value[d->count++] = lag_log_determinant(run);
@@ -413,14 +442,20 @@ int lag_stepped_over(lag_run *run)
         return over_by_determinant(run);
     if (path->length < path->margin - CERTAIN * NEAR * run->watch.largest_pivot) {
         path->margin_at_end = path->margin - path->length;
+        path->exceeded = 0;
         return 0;
     }
     const double end = lag_least_pivot(run, run->step.t_old + run->step.h_old, run->step.y_new);
     run->watch.pivot_at_end = end;
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, end);
     path->margin_at_end = CERTAIN * end;
-    if (path->length < path->margin + path->margin_at_end)
+    path->exceeded = path->length >= path->margin + path->margin_at_end;
+    if (!path->exceeded)
         return 0;
+    if (run->watch.determinant.kept && is_smooth_at_stages(run)) {
+        run->watch.examined += SEARCHED;
+        return 0;
+    }
     run->watch.suspect[0] = 0.0;
     run->watch.suspect[1] = 1.0;
     return dips(run, end);

@@ -111,6 +111,35 @@ double lag_pivot(double *vectors, int size, int count, int rank, int *order, dou
     return length;
 }
 
+double lag_pivot_of_products(double *products, int count, int rank, int *taken)
+{
+    double square = 0.0;
+    for (int j = 0; j < count; ++j)
+        taken[j] = 0;
+    for (int k = 0; k < rank; ++k) {
+        int best = 0;
+        square = 0.0;
+        for (int j = 0; j < count; ++j)
+            if (!taken[j] && products[j * count + j] > square) {
+                square = products[j * count + j];
+                best = j;
+            }
+        if (!(square > 0.0))
+            return 0.0;
+        const double *pivot = products + best * count;
+        taken[best] = 1;
+        for (int j = 0; j < count && k + 1 < rank; ++j) {
+            if (taken[j] || pivot[j] == 0.0)
+                continue;
+            double *row = products + j * count;
+            const double part = pivot[j] / square;
+            for (int i = 0; i < count; ++i)
+                row[i] -= part * pivot[i];
+        }
+    }
+    return sqrt(square);
+}
+
 void lag_dependencies(int count, int rank, const int *order, const double *r, double *out)
 {
     for (int j = rank; j < count; ++j) {

@@ -18,6 +18,13 @@ void lag_lu_solve(const double *lu, const int *pivots, int n, double *x);
 double lag_pivot(double *vectors, int size, int count, int rank, int *order, double *r);
 
 /*
+ * The length that lag_pivot returns, from the products of the vectors with each other: a symmetric matrix, which
+ * changes. By Cholesky's decomposition, in a fraction of the time, but lengths below about 1e-7 of the largest are lost
+ * in rounding. taken: scratch, `count`.
+ */
+double lag_pivot_of_products(double *products, int count, int rank, int *taken);
+
+/*
  * From lag_pivot's order and r, the combinations of the vectors that vanish: count - rank rows of
  * `count` coefficients, each of length one.
  */
