@@ -233,21 +233,15 @@ class _Fmu:
         forces = tape.forces if self.system.constraints else []
         return tape.builder.finish([*forces, *tape.reported])
 
-    @property
-    def differentiable(self) -> bool:
-        """Whether the FMU has directional derivatives: nothing switches."""
-        return self._rows is not None and not self.model.switches and not self.system.has_kinks
-
     @cached_property
-    def _rows(self) -> tuple[int, ...] | None:
-        return independent_constraints(self.simulation)
+    def _directions(self) -> bytes | None:
+        rows = None if self.model.switches else independent_constraints(self.simulation)
+        return derivatives(self.simulation, self._derived_tape(), rows)
 
     def _derivatives(self) -> dict[str, bytes]:
         """Return the file of directional derivatives, by its name."""
-        if not self.differentiable or self._rows is None:
-            return {}
-        content = derivatives(self.simulation, self._derived_tape(), self._rows)
-        return {"resources/derivatives.bin": content}
+        found = self._directions
+        return {} if found is None else {"resources/derivatives.bin": found}
 
     def _appearance(self, icon: bool) -> dict[str, bytes]:
         """Return the icon and, for FMI 3.0, the terminals, by the names of their files."""
@@ -366,7 +360,7 @@ class _Fmu:
             "canGetAndSetFMUstate" if two else "canGetAndSetFMUState": "true",
             "canSerializeFMUstate" if two else "canSerializeFMUState": "true",
         }
-        if self.differentiable:
+        if self._directions is not None:
             several = "" if two else "s"
             capabilities[f"providesDirectionalDerivative{several}"] = "true"
             if not two:

@@ -9,12 +9,15 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
+
 from lagcli.engine.core.run import METHODS as CORE_METHODS
 from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
 from lagcli.engine.integrate.prepared import with_rates
+from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.layout import RatesLayout
-from lagcli.engine.program.program import assemble
-from lagcli.engine.sensitivity.switched_run import arranged
+from lagcli.engine.program.program import Program, assemble
+from lagcli.engine.sensitivity.switched_run import METHOD, arranged, directional_programs
 from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
@@ -127,35 +130,84 @@ def _constraints_at_start(system: System) -> list[bytes]:
     ]
 
 
-def derivatives(simulation: Simulation, derived: Tape, rows: Sequence[int]) -> bytes:
-    """Return what the core needs for directional derivatives of a model that does not switch.
+def derivatives(simulation: Simulation, derived: Tape, rows: Sequence[int] | None) -> bytes | None:
+    """Return what the core needs for directional derivatives; None if there are none.
 
     Parameters
     ----------
     simulation : Simulation
     derived : Tape
         (t, q, v, a, λ, p) → the derived values, as for `resources`.
-    rows : sequence of int
-        Constraints whose rows of B are independent and span all.
+    rows : sequence of int, optional
+        Constraints whose rows of B are independent and span all, of a model that does not switch.
     """
     model, system = simulation.model, simulation.system
     settable = settable_parameters(model)
-    state, layout = 1 + 2 * len(system.coordinates), system.dynamics_layout
-    forces = state + len(system.coordinates) + len(system.constraints)
-    parts = (layout.mass_matrix, layout.forcing, layout.jacobian, layout.rhs)
-    places = [i for part in parts for i in range(part.start, part.stop)]
-    equations = system.dynamics.selected(places)
+    forces = 1 + 3 * len(system.coordinates) + len(system.constraints)
+    directions = _directions_of_modes(simulation) if model.switches or system.has_kinks else None
+    if directions is None:
+        if rows is None or model.switches or system.has_kinks:
+            return None
+        directions = _directions(system, rows)
     start = start_tape(model, settable).selected(range(len(model.parameters)))
     body = b"".join(
         [
-            word_data(system.dynamics.parameters - system.functions.size),
-            integers_data(rows),
+            word_data(directions.parameters),
+            integers_data(directions.rows),
             program_data(assemble(directional(start)._replace(parameters=0))),
-            program_data(assemble(arranged(directional(equations), state))),
+            *map(program_data, directions.programs),
             program_data(assemble(arranged(directional(derived), forces))),
         ]
     )
     return word_data(_DERIVATIVES) + word_data(2 + len(body) // 8) + body
+
+
+class _Directions(NamedTuple):
+    """The changes of the equations along a direction.
+
+    Parameters
+    ----------
+    parameters : int
+        Number of parameters that change, the first ones of the core's.
+    rows : sequence of int
+        Independent constraints of the core's equations.
+    programs : list of Program
+        M, f, B and γ; where a model switches, what follows in `core/fmi/instance.h`.
+    """
+
+    parameters: int
+    rows: Sequence[int]
+    programs: list[Program]
+
+
+def _directions(system: System, rows: Sequence[int]) -> _Directions:
+    layout = system.dynamics_layout
+    parts = (layout.mass_matrix, layout.forcing, layout.jacobian, layout.rhs)
+    equations = system.dynamics.selected(i for x in parts for i in range(x.start, x.stop))
+    along = assemble(arranged(directional(equations), 1 + 2 * len(system.coordinates)))
+    return _Directions(system.dynamics.parameters - system.functions.size, rows, [along])
+
+
+def _directions_of_modes(simulation: Simulation) -> _Directions | None:
+    """Return the changes in the modes of a model that switches; None with redundant constraints."""
+    request = simulation.request
+    request = request._replace(settings=request.settings.replace(method=METHOD))
+    run = SwitchingIntegration(simulation.system, request, lambda block: None, None)
+    split, frozen = run.split_system, run.frozen
+    count = len(split.fixed.constraints)
+    if run.request.rank < count:
+        return None
+    parameters = split.system.dynamics.parameters - split.system.functions.size
+    along = directional_programs(split, frozen, np.zeros((0, parameters)))
+    limited = any(row.limit is not None for row in split.switching.rows)
+    programs = [
+        (along.functions, bool(split.rows)),
+        (along.limits, limited),
+        (along.forces, bool(split.switching.force_coordinates)),
+        (along.kink_rates, frozen is not None),
+    ]
+    needed = [program for program, exists in programs if exists]
+    return _Directions(parameters, range(count), [along.dynamics, *needed])
 
 
 class DerivedTape:

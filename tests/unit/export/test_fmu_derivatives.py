@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,25 @@ import numpy as np
 import pytest
 from exported import exported, points
 from fmi import FmuError, Unpacked, with_another_word
-from shipped import every_model
+from shipped import PATHS, every_model
+from stepped_inputs import as_parameter
 from test_fmu import PENDULUM, unpacked
 
 import lagcli
 from lagcli.export.dynamics import DynamicsFunction
+
+#: A block that sticks to the floor by two feet.
+FEET = """
+coordinates: {x: m, y: m, a: rad}
+parameters: {m: 2 kg, J: 1 kg m^2, g: 10 m/s^2, b: 0.5 m}
+T: m/2*(x'^2 + y'^2) + J/2*a'^2
+V: m*g*y
+constraints:
+  left: {expr: y - b*a >= 0, friction: 0.5, slip: x', restitution: 0}
+  right: {expr: y + b*a >= 0, friction: 0.5, slip: x', restitution: 0}
+initial: {x: 0, y: 0, a: 0, x': 0, y': 0, a': 0}
+simulation: {t_end: 1 s}
+"""
 
 
 def state_names(model: lagcli.Model) -> list[str]:
@@ -158,27 +173,118 @@ def test_a_pendulum_has_the_derivatives_of_its_closed_form(version: str, tmp_pat
     instance.free()
 
 
-def test_models_that_switch_say_that_they_have_none(tmp_path: Path) -> None:
+SWITCHING = [
+    pytest.param(name, marks=[] if name in ("woodpecker", "rope_pendulum") else [pytest.mark.slow])
+    for name, path in PATHS.items()
+    if path.parent.name == "contact" and name != "appell_hamel"
+]
+
+
+@pytest.mark.parametrize("name", SWITCHING)
+def test_those_of_a_model_that_switches_are_those_of_its_modes(name: str, tmp_path: Path) -> None:
+    """Along the motion, next to one-sided differences of h², away from events."""
+    model = lagcli.load(name)
+    fmu, names, states = unpacked(model, tmp_path, "3.0"), [], state_names(model)
+    names, nq, random = outputs_of(fmu), len(model.coordinate_names), np.random.default_rng(3)
+    end, one, t, compared = float(model.settings.t_end or 0.0), fmu.instance(), 0.0, 0
+    h = 2e-6 * end
+    one.begin(0.0)
+    for size in 0.05 * end * (0.3 + 0.7 * random.random(15)):
+        if one.step(t, size):
+            break
+        t += size
+        rates = one.get(*states[nq:], *(f"{q}_ddot" for q in model.coordinate_names))
+        state = one.save()
+        try:
+            found = one.directional(names, ["time", *states], [1.0, *rates])
+            weights = random.normal(size=len(names))
+            adjoint = one.directional(names, ["time", *states], weights, adjoint=True)
+        except FmuError as error:
+            if "contacts share a force" not in str(error):
+                raise
+            one.forget(state)
+            continue
+        scale = np.abs(adjoint * [1.0, *rates]).max()
+        assert adjoint @ [1.0, *rates] == pytest.approx(weights @ found, abs=1e-9 * scale + 1e-12)
+        two, values, events = fmu.instance(events=True, early=True), [], False
+        two.restore_from(one.serialize(state))
+        one.forget(state)
+        for k in range(3):
+            values.append(np.array(two.get(*names)))
+            events |= two.step3(t + k * h, h).event
+        two.free()
+        if not events:
+            expected = (-3 * values[0] + 4 * values[1] - values[2]) / (2 * h)
+            size = max(np.abs(expected).max(), 1e-3)
+            assert np.abs(found - expected).max() <= 1e-6 * size
+            compared += 1
+    one.free()
+    assert compared > 4
+
+
+@pytest.mark.parametrize("kind", ["sliding, sticking and leaving the floor", "forces that jump"])
+def test_a_model_that_switches_has_derivatives_by_its_inputs(kind: str, tmp_path: Path) -> None:
+    fmu = unpacked(lagcli.load_text(as_parameter(kind)), tmp_path, "2.0", inputs=["F"])
+    names, one, h = outputs_of(fmu), fmu.instance(), 1e-4
+    one.begin(0.0, {"F": 13.0})
+    one.step(0.0, 0.6)
+    found, values = one.directional(names, ["F"], [1.0]), []
+    for force in (13.0 - h, 13.0 + h):
+        one.set({"F": force})
+        values.append(np.array(one.get(*names)))
+    expected = (values[1] - values[0]) / (2 * h)
+    assert np.abs(found - expected).max() <= 1e-8 * np.abs(expected).max()
+    one.free()
+
+
+def test_a_model_that_switches_with_redundant_constraints_says_that_it_has_none(
+    tmp_path: Path,
+) -> None:
+    model = lagcli.load_text(
+        "coordinates: [x, y]\nT: x'^2/2 + y'^2/2\nV: y\n"
+        "constraints: {line: x - y = 0, again: 2*x - 2*y = 0}\n"
+        "events: {far: {when: x <= -3, stop: true}}\n"
+        "initial: {x: 0, y: 0, x': 0, y': 0}\nsimulation: {t_end: 1}\n"
+    )
     for version in ("2.0", "3.0"):
-        fmu = unpacked(lagcli.load("bouncing_ball"), tmp_path, version)
+        fmu = unpacked(model, tmp_path / version, version)
         kind = fmu.description.find("CoSimulation")
         assert kind is not None
         assert not any("Derivative" in key for key in kind.attrib)
         instance = fmu.instance()
         instance.begin(0.0)
-        with pytest.raises(FmuError, match="a model that switches has no directional"):
-            instance.directional(["x_ddot"] if "x_ddot" in fmu.variables else [], [], [])
+        with pytest.raises(FmuError, match="no directional derivatives if its constraints are"):
+            instance.directional(["x_ddot"], ["x"], [1.0])
         instance.free()
 
 
-def test_damaged_derivatives_are_refused(tmp_path: Path) -> None:
+def test_where_contacts_share_a_force_there_are_none(tmp_path: Path) -> None:
+    """A block on two feet, whose friction is not unique: the call is discarded, not an error."""
+    fmu = unpacked(lagcli.load_text(FEET), tmp_path, "3.0")
+    one = fmu.instance()
+    one.begin(0.0)
+    one.step(0.0, 0.01)
+    with pytest.raises(FmuError, match="contacts share a force"):
+        one.directional(["x_ddot"], ["x"], [1.0])
+    references, out = (ctypes.c_uint * 1)(fmu.references["x_dot"]), (ctypes.c_double * 1)()
+    given = (references, ctypes.c_size_t(1)) * 2
+    last = ((ctypes.c_double * 1)(1.0), ctypes.c_size_t(1), out, ctypes.c_size_t(1))
+    assert one.call("GetDirectionalDerivative", *given, *last, allowed=(2,)) == 2
+    one.step(0.01, 0.01)
+    one.free()
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "parallelogram", "woodpecker"])
+def test_damaged_derivatives_are_refused(name: str, tmp_path: Path) -> None:
     """Or have some values: none crashes."""
-    fmu = unpacked(lagcli.load("slider_crank"), tmp_path)
+    model = lagcli.load(name)
+    fmu = unpacked(model, tmp_path)
     path = fmu.folder / "resources" / "derivatives.bin"
     whole, rng = path.read_bytes(), np.random.default_rng(7)
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FmuError, match=r"derivatives\.bin is damaged"):
         fmu.instance()
+    names, states = outputs_of(fmu), state_names(model)
     for _ in range(60):
         path.write_bytes(with_another_word(whole, rng))
         try:
@@ -187,5 +293,5 @@ def test_damaged_derivatives_are_refused(tmp_path: Path) -> None:
             continue
         instance.begin(0.0)
         with suppress(FmuError):
-            instance.directional(["phi_ddot", "energy_total"], ["phi", "m"], [1.0, 1.0])
+            instance.directional(names, states, np.ones(len(states)))
         instance.free()

@@ -4,11 +4,14 @@
 #include <string.h>
 
 #include "bind.h"
+#include "breaks.h"
+#include "derivatives/changes.h"
 #include "evaluate.h"
 #include "linear/dense.h"
 #include "model/simulation.h"
 #include "motion.h"
 #include "solution.h"
+#include "switching/rows.h"
 
 /* Bind the programs for the present simulation. Returns 0, or 1 where there is no memory. */
 static int bind(lag_fmu *fmu)
@@ -17,8 +20,9 @@ static int bind(lag_fmu *fmu)
     lag_run *run = lag_run_of(fmu->simulation);
     if (d->bound == fmu->simulation)
         return 0;
+    const int switches = fmu->model.contents & LAG_MODEL_SWITCHING;
     lag_bind_program(&fmu->run_pool, &d->parameter_tape, &d->of_parameters, run->kernel);
-    if (fmu->run_pool.failed || lag_bind(run, &fmu->run_pool, &d->equation_tape, &d->of_equations)
+    if (fmu->run_pool.failed || (switches ? lag_use_directions(run, &d->along) : lag_bind(run, &fmu->run_pool, &d->equation_tape, &d->of_equations))
         || lag_bind(run, &fmu->run_pool, &d->column_tape, &d->of_columns))
         return 1;
     d->bound = fmu->simulation;
@@ -184,16 +188,40 @@ static void solve_redundant(lag_fmu *fmu, double *x)
         of_multipliers[i] += turn[i];
 }
 
+/* delta a and delta lambda, to x, of a model that switches, in its present modes. Returns 0, or 1 where there are none, or
+ * a force that rows share is not unique. */
+static int solve_in_modes(lag_fmu *fmu, double *x)
+{
+    lag_run *run = lag_run_of(fmu->simulation);
+    lag_derivatives *w = &run->derivatives;
+    const lag_fmu_directions *d = &fmu->directions;
+    const int nq = run->system.nq;
+    const double t = fmu->values[0], *y = fmu->values + 1, *changes = d->changes;
+    const lag_direction along = {changes[0], changes + 1, changes + 1 + nq, d->p};
+    double power;
+    const lag_tape *tapes[] = {&w->dynamics, &w->functions, &w->limits, &w->forces, &w->kink_rates};
+    for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
+        lag_tape_set(tapes[i], run->np, run->parameters);
+    if (lag_accelerate(run, t, y, 0, &power) || lag_differentiate(run, t, y, 1, &along) || w->redundant)
+        return 1;
+    memcpy(x, w->of_a, (size_t)nq * sizeof *x);
+    lag_gather_multipliers(run, w->of_a + nq, w->of_z, x + nq);
+    return 0;
+}
+
 /* The changes of all values along those of t, q, v, in d->changes, and of the parameters that can be set. */
 static int change_all(lag_fmu *fmu)
 {
     lag_run *run = lag_run_of(fmu->simulation);
     const lag_system *s = &run->system;
     lag_fmu_directions *d = &fmu->directions;
-    const int nq = s->nq, nc = s->nc, state = 1 + 2 * nq, known = state + nq + nc;
+    const int nq = s->nq, nc = fmu->nc, state = 1 + 2 * nq, known = state + nq + nc;
     double *x = d->right + nq + nc, *changes = d->changes, sum = 0.0, power;
     change_parameters(fmu);
-    if (d->rank < nc) {
+    if (fmu->model.contents & LAG_MODEL_SWITCHING) {
+        if (solve_in_modes(fmu, x))
+            return 1;
+    } else if (d->rank < nc) {
         if (factor_redundant(fmu))
             return 1;
         right_side(fmu, fmu->values, d->mu, changes);
@@ -208,7 +236,9 @@ static int change_all(lag_fmu *fmu)
     }
     put(changes + state, x, nq + nc);
     const lag_tape *tape = &d->column_tape;
-    lag_tape_set(tape, run->np, run->parameters);
+    memcpy(fmu->held, lag_parameters_of(fmu->simulation), (size_t)run->np * sizeof(double));
+    lag_pieces_at(run, fmu->values[0], fmu->held);
+    lag_tape_set(tape, run->np, fmu->held);
     double *r = put(tape->registers, fmu->values, known);
     r = put(r, changes, known);
     put(r, d->p, d->parameters);
@@ -250,7 +280,7 @@ static int begin(lag_fmu *fmu, const unsigned *unknowns, size_t count)
     lag_fmu_directions *d = &fmu->directions;
     if (!d->has)
         return lag_fmu_fail(fmu, fmu->model.contents & LAG_MODEL_SWITCHING
-                                     ? "a model that switches has no directional derivatives: they jump with its modes"
+                                     ? "a model that switches has no directional derivatives if its constraints are redundant"
                                      : "it is not clear at the initial state which of the redundant constraints are"
                                        " independent: there are no directional derivatives");
     if (lag_fmu_get(fmu, NULL, 0, NULL))
@@ -277,8 +307,11 @@ int lag_fmu_directional(lag_fmu *fmu, const unsigned *unknowns, size_t unknown_c
             return 1;
         *place += seed[i];
     }
-    if (change_all(fmu))
-        return lag_fmu_fail(fmu, "the equations have no derivatives at t = %.9g s", fmu->values[0]);
+    if (change_all(fmu)) {
+        lag_fmu_fail(fmu, "there are no derivatives at t = %.9g s: the equations have none, or contacts share a force",
+                     fmu->values[0]);
+        return LAG_FMU_NO_DERIVATIVES;
+    }
     for (size_t i = 0; i < unknown_count; ++i)
         changes[i] = fmu->directions.changes[unknowns[i]];
     return 0;
@@ -291,8 +324,9 @@ int lag_fmu_adjoint(lag_fmu *fmu, const unsigned *unknowns, size_t unknown_count
     if (check_references(fmu, unknowns, unknown_count))
         return 1;
     for (size_t k = 0; k < known_count; ++k) {
-        if (lag_fmu_directional(fmu, NULL, 0, knowns + k, 1, &one, NULL))
-            return 1;
+        const int failed = lag_fmu_directional(fmu, NULL, 0, knowns + k, 1, &one, NULL);
+        if (failed)
+            return failed;
         changes[k] = 0.0;
         for (size_t i = 0; i < unknown_count; ++i)
             changes[k] += seed[i] * fmu->directions.changes[unknowns[i]];

@@ -50,7 +50,7 @@ static void log_message(void *context, const char *text)
 
 static fmi2Status status_of(int failed)
 {
-    return failed ? fmi2Error : fmi2OK;
+    return failed == LAG_FMU_NO_DERIVATIVES ? fmi2Discard : failed ? fmi2Error : fmi2OK;
 }
 
 #define INSTANCE(component) (((lag_component *)(component))->fmu)

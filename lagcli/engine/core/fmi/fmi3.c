@@ -64,7 +64,7 @@ static double intermediate_update(void *context, double t)
 
 static fmi3Status status_of(int failed)
 {
-    return failed ? fmi3Error : fmi3OK;
+    return failed == LAG_FMU_NO_DERIVATIVES ? fmi3Discard : failed ? fmi3Error : fmi3OK;
 }
 
 #define COMPONENT(instance) (((lag_fmi3 *)(instance))->component)
@@ -266,16 +266,18 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
                                         const fmi3ValueReference knowns[], size_t known_count, const fmi3Float64 seed[],
                                         size_t seed_count, fmi3Float64 changes[], size_t change_count)
 {
-    return status_of(seed_count != known_count || change_count != unknown_count
-                     || lag_fmu_directional(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
+    if (seed_count != known_count || change_count != unknown_count)
+        return fmi3Error;
+    return status_of(lag_fmu_directional(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t unknown_count,
                                     const fmi3ValueReference knowns[], size_t known_count, const fmi3Float64 seed[],
                                     size_t seed_count, fmi3Float64 changes[], size_t change_count)
 {
-    return status_of(seed_count != unknown_count || change_count != known_count
-                     || lag_fmu_adjoint(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
+    if (seed_count != unknown_count || change_count != known_count)
+        return fmi3Error;
+    return status_of(lag_fmu_adjoint(INSTANCE(c), unknowns, unknown_count, knowns, known_count, seed, changes));
 }
 
 /* Functions without effect: of modes that need none. */

@@ -150,33 +150,58 @@ static int read_values(lag_fmu *fmu, const void *data, int64_t bytes)
     return 0;
 }
 
+/* Read what the directions of a model that switches have. What they are not used for has any program. */
+static void read_switching_directions(lag_reader *in, lag_fmu *fmu)
+{
+    const lag_equations *e = &fmu->model.equations;
+    const lag_switching_rules *r = &fmu->model.rules;
+    lag_fmu_directions *d = &fmu->directions;
+    lag_directions *along = &d->along;
+    const int64_t p = d->parameters, state = 1 + 2 * (int64_t)e->nq, forces = 2 * (state + e->nq + fmu->nc) + p + e->np;
+    if (!(fmu->model.contents & LAG_MODEL_SWITCHING))
+        return;
+    along->parameters = d->parameters;
+    along->decides = lag_get(&fmu->pool, (size_t)(r->conditions + r->force_conditions), sizeof *along->decides);
+    along->dynamics = along->constraint = along->functions = along->limits = along->impact = along->forces =
+        along->conditions = along->force_conditions = along->kinks = along->kink_rates = d->of_equations;
+    if (r->rows)
+        along->functions = lag_read_program(in, 2 * state + p + e->np, r->nh + r->nb + 2 * (int64_t)r->rows);
+    if (r->nl)
+        along->limits = lag_read_program(in, forces, 2 * (int64_t)r->nl);
+    if (r->nf)
+        along->forces = lag_read_program(in, forces, r->nf);
+    if (r->kinks)
+        along->kink_rates = lag_read_program(in, 3 * state + p + 2 * (int64_t)e->nq + e->np, 2 * (int64_t)r->kinks);
+}
+
 /* Read what derivatives.bin has. Returns 0, or 1 if it is damaged. */
 static int read_directions(lag_fmu *fmu, const void *data, int64_t bytes)
 {
     const lag_equations *e = &fmu->model.equations;
     lag_fmu_directions *d = &fmu->directions;
     lag_reader in = {.at = data, .words = bytes / 8, .status = LAG_MODEL_READ};
-    if (bytes < 24 || bytes % 8 || lag_read_word(&in) != LAG_DERIVATIVES_MAGIC || lag_read_word(&in) != bytes / 8
-        || fmu->model.contents & LAG_MODEL_SWITCHING)
+    if (bytes < 24 || bytes % 8 || lag_read_word(&in) != LAG_DERIVATIVES_MAGIC || lag_read_word(&in) != bytes / 8)
         return 1;
     const int64_t p = d->parameters = lag_read_int(&in, fmu->own, e->np), state = 1 + 2 * (int64_t)e->nq;
     const int64_t entries = (int64_t)e->nm + e->nq + e->nb + e->nc;
     int64_t rank = 0;
     d->rows = lag_read_list(&in, &rank);
     d->rank = (int)rank;
-    if (in.status != LAG_MODEL_READ || rank != fmu->model.problem.rank || rank > e->nc)
+    if (in.status != LAG_MODEL_READ || rank != fmu->model.problem.rank || rank > e->nc
+        || (fmu->model.contents & LAG_MODEL_SWITCHING && rank < e->nc))
         return 1;
     for (int i = 0; i < d->rank; ++i)
         if (d->rows[i] < (i ? d->rows[i - 1] + 1 : 0) || d->rows[i] >= e->nc)
             return 1;
     d->of_parameters = lag_read_program(&in, 2 * (int64_t)fmu->settable, fmu->own);
     d->of_equations = lag_read_program(&in, 2 * state + p + e->np, entries);
-    d->of_columns = lag_read_program(&in, 2 * (state + e->nq + e->nc) + p + e->np, fmu->derived);
+    read_switching_directions(&in, fmu);
+    d->of_columns = lag_read_program(&in, 2 * (state + e->nq + fmu->nc) + p + e->np, fmu->derived);
     if (in.status != LAG_MODEL_READ || in.words)
         return 1;
     d->changes = lag_doubles(&fmu->pool, fmu->count);
     d->seeds = lag_doubles(&fmu->pool, 2 * (int64_t)fmu->settable);
-    d->right = lag_doubles(&fmu->pool, 2 * ((int64_t)e->nq + e->nc));
+    d->right = lag_doubles(&fmu->pool, 2 * ((int64_t)e->nq + fmu->nc));
     d->p = lag_doubles(&fmu->pool, p);
     if (rank < e->nc) {
         const int64_t n = e->nq + rank;

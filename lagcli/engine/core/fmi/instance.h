@@ -13,12 +13,14 @@
  *   a program of the parameters that can be set: all parameters, q and v at the start
  *   a program of (t, q, v, a, lambda, p): the derived values
  *
- * A file derivatives.bin is for directional derivatives, of models that do not switch:
+ * A file derivatives.bin is for directional derivatives:
  *
  *   LAG_DERIVATIVES_MAGIC, the number of words, the number P of parameters that change
  *   a list of constraints whose rows of B are independent and span all
  *   a program of (the parameters that can be set, their changes): the changes of all of the model's parameters
  *   a program of (t, q, v, their changes, delta p, p): the changes of the entries of M, f, the entries of B, gamma
+ *   of models that switch, the programs functions, limits, forces and kink_rates of lag_directions, where the model has
+ *   such
  *   a program of (t, q, v, a, lambda, their changes, delta p, p): the changes of the derived values
  *
  * The values, by value references from 0 on, are t, q, v, a, lambda, the derived values, the parameters.
@@ -50,6 +52,7 @@ typedef struct {
     int has;                           /* whether there are any */
     int parameters;                    /* those that change, the first ones of the run's */
     lag_program of_parameters, of_equations, of_columns;
+    lag_directions along;              /* of a model that switches */
     const void *bound;                 /* the simulation for which the tapes are bound */
     lag_tape parameter_tape, equation_tape, column_tape;
     double *changes;                   /* of all values, by value references */
