@@ -9,9 +9,9 @@ from urllib.parse import quote
 
 from lagcli.errors import UsageError
 from lagcli.live.page import live_page
-from lagcli.live.words import words_of
 from lagcli.model.model import Model
 from lagcli.pictures.page import page
+from lagcli.pictures.words import words_of
 
 INDEX = "index.html"
 

@@ -11,13 +11,13 @@ from string import Template
 
 from lagcli.live.content import live_content
 from lagcli.live.module import module
-from lagcli.live.words import words_of
 from lagcli.model.expression.units import to_si
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.values import independent_parameters
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.words import words_of
 from lagcli.settings.settings import SettingsOverrides
 
 _PLAYER = ("lagcli.pictures", "assets")
@@ -122,7 +122,8 @@ def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None
         asset("balance.js"),
         *(asset(name) for name in PLAYER_SCRIPTS),
         *(_text(_PLAY, name) for name in _SHARED),
-        *(_text(_LIVE, name) for name in ("words.js", "translation.js", "simulator.js")),
+        *(_text(_LIVE, name) for name in ("words.js", "simulator.js")),
+        asset("translation.js"),
     ]
     styles = [
         asset("vendor/uplot/uPlot.min.css"),

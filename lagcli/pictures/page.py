@@ -184,10 +184,21 @@ def _plain(html: str) -> str:
     return re.sub(r"<[^>]*>", "", html)
 
 
+def own_words(text: str | None) -> str:
+    """Return a text of the model in HTML, which is not translated."""
+    return f'<span translate="no">{escape(text)}</span>' if text else ""
+
+
+def message(text: str) -> str:
+    """Return a message of the program in HTML, which is in English on every page."""
+    return f'<span lang="en" translate="no">{with_code(text)}</span>' if text else ""
+
+
 def paragraphs(text: str | None) -> str:
-    """Return a description: its paragraphs, escaped."""
+    """Return a description of the model: its paragraphs, escaped."""
     blocks = (text or "").strip().split("\n\n")
-    return "".join(f"<p>{escape(' '.join(b.split()))}</p>" for b in blocks if b.strip())
+    lines = (" ".join(block.split()) for block in blocks)
+    return "".join(f'<p translate="no">{escape(line)}</p>' for line in lines if line)
 
 
 def with_code(text: str) -> str:

@@ -163,7 +163,7 @@ def test_conserved_quantities_are_there_with_their_proofs(result, tmp_path):
 
 def test_title_and_text_are_escaped(crank):
     text = crank.read_text(encoding="utf-8")
-    assert "<h1>Slider &lt;crank&gt; &amp; co.</h1>" in text
+    assert '<h1 translate="no">Slider &lt;crank&gt; &amp; co.</h1>' in text
     assert "<title>Slider &lt;crank&gt; &amp; co.</title>" in text
 
 
@@ -228,7 +228,7 @@ def test_a_failed_run_is_reported(tmp_path):
     assert "failed" in made.notes[0]
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     banner = text.index('<div class="status bad" role="alert">')
-    assert text.index("<h1>") < banner < text.index("<main")
+    assert text.index("<h1 ") < banner < text.index("<main")
     assert "The run failed" in text
     assert "stopped after 50 steps" in text
     assert model.name in text
@@ -367,7 +367,7 @@ def test_csv_needs_its_model(tmp_path, capsys):
     with_model = str(tmp_path / "whole.csv")
     assert cli(["simulate", model, "--samples", "9", "-o", with_model, "--meta", "--quiet"]) == 0
     assert cli(["report", with_model, "-o", page, "--force", "--title", "By hand"]) == 0
-    assert "<h1>By hand</h1>" in Path(page).read_text(encoding="utf-8")
+    assert '<h1 translate="no">By hand</h1>' in Path(page).read_text(encoding="utf-8")
 
 
 def test_exit_statuses_and_messages(tmp_path, result, capsys):
@@ -479,7 +479,7 @@ def test_contacts_are_inequalities_with_their_remarks(reports):
 
 def test_names_in_messages_are_code_and_rates_have_a_unit(reports):
     text = reports("particle_on_sphere").read_text(encoding="utf-8")
-    assert "<p><code>ground</code> stopped the run" in text
+    assert "<code>ground</code> stopped the run" in text
     rows = text.split("<caption>Coordinates and initial values</caption>")[1].split("</table>")[0]
     assert "Unit of the rate" in rows
     assert "<td >rad/s</td>" in rows

@@ -301,7 +301,7 @@ def _models_section(content: Mapping[str, Any], units: Mapping[str, str]) -> Res
     blocks: list[SectionBlock] = []
     if failed:
         blocks.append(Remark(", ".join(content["status"]), kind="failure"))
-    blocks.append(ResultTable(Phrase(f"{content['model']} and {content['other']}"), columns))
+    blocks.append(ResultTable(Phrase(f"Models {content['model']} and {content['other']}"), columns))
     if any(x.get("explained") for x in content["multipliers"]):
         said = (
             "Explained: the Lagrangians differ by F times the constraint, which does not change the"

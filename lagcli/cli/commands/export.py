@@ -17,7 +17,7 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.parameters import Argument, Option
-from lagcli.live.languages import Language
+from lagcli.pictures.languages import Language
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model

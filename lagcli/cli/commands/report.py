@@ -5,7 +5,7 @@ from typing import Annotated
 from lagcli.cli.options import Force, Quiet, ResultFile, ViewModel
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, tell
-from lagcli.live.languages import Language
+from lagcli.pictures.languages import Language
 
 
 def report(
@@ -31,7 +31,7 @@ def report(
         Option(help="Of a run: write a page that simulates its model, with its values, instead."),
     ] = False,
     lang: Annotated[
-        Language, Option("--lang", help="Language of the words of a live page.")
+        Language, Option("--lang", help="Language of the words of the page.")
     ] = Language.en,
     force: Force = False,
     quiet: Quiet = False,
@@ -44,8 +44,8 @@ def report(
     in the browser, as that of `lagcli export -o page.html`. Files of sweep, equilibrium, linearize,
     modes, compare and fit have a report of their results.
     """
-    if live or lang is not Language.en:
-        _check_live(live, output, title, modes)
+    if live:
+        _check_live(output, title, modes)
         from lagcli.live.page import live_page_of_run
         from lagcli.pictures.run_file import RunFile
         from lagcli.results.atomic import check_writable, whole_file
@@ -59,18 +59,16 @@ def report(
         return
     from lagcli.pictures.report import report as make
 
-    made = make(file, output, title=title, model=model, modes=modes, force=force)
+    made = make(file, output, title=title, model=model, modes=modes, lang=lang.value, force=force)
     print_notes(made.notes)
     if not quiet:
         tell(made.summary)
 
 
-def _check_live(live: bool, output: str, title: str | None, modes: str | None) -> None:
+def _check_live(output: str, title: str | None, modes: str | None) -> None:
     """Refuse options that do not go together."""
     from lagcli.errors import UsageError
 
-    if not live:
-        raise UsageError("--lang is for pages that simulate: --live")
     if title is not None or modes is not None:
         raise UsageError("--title and --modes are for reports; a page that simulates has neither")
     if not output.lower().endswith((".html", ".htm")):

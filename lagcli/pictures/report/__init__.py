@@ -49,6 +49,7 @@ def report(
     title: str | None = None,
     model: str | None = None,
     modes: str | None = None,
+    lang: str = "en",
     force: bool = False,
 ) -> Report:
     """Write the report of a run: equations, animation, plots and figures on one HTML page.
@@ -76,6 +77,9 @@ def report(
     modes : str, optional
         For a run: add the modes of its model about its ``start``, the ``equilibrium`` next to it,
         or its state at a time, s; their plot needs matplotlib.
+    lang : str
+        Language of the page's own words: ``"en"``, ``"de"``, ``"fr"`` or ``"es"``. Texts of the
+        model and messages of the program stay as they are.
     force : bool
         Replace an existing file.
 
@@ -89,7 +93,7 @@ def report(
         The result cannot be read, or the page cannot be written.
     UsageError
         The result contains no model, its view cannot be drawn, the output is not a file name of a
-        page, or a PDF is asked for without LaTeX or of an analysis.
+        page, the language is unknown, or a PDF is asked for without LaTeX or of an analysis.
     ModelError
         The text of the model is invalid for this version.
     """
@@ -113,6 +117,8 @@ def report(
         check_latex()
         if modes is not None:
             raise UsageError("--modes is for pages, and PDF has none; write .html")
+        if lang != "en":
+            raise UsageError("--lang is for pages, and PDF is in English; write .html")
     check_writable(output, force)
     kind = file_kind(source)
     if kind != KIND and printed:
@@ -124,7 +130,7 @@ def report(
             raise UsageError("--model is for runs; a file of an analysis contains its model")
         if modes is not None:
             raise UsageError(f"--modes is for runs; {os.fspath(source)} is a file of {kind}")  # type: ignore[arg-type]
-        page = analysis_page(os.fspath(source), kind, title).encode()  # type: ignore[arg-type]
+        page = analysis_page(os.fspath(source), kind, title, lang).encode()  # type: ignore[arg-type]
         with whole_file(output, force) as file:
             file.write(page)
         return Report(output, len(page), None, ())
@@ -134,7 +140,7 @@ def report(
 
         page = assembled_pdf(run, title)
     else:
-        page = assembled(run, title, modes).encode()
+        page = assembled(run, title, modes, lang).encode()
     with whole_file(output, force) as file:
         file.write(page)
     status, message = run.record.status, run.record.message

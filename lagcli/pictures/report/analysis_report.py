@@ -28,7 +28,7 @@ from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
-from lagcli.pictures.page import asset, axis_unit, number, table, unit, with_code
+from lagcli.pictures.page import asset, axis_unit, number, own_words, table, unit, with_code
 from lagcli.pictures.plots.analysis_plot import draw_result, plot_analysis
 from lagcli.pictures.plots.figure import FigureTarget
 from lagcli.pictures.report.equations import EquationSystem
@@ -48,7 +48,7 @@ _CONTENTS = (
 )
 
 
-def analysis_page(path: str, kind: str, title: str | None = None) -> str:
+def analysis_page(path: str, kind: str, title: str | None = None, lang: str = "en") -> str:
     """Return the page of an analysis file.
 
     Parameters
@@ -72,18 +72,20 @@ def analysis_page(path: str, kind: str, title: str | None = None) -> str:
         result = read_fit(path)
         model = load_text(result.model, path)
         sections = rendered(fit_sections(result), partial(draw_result, result, ()))
-        return _assembled(model, result.parameters, sections, path, kind, title)
+        return _assembled(model, result.parameters, sections, path, kind, title, lang)
     if kind == "sweep":
         from lagcli.pictures.report.sweep_report import sweep_model, sweep_sections
 
         model = sweep_model(path)
-        return _assembled(model, model.parameter_values, sweep_sections(path), path, kind, title)
+        return _assembled(
+            model, model.parameter_values, sweep_sections(path), path, kind, title, lang
+        )
     from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 
     content, given = read_analysis(path), read_model_text(path)
     model = load_text(given.text, given.path, given.set, given.set_initial)
     sections = _sections(content, model)
-    return _assembled(model, model.parameter_values, sections, path, kind, title)
+    return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
 
 
 def _assembled(
@@ -93,11 +95,12 @@ def _assembled(
     path: str,
     kind: str,
     title: str | None,
+    lang: str,
 ) -> str:
     system = EquationSystem(Formulas(derive(model)), result_units(model), parameters)
     changed = {**model.set, **model.set_initial}
     rows = [
-        ("File", escape(os.path.basename(path))),
+        ("File", own_words(os.path.basename(path))),
         ("Made by", f"lagcli {escape(kind)}, page by lagcli {__version__}"),
         ("Changed", escape(", ".join(f"{k} = {x}" for k, x in changed.items()))),
         ("Model", f"<code>sha256 {escape(model.sha256)}</code>"),
@@ -106,6 +109,7 @@ def _assembled(
         system,
         template="analysis.html",
         title=title,
+        lang=lang,
         contents=[*((x.anchor, escape(x.title)) for x in sections), *_CONTENTS],
         styles=map(asset, _STYLES),
         scripts=[asset("theme.js")],

@@ -25,7 +25,7 @@ from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula
 from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.pictures.balance import Balance, live_equation
-from lagcli.pictures.page import number, table, unit
+from lagcli.pictures.page import number, own_words, table, unit
 from lagcli.pictures.selection import chosen, elided
 
 #: Largest number of coordinates, parameters, constraints and equations that are listed; of more
@@ -103,7 +103,7 @@ class EquationSystem:
         rows = []
         for j in places:
             c = given[j]
-            row = [self.symbol(c.name), escape(c.description or ""), unit(self.units.get(c.name))]
+            row = [self.symbol(c.name), own_words(c.description), unit(self.units.get(c.name))]
             values = [number(float(x[j])) for x in first]
             rate = [unit(BY_NAME["v"].unit_at(self.units.get(c.name)))] if first else []
             rows.append([*row, *values, *rate])
@@ -122,7 +122,7 @@ class EquationSystem:
             p = self.model.parameters[names[i]]
             value = self.values.get(p.name, p.value)
             shown = unit(self.units.get(p.name, p.unit))
-            rows.append([self.symbol(p.name), escape(p.description or ""), number(value), shown])
+            rows.append([self.symbol(p.name), own_words(p.description), number(value), shown])
         caption = _counted("Parameters, in SI units", len(places), len(names))
         head = ["Parameter", "Meaning", "Value", "Unit"]
         return table(caption, head, elided(places, rows, _dots(head)), numeric=(2,))
@@ -251,7 +251,7 @@ class EquationSystem:
         items = []
         for item in listed.values():
             name = str(item[0].label)
-            description = escape(about[_family(name)])
+            description = own_words(about[_family(name)])
             items.append(
                 f'<dt><span class="name">{escape(name)}</span>:'
                 f" {escape(item[0].remark or '')}, multiplier"

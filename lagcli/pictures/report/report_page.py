@@ -12,10 +12,11 @@ from string import Template
 from typing import Any, NamedTuple
 
 from lagcli.arrays import Array
-from lagcli.pictures.page import asset, page, paragraphs
+from lagcli.pictures.page import asset, page, paragraphs, script_data
 from lagcli.pictures.plots.figure import FigureTarget, new_figure
 from lagcli.pictures.plots.mode_plot import DRAWN
 from lagcli.pictures.report.equations import EquationSystem
+from lagcli.pictures.words import Words, words_of
 
 Links = Sequence[tuple[str, str]]  # anchors and titles
 
@@ -30,6 +31,7 @@ def report_page(
     scripts: Sequence[str],
     layout: str = "without-motion",
     images: bool = False,
+    lang: str = "en",
     status: str = "",
     start: Sequence[Array] = (),
     conserved: str = "",
@@ -51,6 +53,8 @@ def report_page(
         Texts of the scripts.
     layout, images
         See `lagcli.pictures.page.page`.
+    lang : str
+        Language of the page's own words.
     status : str
         HTML before the contents.
     start : sequence of arrays
@@ -92,7 +96,25 @@ def report_page(
         ),
         content=_filled(template, **sections, **parts),
     )
-    return page(name, body, styles=styles, scripts=scripts, layout=layout, images=images)
+    if words := words_of(lang, "report_words.json"):
+        data = f'<script type="application/json" id="words">{script_data(words)}</script>'
+        body = f"{Words(words).page(body)}\n{data}"
+        scripts = [*scripts, asset("translation.js"), _TRANSLATE]
+    return page(
+        name,
+        body,
+        styles=styles,
+        scripts=scripts,
+        layout=layout,
+        images=images,
+        lang=lang,
+    )
+
+
+#: For texts that scripts write to the page.
+_TRANSLATE = """new Translation(
+  JSON.parse(document.getElementById("words").textContent),
+).observe(document.body);"""
 
 
 def _filled(template: str, **parts: str) -> str:

@@ -30,7 +30,9 @@ from lagcli.pictures.page import (
     PLAYER_STYLES,
     asset,
     axis_unit,
+    message,
     number,
+    own_words,
     script_data,
     table,
     unit,
@@ -73,7 +75,9 @@ _ROWS = 24
 _ROUNDING = 1e-10
 
 
-def assembled(run: RunFile, title: str | None = None, modes: str | None = None) -> str:
+def assembled(
+    run: RunFile, title: str | None = None, modes: str | None = None, lang: str = "en"
+) -> str:
     """Return the page of a run.
 
     Parameters
@@ -83,6 +87,8 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         Title instead of the model's name.
     modes : str, optional
         See `lagcli.pictures.report.report`.
+    lang : str
+        Language of the page's own words.
 
     Raises
     ------
@@ -139,6 +145,7 @@ def assembled(run: RunFile, title: str | None = None, modes: str | None = None) 
         styles=map(asset, (*_STYLES, *(["analysis.css"] if asked else []))),
         scripts=[f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)],
         layout="with-motion" if scene else "without-motion",
+        lang=lang,
         status=tables.status(run),
         start=[x[0] for x in start.values()] if run.count else (),
         conserved=system.conserved(),
@@ -283,7 +290,7 @@ def status(run: RunFile) -> str:
     if record.status == "completed":
         return ""
     title = _ENDINGS.get(record.status, f"The run has the status {record.status}.")
-    message = f"<p>{with_code(record.message)}</p>" if record.message else ""
+    said = f"<p>{message(record.message)}</p>" if record.message else ""
     samples = (
         f"<p>All of the {run.count} samples that were written are shown.</p>"
         if run.count
@@ -292,7 +299,7 @@ def status(run: RunFile) -> str:
     kind = "stopped" if record.status == "stopped-by-event" else "bad"
     return (
         f'<div class="status {kind}" role="alert"><strong>{escape(title)}</strong>'
-        f"{message}{samples}</div>"
+        f"{said}{samples}</div>"
     )
 
 
@@ -344,7 +351,7 @@ def solver(run: RunFile, extremes: Extremes) -> str:
         balance += f", {number(extremes.energy_balance / scale, 2)} of {number(scale, 4)} J"
     rows = [
         ("Status", escape(record.status or "not recorded")),
-        ("Message", with_code(record.message)),
+        ("Message", message(record.message)),
         ("Method", escape(method_phrase(options))),
         ("Counts", escape(counts)),
         ("Time", escape(seconds)),
@@ -363,7 +370,7 @@ def provenance(run: RunFile) -> str:
     versions = f"run by lagcli {record.lagcli_version}" if record.lagcli_version else ""
     page = f"page by lagcli {__version__}"
     rows = [
-        ("File", escape(os.path.basename(run.name)) if os.path.exists(run.name) else ""),
+        ("File", own_words(os.path.basename(run.name)) if os.path.exists(run.name) else ""),
         ("Samples", str(run.count)),
         ("Version", escape(", ".join(x for x in (versions, page) if x))),
         ("Model", f"<code>sha256 {escape(record.model_sha256)}</code>"),
@@ -372,7 +379,7 @@ def provenance(run: RunFile) -> str:
             for name, x in record.inputs.items()
             if x.file
         ),
-        ("Options", escape(options)),
+        ("Options", own_words(options)),
     ]
     return table("Provenance", ["", ""], [row for row in rows if row[1]], kind="facts")
 
@@ -380,7 +387,7 @@ def provenance(run: RunFile) -> str:
 def _named(curve: Curve, system: EquationSystem) -> tuple[str, str]:
     """Return the symbol and the unit of a curve."""
     place, model = curve.place, system.model
-    symbol = escape(curve.name)
+    symbol = own_words(curve.name)
     if curve.field in ("q", "v") and place:
         symbol = system.symbol(model.coordinate_names[place[0]], int(curve.field == "v"))
     elif curve.field == "multipliers" and place:
@@ -455,7 +462,7 @@ def _recorded(run: RunFile, records: EventRecords, log: EventLog) -> str:
     for place in places:
         entry, values = int(records.entry[place]), records.of(place)
         cells = [_limits(values[name]) if name in values else "" for name in records.columns]
-        rows.append([time_button(float(log.time[entry]), 9), escape(log.names[entry]), *cells])
+        rows.append([time_button(float(log.time[entry]), 9), own_words(log.names[entry]), *cells])
     head = ["t [s]", "Event", *(_headed(run, name) for name in records.columns)]
     caption = "What events recorded, before → after"
     numeric = (0, *range(2, len(head)))
@@ -505,7 +512,7 @@ def _entries(run: RunFile, log: EventLog) -> str:
             mode = MODES[log.modes[i, log.rows.index(name)]]
         amounts = [number(x[i], 4) if x[i] else "" for x in (log.loss, log.supplied, log.work)]
         time = time_button(float(log.time[i]), 9)
-        rows.append([time, escape(name), log.kinds[i], mode, impulse, *amounts])
+        rows.append([time, own_words(name), log.kinds[i], mode, impulse, *amounts])
     head = ["t [s]", "Name", "What", "Mode after", f"Impulse [{_impulse_unit(run, log)}]"]
     head += ["Loss [J]", "Supplied [J]", "Work [J]"]
     caption = "What happened, in order"

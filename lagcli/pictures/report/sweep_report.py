@@ -14,7 +14,7 @@ from lagcli.column_units import NOT_STATED
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
-from lagcli.pictures.page import number, table, unit
+from lagcli.pictures.page import message, number, own_words, table, unit
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.plots.sweep_plot import TORNADO, PlottedTable, Rows, plot_table
 from lagcli.pictures.report.report_page import AnalysisSection, picture
@@ -85,7 +85,7 @@ def _facts(content: Mapping[str, Any]) -> str:
     body = table("The sweep", ["", ""], [x for x in facts if x[1]], kind="facts")
     causes = sorted(content["failures"].items(), key=lambda x: -x[1])
     if causes:
-        rows = [[str(count), escape(cause)] for cause, count in causes[:_CAUSES]]
+        rows = [[str(count), message(cause)] for cause, count in causes[:_CAUSES]]
         body += table("Rows that failed, by cause", ["Rows", "Cause"], rows)
     return body
 
@@ -94,7 +94,7 @@ def _columns(content: Mapping[str, Any]) -> str:
     rows = [
         [
             f'<span class="name">{escape(x["name"])}</span>',
-            escape(x["long_name"]),
+            _meaning(x["long_name"]),
             "" if x["unit"] == NOT_STATED else unit(x["unit"]),
             number(x["min"], 8),
             number(x["max"], 8),
@@ -103,6 +103,11 @@ def _columns(content: Mapping[str, Any]) -> str:
     ]
     head = ["Quantity", "What it is", "Unit", "Least", "Largest"]
     return table("What was varied and what was measured", head, rows, numeric=(3, 4))
+
+
+def _meaning(text: str) -> str:
+    """Return what a quantity is: a description of the model, or what the program says."""
+    return escape(text) if text.startswith("initial value of ") else own_words(text)
 
 
 def _measures(plotted: PlottedTable) -> str:
@@ -150,7 +155,7 @@ def _rows(path: str) -> str:
         [
             str(row),
             *(number(float(x[i]), 8) for x in values),
-            "" if status[i] == COMPLETED else escape(messages[row]),
+            "" if status[i] == COMPLETED else message(messages[row]),
         ]
         for i, row in enumerate(few)
     ]

@@ -73,7 +73,6 @@ def test_the_page_of_a_run_has_its_number_of_members(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--lang", "de", "-o", "x.html"], "--live"),
         (["--live", "--modes", "start", "-o", "x.html"], "has neither"),
         (["--live", "-o", "x.pdf"], "ends in .html"),
     ],

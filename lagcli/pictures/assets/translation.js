@@ -11,7 +11,7 @@
 
 class Translation {
   static ATTRIBUTES = ["aria-label", "title", "placeholder"];
-  static OF_MODEL = "math, script, style, #name, #description, code, textarea, .control-name, .scenario-name, .preset, .preset-description";
+  static OF_MODEL = "[translate='no'], .name, math, script, style, #name, #description, code, textarea, .control-name, .scenario-name, .preset, .preset-description";
 
   constructor(words) {
     const entries = Object.entries(words);
