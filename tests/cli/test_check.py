@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-import fastjsonschema
 import pytest
+from documented_schemas import schema
 
 from lagcli.cli.app import run
 from lagcli.errors import display_width
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
 FOUND = ROOT / "tests" / "found"
 SCHEMA = json.loads((ROOT / "docs" / "schemas" / "check.json").read_text(encoding="utf-8"))
-VALID = fastjsonschema.compile(SCHEMA)
+VALID = schema("check")
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-import fastjsonschema
 import pytest
+from documented_schemas import schema
 
 from lagcli.cli.app import run
 
@@ -36,7 +36,7 @@ def test_a_motion_that_violates_the_constraints_is_noted(
 
 
 def test_json_is_that_of_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
-    valid = fastjsonschema.compile(SCHEMA)
+    valid = schema("compare")
     assert run(["compare", PENDULUM, "--t-end", "1", "--json", "--formulation", "ggl"]) == 0
     assert len(valid(json.loads(capsys.readouterr().out))["runs"]) == 1
     assert run(["compare", CRANK, TEXTBOOK, "--t-end", "1", "--json"]) == 0

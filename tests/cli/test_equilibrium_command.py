@@ -6,8 +6,8 @@ import json
 import math
 from pathlib import Path
 
-import fastjsonschema
 import pytest
+from documented_schemas import schema
 
 from lagcli.cli.app import run
 
@@ -18,9 +18,8 @@ PITCHFORK = ("--set", "theta_0=0 rad", "--along", "Omega=2 rad/s:4 rad/s", "--br
 
 
 def valid(text: str) -> dict[str, object]:
-    schema = json.loads((ROOT / "docs" / "schemas" / "equilibrium.json").read_text())
     found = json.loads(text)
-    fastjsonschema.compile(schema)(found)
+    schema("equilibrium")(found)
     assert list(found)[:2] == ["command", "model"]
     return dict(found)
 
@@ -151,8 +150,7 @@ def test_linear_models_state_their_contacts(
         file, page = str(tmp_path / f"{command}.h5"), str(tmp_path / f"{command}.html")
         assert run([command, model, "--equilibrium", "--json", "-o", file]) == 0
         found = json.loads(capsys.readouterr().out)
-        schema = (ROOT / "docs" / "schemas" / f"{command}.json").read_text(encoding="utf-8")
-        fastjsonschema.compile(json.loads(schema))(found)
+        schema(command)(found)
         assert [x["state"] for x in found["operating_point"]["contacts"]] == ["closed"]
         assert run(["report", file, "-o", page]) == 0
         capsys.readouterr()

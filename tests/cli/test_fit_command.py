@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import fastjsonschema
 import numpy as np
 import pytest
+from documented_schemas import schema
 
 import lagcli
 from lagcli.cli.app import run
@@ -103,8 +103,7 @@ def test_json_is_as_its_schema_says(folder: Path, command: Command) -> None:
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert list(found)[:2] == ["command", "model"]
-    schema = json.loads((ROOT / "docs" / "schemas" / "fit.json").read_text())
-    fastjsonschema.compile(schema)(found)
+    schema("fit")(found)
     assert found["parameters"]["c"]["start"] == 0.2
     assert len(found["starts"]) == 2
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import fastjsonschema
 import pytest
+from documented_schemas import schema
 from shipped import PATHS, every_model
 
 import lagcli
@@ -18,12 +18,6 @@ from lagcli.cli.app import COMMANDS, run
 
 ROOT = Path(__file__).parents[2]
 MODELS = sorted((ROOT / "models").rglob("*.yaml"))
-
-
-def schema(command: str) -> Callable[[Any], Any]:
-    text = (ROOT / "docs" / "schemas" / f"{command}.json").read_text(encoding="utf-8")
-    found: Callable[[Any], Any] = fastjsonschema.compile(json.loads(text))
-    return found
 
 
 DERIVE = schema("derive")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import fastjsonschema
 import numpy as np
 import pytest
+from documented_schemas import schema
 
 from lagcli.cli.app import run
 
@@ -19,9 +19,8 @@ HANGING = ("--set", "N=3", "--set", "theta_0=0 rad")
 
 def valid(command: str, text: str) -> dict[str, object]:
     """Return the object that a command printed, checked against its schema."""
-    schema = json.loads((ROOT / "docs" / "schemas" / f"{command}.json").read_text())
     found = json.loads(text)
-    fastjsonschema.compile(schema)(found)
+    schema(command)(found)
     assert list(found)[:2] == ["command", "model"]
     return dict(found)
 

@@ -296,8 +296,8 @@ def check_mechanism(seed: int) -> str:
 
 
 def test_values_of_random_mechanisms_hold() -> None:
-    found = [check_mechanism(seed) for seed in range(14)]
-    assert found.count("held") >= 7
+    found = [check_mechanism(seed) for seed in range(8)]
+    assert found.count("held") >= 4
 
 
 @pytest.mark.slow

@@ -170,7 +170,7 @@ def test_a_run_in_blocks_comes_back(
     tmp_path: Path, held: object, shape: str, suffix: str, rows: int
 ) -> None:
     run = make(**{"nt": 30, **SHAPES[shape]})
-    for size in (0, 3000, 1 << 23):
+    for size in (0, 3000, 1 << 23) if suffix == ".h5" else (0,):
         held(size)
         path = tmp_path / f"run{size}{suffix}"
         with open_writer(path, meta=True) as writer:

@@ -91,7 +91,7 @@ def test_a_run_comes_back(tmp_path: Path, size: dict[str, Any], meta: bool) -> N
         assert_same(run, back)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(run=random_trajectories(st.floats(allow_nan=False) | st.just(np.nan)))  # one NaN in CSV
 def test_any_run_comes_back(run: Trajectory) -> None:
     with tempfile.TemporaryDirectory() as folder:
