@@ -126,7 +126,7 @@ def check_turning_velocity(seed: int, method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_constraints_that_lose_rank_stop_the_run(method: str) -> None:
-    for seed in range(8):
+    for seed in range(4):
         check_losing_rank(seed, method)
 
 
@@ -145,6 +145,22 @@ def test_steps_in_which_b_moves_far_pass_no_singular_configuration(seed: int) ->
 @pytest.mark.parametrize(("seed", "method"), [(5, "Radau")])
 def test_many_constraints_that_lose_rank_stop_the_run(seed: int, method: str) -> None:
     check_many_rows(seed, method)
+
+
+def test_redundant_constraints_that_leave_no_freedom() -> None:
+    """As many independent constraints as coordinates, and one more: no singular configuration."""
+    found = lagcli.simulate(
+        lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+constraints: {one: x = t, two: y = t^2, three: x + y = t + t^2}
+initial: {x: {guess: 0}, y: {guess: 0}, x': {guess: 0}, y': {guess: 0}}
+"""),
+        t_end=2.0,
+        samples=2,
+    )
+    assert found.status == "completed"
+    np.testing.assert_allclose(found.q[-1], [2, 4], rtol=1e-12)
 
 
 @pytest.mark.parametrize("make", LINKAGES)
@@ -198,8 +214,7 @@ def test_the_motion_continues_as_advised(beside: int) -> None:
 def test_a_linkage_turns_where_its_branches_miss_each_other(
     method: str, make: Callable[[np.random.Generator, float], Passage], short: float
 ) -> None:
-    for seed in range(2):
-        check_close_passage(seed, method, make, short)
+    check_close_passage(0, method, make, short)
 
 
 @pytest.mark.fuzz

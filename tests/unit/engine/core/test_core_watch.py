@@ -208,6 +208,17 @@ def test_a_minimum_within_a_step_is_found_wherever_it_is() -> None:
             assert not watched.steps_over(*past, h, 1.2 / h)
 
 
+@pytest.mark.parametrize("h", [0.01, 1.0, 30.0])
+@pytest.mark.parametrize("side", [-1e-6, 1e-6])
+def test_a_step_that_ends_next_to_a_singular_configuration_is_found(h: float, side: float) -> None:
+    """Below 1e-4 of the largest value at an end, whatever is between."""
+    watched = Watched(TWO_ROWS, "unrolled")
+    watched.measured(np.array([0, 0, np.pi / 2, 1]), np.zeros(4))
+    rate = (side - 1.2) / h
+    assert watched.steps_over(angle(1.2, rate), angle(side, rate), h, 1.2 / h)
+    assert watched.steps_over(angle(side, -rate), angle(1.2, -rate), h, 1.2 / h)
+
+
 #: The two rows among so many that ln |det| is watched.
 AMONG_MANY = """
 coordinates: [x, y, w, s, u[1..26]]

@@ -164,6 +164,14 @@ def test_a_model_without_units_has_none() -> None:
     assert symbolic_unit(model, multiplier("c")) is None
 
 
+@pytest.mark.parametrize(("x", "m"), [("x: m", "m: 1"), ("x: {}", "m: 1 kg")])
+def test_units_of_coordinates_or_of_parameters_are_units(x: str, m: str) -> None:
+    model = load_text(text(x, m))
+    assert model.units.stated
+    assert not model.units.throughout
+    assert {model.units.of("x"), model.units.of("m")} == {"m" if "m" in x else "kg", None}
+
+
 def test_units_that_are_known_are_derived_where_others_are_missing() -> None:
     model = load_text(text("x: m", "m: 1 kg, k: 1", "outputs: {a: m*x'', b: k*x, c: x^2}\n"))
     assert model.units.missing == ("k",)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from lagcli.errors import Diagnostic, ModelError, SourceLocation
+from lagcli.model.dimensions.reporting import taken_units
 from lagcli.model.loader import load_text
 
 MODELS = Path(__file__).parents[4] / "models"
@@ -349,3 +350,17 @@ initial: {{x: 0, x': 0}}
     with pytest.raises(ModelError) as caught:
         load_text(text.format(factor=factor, more="*8"))
     assert "`8` counts as a pure number" in str(caught.value)
+
+
+def test_numbers_that_take_a_unit_are_located_themselves() -> None:
+    model = load_text("""\
+coordinates: {x: m}
+parameters: {m: 1 kg, k: 3 N/m}
+T: m*x'^2/2
+V: k*(x - 2)^2/2
+initial: {x: 0, x': 0}
+""")
+    (taken,) = taken_units(model)
+    assert (taken.text, taken.unit) == ("2", "m")
+    assert taken.location is not None
+    assert (taken.location.line, taken.location.column, taken.location.length) == (4, 11, 1)
