@@ -285,7 +285,7 @@ def test_damaged_derivatives_are_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(FmuError, match=r"derivatives\.bin is damaged"):
         fmu.instance()
     names, states = outputs_of(fmu), state_names(model)
-    for _ in range(60):
+    for _ in range(30):
         path.write_bytes(with_another_word(whole, rng))
         try:
             instance = fmu.instance()

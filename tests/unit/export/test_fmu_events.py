@@ -15,8 +15,7 @@ from test_fmu import unpacked
 import lagcli
 
 SWITCHING = [
-    pytest.param(name, marks=[] if name in (*REPRESENTATIVES, *more) else [pytest.mark.slow])
-    for more in [("sampled_pendulum", "particle_on_sphere")]
+    pytest.param(name, marks=[] if name in REPRESENTATIVES else [pytest.mark.slow])
     for name, path in PATHS.items()
     if path.parent.name == "contact" and name != "appell_hamel"
 ]
@@ -78,7 +77,7 @@ def test_events_are_those_of_simulate(name: str, tmp_path: Path) -> None:
             assert (np.abs(found.values - last) <= 1e-7 * size).all()
 
 
-@pytest.mark.parametrize("name", ["woodpecker", "sampled_pendulum", "stick_slip_belt"])
+@pytest.mark.parametrize("name", ["woodpecker", "stick_slip_belt"])
 def test_a_state_before_an_event_is_restored_to_the_last_bit(name: str, tmp_path: Path) -> None:
     model = lagcli.load(name)
     run = lagcli.simulate(model)
