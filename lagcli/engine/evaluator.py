@@ -248,6 +248,8 @@ class Evaluator:
         sizes : (nq,) array
             Changes of the coordinates that count as equal.
         """
+        if not self.system.constraints:
+            return np.empty(0)
         length = row_lengths(c.jacobian, sizes, c.velocity_scale, largest(v, sizes))
         if some := self._holonomic:
             rows, terms = c.jacobian[some], c.position_scale

@@ -5,15 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lagcli
 from lagcli.errors import LagcliError
 from lagcli.model.measures import read_measures
+from lagcli.simulations.variants import Variants
 from lagcli.sweeps.columns import measure_columns, named_measure
 from lagcli.sweeps.plan.plan import make_plan
+from tests.support.rows_alone import check_equal_alone
 
+SWITCHING = sorted((Path(__file__).parents[2] / "models" / "contact").glob("*.yaml"))
 MODEL = lagcli.load(Path(__file__).parents[2] / "models" / "slider_crank.yaml")
 PIECES = st.sampled_from(
     [
@@ -49,3 +53,16 @@ def test_measures(text: str) -> None:
     except LagcliError:
         return
     measure_columns(MODEL, (named,))
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("path", SWITCHING, ids=lambda path: path.stem)
+def test_rows_that_switch_are_single_runs(path: Path, seed: int) -> None:
+    model, rng = lagcli.load(path), np.random.default_rng(seed)
+    variants = Variants(model)
+    names = [k for k, x in model.parameters.items() if x.value and variants.together([k])]
+    columns = rng.permutation(names)[:3].tolist()
+    own = np.array([model.parameters[name].value for name in columns])
+    table = own * (1 + 0.1 * rng.uniform(-1, 1, (6, len(columns))))
+    check_equal_alone(model, columns, table, t_end=min(2.0, model.settings.t_end or 2.0))

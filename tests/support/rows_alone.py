@@ -9,6 +9,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.contract import Outcome
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.engine import integrate
 from lagcli.engine.system import System
 from lagcli.errors import LagcliError
 from lagcli.model.model import Model
@@ -35,6 +36,45 @@ def rows_together(
 
     group.run(np.asarray(table, dtype=float), take, lambda: None)
     return group, [found.pop(i) for i in range(len(table))]
+
+
+def check_equal_alone(
+    model: Model, columns: list[str], table: Any, **options: Any
+) -> tuple[list[str], list[Outcome | LagcliError]]:
+    """Return how each row of a sweep ends, and its run, after comparing it with its single run.
+
+    Samples, log and counts must be equal to the last bit, errors in their text.
+    """
+    group, together = rows_together(model, columns, table, **options)
+    table = np.asarray(table, dtype=float)
+    variants, ends = group.variants, []
+    values = group.variants.values(group.columns, table)
+    for i, (samples, run, rank) in enumerate(together):
+        try:
+            simulation = group._simulation(i, table[i], values)
+        except LagcliError as error:
+            expected = type(error), str(error)
+        else:
+            expected = None
+        if expected is not None:
+            assert (type(run), str(run)) == expected
+            ends.append("no start")
+            continue
+        assert isinstance(run, Outcome), str(run)
+        blocks = [np.empty((0, variants.system.sample_layout.size))]
+        request = simulation.request._replace(times=group.grid.all)
+        single = integrate(
+            simulation.system, request, lambda block, to=blocks: to.append(np.column_stack(block))
+        )
+        assert (run.status, run.counts, run.modes) == (single.status, single.counts, single.modes)
+        assert rank == request.rank
+        np.testing.assert_array_equal(samples, np.concatenate(blocks))
+        assert len(run.events) == len(single.events)
+        for name in ("time", "occurrence", "after", "impulse", "loss"):
+            if len(single.events):
+                np.testing.assert_array_equal(run.events.part(name), single.events.part(name))
+        ends.append(run.status)
+    return ends, [run for _, run, _ in together]
 
 
 def check_like_alone(

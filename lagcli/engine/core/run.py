@@ -86,6 +86,7 @@ core = Functions(
         "lag_state_size": (c_size_t, c_void_p),
         "lag_save": (None, c_void_p, c_void_p),
         "lag_restore": (c_int, c_void_p, c_void_p),
+        "lag_begin_again": (None, c_void_p, c_void_p),
     }
 )
 
@@ -133,20 +134,26 @@ class Integrator:
         width = SampleLayout(Counts(self._nq, self._nc)).size + problem["extra"]
         width += problem["directions"] * (3 * self._nq + self._nc + problem["extra"])
         self.block = np.empty((problem["block_rows"], width))
-        values = problem | {
-            "parameters": system.held_at(problem["t"], problem["parameters"]),
-            "times_count": np.size(problem["times"]),
-            "block": self.block,
-            "kernel": KERNEL,
-        }
-        self._times: int = values["times_count"]
-        record = given.filled(lag_problem, **values)
+        self._times = int(np.size(problem["times"]))
+        record = self._problem(given, problem)
         self._run = core.lag_create(None, byref(equations), byref(record))
         check(not self._run)
         self.orders: list[PivotOrder] = []
         self._written = lag_report()  # one for all: to make one takes longer than to fill it
         self._written_to = addressof(self._written)
         self._use_functions(system)
+
+    def _problem(self, given: Arguments, problem: dict[str, Any]) -> Any:
+        return given.filled(
+            lag_problem,
+            **problem
+            | {
+                "parameters": self._system.held_at(problem["t"], problem["parameters"]),
+                "times_count": self._times,
+                "block": self.block,
+                "kernel": KERNEL,
+            },
+        )
 
     # the function is at hand also while the interpreter ends
     def __del__(self, destroy: Any = core.lag_destroy) -> None:
@@ -322,6 +329,21 @@ class Integrator:
         """Go back to a state of this run; ValueError if the equations were replaced since."""
         if core.lag_restore(self._run, saved):
             raise ValueError("the run has changed otherwise since it was saved")
+
+    def begin_again(self, saved: bytes, problem: dict[str, Any]) -> None:
+        """Go back to a state before the start, with another problem.
+
+        Parameters
+        ----------
+        saved : bytes
+            From `save`; ValueError if the equations were replaced since.
+        problem : dict
+            That of the run with other ``parameters``, ``y``, ``sizes`` and lengths.
+        """
+        self.restore(saved)
+        self.orders = []
+        given = Arguments()
+        core.lag_begin_again(self._run, byref(self._problem(given, problem)))
 
     @property
     def _report(self) -> Any:

@@ -202,15 +202,19 @@ class Integration:
     def use(self, prepared: Prepared) -> None:
         """Use a method of solving for a and λ."""
         self.in_use = prepared
-        if prepared.elimination is None:
-            self.core.use_dense(prepared.dynamics)
-        else:
-            self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
+        self.give_dynamics(prepared)
         # a number of steps, not a time, so that runs are reproducible
         self.unroll_at = math.inf
         if prepared.worth_unrolling:
             self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
         self.no_series = self.expand(prepared) if self.series else ""
+
+    def give_dynamics(self, prepared: Prepared) -> None:
+        """Give the core the programs of the dynamics."""
+        if prepared.elimination is None:
+            self.core.use_dense(prepared.dynamics)
+        else:
+            self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
 
     @property
     def suits_series(self) -> bool:

@@ -26,6 +26,7 @@ from lagcli.engine.contract import (
     Outcome,
     Stop,
     Undefined,
+    breaks_of,
 )
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.switching import SwitchingIntegrator
@@ -142,7 +143,9 @@ class SwitchingIntegration(Integration):
         #: change.
         self.engaging: tuple[int, float] | None = None
         self.core: SwitchingIntegrator
+        self.reused = False  # the core of the last run
         super().__init__(split.fixed, request, sink, progress)
+        self.keep()
         self.log = EventEntries(self.core.entry_counts)
         self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
@@ -159,8 +162,11 @@ class SwitchingIntegration(Integration):
         return not (self.split_system.rows or self.split_system.switching.events)
 
     def explicit_time(self) -> Program | None:
-        """Return the program of the functions of time that steps resolve, with those of rows."""
-        return explicit_time(self.split_system.system)
+        """Return the program of the functions of time that steps resolve, with those of rows.
+
+        None if the core has it.
+        """
+        return None if self.reused else explicit_time(self.split_system.system)
 
     def problem(self) -> dict[str, Any]:
         """Return the initial value problem, with the multipliers of rows in samples."""
@@ -180,14 +186,31 @@ class SwitchingIntegration(Integration):
 
     def integrator(self, constraint: Program, problem: dict[str, Any]) -> SwitchingIntegrator:
         """Return a core whose rows switch."""
+        clocks, kept = self.ticks(), self.request.kept
+        self.made_of = problem, clocks
+        if kept is not None and self.common.prepared is not None:
+            core = kept.take(self.common.prepared, problem, clocks)
+            if core is not None:
+                self.reused = True
+                return core
         return SwitchingIntegrator(
-            self.split_system,
-            self.frozen,
-            constraint,
-            problem,
-            log_rows=_LOG_ROWS,
-            clocks=self.ticks(),
+            self.split_system, self.frozen, constraint, problem, log_rows=_LOG_ROWS, clocks=clocks
         )
+
+    def give_dynamics(self, prepared: Prepared) -> None:
+        """Give the core the programs of the dynamics, unless it is one that has them."""
+        if not self.reused or prepared is not self.common.prepared:
+            super().give_dynamics(prepared)
+
+    def keep(self) -> None:
+        """Keep a new core for the next run."""
+        kept = self.request.kept
+        if kept is None or self.reused or self.in_use is not self.common.prepared:
+            return
+        if self.settings.method in ("auto", _ACTING) and not len(
+            breaks_of(self.system, self.request)
+        ):
+            kept.keep(self.core, self.in_use, *self.made_of)
 
     @property
     def suits_series(self) -> bool:

@@ -211,6 +211,8 @@ def order_at(
         jacobian, count = jacobian[kept], len(rows)
         pattern = tuple((number[i], j) for i, j in (pattern[n] for n in kept))
     m, b = _places(system.mass_pattern), _places(pattern)
+    if not count and (m[0] == m[1]).all():
+        return _of_diagonal(len(system.coordinates), np.abs(mass))
     inertia = np.zeros(len(system.coordinates))
     inertia[m[0][m[0] == m[1]]] = np.abs(mass[m[0] == m[1]]).max(axis=1)
     matrix = _Matrix(m, b, inertia, count, mass, jacobian)
@@ -228,6 +230,15 @@ def order_at(
     if elimination.updates > min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order)):
         return elimination.in_postorder()
     return elimination
+
+
+def _of_diagonal(size: int, mass: Array) -> Elimination:
+    """Return the only order there is for a diagonal M without constraints, of |M_jj|."""
+    least = mass.min(axis=1, initial=math.inf)
+    if len(mass) < size or not (least > 0.0).all():
+        raise NoElimination
+    smallest = float((least / mass.max(axis=1)).min(initial=1.0))
+    return Elimination(tuple(range(size)), (False,) * size, ((),) * size, smallest)
 
 
 def _places(pattern: Pattern) -> tuple[Indices, Indices]:

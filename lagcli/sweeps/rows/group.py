@@ -12,7 +12,10 @@ import numpy as np
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate.engine import integrate, switches
+from lagcli.engine.integrate.kept import KeptCore
 from lagcli.engine.layout import Counts, SampleLayout
+from lagcli.engine.switching.free_starts import FreeStarts
+from lagcli.engine.system import State, System
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
@@ -104,6 +107,7 @@ class RowGroup:
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
         self._request: IntegrationRequest | Literal[False] | None = None  # not prepared yet
+        self._kept = KeptCore()
         self._extra = kept_signals(variants.equations) if kept else {}
         self._layout = SampleLayout(Counts(len(model.coordinates), len(model.constraints)))
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
@@ -139,8 +143,18 @@ class RowGroup:
         """
         values = self.variants.values(self.columns, table)
         rest = self._together(values, sink, check_cancelled)
+        own = self._free_request if switches(self.variants.system) else None
+        free = np.zeros(len(table), dtype=bool)
+        if own is not None:
+            free = self._free(own.state.t, values.parameters, values.q, values.v)
         for place in rest:
-            sink(self.single(place, table[place], values, check_cancelled))
+            if own is not None and free[place]:
+                p, q, v = (x[place] for x in (values.parameters, values.q, values.v))
+                state = State(own.state.t, q.copy(), v.copy(), tuple(p.tolist()))
+                request = own._replace(state=state)
+                sink(self._alone(place, request, self.variants.system, values, check_cancelled))
+            else:
+                sink(self.single(place, table[place], values, check_cancelled))
 
     def measured(self, ended: FinishedRuns) -> MeasuredRuns:
         """Return the measures and stored columns of runs.
@@ -292,22 +306,56 @@ class RowGroup:
             return FinishedRuns(
                 places, np.empty((1, 0, width)), [error], values.parameters[places], 0
             )
-        rows = [np.empty((0, width))]
+        return self._alone(place, simulation.request, simulation.system, values, check_cancelled)
+
+    def _alone(
+        self,
+        place: int,
+        request: IntegrationRequest,
+        system: System,
+        values: Values,
+        check_cancelled: Callable[[], None],
+    ) -> FinishedRuns:
+        """Integrate one row from its initial state."""
+        places = np.array([place])
+        rows = [np.empty((0, self._layout.size))]
         changes: list[tuple[int, tuple[float, ...]]] = []
-        request = simulation.request._replace(
-            times=self.grid.all, on_parameters=lambda p: changes.append((sum(map(len, rows)), p))
+        request = request._replace(
+            kept=self._kept,
+            times=self.grid.all,
+            on_parameters=lambda p: changes.append((sum(map(len, rows)), p)),
         )
 
         def take(block: Block) -> None:
             rows.append(np.column_stack(block))
 
-        run = integrate(simulation.system, request, take, lambda t: check_cancelled())
+        run = integrate(system, request, take, lambda t: check_cancelled())
         if run.status == "interrupted":
             raise Interrupted
         said = self._said(run)
         parameters = values.parameters[places]
         samples = np.concatenate(rows)[None]
         return FinishedRuns(places, samples, [said], parameters, request.rank, changes)
+
+    # those that switch, from their given values
+
+    @cached_property
+    def _free(self) -> FreeStarts:
+        """The check of initial values, for all rows."""
+        return FreeStarts(self.variants.system)
+
+    @cached_property
+    def _free_request(self) -> IntegrationRequest | None:
+        """The request of rows that start at their given values; None if none does."""
+        variants = self.variants
+        system, model = variants.system, variants.model
+        if system.switching is None or model.inputs or model.events or not self._free.any:
+            return None
+        try:
+            own = ready(variants.equations, system, variants.settings, {})
+        except (ModelError, NumericalError):
+            return None
+        return None if own.start.elimination else own.request
 
     def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
         """Return the simulation of one row; raises an error if it cannot start."""
