@@ -372,6 +372,20 @@ def test_a_narrow_and_a_wide_screen_have_room(pages, opened):
         assert page.evaluate(AXES) == []
 
 
+def test_marks_of_sums_pass_below_the_picture_of_a_narrow_screen(pages, opened):
+    """The player stays in sight while the page scrolls; the marks of a balance lay over it."""
+    page = opened(pages("four_bar"))
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_timeout(300)
+    above = page.evaluate("""() => {
+      const mark = document.querySelector(".balance-zero");
+      scrollBy(0, mark.getBoundingClientRect().top - 100);
+      const { left, top } = mark.getBoundingClientRect();
+      return document.elementFromPoint(left, top + 5).closest("#player") !== null;
+    }""")
+    assert above
+
+
 def test_forbidden_webassembly_is_explained(pages, tmp_path, visit, until):
     text = pages("slider_crank").read_text("utf-8")
     path = tmp_path / "forbidden.html"
