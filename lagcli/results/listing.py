@@ -14,7 +14,7 @@ _SHOWN = 24
 #: Matches spaces that must not break: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
 _WITHIN = re.compile(
     r"(?<= [=→]) | (?=[=→] )|(?<= ->) | (?=-> )|(?<=\bat t) |(?<=\bat) (?=t\b)"
-    r"|(?<=\bm[ai][nx]) +|(?<=\d) (?=[A-Za-z%])|(?<=[\w\]']) (?=\[|[-−]?\d)"
+    r"|(?<=\bm[ai][nx]) +|(?<=\d) (?=[A-Za-z%])|(?<=[\w\]']) (?=\[|[-−]?\d)|(?<=\bλ) (?=\w)"
 )
 _MEMBER = re.compile(r"([^\[\]]*\[)(\d+)(\].*)", re.DOTALL)
 

@@ -26,8 +26,9 @@ from lagcli.analysis.output.tables import (
     state_quantities,
     unit_of,
 )
-from lagcli.analysis.output.text import entry, listed, state_lines, without_rounding
+from lagcli.analysis.output.text import entry, listed, state_lines, width, without_rounding
 from lagcli.arrays import Array
+from lagcli.results.listing import wrapped
 
 _EIGENVALUES = 6  # items per line
 _EQUILIBRIA = 24  # largest number of equilibria in a table
@@ -84,7 +85,8 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
     held = held_text(content["steady"])
     lines = [f"{content['model']}: {count}{f' with {held}' if held else ''}{where}"]
     for number, x in enumerate(equilibria, 1):
-        lines.append(f"{number:>3}  {_verdict(x)}, V = {x['potential'] + 0.0:.6g} J")
+        lines += wrapped(_verdict(x), width(), f"{number:>3}  ", " " * 5)
+        lines += entry("V", f"{x['potential'] + 0.0:.6g} J", 5)
         if x["speeds"]:
             speeds = without_rounding(x["speeds"])
             lines += entry("speeds", listed([f"{k} = {v:.9g}" for k, v in speeds.items()]), 5)

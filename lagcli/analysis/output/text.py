@@ -12,6 +12,8 @@ from lagcli.results.listing import wrapped
 #: Columns of the text: by default those of a file, on a terminal those of `laid_out`.
 _COLUMNS = ContextVar("_COLUMNS", default=80)
 _LABEL = 9
+#: Length of an item that is not broken.
+_UNBROKEN = 36
 
 
 def width() -> int:
@@ -37,9 +39,13 @@ def entry(label: str, text: str, indent: int = 2) -> list[str]:
 
 
 def listed(items: Sequence[str], most: int = 12) -> str:
-    """Return items on one line; for many items, the first ones and the number of the others."""
+    """Return items on one line; for many items, the first ones and the number of the others.
+
+    `entry` breaks lines between short items only.
+    """
+    whole = [x.replace(" ", "\u00a0") if len(x) <= _UNBROKEN else x for x in items[:most]]
     more = [f"and {len(items) - most} more (--json)"] if len(items) > most else []
-    return ", ".join([*items[:most], *more])
+    return ", ".join([*whole, *more])
 
 
 def without_rounding(values: Mapping[str, float]) -> dict[str, float]:

@@ -59,6 +59,7 @@ def _described(file: str, quantiles: bool) -> tuple[dict[str, Any], str, int | N
 def _analysis(file: str) -> tuple[dict[str, Any], str]:
     """Return the content of an analysis file, and its text."""
     from lagcli.analysis.contents import format_content
+    from lagcli.cli.operating_point import formatted
     from lagcli.results.hdf5.analysis_file import read_analysis
 
     content = read_analysis(file)
@@ -66,5 +67,5 @@ def _analysis(file: str) -> tuple[dict[str, Any], str]:
         from lagcli.analysis.fit.file import read_fit
         from lagcli.analysis.fit.result import format_fit
 
-        return content, format_fit(read_fit(file))
-    return content, format_content(content)
+        return content, formatted(lambda: format_fit(read_fit(file)))
+    return content, formatted(lambda: format_content(content))

@@ -13,7 +13,7 @@ from lagcli.analysis.output.tables import (
     more,
     state_quantities,
 )
-from lagcli.analysis.output.text import laid_out, width
+from lagcli.analysis.output.text import entry, laid_out, listed, width
 
 
 def test_text_has_the_columns_that_ask_for_it() -> None:
@@ -87,3 +87,13 @@ def test_texts_have_80_columns_unless_they_are_laid_out() -> None:
     with laid_out(60):
         assert width() == 60
     assert width() == 80
+
+
+def test_a_name_stays_with_its_value_where_lines_break() -> None:
+    forces = [f"{c} on {q} 1.25" for c, q in zip("abcdefgh", "stuvwxyz", strict=True)]
+    for columns in range(40, 90):
+        with laid_out(columns):
+            lines = entry("λ b", listed(forces), 5)
+        assert max(map(len, lines)) <= columns
+        items = [x.strip() for line in lines for x in line[14:].split(",") if x.strip()]
+        assert items == forces
