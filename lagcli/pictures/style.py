@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.pictures.selection import by_family
 
 #: Okabe & Ito, "Color Universal Design", 2008, ordered so that neighbours also differ most in grey;
@@ -131,6 +132,77 @@ def legend_beside(ax: Any, *entries: Any) -> None:
         Handles and labels; by default those of the curves.
     """
     ax.legend(*entries, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+#: Height of a label at the end of a curve, and least distance of two ends that it tells apart,
+#: points.
+_LABEL_HEIGHT, _ENDS_APART = 11.0, 4.0
+
+
+def label_ends(ax: Any, lines: Sequence[Any], labels: Sequence[str]) -> bool:
+    """Write the labels of curves at their right ends, if each is next to its own end.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        With its final limits.
+    lines : sequence of matplotlib.lines.Line2D
+    labels : sequence of str
+
+    Returns
+    -------
+    bool
+        Whether there is room; otherwise nothing is written.
+    """
+    last = ax.get_xlim()[1]
+    low, high = ax.get_ylim()
+    height = 72 * ax.get_position().height * ax.figure.get_figheight()
+    ends = [(line.get_xdata()[-1:], line.get_ydata()[-1:]) for line in lines]
+    if not all(len(x) and x[0] == last and np.isfinite(y[0]) for x, y in ends):
+        return False
+    at = height * (np.array([y[0] for _, y in ends]) - low) / (high - low)
+    places = spread(at, _LABEL_HEIGHT, height)
+    if places is None or (np.diff(np.sort(at)) < _ENDS_APART).any():
+        return False
+    for line, label, end, place in zip(lines, labels, at, places, strict=True):
+        # a line of its colour leads to the label: pale letters would be hard to read
+        leader = {"arrowstyle": "-", "color": line.get_color(), "shrinkA": 1, "shrinkB": 1}
+        ax.annotate(
+            label,
+            (1.0, end / height),
+            (12, place - end),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+            annotation_clip=False,
+            arrowprops=leader,
+        )
+    return True
+
+
+def spread(at: Array, apart: float, height: float) -> Array | None:
+    """Return places near others that are at least so far apart, between 0 and a height.
+
+    The order stays; None if there is no room.
+    """
+    count = len(at)
+    if (count - 1) * apart > height:
+        return None
+    order = np.argsort(at)
+    steps = apart * np.arange(count)
+    # without the steps between them, places need only be in order: means of those that are not
+    blocks: list[list[float]] = []
+    for wanted in (at[order] - steps).tolist():
+        blocks.append([wanted, 1.0])
+        while len(blocks) > 1 and blocks[-2][0] >= blocks[-1][0]:
+            mean, weight = blocks.pop()
+            first, more = blocks[-1]
+            blocks[-1] = [(first * more + mean * weight) / (more + weight), more + weight]
+    level = np.repeat([mean for mean, _ in blocks], [int(weight) for _, weight in blocks])
+    places = np.empty(count)
+    places[order] = np.clip(level, 0.0, height - steps[-1]) + steps
+    return places
 
 
 def settings() -> Any:

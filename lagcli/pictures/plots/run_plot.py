@@ -460,10 +460,13 @@ class PanelDrawing:
     def legend(self, ax: Any, panel: Panel, first: bool) -> None:
         """Draw the legend of a panel, if there is anything to distinguish.
 
-        Several curves are named, but the members of a large family have a colour scale; the first
-        panel also names the runs.
+        Several curves are named, at their ends if there is room, but the members of a large family
+        have a colour scale; the first panel also names the runs.
         """
         from matplotlib.lines import Line2D
+
+        if self._labelled(ax, panel):
+            return
 
         entries: dict[str, dict[str, Any]] = {}
         curves = panel.curves
@@ -490,6 +493,14 @@ class PanelDrawing:
         if entries:
             handles = [Line2D([], [], **look) for look in entries.values()]
             style.legend_beside(ax, handles, list(entries))
+
+    def _labelled(self, ax: Any, panel: Panel) -> bool:
+        """Write the names of a few curves over time at their ends; return whether there is room."""
+        count = len(panel.curves)
+        few = len(self.runs) == 1 and 1 < count <= len(style.PALETTE)
+        if not few or panel.over or panel.impulses or panel.log or panel.members:
+            return False
+        return style.label_ends(ax, ax.lines[:count], [curve.label for curve in panel.curves])
 
 
 def _points(number: int) -> dict[str, Any]:
