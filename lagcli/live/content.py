@@ -17,6 +17,7 @@ from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_models
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import (
@@ -170,6 +171,7 @@ class _Contents:
             "draggable": drawn,
             "equations": self._equations.html,
             "colors": constraint_colors(model.constraint_names),
+            "arms": arm_units(model),
         }
 
     def _draggable(self) -> list[str]:

@@ -119,6 +119,7 @@ def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None
     scripts = [
         asset("vendor/uplot/uPlot.iife.min.js"),
         asset("plots.js"),
+        asset("arms.js"),
         asset("balance.js"),
         *(asset(name) for name in PLAYER_SCRIPTS),
         *(_text(_PLAY, name) for name in _SHARED),

@@ -15,7 +15,9 @@ from typing import Any
 from lagcli.json_values import json_values
 
 #: Scripts that draw and play scenes, in the order of their dependencies.
-PLAYER_SCRIPTS = ("camera.js", "motion.js", "labels.js", "shapes.js", "scene.js", "player.js")
+PLAYER_SCRIPTS = (
+    *("instants.js", "camera.js", "motion.js", "labels.js", "shapes.js", "scene.js", "player.js"),
+)
 PLAYER_STYLES = ("player.css",)
 
 

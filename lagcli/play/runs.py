@@ -27,6 +27,7 @@ from lagcli.pictures.jumps import Jumps, marks
 from lagcli.pictures.page import unit
 from lagcli.pictures.report.run_plots import ALL_FORCES
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
@@ -234,6 +235,7 @@ class Played:
             else [],
             "equations": self._equations.html,
             "colors": constraint_colors(self.model.constraint_names),
+            "arms": arm_units(self.model),
         }
 
     def _adapt(self, request: PlayRequest) -> None:

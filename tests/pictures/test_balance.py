@@ -130,16 +130,16 @@ def test_terms_over_time_are_drawn_when_asked_for(friction):
     assert live.locator(".plot-legend button").count() == live.locator(".balance-key").count()
 
 
-def test_values_between_samples_are_those_of_the_animation(friction):
-    """λ in the plot, in the equation and at the arrow is one number."""
-    (shown, at) = friction.evaluate("""() => {
-      const { data } = document.querySelector("#lambda").plot;
-      const t = (data.time[40] + data.time[41]) / 2;
-      return [t, (data.series[0].values[40] + data.series[0].values[41]) / 2];
-    }""")
-    friction.evaluate(SHOWN, shown)
+def test_between_samples_the_numbers_are_those_of_the_nearest(friction, result):
+    """λ in the plot, in the equation and at the arrow is one number, which the file has."""
+    run = lagcli.read(result("slider_crank_friction"))
+    t = 0.6 * run.time[40] + 0.4 * run.time[41]
+    (shown, *_) = friction.evaluate(SHOWN, t)
     value = friction.locator("#plots-multipliers .plot-value").first.text_content()
-    assert number(value) == pytest.approx(at, rel=1e-5)
+    assert number(value) == pytest.approx(run.multipliers[40, 0], rel=1e-5)
+    term = run.multipliers[40, 0] * 0.1 * np.cos(run.q[40, 0])
+    assert number(shown["values"][3]) == pytest.approx(term, rel=1e-3)
+    assert number(friction.locator(".player-time").text_content()) == run.time[40]
 
 
 def test_no_balance_where_a_value_is_not_in_the_result(tmp_path):

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from page_checks import CONTRAST
 import lagcli
 from lagcli.pictures.report import report
 
+MODELS = Path(__file__).parents[2] / "models"
 PLOTS = "document.querySelectorAll('.place canvas')"
 
 
@@ -311,3 +313,110 @@ def test_other_pages_open_without_a_word(reports, visit, name):
     opened.wait_for_selector(".uplot")
     drawn = opened.locator(".place canvas").count()
     assert drawn == opened.locator(".place").count() > 3
+
+
+READ = """() => {
+  const player = document.querySelector("#player").player;
+  const places = [...document.querySelectorAll(".place figure")];
+  const curves = places.flatMap(({ plot }) => plot.data.series.map(({ name }, i) => [
+    name, plot.values[i].textContent, plot.data.log,
+  ]));
+  const { balance } = document.querySelector(".live");
+  const { time } = places[0].plot.link;
+  balance.seen = true; // it does not follow where it is out of sight
+  balance.show(time);
+  const forces = player.stage.vectors(player.read).filter((v) => v.quantity === "force");
+  return {
+    time, drawn: player.time, clock: player.clock.textContent,
+    force: forces[0].value, curves, inertia: balance.now.values[0],
+  };
+}"""
+
+
+def test_of_a_long_run_all_numbers_are_those_of_one_stored_sample(visit, tmp_path, step):
+    """Of 20,001 samples, plots, animation and equations have different ones, and some in common."""
+    long = lagcli.simulate(lagcli.load(MODELS / "slider_crank.yaml"), samples=20_001, t_end=20.0)
+    report(long, tmp_path / "long.html")
+    opened = visit(tmp_path / "long.html", stepped=True)
+    opened.wait_for_selector(".uplot")
+    opened.set_viewport_size({"width": 1300, "height": 1000})
+    opened.wait_for_function("() => document.querySelector('.live').balance.seen")
+    columns = {"phi": long.q[:, 0], "psi": long.q[:, 1], "phi_dot": long.v[:, 0]}
+    columns |= {"lambda.guide": long.multipliers[:, 0], "energy_total": long.energy_total}
+    sine, cosine, m, r = np.sin(long.q[:, 0]), np.cos(long.q[:, 0]), 1.0, 0.1
+    inertia = m * r**2 * ((1 + sine**2) * long.a[:, 0] + long.v[:, 0] ** 2 * sine * cosine)
+
+    def check():
+        shown = opened.evaluate(READ)
+        (k,) = np.flatnonzero(long.time == shown["time"])
+        assert float(shown["clock"].split()[0]) == pytest.approx(long.time[k], abs=5e-4)
+        force = long.multipliers[k, 0]
+        assert shown["force"] == pytest.approx(abs(force), rel=1e-8)
+        read = {name: number(text) for name, text, log in shown["curves"] if not log}
+        for name, values in columns.items():
+            assert read[name] == pytest.approx(values[k], rel=6e-6, abs=1e-12), (name, k)
+        assert shown["inertia"] == pytest.approx(inertia[k], rel=1e-8, abs=1e-12)
+        return shown
+
+    for part in np.linspace(0.013, 0.987, 12):
+        point_at(opened, plot(opened, "coordinates"), part)
+        shown = check()
+        assert shown["drawn"] == shown["time"]
+    opened.locator("#extremes summary").click()
+    rows = opened.locator("table.extremes tbody tr")
+    for row, values in ((0, long.q[:, 0]), (4, long.multipliers[:, 0])):
+        rows.nth(row).locator("button").first.click()
+        shown = check()
+        assert values[long.time == shown["time"]] == values.min()
+    opened.locator("#player canvas").focus()
+    opened.keyboard.press("Space")
+    for _ in range(3):  # numbers while it moves, too
+        step(opened, 0.1237)
+        shown = check()
+    opened.keyboard.press("Space")
+    shown = check()
+    assert shown["drawn"] == shown["time"]
+    opened.keyboard.press("ArrowRight")
+    assert check()["time"] > shown["time"]
+
+
+def test_without_javascript_there_are_pictures_and_a_sentence(reports, browser):
+    context = browser.new_context(java_script_enabled=False, viewport={"width": 390, "height": 800})
+    try:
+        opened = context.new_page()
+        opened.goto(reports("slider_crank").resolve().as_uri())
+        assert "JavaScript" in opened.locator(".still").inner_text()
+        for image in opened.locator(".still img").all():
+            box = image.bounding_box()
+            assert box["width"] > 300
+            assert box["height"] > 80
+        assert [image.get_attribute("alt") for image in opened.locator(".still img").all()] == [
+            "Slider-crank",
+            "Multipliers over time",
+        ]
+        # what scripts would fill is not there
+        assert not opened.get_by_role("heading", name="Motion", exact=True).is_visible()
+        assert not opened.get_by_role("link", name="Coordinates", exact=True).is_visible()
+        assert opened.get_by_role("heading", name="Equations of motion").is_visible()
+    finally:
+        context.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "arrow", "unit"), [("car_axis", "axis", "m"), ("slider_crank", "", "")]
+)
+def test_where_an_arrow_is_not_lambda_the_arm_is_said(name, arrow, unit, reports, visit, result):
+    opened = visit(reports(name))
+    opened.wait_for_selector(".uplot")
+    run = lagcli.read(result(name))
+    k = len(run.time) // 3
+    go = "t => document.querySelector('#lambda').plot.link.setTime(t)"
+    opened.evaluate(go, float(run.time[k]))
+    lines = opened.locator("#arms li").all_inner_texts()
+    if not arrow:
+        assert not opened.locator("#arms").is_visible()
+        return
+    (line,) = lines
+    # g = (x_l - x_r)² + (y_l - y_r)² - l² has the arm 2 l, and an arrow in N
+    distance = 2.0 * run.parameters["L"]
+    assert line.split() == [f"|{arrow}|", "=", f"{distance:.4g}", unit, "·", f"|λ{arrow}|"]

@@ -3,7 +3,7 @@
 /*
  * Histories: coordinates over the time, a stage for the player where a model has no view.
  *
- * Needs uPlot and plots.js. The data:
+ * Needs uPlot, instants.js and plots.js. The data:
  *
  *   {time: [nt], palette: […], plots: [{title, unit, series: [{name, label, values: [nt]}]}]}
  */
@@ -29,7 +29,8 @@ class Histories {
 
   /** Take other data. */
   setScene(data) {
-    this.motion = { start: data.time[0], end: data.time[data.time.length - 1] };
+    this.motion = { time: data.time, start: data.time[0], end: data.time[data.time.length - 1] };
+    this.link.instants = data.time;
     this.target.replaceChildren();
     this.plots = data.plots.map((plot) => {
       const figure = document.createElement("figure");

@@ -3,12 +3,15 @@
 /*
  * Player: a stage with play and pause, a time line, speed, loop, and arrows on and off.
  *
- * Needs the stage's own scripts (scene.js and what it needs) and player.css.
+ * Needs instants.js, the stage's own scripts (scene.js and what it needs) and player.css.
  *
  *   const player = new Player(element, data, {label: "slider-crank", onTime: (t) => …});
  *   player.play(); player.pause();
  *   player.setTime(1.25);      // does not call onTime, so that two views can follow each other
  *   player.setScene(other);    // another run; time, speed, arrows and the view stay
+ *
+ * The clock and the numbers of arrows are those of the instant nearest to the time that is drawn, and
+ * a motion that stands still stands at an instant; by default these are the times of the motion.
  *
  * Space, left and right act wherever nothing else takes them, while the player is seen. Keys within
  * it: space plays and pauses, left and right go back and on by
@@ -39,6 +42,7 @@ class Player {
    * @param {boolean} [options.loop]
    * @param {boolean} [options.autoplay]  start by itself, unless the reader prefers reduced motion
    * @param {boolean} [options.forces]  whether arrows of force are shown at first
+   * @param {number[]} [options.instants]  of all parts of the page
    * @param {function(number)} [options.onTime]  called when the player itself comes to another time
    * @param {function} [options.stage]
    */
@@ -50,6 +54,7 @@ class Player {
     this.speed = options.speed ?? 1;
     this.loop = options.loop ?? true;
     this.playing = false;
+    this.common = options.instants;
     this.#build(options.stage ?? Player.#canvas, data);
     if (options.forces === false) this.show("force", false);
     this.#take(data);
@@ -64,6 +69,11 @@ class Player {
 
   get end() {
     return this.stage.motion.end;
+  }
+
+  /** The times at which numbers are read. */
+  get instants() {
+    return this.common ?? this.stage.motion.time;
   }
 
   /** Take another run. */
@@ -98,6 +108,7 @@ class Player {
     if (!this.playing) return;
     this.playing = false;
     this.#showPlaying();
+    this.#go(this.read, true);
     this.#say();
   }
 
@@ -121,9 +132,10 @@ class Player {
 
   #go(time, tell = false) {
     this.time = Math.max(this.start, Math.min(this.end, time));
+    this.read = Instants.nearest(this.instants, this.time);
     this.stage.draw(this.time);
     this.line.value = String(this.time);
-    const shown = this.#format(this.time);
+    const shown = this.#format(this.read);
     this.clock.textContent = shown;
     this.line.setAttribute("aria-valuetext", `${shown} of ${this.#format(this.end)}`);
     this.#showVectors();
@@ -132,8 +144,9 @@ class Player {
 
   /** Go to a time on the reader's wish, and say it to who cannot see it. */
   #seek(time) {
+    const wanted = Math.max(this.start, Math.min(this.end, time));
     this.pause();
-    this.#go(time, true);
+    this.#go(Instants.step(this.instants, this.time, wanted), true);
     this.#say();
   }
 
@@ -147,8 +160,9 @@ class Player {
 
   #take(data) {
     const span = this.end - this.start;
-    // a thousandth of the run can be distinguished
-    this.digits = span > 0 ? Math.max(0, Math.min(9, Math.ceil(2.5 - Math.log10(span)))) : 2;
+    // a thousandth of the run, and one instant from the next, can be distinguished
+    const parts = Math.max(1000 / Math.sqrt(10), this.instants.length - 1);
+    this.digits = span > 0 ? Math.max(0, Math.min(9, Math.ceil(Math.log10(parts / span) - 1e-9))) : 2;
     [this.line.min, this.line.max] = [this.start, this.end].map(String);
     this.stage.target.setAttribute("aria-label", this.#describe(data));
     this.frame.classList.toggle("player-turns", data.dimension === 3);
@@ -166,7 +180,7 @@ class Player {
   }
 
   #vectors() {
-    return this.stage.vectors?.() ?? [];
+    return this.stage.vectors?.(this.read) ?? [];
   }
 
   /** Show the magnitudes of the vectors now. */

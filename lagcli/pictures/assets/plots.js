@@ -3,7 +3,7 @@
 /*
  * Plots over time, drawn by uPlot: zoom by dragging, values under a cursor that all plots share.
  *
- * A plot is described by
+ * Needs uPlot and instants.js. A plot is described by
  *
  *   {title, unit, symbol, log, time: [nt], marks: [n],
  *    series: [{name, label, unit, values: [nt], hidden, color, key}]}
@@ -15,9 +15,13 @@
  * begins the subscript of a letter. Nothing in it is read as HTML.
  */
 
-/** The time that plots and animations show together, and the interval that plots show. */
+/**
+ * The time that plots and animations show together, and the interval that plots show. The time is one of
+ * the instants at which all of them have values of the result, once they are known.
+ */
 class TimeLink {
-  constructor() {
+  constructor(instants = null) {
+    this.instants = instants;
     this.time = null;
     this.range = null; // [from, to], or null for everything
     this.free = true; // whether passing over a plot moves the time; a click always does
@@ -34,7 +38,8 @@ class TimeLink {
     this.listeners.range.push(listener);
   }
 
-  setTime(time, source = null) {
+  setTime(wanted, source = null) {
+    const time = this.instants ? Instants.nearest(this.instants, wanted) : wanted;
     if (time === this.time) return;
     this.time = time;
     for (const listener of this.listeners.time) listener(time, source);
@@ -255,21 +260,23 @@ class TimePlot {
     if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
     for (const [i, series] of this.data.series.entries()) {
       const small = this.data.log ? 0 : TimePlot.ROUNDED * this.largest[i];
-      const value = time === null ? NaN : this.#valueAt(series.values, time);
+      const value = time === null ? NaN : TimePlot.at(this.data.time, series.values, time);
       const shown = Math.abs(value) < small ? 0 : value;
       this.values[i].textContent = time === null ? "" : PlotNumbers.value(shown);
     }
   }
 
-  /** Return a curve at a time: between samples as it is drawn, and as the animation has it. */
-  #valueAt(values, time) {
-    const times = this.data.time;
-    const near = this.chart.valToIdx(time);
-    if (this.data.log || times[near] === time || times.length < 2) return values[near] ?? NaN;
-    const after = Math.max(1, Math.min(times.length - 1, times[near] < time ? near + 1 : near));
-    const part = (time - times[after - 1]) / (times[after] - times[after - 1]);
-    if (!(part > 0 && part < 1)) return values[near] ?? NaN;
-    return values[after - 1] + part * (values[after] - values[after - 1]);
+  /** Return a curve at a time: the sample there, of a jump what follows it, or between samples. */
+  static at(times, values, time) {
+    let [low, high] = [0, times.length]; // the last one that is not later is between them
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (times[middle] <= time) low = middle;
+      else high = middle;
+    }
+    if (times[low] >= time || high === times.length) return values[low] ?? NaN;
+    const part = (time - times[low]) / (times[high] - times[low]);
+    return values[low] + part * (values[high] - values[low]);
   }
 
   /** Draw the curves of emphasized subjects as usual, and the others faintly. */
@@ -289,7 +296,7 @@ class TimePlot {
     const { data } = this;
     const caption = document.createElement("figcaption");
     const words = (data.title ?? "").split(/([ ,]+)/);
-    caption.append(...words.map((word) => TimePlot.#named(word)));
+    caption.append(...words.map((word) => TimePlot.named(word)));
     caption.hidden = !data.title;
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";
@@ -392,7 +399,7 @@ class TimePlot {
     const fits = (texts) => texts.length <= 4 && length(texts) <= height - TimePlot.LEAST_SPACE;
     const fragment = document.createDocumentFragment();
     for (const [i, name] of (choices.find(fits) ?? []).entries())
-      fragment.append(i ? ", " : "", TimePlot.#named(name));
+      fragment.append(i ? ", " : "", TimePlot.named(name));
     const spaced = fragment.textContent && unit ? ` ${unit}` : unit;
     fragment.append(spaced);
     return fragment;
@@ -410,7 +417,7 @@ class TimePlot {
   }
 
   /** A label with its subscript: of letters, not of words. */
-  static #named(text) {
+  static named(text) {
     const [base, ...rest] = text.split("_");
     const fragment = document.createDocumentFragment();
     if (!rest.length || !base || TimePlot.#letters(base) > 2) {
@@ -509,7 +516,7 @@ class TimePlot {
       swatch.className = `plot-swatch plot-dash-${this.#dashed(i)}`;
       const label = document.createElement("span");
       label.className = "plot-label";
-      label.append(TimePlot.#named(series.label ?? series.name));
+      label.append(TimePlot.named(series.label ?? series.name));
       const value = document.createElement("span");
       value.className = "plot-value";
       button.append(swatch, label, " ", value); // the space is spoken
@@ -556,7 +563,7 @@ class TimePlot {
     };
     const go = (time) => {
       link.setTime(time, this);
-      this.showTime(time);
+      this.showTime(link.time);
     };
     let pressed = null;
     over.addEventListener("mousedown", (event) => {
@@ -589,14 +596,15 @@ class TimePlot {
     const now = link.time ?? min;
     const step = event.shiftKey ? (max - min) / 10 : (max - min) / 100;
     const clamped = (t) => Math.max(time[0], Math.min(time[time.length - 1], t));
+    const goOn = (t) => go(Instants.step(link.instants ?? time, now, clamped(t)));
     const scaled = (factor) => {
       const centre = Math.max(min, Math.min(max, now));
       const [from, to] = [centre - (centre - min) * factor, centre + (max - centre) * factor];
       link.setRange([clamped(from), clamped(to)], this);
     };
     const actions = {
-      ArrowLeft: () => go(clamped(now - step)),
-      ArrowRight: () => go(clamped(now + step)),
+      ArrowLeft: () => goOn(now - step),
+      ArrowRight: () => goOn(now + step),
       Home: () => go(time[0]),
       End: () => go(time[time.length - 1]),
       "+": () => scaled(0.5),
@@ -620,7 +628,7 @@ class TimePlot {
     let [nearest, least] = [undefined, TimePlot.NEAR];
     for (const { name, values, key } of data.series) {
       if (this.hidden.has(name)) continue;
-      const away = Math.abs(chart.valToPos(this.#valueAt(values, time), "y") - (clientY - top));
+      const away = Math.abs(chart.valToPos(TimePlot.at(data.time, values, time), "y") - (clientY - top));
       if (away < least) [nearest, least] = [key, away];
     }
     return nearest === undefined ? [] : [nearest];

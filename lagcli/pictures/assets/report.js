@@ -3,8 +3,8 @@
 /*
  * The page of a report: plots and animation on one time, light and dark, print.
  *
- * Needs uPlot, the player's scripts, plots.js and balance.js; the numbers are in the page's #data:
- * {name, palette, colors: {CONSTRAINT: colour}, scene, speed, arrays: [base64 of doubles],
+ * Needs uPlot, the player's scripts, plots.js, arms.js and balance.js; the numbers are in the page's #data:
+ * {name, instants, palette, colors: {CONSTRAINT: colour}, arms: {CONSTRAINT: unit}, scene, speed, arrays: [base64 of doubles],
  * plots: [see plots.js, with places in arrays], balance: {time, equations: [see balance.js]} with places
  * in arrays, or null, marks: [times of contacts and events]}.
  */
@@ -22,7 +22,8 @@
   const dark = matchMedia("(prefers-color-scheme: dark)");
   root.dataset.theme = dark.matches ? "dark" : "light";
 
-  const link = new TimeLink();
+  const instants = arrays[data.instants];
+  const link = new TimeLink(instants);
   const focus = new Focus();
   const places = [...document.querySelectorAll(".place figure")];
   const plots = data.plots.map((plot, i) => {
@@ -39,12 +40,13 @@
     player = new Player(find("#player"), data.scene, {
       label: data.name,
       speed: data.speed,
+      instants,
       onTime: (time) => link.setTime(time, player),
     });
     link.onTime((time, source) => {
       if (source === player) return;
-      player.pause();
       player.setTime(time);
+      player.pause();
     });
   }
   if (plots.length) link.setTime(plots[0].data.time[0]);
@@ -55,6 +57,12 @@
   if (below && first >= 0) {
     const { data: shown } = plots[first];
     plots.push(new TimePlot(below, shown, { link, focus, palette: data.palette, height: 150 }));
+  }
+
+  if (below && first >= 0) {
+    const arms = new LeverArms(find("#arms"), link);
+    const whole = data.plots.map((plot, i) => ({ ...plot, ...plots[i].data })).filter(({ by_constraint }) => by_constraint);
+    arms.setData(data.scene, whole, data.arms);
   }
 
   const balances = (data.balance?.equations ?? []).map((equation) => {
@@ -78,7 +86,7 @@
   if (player) Object.defineProperty(link, "free", { get: () => !player.playing });
 
   for (const button of document.querySelectorAll("button[data-time]")) {
-    button.addEventListener("click", () => link.setTime(Number(button.dataset.time)));
+    button.addEventListener("click", () => link.setTime(Instants.after(instants, Number(button.dataset.time))));
   }
 
   const zoomOut = find("#zoom-out");

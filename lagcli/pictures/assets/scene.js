@@ -112,15 +112,19 @@ class Scene {
     return own ?? this.colors[quantity] ?? this.colors.vector;
   }
 
-  /** Return the vectors of the scene with their magnitude now: {name, quantity, unit, color, value}. */
-  vectors() {
+  /** Return the vectors of the scene with their magnitude at a time: {name, quantity, unit, color, value}. */
+  vectors(time = this.motion.now) {
     const vectors = this.data.shapes.filter((shape) => shape.kind === "vector");
-    return vectors.map((shape) => {
+    const { now } = this.motion;
+    this.motion.seek(time);
+    const found = vectors.map((shape) => {
       const { name, quantity, at, unit, components } = shape;
       const alike = vectors.filter((vector) => vector.name === name).length > 1;
       const value = Math.hypot(...this.motion.vector(components));
       return { name: alike ? `${name} at ${at}` : name, quantity, unit, color: this.colorOf(shape), value };
     });
+    this.motion.seek(now);
+    return found;
   }
 
   /** Return the ends of a vector on the canvas now, CSS pixels; null for one that is nowhere. */

@@ -14,7 +14,7 @@ from lagcli.pictures.curves import Catalogue, Curve
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.page import axis_unit
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.selection import ROUNDING, by_family, chosen, scale_groups, thin
+from lagcli.pictures.selection import ROUNDING, by_family, chosen, evenly, scale_groups, thin
 from lagcli.pictures.style import PALETTE, family_colors
 from lagcli.trajectory.extremes import Extreme, widen
 
@@ -33,6 +33,8 @@ ALL_FORCES = "Σ λ b"
 
 #: Largest number of values of one plot.
 _OF_PLOT = 40_000
+#: Largest and smallest number of evenly spaced samples that all plots contain.
+_INSTANTS, _FEWEST_INSTANTS = 3000, 100
 
 
 @dataclass
@@ -121,7 +123,57 @@ def sections(catalogue: Catalogue) -> list[Section]:
     return [section for section in every if section.plots]
 
 
-def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme]) -> None:
+class Instants(NamedTuple):
+    """Samples that all plots of a page contain.
+
+    Parameters
+    ----------
+    samples : (m,) array of int
+        Their indices, increasing.
+    time : (m,) array
+        s.
+    """
+
+    samples: Indices
+    time: Array
+
+
+class _Choice:
+    """The choice of these samples: some evenly spaced ones, and those of extremes.
+
+    Parameters
+    ----------
+    even : (m,) array of int
+        Indices of the evenly spaced ones.
+    extremes : iterable of Extreme
+        Their samples change while the run is read.
+    """
+
+    def __init__(self, even: Indices, extremes: Iterable[Extreme]):
+        self._even, self._extremes = even, list(extremes)
+        self._found: dict[int, float] = {}  # times by index
+
+    def take(self, time: Array, first: int) -> Array:
+        """Return the times of those in a block, whose first sample has the index ``first``."""
+        inside = self._even[slice(*np.searchsorted(self._even, (first, first + len(time))))]
+        extreme = np.flatnonzero(np.isin(time, self._extreme_times()))
+        places = np.union1d(inside - first, extreme)
+        self._found |= dict(zip((places + first).tolist(), time[places].tolist(), strict=True))
+        return time[places]
+
+    def made(self) -> Instants:
+        """Return all of them, when the run has been read."""
+        kept, even = set(self._extreme_times()), set(self._even.tolist())
+        found = {i: t for i, t in self._found.items() if i in even or t in kept}
+        samples = np.array(sorted(found), dtype=np.intp)
+        return Instants(samples, np.array([found[i] for i in samples.tolist()]))
+
+    def _extreme_times(self) -> list[float]:
+        times = {t for x in self._extremes for t in (x.low_time, x.high_time)}
+        return [t for t in times if t == t]
+
+
+def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme]) -> Instants:
     """Read the run once, in blocks: thin the values of the plots, and find extremes of all samples.
 
     Parameters
@@ -131,9 +183,17 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme
         Plots whose ``time`` and ``values`` are set.
     extremes : mapping of Curve to Extreme
         Updated in place.
+
+    Returns
+    -------
+    Instants
+        The samples that all plots contain, those of the extremes among them.
     """
     fields = {"time"} | {c.field for p in plots for c in p.curves} | {c.field for c in extremes}
     of_plot = min(_OF_PLOT, _NUMBERS // max(1, len(plots)))
+    widest = max((len(plot.curves) for plot in plots), default=0)
+    most = max(_FEWEST_INSTANTS, min(_INSTANTS, of_plot // (2 * (widest + 2))))
+    choice, first = _Choice(evenly(run.count, most), extremes.values()), 0
     pieces: list[list[tuple[Array, Array]]] = [[] for _ in plots]
     jumps = Jumps(run)
     ends: list[tuple[Array, Array]] = []  # for each plot, the last sample of the previous block
@@ -141,6 +201,10 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme
         time = block["time"]
         if not len(time):
             continue
+        for curve, extreme in extremes.items():
+            widen([extreme], time, curve.of(block)[:, None])
+        shared = choice.take(time, first)
+        first += len(time)
         before, ends = ends, []
         for i, (plot, kept) in enumerate(zip(plots, pieces, strict=True)):
             values = np.stack([curve.of(block) for curve in plot.curves], axis=1)
@@ -153,15 +217,16 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme
                 carried=len(joined) > 1,
             )
             new = len(joined) - 1
-            kept.append(_thinned(times[new:], drawn[new:], of_plot * len(time) / run.count))
-        for curve, extreme in extremes.items():
-            widen([extreme], time, curve.of(block)[:, None])
+            share = of_plot * len(time) / run.count
+            kept.append(_thinned(times[new:], drawn[new:], share, shared))
+    instants = choice.made()
     for plot, kept in zip(plots, pieces, strict=True):
         time = np.concatenate([time for time, _ in kept] or [np.empty(0)])
         empty = np.empty((0, len(plot.curves)))
         values = np.concatenate([values for _, values in kept] or [empty])
         # short blocks kept more than their share
-        plot.time, plot.values = _thinned(time, values, of_plot)
+        plot.time, plot.values = _thinned(time, values, of_plot, instants.time)
+    return instants
 
 
 def by_scale(plot: Plot) -> list[Plot]:
@@ -229,16 +294,17 @@ class Packed:
         return self.texts.setdefault(text, len(self.texts))
 
 
-def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
+def _thinned(time: Array, values: Array, numbers: float, shared: Array) -> tuple[Array, Array]:
     """Return thinned samples of curves, with about a given number of values including times.
 
-    Thinning thinned values loses nothing: the extremes of their columns are included.
+    Samples at the times ``shared`` are kept. Thinning thinned values loses nothing: the extremes of
+    their columns are included.
     """
     width = values.shape[1]
     if len(time) * (width + 1) <= numbers:
         return time, values
-    columns = max(1, int(numbers / ((width + 1) * (2 + 2 * width))))
-    kept: Indices = thin(time, values, columns)
+    columns = max(1, int((numbers / (width + 1) - len(shared)) / (2 + 2 * width)))
+    kept: Indices = np.union1d(thin(time, values, columns), np.flatnonzero(np.isin(time, shared)))
     return time[kept], values[kept]
 
 

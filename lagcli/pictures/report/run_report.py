@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.columns import (
     BY_NAME,
     PANELS,
@@ -53,8 +53,11 @@ from lagcli.pictures.report.run_plots import (
     to_json,
     without_errors,
 )
+from lagcli.pictures.report.without_script import without_script
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.scene import Scene
 from lagcli.pictures.scene.timing import timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import chosen, evenly
@@ -64,7 +67,14 @@ from lagcli.trajectory.extremes import Extreme, Extremes
 from lagcli.version import __version__
 
 _UPLOT = "vendor/uplot/"
-_SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "balance.js", "report.js")
+_SCRIPTS = (
+    _UPLOT + "uPlot.iife.min.js",
+    *PLAYER_SCRIPTS,
+    "plots.js",
+    "arms.js",
+    "balance.js",
+    "report.js",
+)
 _STYLES = (_UPLOT + "uPlot.min.css", *PLAYER_STYLES, "plots.css", "balance.css", "report.css")
 
 #: Largest numbers of frames, and of values, of the animation.
@@ -108,19 +118,21 @@ def assembled(
     every = sections(catalogue) if run.count else []
     plots = [plot for section in every for plot in section.plots]
     extremes = {curve: Extreme() for curve in _looked_at(catalogue)}
-    gather(run, plots, extremes)
+    instants = gather(run, plots, extremes)
     every = _notable(every, extremes)
     packed = Packed()
-    scene = _scene(run, model)
-    balance = _balance(run, system, packed) if run.count else None
+    scene = _scene(run, model, instants.samples)
+    balance = _balance(run, system, packed, instants.samples) if run.count else None
     colors = constraint_colors(run.constraints)
     data = {
         "name": title or model.title,
+        "instants": packed.add(instants.time),
         "palette": list(PALETTE),
         "colors": colors,
-        "scene": scene and {**scene, "colors": colors},
+        "arms": arm_units(model),
+        "scene": scene and {**scene.to_json(), "colors": colors},
         "balance": balance,
-        "speed": timing(*_ends(scene)).speed if scene else 1,
+        "speed": timing(*scene.time[[0, -1]].tolist()).speed if scene else 1,
         "plots": [to_json(plot, packed) for section in every for plot in section.plots],
         "arrays": list(packed.texts),
         "marks": marks(run.record.events).tolist(),
@@ -152,12 +164,13 @@ def assembled(
         steps=system.steps(),
         data=script_data(data),
         motion=_MOTION if scene else "",
-        plots=_plots(plotted, run.count),
+        plots=_plots(plotted, run.count, len(instants.samples)),
         residuals=_residual_plots(every),
         events=events_section(run),
         sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
-        images=bool(asked),
+        images=True,
+        without_script=without_script(run, scene, title or model.title),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),
@@ -167,6 +180,7 @@ def assembled(
 
 _MOTION = """<aside id="motion" aria-label="Animation">
 <div id="player"></div>
+<div id="arms" class="arms" hidden></div>
 <figure id="lambda"></figure>
 <p class="hint">Point at a term, an arrow or a curve to see what belongs to it; click a term to keep
 it emphasized. Point at a plot, or click it, to show that time.</p>
@@ -174,36 +188,34 @@ it emphasized. Point at a plot, or click it, to show that time.</p>
 </aside>"""
 
 
-def _scene(run: RunFile, model: Model) -> dict[str, Any] | None:
-    """Return the scene as JSON values, at some of the samples; None if there is none."""
+def _scene(run: RunFile, model: Model, instants: Indices) -> Scene | None:
+    """Return the scene at some of the samples, these among them; None if there is none."""
     if model.view is None or run.count < 2:
         return None
     few = scene_of(run, evenly(run.count, 2), model)
     assert few is not None
     series = sum(len(axes) for axes in few.points.values()) + 4 * len(few.vectors) + 1
     frames = max(100, min(_FRAMES, _FRAME_NUMBERS // series))
-    scene = scene_of(run, evenly(run.count, frames), model)
-    assert scene is not None
-    return scene.to_json()
+    return scene_of(run, np.union1d(evenly(run.count, frames), instants), model)
 
 
-def _balance(run: RunFile, system: EquationSystem, packed: Packed) -> dict[str, Any] | None:
-    """Return the terms of the equations at some of the samples; None without equations."""
+def _balance(
+    run: RunFile, system: EquationSystem, packed: Packed, instants: Indices
+) -> dict[str, Any] | None:
+    """Return the terms of the equations at some of the samples, these among them; None without
+    equations."""
     balance, model = system.balance, system.model
     count = sum(map(len, balance.terms.values()))
     if not count:
         return None
-    samples = evenly(run.count, max(100, min(_FRAMES, _FRAME_NUMBERS // (count + 1))))
+    most = max(100, min(_FRAMES, _FRAME_NUMBERS // (count + 1)))
+    samples = np.union1d(evenly(run.count, most), instants)
     columns = run.columns(balance.needs, samples)
     values, units = model.parameter_values, run.record.units
     return {
         "time": packed.add(columns["time"]),
         "equations": balance.to_json(columns, run.terms, values, units, packed.add),
     }
-
-
-def _ends(scene: Mapping[str, Any]) -> tuple[float, float]:
-    return scene["time"][0], scene["time"][-1]
 
 
 def _looked_at(catalogue: Catalogue) -> list[Curve]:
@@ -237,7 +249,7 @@ def _notable(every: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Se
     return kept
 
 
-def _plots(every: list[Section], count: int) -> str:
+def _plots(every: list[Section], count: int, instants: int) -> str:
     """Return the placeholders of the plots; the script fills them in this order."""
     if not every:
         return "<p>There are no samples.</p>"
@@ -248,7 +260,8 @@ def _plots(every: list[Section], count: int) -> str:
             f'<p class="note">Each plot shows at least {drawn} of the {count} samples: the'
             " smallest and"
             " the largest value of each curve in each interval of time, exactly as in the file."
-            " Zooming in shows no further samples.</p>"
+            f" Zooming in shows no further samples. Numbers are read at {instants} samples that all"
+            " plots, the animation and the equations have in common.</p>"
         )
     return "".join([*parts, *map(_section, every)])
 

@@ -7,6 +7,8 @@ from base64 import b64encode
 from html import escape
 from importlib.util import find_spec
 
+import numpy as np
+
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.scene import Scene
 
@@ -71,4 +73,7 @@ def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | Non
 
 
 def _moment(scene: Scene) -> float:
-    return float(scene.time[0] + _MOMENT * (scene.time[-1] - scene.time[0]))
+    """Return the time of the picture: that of a sample, whose values are known."""
+    time = scene.time
+    wanted = time[0] + _MOMENT * (time[-1] - time[0])
+    return float(time[np.abs(time - wanted).argmin()])

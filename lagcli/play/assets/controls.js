@@ -212,7 +212,8 @@ class Row {
   static PLACES = 400; // of a slider
   static DECADES = 2; // to either side of the value, on a logarithmic slider
   static DIGITS = 3; // of a value on it
-  static SHOWN = 8; // of a value that follows from others: as many as a field has room for
+  static SHOWN = 6; // of a number in a field that is not being edited
+  static WHOLE = 15;
 
   constructor(control, { moved, freed, reset, scaled }) {
     this.control = control;
@@ -243,6 +244,9 @@ class Row {
     this.restore();
     if (control.follows) this.#fix();
     this.slider.addEventListener("input", (event) => moved(event, this.#value()));
+    // a field that is edited has all digits, as the run has
+    this.field.addEventListener("focus", () => this.#write(this.whole));
+    this.field.addEventListener("blur", () => this.#write(this.short));
     this.field.addEventListener("change", (event) => {
       const text = this.field.value.trim();
       if (text) moved(event, text);
@@ -272,8 +276,9 @@ class Row {
       this.#reach(number);
       this.slider.value = String(this.logarithmic ? Math.log10(number) : number);
     }
-    if (source !== this.field && document.activeElement !== this.field)
-      this.field.value = text ?? Row.written(number);
+    this.whole = text ?? Row.written(number, Row.WHOLE);
+    this.short = Row.#short(this.whole);
+    if (source !== this.field && document.activeElement !== this.field) this.field.value = this.short;
     this.slider.setAttribute("aria-valuetext", `${Row.written(number)}${unit ? ` ${unit}` : ""}`);
     this.undo.hidden = text === undefined;
     this.element.classList.toggle("changed", text !== undefined);
@@ -288,6 +293,20 @@ class Row {
   /** Return a number as it is written in a field. */
   static written(number, digits = Row.SHOWN) {
     return String(Number(number.toPrecision(digits)));
+  }
+
+  /** Write another text into the field; the next letter replaces it. */
+  #write(text) {
+    if (this.field.value === text) return;
+    this.field.value = text;
+    if (document.activeElement === this.field) this.field.select();
+  }
+
+  /** Return a text with as many digits as a person reads, if it is a number with more. */
+  static #short(text) {
+    const digits = text.replace(/e.*$/i, "").replace(/^[-+0.]+|\./g, "");
+    const number = Number(text);
+    return digits.length > Row.SHOWN && Number.isFinite(number) ? Row.written(number) : text;
   }
 
   static text(tag, className, textContent) {

@@ -31,6 +31,8 @@ class Pictures {
     this.link = new TimeLink();
     this.focus = new Focus();
     this.colors = {}; // of constraints
+    this.units = {}; // of lever arms, by constraint
+    this.arms = new LeverArms(document.getElementById("arms"), this.link);
     this.player = null;
     const usual = Pictures.USUAL.map((group) => (group in groups ? group : Pictures.INSTEAD));
     this.slots = usual.map((group, i) => this.#slot(i ? more : plots, group, groups, wanted));
@@ -39,8 +41,8 @@ class Pictures {
     Object.defineProperty(this.link, "free", { get: () => !this.player?.playing });
     this.link.onTime((time, source) => {
       if (!this.player || source === this.player) return;
-      this.player.pause();
       this.player.setTime(time);
+      this.player.pause();
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       for (const { plots } of this.slots) for (const plot of plots) plot.recolour();
@@ -67,9 +69,9 @@ class Pictures {
     return [...new Set([...this.slots.map(({ select }) => select.value), ...this.phase.groups()])];
   }
 
-  /** Show a time, and stop there. */
+  /** Show the first sample that is not before a time, and stop there. */
   goTo(time) {
-    this.link.setTime(time, this);
+    this.link.setTime(this.link.instants ? Instants.after(this.link.instants, time) : time, this);
   }
 
   /** Keep the run that is shown, behind the next ones; or take a kept one away. */
@@ -105,6 +107,11 @@ class Pictures {
     });
   }
 
+  /** Return the times of the samples of a run. */
+  static #instants({ scene, plots }) {
+    return scene?.time ?? Object.values(plots)[0]?.time ?? null;
+  }
+
   /** Draw a run; what flies off after a cut leaves the view of the whole mechanism. */
   draw(answer, cut = false) {
     const { scene, plots, speed } = answer;
@@ -115,6 +122,7 @@ class Pictures {
       if (cut && this.seen) Object.assign(scene, this.seen);
       else this.seen = { bounds, reach };
     }
+    this.link.instants = Pictures.#instants(answer);
     this.stage.hidden = scene === null;
     if (scene && this.player) this.player.setScene(scene);
     else if (scene) {
@@ -126,6 +134,7 @@ class Pictures {
     }
     if (this.dragging) this.dragging.points = this.draggable;
     if (this.held) this.#goOn();
+    if (scene && plots.multipliers) this.arms.setData(scene, [plots.multipliers], this.units);
     for (const slot of this.slots) this.#fill(slot, plots[slot.select.value]);
     this.phase.draw(plots, this.kept === answer ? null : this.kept?.plots);
   }

@@ -145,9 +145,9 @@ class Page {
   }
 
   /** Show the controls of a model with these numbers of members. */
-  #build({ members, controls, presets, equations, colors }) {
+  #build({ members, controls, presets, equations, colors, arms }) {
     this.equations.build(equations, colors);
-    this.pictures.colors = colors;
+    Object.assign(this.pictures, { colors, units: arms });
     this.members = members;
     this.controls.build(controls);
     this.presets.build(presets);
