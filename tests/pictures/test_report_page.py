@@ -392,7 +392,7 @@ def test_without_javascript_there_are_pictures_and_a_sentence(reports, browser):
             assert box["height"] > 80
         assert [image.get_attribute("alt") for image in opened.locator(".still img").all()] == [
             "Slider-crank",
-            "Multipliers over time",
+            "λ over time",
         ]
         # what scripts would fill is not there
         assert not opened.get_by_role("heading", name="Motion", exact=True).is_visible()

@@ -124,7 +124,7 @@ const PlotNumbers = {
     const size = Math.abs(number);
     const text =
       size !== 0 && (size < 1e-3 || size >= 1e6)
-        ? number.toExponential(4)
+        ? Number(number.toPrecision(5)).toExponential()
         : String(Number(number.toPrecision(6)));
     return PlotNumbers.typeset(text);
   },
@@ -177,7 +177,7 @@ class TimePlot {
   static LEAST_SPACE = 16; // between numbers of the upright axis, CSS pixels
   static LABEL = 18; // width of its label
   static LETTER = 6.6; // width of a letter of that
-  static ROUNDED = 1e-12; // of the largest value of a curve: less is rounding
+  static ROUNDED = 1e-12; // of the largest value of the plot: less is rounding
   static CONSTANT = 1e-7; // of the size: changes that are errors of the integration
   static NEAR = 12; // CSS pixels between the pointer and a curve that it points at
   static FAINT = 0.25; // opacity of the other curves
@@ -259,7 +259,7 @@ class TimePlot {
     // uPlot takes a cursor that moves under a held button for a drag, and drops the click
     if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
     for (const [i, series] of this.data.series.entries()) {
-      const small = this.data.log ? 0 : TimePlot.ROUNDED * this.largest[i];
+      const small = this.data.log ? 0 : TimePlot.ROUNDED * Math.max(...this.largest);
       const value = time === null ? NaN : TimePlot.at(this.data.time, series.values, time);
       const shown = Math.abs(value) < small ? 0 : value;
       this.values[i].textContent = time === null ? "" : PlotNumbers.value(shown);

@@ -195,31 +195,14 @@ def picture(draw: Callable[[FigureTarget], object], caption: str) -> str:
     UsageError
         matplotlib is not installed.
     """
-    svg = _drawn(draw)
-    images = _image(svg, caption, "light") + _image(_darkened(svg), caption, "dark")
-    return f'<figure class="picture">{images}</figure>'
-
-
-def picture_element(draw: Callable[[FigureTarget], object], caption: str) -> str:
-    """Return a picture for light pages alone, as an image element.
-
-    Parameters
-    ----------
-    draw, caption
-        See `picture`.
-    """
-    return _image(_drawn(draw), caption, "light")
-
-
-def _drawn(draw: Callable[[FigureTarget], object]) -> str:
     target = _HeldFigure()
     draw(target)
-    return target.svg
-
-
-def _image(svg: str, caption: str, kind: str) -> str:
-    data = base64.b64encode(svg.encode()).decode()
-    return f'<img class="{kind}" alt="{escape(caption)}" src="data:image/svg+xml;base64,{data}">'
+    images = "".join(
+        f'<img class="{name}" alt="{escape(caption)}" src="data:image/svg+xml;base64,'
+        f'{base64.b64encode(svg.encode()).decode()}">'
+        for name, svg in (("light", target.svg), ("dark", _darkened(target.svg)))
+    )
+    return f'<figure class="picture">{images}</figure>'
 
 
 def _darkened(svg: str) -> str:

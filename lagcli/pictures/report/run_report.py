@@ -170,7 +170,7 @@ def assembled(
         sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
         images=True,
-        without_script=without_script(run, scene, title or model.title),
+        without_script=without_script(_first_plot(every), colors, scene, title or model.title),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),
@@ -216,6 +216,12 @@ def _balance(
         "time": packed.add(columns["time"]),
         "equations": balance.to_json(columns, run.terms, values, units, packed.add),
     }
+
+
+def _first_plot(every: Sequence[Section]) -> Plot | None:
+    """Return the plot of λ, or of the coordinates of a free system."""
+    titles = ("Multipliers", "Coordinates")
+    return next((x.plots[0] for title in titles for x in every if x.title == title), None)
 
 
 def _looked_at(catalogue: Catalogue) -> list[Curve]:

@@ -15,6 +15,7 @@ from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnFlashes, DrawnVector, Scene, frames
 from lagcli.pictures.scene.timing import TRAIL_PART, round_number
+from lagcli.pictures.scene.vector import VectorPicture
 from lagcli.pictures.style import ROLES
 
 _LISTED = 6  # largest number of vectors whose magnitudes are written
@@ -34,6 +35,8 @@ class SceneDrawing:
         Duration of trails, s; by default 30 % of the run.
     annotated : bool
         Whether there are a scale, or the directions of the axes, and the magnitudes of vectors.
+    picture : type
+        `Raster` for frames, `VectorPicture` for one picture in SVG.
     """
 
     def __init__(
@@ -45,12 +48,13 @@ class SceneDrawing:
         forces: bool = True,
         trail: float | None = None,
         annotated: bool = True,
+        picture: type[Raster | VectorPicture] = Raster,
     ):
         self.scene, self.annotated = scene, annotated
         span = float(scene.time[-1] - scene.time[0])
         self.trail = TRAIL_PART * span if trail is None else trail
         unit = max(0.6, min(1.6, min(width, height) / 420))
-        self.raster = Raster(width, height, unit, ROLES["paper"])
+        self.raster = picture(width, height, unit, ROLES["paper"])
         #: Height of the lines of text at the top and at the bottom.
         self.strip = 26 * max(1.0, unit) if annotated else 0.0
         place = width, height, self.strip
@@ -63,7 +67,23 @@ class SceneDrawing:
         self._joints = joints(scene)
 
     def frame(self, time: float, note: str = "") -> Image:
-        """Return the picture at a time.
+        """Return the picture at a time, of a raster.
+
+        Parameters
+        ----------
+        time, note
+            See `draw`.
+
+        Returns
+        -------
+        (height, width, 3) array of uint8
+        """
+        self.draw(time, note)
+        assert isinstance(self.raster, Raster)
+        return self.raster.image()
+
+    def draw(self, time: float, note: str = "") -> None:
+        """Draw the picture at a time.
 
         Parameters
         ----------
@@ -71,10 +91,6 @@ class SceneDrawing:
             Time, s; samples are interpolated.
         note : str
             Text at the top.
-
-        Returns
-        -------
-        (height, width, 3) array of uint8
         """
         raster, solid = self.raster, self.scene.dimension == 3
         raster.clear()
@@ -92,7 +108,6 @@ class SceneDrawing:
             self._triad() if solid else self._rule()
             self._magnitudes(moment)
         raster.text(note, (14, raster.height - self.strip / 2), ROLES["label"])
-        return raster.image()
 
     def _floor(self) -> None:
         """Draw a grid at the bottom of the scene, which makes depth visible."""
@@ -218,7 +233,7 @@ class Moment:
         self,
         scene: Scene,
         camera: PlaneCamera | OrbitCamera,
-        raster: Raster,
+        raster: Raster | VectorPicture,
         now: float,
         trail: float,
     ):
@@ -373,7 +388,7 @@ def vector_ends(moment: Moment, vector: DrawnVector) -> Array:
     return ends
 
 
-def arrow(raster: Raster, start: Array, end: Array, color: str) -> None:
+def arrow(raster: Raster | VectorPicture, start: Array, end: Array, color: str) -> None:
     """Draw an arrow between two places."""
     way = end - start
     length = math.hypot(*way)
@@ -446,7 +461,7 @@ def _axes(ends: Array) -> tuple[Array, Array]:
     return along, np.array([-along[1], along[0]])
 
 
-def _plate(raster: Raster, corners: Array) -> None:
+def _plate(raster: Raster | VectorPicture, corners: Array) -> None:
     raster.area(corners[:, :2], ROLES["disc"], 0.2, edge=ROLES["disc"], width=1.8)
 
 
@@ -498,7 +513,7 @@ _LINES = {
 }
 
 
-def _ground(raster: Raster, place: Array) -> None:
+def _ground(raster: Raster | VectorPicture, place: Array) -> None:
     """Draw a bearing on hatched ground."""
     x, y = place[:2]
     color, height, half = ROLES["ground"], 15 * raster.unit, 17 * raster.unit

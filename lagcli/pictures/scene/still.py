@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import io
-from base64 import b64encode
-from html import escape
 from importlib.util import find_spec
 
 import numpy as np
 
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.scene import Scene
+from lagcli.pictures.scene.vector import VectorPicture
 
 _SIZE = (640, 480)
 #: The part of the motion after which the picture is taken.
@@ -33,7 +32,7 @@ def still(scene: Scene, label: str) -> str:
 
 
 def still_image(scene: Scene, label: str) -> str:
-    """Return an image element with a scene; nothing without matplotlib, which draws it.
+    """Return an image element with a scene.
 
     Parameters
     ----------
@@ -41,14 +40,10 @@ def still_image(scene: Scene, label: str) -> str:
     label : str
         What is shown, in words.
     """
-    picture = still_picture(scene, _SIZE, f"t = {_moment(scene):.4g} s")
-    if picture is None:
-        return ""
-    width, height = _SIZE
-    return (
-        f'<img alt="{escape(label)}" width="{width}" height="{height}"'
-        f' src="data:image/png;base64,{b64encode(picture).decode()}">'
-    )
+    drawing = SceneDrawing(scene, *_SIZE, picture=VectorPicture)
+    drawing.draw(_moment(scene), f"t = {_moment(scene):.4g} s")
+    assert isinstance(drawing.raster, VectorPicture)
+    return drawing.raster.element(label)
 
 
 def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | None:
