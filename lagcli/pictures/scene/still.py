@@ -43,7 +43,7 @@ def still_image(scene: Scene, label: str) -> str:
     drawing = SceneDrawing(scene, *_SIZE, picture=VectorPicture)
     drawing.draw(_moment(scene), f"t = {_moment(scene):.4g} s")
     assert isinstance(drawing.raster, VectorPicture)
-    return drawing.raster.element(label)
+    return drawing.raster.element(label, of_model=True)
 
 
 def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | None:

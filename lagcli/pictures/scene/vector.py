@@ -41,10 +41,11 @@ class VectorPicture:
             f' stroke-linejoin="round">{"".join(self._parts)}</svg>'
         )
 
-    def element(self, label: str) -> str:
-        """Return the picture as an image element with an alternative text."""
+    def element(self, label: str, *, of_model: bool = False) -> str:
+        """Return the picture as an image element with an alternative text, perhaps the model's."""
+        kept = ' translate="no"' if of_model else ""
         return (
-            f'<img alt="{escape(label)}" width="{self.width}" height="{self.height}"'
+            f'<img alt="{escape(label)}"{kept} width="{self.width}" height="{self.height}"'
             f' src="data:image/svg+xml;base64,{b64encode(self.svg().encode()).decode()}">'
         )
 
