@@ -4,62 +4,45 @@
 
 #include "tape/tape_run.h"
 
-/* Eight elements of the sum in `combine`, or four twice where `second` is less than 4 from the first. */
-INLINE void sums(const double *base, int terms, const double *const *x, const double *weight, int i, int second,
-                 four *p, four *q)
-{
-    four a = {0.0}, b = a;
-    for (int k = 0; k < terms; ++k) {
-        const double *at = x[k] + i, w = weight[k];
-        a += w * FOUR(at);
-        b += w * FOUR(at + second);
-    }
-    *p = FOUR(base + i) + a;
-    *q = FOUR(base + i + second) + b;
-}
-
 static void combine(int n, const double *base, int terms, const double *const *x,
                     const double *weight, double *y)
 {
-    if (n < 4) {
-        for (int i = 0; i < n; ++i) {
-            double p = 0.0;
-            for (int k = 0; k < terms; ++k)
-                p += weight[k] * x[k][i];
-            y[i] = base[i] + p;
-        }
-        return;
-    }
-    /* the last eight, of which the loops have some, too: from `base` before it changes, which may be y */
-    const int second = n < 8 ? n - 4 : 4, last = n - 4 - second;
-    four p, q;
-    if (n % 8)
-        sums(base, terms, x, weight, last, second, &p, &q);
     int i = 0;
     for (; i + 16 <= n; i += 16) { /* sums remain in registers */
-        four a = {0.0}, b = a, c = a, d = a;
+        four p = {0.0}, q = p, r = p, s = p;
         for (int k = 0; k < terms; ++k) {
-            const double *at = x[k] + i, w = weight[k];
-            a += w * FOUR(at);
-            b += w * FOUR(at + 4);
-            c += w * FOUR(at + 8);
-            d += w * FOUR(at + 12);
+            const double *a = x[k] + i, w = weight[k];
+            p += w * FOUR(a);
+            q += w * FOUR(a + 4);
+            r += w * FOUR(a + 8);
+            s += w * FOUR(a + 12);
         }
-        *(four *)(y + i) = FOUR(base + i) + a;
-        *(four *)(y + i + 4) = FOUR(base + i + 4) + b;
-        *(four *)(y + i + 8) = FOUR(base + i + 8) + c;
-        *(four *)(y + i + 12) = FOUR(base + i + 12) + d;
+        *(four *)(y + i) = FOUR(base + i) + p;
+        *(four *)(y + i + 4) = FOUR(base + i + 4) + q;
+        *(four *)(y + i + 8) = FOUR(base + i + 8) + r;
+        *(four *)(y + i + 12) = FOUR(base + i + 12) + s;
     }
-    if (i + 8 <= n) {
-        four a, b;
-        sums(base, terms, x, weight, i, 4, &a, &b);
-        *(four *)(y + i) = a;
-        *(four *)(y + i + 4) = b;
+    for (; i + 4 <= n; i += 4) {
+        four p = {0.0};
+        for (int k = 0; k < terms; ++k)
+            p += weight[k] * FOUR(x[k] + i);
+        *(four *)(y + i) = FOUR(base + i) + p;
     }
-    if (n % 8) {
-        *(four *)(y + last) = p;
-        *(four *)(y + last + second) = q;
+    if (i == n)
+        return;
+    const int second = i + 1 < n, third = i + 2 < n ? 2 : 0; /* one pass for the last elements */
+    double p = 0.0, q = 0.0, r = 0.0;
+    for (int k = 0; k < terms; ++k) {
+        const double *a = x[k] + i, w = weight[k];
+        p += w * a[0];
+        q += w * a[second];
+        r += w * a[third];
     }
+    y[i] = base[i] + p;
+    if (second)
+        y[i + 1] = base[i + 1] + q;
+    if (third)
+        y[i + 2] = base[i + 2] + r;
 }
 
 static double pick(int n, const double *x, const int32_t *places, double *y)
