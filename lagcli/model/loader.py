@@ -299,7 +299,7 @@ def _model(
         energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
         used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
-    positions, velocities, spins = read_initial(draft, initial_overrides)
+    positions, velocities, spins, given = read_initial(draft, initial_overrides)
     outputs, output_units = read_outputs(draft)
     draft.outputs = smooth.of_forces(outputs)
     events: tuple[ModelEvent, ...] = ()
@@ -359,7 +359,7 @@ def _model(
         trees=draft.trees,
         names=draft.names,
         set=dict(overrides),
-        set_initial=dict(initial_overrides),
+        set_initial=given,
         view=view,
         view_errors=view_errors,
         fit=fit,

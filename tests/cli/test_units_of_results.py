@@ -99,7 +99,7 @@ def test_values_in_si_are_shown_beside_those_in_other_units(
         assert found["parameters"]["omega"] == pytest.approx(314.159265)
 
     few = ("--t-end", "0.1", "--jobs", "1", "-o", "sweep.h5", "--quiet")
-    printed("sweep", "m.yaml", "--vary", "phi=0.1,0.2", "--set", "omega=3000 rpm", *few)
+    printed("sweep", "m.yaml", "--vary", "phi=0.1,0.2 rad", "--set", "omega=3000 rpm", *few)
     text = printed("info", "sweep.h5").replace("g = 9.81 m/s^2, ", "")
     assert f" parameters {listed} options" in text
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.tokens import without_dots
+from lagcli.model.expression.tokens import is_number, without_dots
 from lagcli.model.expression.trees import (
     ComponentExpr,
     Name,
@@ -21,6 +21,7 @@ from lagcli.model.expression.trees import (
     VectorExpr,
     walk,
 )
+from lagcli.model.expression.units import si_notation, to_si
 from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.draft import (
@@ -325,25 +326,97 @@ def _states_closed(draft: Draft, name: str, node: YamlNode) -> bool:
     return stated and named and canonical_name(draft, name, vectors=True) is None
 
 
-def read_initial(draft: Draft, overrides: Mapping[str, object]) -> tuple[Values, Values, Spins]:
-    """Return the initial coordinates and velocities, by coordinate, and which ω are fixed."""
+def read_initial(
+    draft: Draft, overrides: Mapping[str, object]
+) -> tuple[Values, Values, Spins, dict[str, object]]:
+    """Return the initial coordinates and velocities, by coordinate, and which ω are fixed.
+
+    The last result is the overrides. Numbers from Python are in SI, and have the SI unit there if
+    the file's value has another unit.
+    """
     names = draft.names
     entries = draft.entries("initial")
     given = _overriding(draft, overrides)
-    jobs = _entered(draft, entries or [])
+    own = _entered(draft, entries or [])
+    jobs = dict(own)
+    overrides = dict(overrides)
     for canonical, option in given.items():
         node = override_node("--set-initial", option, overrides[option])
+        unit = _units(own.get(canonical), canonical).get("")
+        if unit is not None and not isinstance(overrides[option], str) and is_number(node.value):
+            overrides[option] = f"{node.value} {si_notation(unit)}"
+            node = override_node("--set-initial", option, overrides[option])
         declaration = _named(draft, canonical, node, guess_or(node))
         for member, reader in _values(draft, declaration):
             name = member.name + "'" * member.declaration.primes
             if not member.declaration.part or name not in given:
+                if isinstance(reader, InitialReader):  # numbers in vectors are in SI
+                    _check_unit(draft, name, reader, own.get(name), option)
                 jobs[name] = (reader, member.indices)
     values = _read(jobs)
     if entries is not None and not names.incomplete and "initial" not in draft.misspelled_keys:
         _report_missing(draft, jobs.keys())
     positions = {q: values[q] for q in names.coordinates if q in values}
     velocities = {q: values[f"{q}'"] for q in names.coordinates if f"{q}'" in values}
-    return positions, velocities, _spins(jobs)
+    return positions, velocities, _spins(jobs), overrides
+
+
+def _check_unit(
+    draft: Draft,
+    name: str,
+    reader: Reader,
+    own: tuple[Reader, Indices] | None,
+    option: str | None = None,
+) -> None:
+    """Report a number without a unit in place of one with a unit other than SI.
+
+    Parameters
+    ----------
+    draft : Draft
+    name : str
+        Coordinate or velocity.
+    reader : Reader
+        Of the value that replaces the file's.
+    own : (Reader, indices) or None
+        Of the file's.
+    option : str, optional
+        Name of the quantity in ``--set-initial``, which gives the value.
+    """
+    units = _units(own, name)
+    for part, quantity in _quantities(reader, name).items():
+        unit = units.get(part)
+        if quantity.unit is None and quantity.number and unit is not None:
+            node = quantity.parsed.node
+            written = f"`{node.value.strip()} {unit}`"
+            if option is not None:
+                value = f"{node.value.strip()} {unit}"
+                value = value if reader.fixed else f"{{guess: {value}}}"
+                written = f'--set-initial "{option}={value}"'
+            draft.report.add(
+                "ambiguous-unit",
+                f"`{name}` is given in {unit} in the file, and without a unit here",
+                node.location,
+                f"write the unit: {written}",
+            )
+
+
+def _units(job: tuple[Reader, Indices] | None, name: str) -> dict[str, str]:
+    """Return the units other than SI in which a coordinate or velocity is given, by part."""
+    quantities = {} if job is None else _quantities(job[0], name)
+    units = {part: x.unit for part, x in quantities.items()}
+    return {part: unit for part, unit in units.items() if unit and to_si(unit) != 1}
+
+
+def _quantities(reader: Reader, name: str) -> dict[str, Quantity]:
+    """Return what is read for a coordinate or velocity: all axes of an angular velocity."""
+    if isinstance(reader, InitialReader):
+        cells = {"": reader}
+    elif reader.turning:
+        cells = reader.cells
+    else:
+        part = name.rstrip("'").rpartition(".")[2]
+        cells = {"": reader.cells[part]} if part in reader.cells else {}
+    return {part: cell.quantity for part, cell in cells.items() if cell.quantity}
 
 
 Jobs = dict[str, tuple[Reader, Indices]]
@@ -411,12 +484,15 @@ def changed_values(draft: Draft, entries: Iterable[Entry], what: str) -> Changed
                 "write it under `initial` of the model",
             )
     own = _entered(draft, entries)
-    jobs = {**_entered(draft, draft.entries("initial") or []), **own}
+    of_file = _entered(draft, draft.entries("initial") or [])
+    jobs = {**of_file, **own}
     values = _read(jobs)
     texts: dict[str, str] = {}
     for canonical, (reader, _) in own.items():
         if canonical in values:
-            texts.update(_as_option(draft, canonical, reader, values, what))
+            _check_unit(draft, canonical, reader, of_file.get(canonical))
+            of_same = _units(of_file.get(canonical), canonical)
+            texts.update(_as_option(draft, canonical, reader, values, what, of_same))
     fields = {
         "initial_positions": {q: values[q] for q in draft.names.coordinates if q in values},
         "initial_velocities": {
@@ -428,9 +504,17 @@ def changed_values(draft: Draft, entries: Iterable[Entry], what: str) -> Changed
 
 
 def _as_option(
-    draft: Draft, canonical: str, reader: Reader, values: Values, what: str
+    draft: Draft,
+    canonical: str,
+    reader: Reader,
+    values: Values,
+    what: str,
+    units: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return the value of an entry as an option has it: as written, if it is one text."""
+    """Return the value of an entry as an option has it: as written, if it is one text.
+
+    ``units`` are those of the file's own value, if they are not SI: see `_units`.
+    """
     declaration = reader.declaration
     node, fixed = declaration.node, True
     if isinstance(node, MappingNode):
@@ -457,6 +541,8 @@ def _as_option(
     else:
         value = values[canonical]
         text, fixed = _written(value), value.fixed
+        if unit := units.get(""):
+            text += f" {si_notation(unit)}"
     return {name: text if fixed else f"{{guess: {text}}}"}
 
 

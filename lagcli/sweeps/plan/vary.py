@@ -336,7 +336,7 @@ def si_factor(model: Model, name: str, unit: str | None) -> Factor:
     UnknownUnit
     """
     parameter = model.parameters.get(name)
-    stated = parameter.unit if parameter else _coordinate_unit(model, name)
+    stated = parameter.unit if parameter else _initial_unit(model, name)
     if unit is not None:
         given = read_unit(unit)
         if stated is not None and not same(given.dimension, read_unit(stated).dimension):
@@ -353,8 +353,10 @@ def si_factor(model: Model, name: str, unit: str | None) -> Factor:
     return Fraction(1)
 
 
-def _coordinate_unit(model: Model, name: str) -> str | None:
-    """Return the SI unit of an initial position or velocity, if the file states it."""
+def _initial_unit(model: Model, name: str) -> str | None:
+    """Return the unit of an initial position or velocity, if the file states it."""
+    if (given := model.initial[name].unit) is not None:
+        return given
     base = name.removesuffix("'")
     unit = next((c.unit for c in model.coordinates if c.name == base), None)
     if unit is None or base == name:
