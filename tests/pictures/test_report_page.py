@@ -340,7 +340,7 @@ def test_of_a_long_run_all_numbers_are_those_of_one_stored_sample(visit, tmp_pat
     opened = visit(tmp_path / "long.html", stepped=True)
     opened.wait_for_selector(".uplot")
     opened.set_viewport_size({"width": 1300, "height": 1000})
-    opened.wait_for_function("() => document.querySelector('.live').balance.seen")
+    opened.wait_for_function("() => document.querySelector('.live').balance.seen", polling=20)
     columns = {"phi": long.q[:, 0], "psi": long.q[:, 1], "phi_dot": long.v[:, 0]}
     columns |= {"lambda.guide": long.multipliers[:, 0], "energy_total": long.energy_total}
     sine, cosine, m, r = np.sin(long.q[:, 0]), np.cos(long.q[:, 0]), 1.0, 0.1
