@@ -24,7 +24,9 @@ const plot = new TimePlot(figure, {json.dumps(data)}, options);
             "plot",
             "<figure></figure>",
             styles=[asset("vendor/uplot/uPlot.min.css"), asset("plots.css")],
-            scripts=[asset("vendor/uplot/uPlot.iife.min.js"), asset("plots.js")],
+            scripts=[
+                asset(f) for f in ("vendor/uplot/uPlot.iife.min.js", "instants.js", "plots.js")
+            ],
             start=start,
         )
         (tmp_path / "plot.html").write_text(text, encoding="utf-8")

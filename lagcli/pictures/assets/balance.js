@@ -49,7 +49,9 @@ class Balance {
   /** Show the values at a time, s. */
   show(now) {
     if (now === null || this.seen === false) return;
-    const values = this.terms.map(({ values }) => this.#at(values, now));
+    const values = this.terms.map(({ values }) =>
+      values.length === 1 ? values[0] : TimePlot.at(this.time, values, now),
+    );
     const sums = [0, 0];
     const ends = [
       [0, 0],
@@ -111,21 +113,6 @@ class Balance {
   #place(value) {
     const [low, high] = this.range;
     return Math.max(0, Math.min(100, ((value - low) / (high - low)) * 100));
-  }
-
-  /** Return a series at a time, between the samples too. */
-  #at(values, now) {
-    if (values.length === 1) return values[0];
-    const { time } = this;
-    let [low, high] = [0, time.length - 1];
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (time[middle] <= now) low = middle;
-      else high = middle;
-    }
-    const part = high > low ? (now - time[low]) / (time[high] - time[low]) : 0;
-    if (!(part > 0)) return values[low];
-    return part < 1 ? values[low] + part * (values[high] - values[low]) : values[high];
   }
 
   #written(value) {

@@ -6,15 +6,22 @@
  */
 
 const Instants = {
-  /** Return the instant nearest to a time. */
-  nearest(instants, time) {
-    let [low, high] = [0, instants.length - 1];
+  /** Return the index of the last instant that is not later than a time; 0 if all are later. */
+  last(instants, time) {
+    let [low, high] = [0, instants.length];
     while (high - low > 1) {
       const middle = (low + high) >> 1;
       if (instants[middle] <= time) low = middle;
       else high = middle;
     }
-    return time - instants[low] < instants[high] - time ? instants[low] : instants[high];
+    return low;
+  },
+
+  /** Return the instant nearest to a time. */
+  nearest(instants, time) {
+    const index = Instants.last(instants, time);
+    const [before, after] = [instants[index], instants[index + 1] ?? Infinity];
+    return time - before < after - time ? before : after;
   },
 
   /** Return the first instant that is not before a time: after what happened then. */

@@ -4,7 +4,7 @@
  * Motion: the numbers of a scene at any time, between the samples too.
  *
  * A series is a list of one number per sample, or of one number where it is constant; what is not
- * finite (null in JSON) is not drawn.
+ * finite (null in JSON) is not drawn. Needs instants.js.
  */
 
 class Motion {
@@ -33,13 +33,7 @@ class Motion {
 
   /** Return the last sample at or before a time that leaves one after it. */
   indexAt(time) {
-    let [low, high] = [0, Math.max(0, this.time.length - 2)];
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (this.time[middle] <= time) low = middle;
-      else high = middle - 1;
-    }
-    return low;
+    return Math.max(0, Math.min(Instants.last(this.time, time), this.time.length - 2));
   }
 
   /** Return a series now. */

@@ -258,8 +258,8 @@ class TimePlot {
     const seen = time !== null && min !== null && time >= min && time <= max;
     // uPlot takes a cursor that moves under a held button for a drag, and drops the click
     if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
+    const small = this.data.log ? 0 : TimePlot.ROUNDED * this.largest;
     for (const [i, series] of this.data.series.entries()) {
-      const small = this.data.log ? 0 : TimePlot.ROUNDED * Math.max(...this.largest);
       const value = time === null ? NaN : TimePlot.at(this.data.time, series.values, time);
       const shown = Math.abs(value) < small ? 0 : value;
       this.values[i].textContent = time === null ? "" : PlotNumbers.value(shown);
@@ -268,12 +268,8 @@ class TimePlot {
 
   /** Return a curve at a time: the sample there, of a jump what follows it, or between samples. */
   static at(times, values, time) {
-    let [low, high] = [0, times.length]; // the last one that is not later is between them
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (times[middle] <= time) low = middle;
-      else high = middle;
-    }
+    const low = Instants.last(times, time);
+    const high = low + 1;
     if (times[low] >= time || high === times.length) return values[low] ?? NaN;
     const part = (time - times[low]) / (times[high] - times[low]);
     return values[low] + part * (values[high] - values[low]);
@@ -481,7 +477,7 @@ class TimePlot {
 
   #columns() {
     const columns = this.data.series.map(({ values }) => Array.from(values, TimePlot.#drawable));
-    this.largest = columns.map((column) => column.reduce((m, x) => Math.max(m, Math.abs(x ?? 0)), 0));
+    this.largest = columns.flat().reduce((m, x) => Math.max(m, Math.abs(x ?? 0)), 0);
     if (this.data.log) {
       let least = Infinity;
       for (const column of columns) {
