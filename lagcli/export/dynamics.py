@@ -13,7 +13,6 @@ from lagcli.engine.evaluator import Evaluator, TapeMatrices
 from lagcli.engine.integrate.prepared import find_elimination
 from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.linear.elimination import Elimination, unroll
-from lagcli.engine.program.program import assemble
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.errors import UsageError
@@ -354,9 +353,7 @@ class _Table:
 
     def __init__(self, tape: Tape):
         self._outputs = len(tape.outputs)
-        # every input differs between rows: none is constant
-        program = assemble(tape._replace(parameters=0))
-        self._table = BatchTable(program, tape.inputs, 0)
+        self._table = BatchTable.of_rows(tape)
 
     def __call__(self, rows: Array) -> Array:
         """Return the outputs, (n, outputs)."""

@@ -11,7 +11,6 @@ from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR, Spin
 from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.evaluator import Constraints
-from lagcli.engine.program.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
 
@@ -64,8 +63,7 @@ class StartSearch:
         self.rank = len(system.constraints) if rank is None else rank
         # each row has its own parameters
         self.tables = tuple(
-            BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
-            for tape in (system.constraint, system.dynamics)
+            BatchTable.of_rows(tape) for tape in (system.constraint, system.dynamics)
         )
 
     def __call__(

@@ -18,10 +18,12 @@ from lagcli.engine.core.structures import (
     address,
     each,
 )
-from lagcli.engine.program.program import Program, unpacked
+from lagcli.engine.program.program import Program, assemble, unpacked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from lagcli.engine.tape.tape import Tape
 
 
 class lag_batch_settings(Structure):
@@ -179,6 +181,11 @@ class BatchTable:
             None, byref(given.program(_scalar(program))), inputs - parameters, parameters, kernel
         )
         check(not self._table)
+
+    @classmethod
+    def of_rows(cls, tape: Tape) -> BatchTable:
+        """Return the table of a tape whose inputs all differ between rows."""
+        return cls(assemble(tape._replace(parameters=0)), tape.inputs, 0)
 
     # the function is at hand also while the interpreter ends
     def __del__(self, destroy: Any = core.lag_table_destroy) -> None:

@@ -10,9 +10,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Flags
 from lagcli.engine.core.batch import BatchTable
-from lagcli.engine.program.program import assemble
 from lagcli.engine.system import System
-from lagcli.engine.tape.tape import Tape
 
 #: Least eigenvalue of M, scaled to a diagonal of ones, that is clearly not zero.
 _INERTIA = 1e-9
@@ -33,7 +31,7 @@ class FreeStarts:
         #: Whether there are such runs.
         self.any = not (system.held_at_start or system.nonlinear or system.functions.functions)
         self._tables = {
-            name: _table(tape)
+            name: BatchTable.of_rows(tape)
             for name, tape in (
                 ("constraint", system.constraint),
                 ("dynamics", system.dynamics),
@@ -100,8 +98,3 @@ class FreeStarts:
         values = np.linalg.eigvalsh((scaled + scaled.swapaxes(1, 2)) / 2)
         valid &= np.abs(values).min(axis=1, initial=np.inf) > _INERTIA
         return valid
-
-
-def _table(tape: Tape) -> BatchTable:
-    """Return a tape for many runs, each with its own parameters."""
-    return BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)

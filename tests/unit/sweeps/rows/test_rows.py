@@ -20,13 +20,13 @@ ROOT = Path(__file__).parents[4]
 @pytest.fixture
 def counted(count_calls):
     """Count the programs assembled and the orders of elimination found."""
-    from lagcli.engine.constraints import initial_batch
+    from lagcli.engine.core import batch as core_batch
     from lagcli.engine.integrate import batch, prepared
 
     return count_calls(
         (batch, "assemble"),
         (prepared, "assemble"),
-        (initial_batch, "assemble"),
+        (core_batch, "assemble"),
         (prepared, "order_at"),
     )
 
