@@ -39,7 +39,7 @@ from lagcli.model.names.members import family_of, indices_of, members_clause
 from lagcli.model.names.namespace import Allowed
 from lagcli.model.names.scope import uses
 from lagcli.model.sections.coordinates import KINDS, components
-from lagcli.model.sections.parameters import override_node
+from lagcli.model.sections.parameters import override_node, report_ambiguous_unit
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
@@ -392,12 +392,7 @@ def _check_unit(
                 value = f"{node.value.strip()} {unit}"
                 value = value if reader.fixed else f"{{guess: {value}}}"
                 written = f'--set-initial "{option}={value}"'
-            draft.report.add(
-                "ambiguous-unit",
-                f"`{name}` is given in {unit} in the file, and without a unit here",
-                node.location,
-                f"write the unit: {written}",
-            )
+            report_ambiguous_unit(draft, name, unit, node, written)
 
 
 def _units(job: tuple[Reader, Indices] | None, name: str) -> dict[str, str]:

@@ -193,12 +193,7 @@ class _ParameterReader:
             written = f"`{name}: {value.value} {unit}`"
             if value is not self.overrides[name]:
                 written = f"--set '{name}={value.value} {unit}'"
-            self.draft.report.add(
-                "ambiguous-unit",
-                f"`{name}` is given in {unit} in the file, and without a unit here",
-                value.location,
-                f"write the unit: {written}",
-            )
+            report_ambiguous_unit(self.draft, name, unit, value, written)
             return None
         quantity = read_quantity(self.draft, value, what, unit)
         if quantity is None or stated is None:
@@ -393,6 +388,27 @@ def override_node(option: str, name: str, value: object) -> Scalar:
         text = str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
     source = Source(text, f"{option} {name}={text}", numbered=False)
     return Scalar(source, (0, 0), (0, len(text)), text)
+
+
+def report_ambiguous_unit(draft: Draft, name: str, unit: str, node: Scalar, written: str) -> None:
+    """Report a number without a unit in place of one in a unit other than SI.
+
+    Parameters
+    ----------
+    draft : Draft
+    name, unit : str
+        The quantity, and its unit in the file.
+    node : Scalar
+        The number.
+    written : str
+        The same with the unit, as it is to be written.
+    """
+    draft.report.add(
+        "ambiguous-unit",
+        f"`{name}` is given in {unit} in the file, and without a unit here",
+        node.location,
+        f"write the unit: {written}",
+    )
 
 
 def _report_unknown_override(draft: Draft, name: str, given: object, known: list[str]) -> None:

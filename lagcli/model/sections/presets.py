@@ -226,22 +226,17 @@ class _PresetReader:
     def check_range(self, parameter: Parameter, node: Scalar) -> None:
         """Report a value beyond the ends of the parameter's slider."""
         low, high = parameter.low, parameter.high
-        if (low is None or parameter.value >= low) and (high is None or parameter.value <= high):
-            return
-        end, relation = (
-            ("min", "below")
-            if low is not None and parameter.value < low
-            else (
-                "max",
-                "above",
-            )
-        )
-        self.draft.report.add(
-            "bad-setting",
-            f"{self.what}: `{parameter.name}` is {relation} its `{end}`",
-            node.location,
-            f"choose another value, or move `{end}` of `{parameter.name}`",
-        )
+        for end, relation, beyond in (
+            ("min", "below", low is not None and parameter.value < low),
+            ("max", "above", high is not None and parameter.value > high),
+        ):
+            if beyond:
+                self.draft.report.add(
+                    "bad-setting",
+                    f"{self.what}: `{parameter.name}` is {relation} its `{end}`",
+                    node.location,
+                    f"choose another value, or move `{end}` of `{parameter.name}`",
+                )
 
 
 def with_preset(

@@ -94,7 +94,10 @@ def read_vary(text: str, model: Model) -> factors.Factor | Drawn:
         raise UsageError(
             f"--vary {text!r}: the file names its columns; give --vary {values.strip()}"
         )
-    known = varied_name(model, name)
+    try:
+        known = varied_name(model, name)
+    except UsageError as error:
+        raise UsageError(f"--vary: {error}") from None
     return _VaryReader(OptionText(f"--vary {known}", values), known, model).read()
 
 
@@ -175,8 +178,11 @@ class _VaryReader:
     def factor(self, span: tuple[int, int] | None) -> Factor:
         """Return the factor to SI of the unit in a span; without a unit, of SI."""
         unit = self.option.text[slice(*span)] if span else None
+        form = f"after the values, as in --vary '{self.name}=1:2:0.1 UNIT'"
         try:
-            return si_factor(self.model, self.name, unit)
+            return si_factor(self.model, self.name, unit, form)
+        except UsageError as error:
+            raise UsageError(f"{self.option.option}: {error}") from None
         except UnknownUnit as error:
             assert span is not None
             raise self.option.error("unknown-unit", str(error), *span, UNIT_HELP) from None
@@ -322,11 +328,20 @@ def varied_name(model: Model, name: str) -> str:
     known = [*model.parameters, *model.initial_positions]
     known += [f"{q}'" for q in model.initial_velocities]
     help_ = did_you_mean(nearest(plain, known)) or "it has " + ", ".join(known[:30])
-    raise UsageError(f"--vary: the model has no parameter or initial value `{plain}`; {help_}")
+    raise UsageError(f"the model has no parameter or initial value `{plain}`; {help_}")
 
 
-def si_factor(model: Model, name: str, unit: str | None) -> Factor:
+def si_factor(model: Model, name: str, unit: str | None, form: str = "after the number") -> Factor:
     """Return the factor that converts values of a quantity to SI.
+
+    Parameters
+    ----------
+    model : Model
+    name : str
+    unit : str or None
+        As given here.
+    form : str, optional
+        Where a missing unit is to be written, with ``UNIT`` in its place.
 
     Raises
     ------
@@ -341,14 +356,14 @@ def si_factor(model: Model, name: str, unit: str | None) -> Factor:
         given = read_unit(unit)
         if stated is not None and not same(given.dimension, read_unit(stated).dimension):
             raise UsageError(
-                f"--vary {name}: `{name}` is in {stated} in the file, and in {unit} here; give it"
+                f"`{name}` is in {stated} in the file, and in {unit} here; give it"
                 f" in {stated}, or in another unit of that dimension"
             )
         return given.factor
     if stated is not None and to_si(stated) != 1:
         raise UsageError(
-            f"--vary {name}: `{name}` is given in {stated} in the file, and without a unit here;"
-            f" write the unit after the values, as in --vary '{name}=1:2:0.1 {stated}'"
+            f"`{name}` is given in {stated} in the file, and without a unit here;"
+            f" write the unit {form.replace('UNIT', stated)}"
         )
     return Fraction(1)
 
@@ -442,13 +457,13 @@ def _columns(path: str, titles: list[str], model: Model) -> tuple[tuple[str, ...
         name, unit = split_title(title)
         try:
             known = varied_name(model, name)
-            factor = float(si_factor(model, known, unit))
+            factor = float(si_factor(model, known, unit, f"in the title, `{name} [UNIT]`"))
         except UnknownUnit as error:
             raise UsageError(
                 f"{path}:1: `{whole}`: {error}; write the column as `l [cm]`"
             ) from None
         except UsageError as error:
-            raise UsageError(f"{path}:1: {str(error).removeprefix('--vary: ')}") from None
+            raise UsageError(f"{path}:1: {error}") from None
         if known in columns:
             raise UsageError(f"{path}:1: `{known}` has two columns; keep one of them")
         columns.append(known)

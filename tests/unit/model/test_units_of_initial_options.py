@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,6 +96,21 @@ def test_a_varied_initial_value_needs_the_unit_too(values: str) -> None:
         read_vary(values, model)
     unit = {"phi": "deg", "phi'": "rpm", "u[1]": "mm"}[name]
     read_vary(f"{values} {unit}", model)
+
+
+def test_a_column_needs_the_unit_in_its_title(tmp_path: Path) -> None:
+    model, table = lagcli.load_text(MODEL), tmp_path / "table.csv"
+    table.write_text("phi\n30\n")
+    with pytest.raises(UsageError) as found:
+        read_vary(f"@{table}", model)
+    assert str(found.value) == (
+        f"{table}:1: `phi` is given in deg in the file, and without a unit here;"
+        " write the unit in the title, `phi [deg]`"
+    )
+    table.write_text("phi [deg]\n30\n")
+    assert read_vary(f"@{table}", model).rows(np.array([0])) == pytest.approx(
+        np.array([[np.pi / 6]])
+    )
 
 
 def test_a_preset_needs_the_unit_too() -> None:
