@@ -18,6 +18,7 @@ _PARTS = (
 )
 _VELOCITY = re.compile(r"[^\W\d][\w.\[\],]*'+$")
 _TERM = re.compile(r"[^<>=,+-]+")
+_END = re.compile(r"(?<=[\w°)])(?!\w)")
 _LONGEST = 60  # maximum number of characters of a conditional that is rewritten
 
 
@@ -106,10 +107,13 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
 
 
 def _unit_at(text: str, start: int) -> str | None:
-    """Return the unit from a position to the end of a term; None if it is not a unit."""
+    """Return the longest unit at a position, within a term: of ``m/s*x`` the first three."""
     match = _TERM.match(text, start)
-    unit = match[0].strip() if match else ""
-    return unit if is_unit(unit) else None
+    if match is None:
+        return None
+    ends = [end.start() for end in _END.finditer(match[0])]
+    units = (match[0][:end].strip() for end in reversed(ends))
+    return next(filter(is_unit, units), None)
 
 
 def _without_unit(number: str, unit: str, product: str) -> str:
