@@ -23,6 +23,7 @@ typedef struct {
     uint8_t *start, *end;
     int wide;                          /* whether all is done on four numbers */
     int upper;                         /* whether the upper halves of registers are in use */
+    int unknown;                       /* whether there are no instructions for an operation */
 } emitter;
 
 void lag_fill_frame(double *frame)
@@ -147,7 +148,9 @@ static void unary(emitter *e, const lag_node *x)
     const int to = lag_take_register(&e->r, 0);
     if (x->op == OP_SQRT)
         put(e, X86_SQRT, to, e->wide ? 0 : a, reg(a)); /* of one number, the rest of the register */
-    else if (to != a)                                  /* OP_MOVE */
+    else if (x->op != OP_MOVE)
+        e->unknown = 1;
+    else if (to != a)
         put(e, X86_COPY, to, 0, reg(a));
     defined(e, x, to);
 }
@@ -354,8 +357,11 @@ static int vector_value(emitter *e, int op, int four, const lag_operand *x, cons
         x86_vex(code, X86_MUL, four, to, loaded(e, x[0], four, own[0]), x[1]);
         x86_vex(code, X86_SUB, four, to, loaded(e, x[2], four, own[2]), reg(to));
         return to;
-    default: /* OP_MOVE */
+    case OP_MOVE:
         return loaded(e, x[0], four, own[0]);
+    default:
+        e->unknown = 1;
+        return to;
     }
 }
 
@@ -517,7 +523,7 @@ lag_code lag_emit(const lag_flow *flow, lag_pool *pool, int wide, const lag_call
         lag_begin_operation(&e.r, i);
         operation(&e, x);
     }
-    if (reserve(&e, (2 + (size_t)e.r.pending_count) * MOST_BYTES))
+    if (e.unknown || reserve(&e, (2 + (size_t)e.r.pending_count) * MOST_BYTES))
         return (lag_code){0};
     lag_end_segment(&e.r);
     narrow(&e);

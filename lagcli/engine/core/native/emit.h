@@ -6,7 +6,7 @@
 #include "native/flow.h"
 
 typedef struct {
-    uint8_t *bytes;                    /* in a pool; NULL where there is no memory */
+    uint8_t *bytes;                    /* in a pool; NULL without memory, or without instructions for an operation */
     size_t length;
     int32_t frame;                     /* numbers of the frame, constants first */
 } lag_code;
