@@ -6,13 +6,11 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from lagcli.errors import FileError
+from lagcli.results.formats import SUFFIXES, format_of, read
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
     from lagcli.trajectory.trajectory import Trajectory
-
-#: Suffixes of results, sweeps and analyses; other files are models.
-_RESULTS = (".h5", ".hdf5", ".csv")
 
 
 def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
@@ -42,19 +40,16 @@ def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
         The file is missing, damaged, or a sweep while xarray is not installed.
     """
     name = os.fspath(path)
-    if not name.lower().endswith(_RESULTS):
+    if not name.lower().endswith(SUFFIXES):
         from lagcli.model.loader import load
 
         return load(name)
-    if name.lower().endswith(".csv"):
-        from lagcli.results import read
-
-        return read(name)
-    return _open_hdf5(name)
+    if format_of(name).sweeps == "all":
+        return _open_hdf5(name)
+    return read(name)
 
 
 def _open_hdf5(name: str) -> Any:
-    from lagcli.results import read
     from lagcli.results.hdf5.analysis_file import read_analysis
     from lagcli.results.hdf5.opening import open_verified
 

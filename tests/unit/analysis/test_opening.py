@@ -10,6 +10,7 @@ import pytest
 import lagcli
 from lagcli.cli.app import run
 from lagcli.model.model import Model
+from lagcli.results.formats import SUFFIXES
 from lagcli.trajectory.trajectory import Trajectory
 
 
@@ -17,8 +18,8 @@ from lagcli.trajectory.trajectory import Trajectory
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = tmp_path_factory.mktemp("opened")
     trajectory = lagcli.simulate(lagcli.load("slider_crank"), t_end=0.1, samples=11)
-    for suffix in ("h5", "csv"):
-        lagcli.write(trajectory, found / f"run.{suffix}")
+    for suffix in SUFFIXES:
+        lagcli.write(trajectory, found / f"run{suffix}")
     sweep = ["--vary", "m=1,2", "--measure", "peak=max(lambda.guide)", "--t-end", "0.1", "-q"]
     assert run(["sweep", "slider_crank", *sweep, "-o", str(found / "sweep.h5")]) == 0
     modes = ["modes", "pendulum_cartesian", "--equilibrium", "-o", str(found / "modes.h5")]
@@ -33,11 +34,11 @@ def test_models() -> None:
         assert model.name == "slider_crank"
 
 
-@pytest.mark.parametrize("suffix", ["h5", "csv"])
-def test_results(suffix: str, folder: Path) -> None:
-    found = lagcli.open(folder / f"run.{suffix}")
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_results_of_every_format(suffix: str, folder: Path) -> None:
+    found = lagcli.open(folder / f"run{suffix}")
     assert isinstance(found, Trajectory)
-    assert np.array_equal(found.q, lagcli.read(folder / f"run.{suffix}").q)
+    assert np.array_equal(found.q, lagcli.read(folder / f"run{suffix}").q)
 
 
 def test_a_sweep_is_a_dataset(folder: Path) -> None:
