@@ -13,6 +13,7 @@ from random_cases import FUZZ_COUNT
 from random_models import FUNCTIONS, EveryKey, Meaning, NoValue, RandomModel, State
 
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import ModelError
 from lagcli.functions import FUNCTIONS as KNOWN
 from lagcli.model.loader import load_text
@@ -34,6 +35,7 @@ def found(case: Lowered, inputs: list[float], a: list[float], multipliers: list[
     dynamics = ScalarTape(system.dynamics)(values)
     constraint = ScalarTape(system.constraint)(values)
     report = ScalarTape(system.report)([*inputs, *a, *multipliers, *p])
+    reported = dict(zip(REPORTED, report, strict=False))
     mass, jacobian = np.zeros((nq, nq)), np.zeros((nc, nq))
     nm, nb = len(system.mass_pattern), len(system.jacobian_pattern)
     for (i, j), x in zip(system.mass_pattern, dynamics[:nm], strict=True):
@@ -50,10 +52,10 @@ def found(case: Lowered, inputs: list[float], a: list[float], multipliers: list[
         "power": dynamics[-1],
         "phi": constraint[:nh],
         "psi": jacobian @ np.array(inputs[1 + nq :]) + drift,
-        "kinetic": report[0],
-        "potential": report[1],
-        "energy": report[2],
-        "outputs": report[5:],
+        "kinetic": reported["energy_kinetic"],
+        "potential": reported["energy_potential"],
+        "energy": reported["energy_total"],
+        "outputs": report[len(REPORTED) :],
     }
 
 

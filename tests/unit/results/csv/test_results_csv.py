@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_cases import FUZZ_COUNT
 from trajectories import (
     assert_same,
     assert_same_arrays,
@@ -91,11 +92,25 @@ def test_a_run_comes_back(tmp_path: Path, size: dict[str, Any], meta: bool) -> N
         assert_same(run, back)
 
 
-@settings(deadline=None, max_examples=20)
-@given(run=random_trajectories(st.floats(allow_nan=False) | st.just(np.nan)))  # one NaN in CSV
-def test_any_run_comes_back(run: Trajectory) -> None:
+_RANDOM_RUN = random_trajectories(st.floats(allow_nan=False) | st.just(np.nan))  # one NaN in CSV
+
+
+def check_round_trip(run: Trajectory) -> None:
     with tempfile.TemporaryDirectory() as folder:
         assert_same(run, read(_written(Path(folder), run, meta=True)))
+
+
+@settings(deadline=None, max_examples=20)
+@given(run=_RANDOM_RUN)
+def test_any_run_comes_back(run: Trajectory) -> None:
+    check_round_trip(run)
+
+
+@pytest.mark.fuzz
+@settings(deadline=None, max_examples=FUZZ_COUNT)
+@given(run=_RANDOM_RUN)
+def test_many_random_runs_come_back(run: Trajectory) -> None:
+    check_round_trip(run)
 
 
 def test_without_a_sidecar_the_rest_is_empty(tmp_path: Path) -> None:
