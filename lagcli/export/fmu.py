@@ -20,9 +20,8 @@ from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.errors import UsageError
 from lagcli.export.content import LICENCE, independent_constraints
-from lagcli.export.icon import icon as draw
 from lagcli.export.names import Identifiers
-from lagcli.export.terminals import terminals, terminals_and_icons
+from lagcli.export.terminals import draw_icon, terminals, terminals_and_icons
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.units import UnknownUnit, read_unit
 from lagcli.model.model import Model, velocity
@@ -245,7 +244,7 @@ class _Fmu:
 
     def _appearance(self, icon: bool) -> dict[str, bytes]:
         """Return the icon and, for FMI 3.0, the terminals, by the names of their files."""
-        picture = draw(self.simulation) if icon else None
+        picture = draw_icon(self.simulation) if icon else None
         if self.version == "2.0":
             return {} if picture is None else {"model.png": picture}
         found = {} if picture is None else {"terminalsAndIcons/icon.png": picture}

@@ -1,4 +1,4 @@
-"""Terminals of FMUs of FMI 3.0: inputs that are forces, with what they do work on; and the icon."""
+"""Terminals of FMUs, inputs that are forces with what they do work on, and the icon."""
 
 from __future__ import annotations
 
@@ -7,12 +7,19 @@ from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
 from lagcli.columns import ColumnName
-from lagcli.export.icon import SIZE
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.units import read_unit
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
+from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.still import still_picture
+from lagcli.pictures.scene.view_evaluator import ViewEvaluator
+from lagcli.simulations.simulation import Simulation
+from lagcli.trajectory.samples import Samples
+from lagcli.trajectory.trajectory import joined
 
+#: Size of the icon, pixels: so many that the names in the picture do not touch.
+SIZE = (640, 480)
 #: Half the width of the icon in the units of its coordinate system, of 0.1 mm.
 _HALF = 100.0
 
@@ -56,6 +63,21 @@ def terminals(model: Model, inputs: Sequence[str]) -> Iterator[Terminal]:
             unit = units.get(q, "")
             if slope == 1:
                 yield Terminal(name, q, bool(unit) and read_unit(unit).dimension.rad != 0)
+
+
+def draw_icon(simulation: Simulation) -> bytes | None:
+    """Return a PNG file with the mechanism in its own run.
+
+    None if the model has no view and none can be found, or without matplotlib, which draws it.
+    """
+    model = with_view(simulation.model)
+    if model.view is None:
+        return None
+    blocks: list[Samples] = []
+    simulation.run(blocks.append)
+    samples = joined(blocks)
+    scene = ViewEvaluator(model).scene(vars(samples), samples.terms, model.parameter_values)
+    return still_picture(scene, SIZE, "")
 
 
 def terminals_and_icons(found: Sequence[Terminal], icon: bool) -> bytes | None:
