@@ -10,13 +10,13 @@ from symengine import Basic
 from lagcli.columns import ColumnName, read_column_name, read_dotted_name
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.tape.tape import Tape
-from lagcli.equations.derivation.column_expressions import REPORTED, column_expression
+from lagcli.equations.derivation.column_expressions import FROM_ENTRIES, REPORTED, column_expression
 from lagcli.model.model import TIME, acceleration, coordinate, multiplier, velocity
 from lagcli.simulations.resources import DerivedTape
 from lagcli.simulations.simulation import Simulation
 
 #: Scalar columns that the engine does not report, but for the energy balance.
-_COMPUTED = ("power_constraint", "power_friction", "residual_equation")
+_COMPUTED = tuple(name for name in FROM_ENTRIES if name != "energy_balance")
 #: Columns that forces with jumps change on the surfaces of these: `simulations.surfaces`.
 _OF_SURFACES = ("power_applied", "power_constraint", "power_friction", "residual_equation")
 
