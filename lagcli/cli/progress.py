@@ -7,6 +7,8 @@ import sys
 import time
 from typing import Any, Self
 
+from lagcli.prose import counted
+
 _PATIENCE = 0.5  # s before a bar appears, so that a short run shows none
 _PERIOD = 0.1  # s between two updates: runs report more often
 _LOG_PERIOD = 30.0  # s between two lines in a log, without a terminal
@@ -118,8 +120,8 @@ class RowProgress(_Bar):
         rate = (done - self.first) / (now - self.began)
         if not self.terminal:
             left = f", {_duration((rows - done) / rate)} left" if rate else ""
-            text = f"{done} of {rows} rows ({100 * done // rows} %), {rate:.4g} rows/s{left}"
-            print(text, file=sys.stderr, flush=True)
+            part = f"{done} of {counted(rows, 'row')} ({100 * done // rows} %)"
+            print(f"{part}, {rate:.4g} rows/s{left}", file=sys.stderr, flush=True)
             return
         if self.bar is None:
             self.open(

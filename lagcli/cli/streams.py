@@ -155,7 +155,7 @@ def fitted(text: str, width: int) -> str:
     """Return text with lines that fit a terminal; numbers keep their names and units."""
     if max(map(len, text.split("\n"))) <= width:
         return text
-    from lagcli.results.listing import wrapped
+    from lagcli.prose import wrapped
 
     lines: list[str] = []
     for line in text.split("\n"):

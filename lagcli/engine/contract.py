@@ -13,6 +13,7 @@ from lagcli.arrays import Array
 from lagcli.engine.event_entries import NO_ENTRIES, EventEntries
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import State, System
+from lagcli.prose import counted
 from lagcli.settings.settings import Settings
 
 if TYPE_CHECKING:
@@ -226,7 +227,8 @@ class Limits:
     def check(self, t: float, steps: int) -> None:
         """Stop a run that takes more steps or time than allowed."""
         if steps >= self.steps:
-            raise Stop(f"stopped after {steps} steps at t = {t:.9g} s; --max-steps allows more")
+            taken = counted(steps, "step")
+            raise Stop(f"stopped after {taken} at t = {t:.9g} s; --max-steps allows more")
         self.check_time(t)
 
     def check_time(self, t: float) -> None:

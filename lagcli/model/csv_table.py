@@ -14,6 +14,7 @@ from lagcli.files import check_regular, read_failure
 from lagcli.model.expression.tokens import decimal
 from lagcli.model.expression.units import Factor, UnknownUnit, is_unit, to_si
 from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.prose import counted
 
 _DELIMITERS = ",;\t"
 #: A title with its unit: ``enc [deg]``, ``c [N/(m/s)]``; digits are an index, ``x[1]``.
@@ -104,7 +105,7 @@ class CsvTable:
                 elif any(field.strip() for field in fields):
                     raise self.error(
                         "bad-data",
-                        f"{len(fields)} values under {count} names",
+                        f"{counted(len(fields), 'value')} under {counted(count, 'name')}",
                         "give one value for each name; leave the field of a missing value empty",
                         reader.line_num,
                     )

@@ -12,10 +12,20 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, ColumnName, impulse_unit
+from lagcli.prose import counted
 from lagcli.results.formats import FORMATS, format_of, open_reader
-from lagcli.results.listing import WIDTH, entry, folded, number, pairs, told_apart
+from lagcli.results.listing import (
+    WIDTH,
+    entry,
+    file_size,
+    folded,
+    number,
+    pairs,
+    shortened,
+    told_apart,
+)
 from lagcli.results.metadata import KIND, model_name, to_metadata
-from lagcli.results.ranges import ValueRange, by_family, range_lines, ranges_of
+from lagcli.results.ranges import ValueRange, by_family, families_of, range_lines, ranges_of
 from lagcli.trajectory.event_log import event_sentences
 from lagcli.trajectory.extremes import Extremes, known
 
@@ -158,7 +168,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     title = next(f.title for f in FORMATS if f.name == info["format"])
     lines = _entry(
         "file",
-        f"{info['path']}: {info['kind']}, {title}, {_size(info['bytes'])}, "
+        f"{info['path']}: {info['kind']}, {title}, {file_size(info['bytes'])}, "
         f"{writer}layout {info['schema_version']}",
     )
     lines += _entry("status", info["status"] or "not recorded")
@@ -166,7 +176,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     for warning in info["warnings"]:
         lines += _entry("warning", warning)
     lines += _entry("model", f"{info['model_name'] or 'without a name'}{digest}" if digest else "")
-    lines += _entry("time", f"{span}{sizes['samples']} samples")
+    lines += _entry("time", f"{span}{counted(sizes['samples'], 'sample')}")
     for name in ("coordinates", "constraints", "outputs"):
         shown = folded((n, _unit(units.get(n))) for n in info[name])
         lines += _entry(name, ", ".join(shown) or "none")
@@ -178,13 +188,13 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
         )
     lines += _entry("parameters", pairs(info["parameters"], units, info["given"]))
     lines += _entry("options", pairs(info["options"]))
-    lines += _entry("atol at end", pairs(info["tolerances"]))
+    lines += _entry("atol at end", _by_family(info["tolerances"]))
     lines += _entry("counts", pairs(info["counts"]))
     lines += _entry("seconds", pairs(info["seconds"]))
     moved = [
         f"{n} {' -> '.join(told_apart(*pair))}" for n, pair in info["initial_correction"].items()
     ]
-    lines += _entry("start adjusted", ", ".join(moved))
+    lines += _entry("start adjusted", ", ".join(shortened(moved)))
     lines += _entry("freedom", _freedom(info["freedom"]))
     if info["events"] is not None:
         for what, sentence in zip(
@@ -252,11 +262,21 @@ def _forces(info: Mapping[str, Any]) -> list[ValueRange]:
     return ranges_of(info["multipliers"], units, "time") + ranges_of(strokes, stroke_units, "time")
 
 
+def _by_family(values: Mapping[str, float]) -> str:
+    """Return ``name = value`` for each number, or a range for each family."""
+    ranges = families_of(ValueRange(name, "", x, "", x, "") for name, x in values.items())
+    shown = (
+        f"{x.name} = {number(x.low)}" + (f" … {number(x.high)}" if x.high != x.low else "")
+        for x in ranges
+    )
+    return ", ".join(shortened(list(shown)))
+
+
 def _table_of(table: Mapping[str, Any]) -> str:
     """Return the source of an input's table, and its extent."""
     digest = f" (sha256 {table['sha256'][:12]}…)" if table["sha256"] else ""
     span = f"{number(table['first'])} to {number(table['last'])} s"
-    return f"{table['file'] or 'the model'}{digest}, {table['rows']} rows, {span}"
+    return f"{table['file'] or 'the model'}{digest}, {counted(table['rows'], 'row')}, {span}"
 
 
 def _with_unit(name: str, unit: str | None) -> str:
@@ -284,16 +304,6 @@ def _residuals(
         name: {"max": known(value), "scaled": _ratio(known(value), float(scale))}
         for name, value, scale in zip(constraints, largest, scales, strict=True)
     }
-
-
-def _size(count: int) -> str:
-    """Return a number of bytes in the largest unit in which it is at least one."""
-    size = float(count)
-    for symbol in ("B", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.3g} {symbol}"
-        size /= 1000
-    return f"{size:.3g} GB"
 
 
 def _freedom(freedom: Mapping[str, Any]) -> str:

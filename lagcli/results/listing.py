@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+
+from lagcli.prose import wrapped
 
 #: Width of text that is not written to a terminal.
 WIDTH = 100
 #: Largest number of entries of a long list, such as one for each coordinate.
 _SHOWN = 24
-#: Matches spaces that must not break: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
-_WITHIN = re.compile(
-    r"(?<= [=→]) | (?=[=→] )|(?<= ->) | (?=-> )|(?<=\bat t) |(?<=\bat) (?=t\b)"
-    r"|(?<=\bm[ai][nx]) +|(?<=\d) (?=[A-Za-z%])|(?<=[\w\]']) (?=\[|[-−]?\d)|(?<=\bλ) (?=\w)"
-)
 _MEMBER = re.compile(r"([^\[\]]*\[)(\d+)(\].*)", re.DOTALL)
 
 
 def number(value: Any, digits: int = 6) -> str:
-    """Format a number for reading; a dash for None."""
+    """Format a number for reading; a dash for None, and true and false as in model files."""
     if value is None:
         return "-"
+    if isinstance(value, bool):
+        return str(value).lower()
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+
+
+def file_size(count: int) -> str:
+    """Return a number of bytes in the largest unit in which it is at least one."""
+    size = float(count)
+    for symbol in ("B", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.3g} {symbol}"
+        size /= 1000
+    return f"{size:.3g} GB"
 
 
 def told_apart(before: float, after: float, digits: int = 6) -> tuple[str, str]:
@@ -34,29 +42,6 @@ def told_apart(before: float, after: float, digits: int = 6) -> tuple[str, str]:
         if shown[0] != shown[1]:
             break
     return shown
-
-
-def wrapped(text: str, width: int, first: str = "", following: str = "") -> list[str]:
-    """Break a text into lines, without breaking between a name and its value, or a number and its
-    unit.
-
-    Parameters
-    ----------
-    text : str
-    width : int
-        Width, including the indentation.
-    first, following : str
-        Indentation of the first line, and of the others.
-    """
-    lines = textwrap.wrap(
-        _WITHIN.sub("\u00a0", text),
-        width,
-        initial_indent=first,
-        subsequent_indent=following,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-    return [line.replace("\u00a0", " ") for line in lines]
 
 
 def folded(items: Iterable[tuple[str, str]]) -> list[str]:

@@ -12,6 +12,7 @@ from lagcli.columns import RESIDUALS, SAMPLED, column_names
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.system import KINKS, System
 from lagcli.equations.derivation.column_expressions import REPORTED
+from lagcli.prose import counted
 from lagcli.settings.settings import Settings
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.samples import Samples
@@ -236,7 +237,9 @@ def undefined_at(name: str, infinite: bool, count: int, samples: int, first: flo
         Time of the first one, s.
     """
     what = "infinite" if infinite else "NaN"
-    return f"`{name}` is {what} at {count} of {samples} samples, first at t = {first:.6g}"
+    return (
+        f"`{name}` is {what} at {count} of {counted(samples, 'sample')}, first at t = {first:.6g}"
+    )
 
 
 def undefined_rows(names: Sequence[str], time: Array, signals: Array) -> dict[int, str]:

@@ -18,6 +18,7 @@ from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import read_text
 from lagcli.model.sections.presets import with_preset
+from lagcli.prose import counted
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -268,12 +269,13 @@ class _Sweep:
         if self.journal.lost and not os.path.isdir(folder):
             raise FileError(
                 f"cannot write {self.journal.path}: the folder {folder} was removed while the sweep"
-                f" ran, and with it {self.row_status.done} rows; run the sweep again"
+                f" ran, and with it {counted(self.row_status.done, 'row')}; run the sweep again"
             )
         try:
             self.journal.append(results)
         except FileError as error:
-            raise self._noted(error, f"{self.row_status.done} rows are kept", "goes on") from error
+            kept = f"{counted(self.row_status.done, 'row')} kept"
+            raise self._noted(error, kept, "goes on") from error
         self.row_status.enter(results)
 
     def _noted(self, error: FileError, kept: str, does: str) -> FileError:

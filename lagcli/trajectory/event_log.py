@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Indices
+from lagcli.prose import counted
 
 #: Modes of switched rows, numbered as `lagcli.engine.switching.switching.RowMode`.
 MODES = ("open", "holds", "forward", "backward")
@@ -42,7 +43,7 @@ class Rest(NamedTuple):
     impacts: int
 
     def __str__(self) -> str:
-        impacts = f"{self.impacts} impact{'s' * (self.impacts != 1)}"
+        impacts = counted(self.impacts, "impact")
         return f"`{self.name}` came to rest at t = {self.time:.11g} s after {impacts}"
 
 
@@ -432,7 +433,8 @@ def event_sentences(log: Mapping[str, Any]) -> list[str]:
     rests = [f"note: {Rest(**rest)}" for rest in log["rests"]]
     sentences += rests[:_LISTED]
     if len(rests) > _LISTED:
-        sentences.append(f"note: contacts came to rest {len(rests) - _LISTED} more times")
+        more = counted(len(rests) - _LISTED, "more time")
+        sentences.append(f"note: contacts came to rest {more}")
     sentences += _undetermined(log["undetermined"])
     sentences += _at_end(log["at_end"])
     few = ((name, of) for name, of in log["recorded"].items() if of["last"] is not None)
@@ -456,7 +458,7 @@ def _undetermined(instants: Sequence[Mapping[str, Any]]) -> list[str]:
         times = [each for each in instants if each["kind"] == kind]
         note = f"note: {Undetermined(**times[0])}"
         more = len(times) - 1
-        sentences.append(note + (f"; {more} more time{'s' * (more != 1)}" if more else ""))
+        sentences.append(note + (f"; {counted(more, 'more time')}" if more else ""))
     return sentences
 
 
@@ -478,8 +480,7 @@ def _at_end(modes: Mapping[str, str]) -> list[str]:
 def _recorded(name: str, record: Mapping[str, Any]) -> str:
     times, count, last = record["times"], record["columns"], record["last"]
     if times > 1:
-        columns = f"{count} column{'s' * (count != 1)}"
-        return f"`{name}` recorded {columns} {times} time{'s' * (times != 1)}"
+        return f"`{name}` recorded {counted(count, 'column')} {times} times"
     values = (f"{column} = {_jump(*both)}" for column, both in last["values"].items())
     return f"`{name}` recorded at t = {last['time']:.9g} s: " + ", ".join(values)
 

@@ -38,6 +38,7 @@ FOREIGN = {
     "files": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "functions": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "prose": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},

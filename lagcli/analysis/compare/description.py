@@ -26,7 +26,7 @@ from lagcli.analysis.output.tables import (
 from lagcli.analysis.output.text import width
 from lagcli.arrays import Array, Indices
 from lagcli.model.model import Model
-from lagcli.results.listing import wrapped
+from lagcli.prose import wrapped
 from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory
 

@@ -28,7 +28,7 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.analysis.output.text import entry, listed, state_lines, width, without_rounding
 from lagcli.arrays import Array
-from lagcli.results.listing import wrapped
+from lagcli.prose import counted, wrapped
 
 _EIGENVALUES = 6  # items per line
 _EQUILIBRIA = 24  # largest number of equilibria in a table
@@ -80,7 +80,7 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
     equilibria, starts = content["equilibria"], content["starts"]
     steady = bool(content["steady"])
     one, many = ("steady motion", "steady motions") if steady else ("equilibrium", "equilibria")
-    count = f"{len(equilibria)} {one if len(equilibria) == 1 else many}"
+    count = counted(len(equilibria), one, many)
     where = f" found from {starts} starts; there may be more" if starts > 1 else ""
     held = held_text(content["steady"])
     lines = [f"{content['model']}: {count}{f' with {held}' if held else ''}{where}"]
@@ -229,7 +229,7 @@ def format_diagram(content: Mapping[str, Any]) -> str:
     """Return the text that ``lagcli equilibrium --along`` prints."""
     name, branches = content["parameter"], content["branches"]
     low, high = content["limits"]
-    count = f"{len(branches)} branch{'es' * (len(branches) != 1)}"
+    count = counted(len(branches), "branch", "branches")
     held = f", {held_text(content['steady'])}" if content["steady"] else ""
     lines = [f"{content['model']}: {count} of equilibria, {name} from {low:g} to {high:g}{held}"]
     lines += contact_lines(content.get("contacts", ()), 2)
@@ -237,7 +237,8 @@ def format_diagram(content: Mapping[str, Any]) -> str:
         origin = "" if branch["origin"] is None else f" off branch {branch['origin']}"
         at = branch["parameter"]
         lines.append(
-            f"  branch {number}{origin}: {len(at)} points, {name} = {at[0]:.6g} to {at[-1]:.6g}"
+            f"  branch {number}{origin}: {counted(len(at), 'point')},"
+            f" {name} = {at[0]:.6g} to {at[-1]:.6g}"
         )
         if branch["line"]:
             level = max(at) - min(at) <= 1e-9 * max(map(abs, at))
@@ -287,7 +288,7 @@ def _verdicts(branch: Mapping[str, Any], changes: Sequence[float]) -> str:
         return shown_verdict(verdicts[0])
     if len(starts) > _RANGES:
         counts = Counter(map(shown_verdict, verdicts))
-        return ", ".join(f"{name} at {count} points" for name, count in counts.items())
+        return ", ".join(f"{name} at {counted(count, 'point')}" for name, count in counts.items())
     inner = changes if len(changes) == len(starts) - 1 else [at[i] for i in starts[1:]]
     ends = [at[0], *inner, at[-1]]
     return "; ".join(

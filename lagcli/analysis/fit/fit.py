@@ -26,6 +26,7 @@ from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
 from lagcli.model.model import FitBlock, Model
+from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.directions import direction_names
 from lagcli.simulations.threads import one_thread
@@ -185,7 +186,9 @@ def _limit_steps(problem: Problem, values: Array) -> None:
 def _best(results: list[SearchResult], problem: Problem) -> SearchResult:
     ended = [x for x in results if x.evaluation is not None]
     if not ended:
-        reasons = "; ".join(f"{reason} ({n} runs)" for reason, n in problem.failures.most_common(3))
+        reasons = "; ".join(
+            f"{reason} ({counted(n, 'run')})" for reason, n in problem.failures.most_common(3)
+        )
         raise NumericalError(
             f"no fit: every search failed at its first run: {reasons}; begin with values for which"
             " the model runs, or give --starts 20"

@@ -25,7 +25,7 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.analysis.output.text import width
 from lagcli.arrays import Array
-from lagcli.results.listing import wrapped
+from lagcli.prose import counted, wrapped
 
 
 class FittedData(NamedTuple):
@@ -257,8 +257,9 @@ def format_fit(result: FitResult) -> str:
     """Return the text that ``lagcli fit`` and ``lagcli info`` print."""
     files = len(result.data)
     lines = _wrapped(
-        f"{result.model_name}: {len(result.names)} quantities from {result.count} measured values"
-        f" in {files} file{'s' * (files != 1)}, {'fitted' if result.converged else 'not fitted'}",
+        f"{result.model_name}: {counted(len(result.names), 'quantity', 'quantities')} from"
+        f" {counted(result.count, 'measured value')} in {counted(files, 'file')},"
+        f" {'fitted' if result.converged else 'not fitted'}",
         "",
     )
     square = f"{result.chi_square:.5g} for {result.freedom} degrees of freedom"

@@ -33,7 +33,7 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.analysis.output.text import entry, state_lines, width
 from lagcli.model.model import Model
-from lagcli.results.listing import wrapped
+from lagcli.prose import counted, wrapped
 
 _SHOWN = 6  # components of a shape that are listed
 _ENTRIES = 12  # largest number of rows and columns of a printed matrix
@@ -268,7 +268,7 @@ def format_linear(content: Mapping[str, Any]) -> str:
     equation = "ẋ = A x" if form == "reduced" else "E ẋ = A x"
     equation += " + B u" if m else ""
     equation += ", y = C x" + (" + D u" if m else "") if o else ""
-    lines.append(f"  {'form':<9}{form}: {equation}; {n} state{'s' * (n != 1)}")
+    lines.append(f"  {'form':<9}{form}: {equation}; {counted(n, 'state')}")
     for name, label in (("states", "x"), ("inputs", "u"), ("outputs", "y")):
         if content[name]:
             lines += entry(label, ", ".join(content[name]))
@@ -284,7 +284,7 @@ def format_modes(content: Mapping[str, Any]) -> str:
     lines = _head(content, "modes about")
     freedom = content["degrees_of_freedom"]
     lines.append(
-        f"  {freedom} degree{'s' * (freedom != 1)} of freedom"
+        f"  {counted(freedom, 'degree')} of freedom"
         + ("; no damping, no gyroscopic forces" if content["undamped"] and freedom else "")
     )
     if not content["modes"]:

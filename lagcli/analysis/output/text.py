@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from lagcli.results.listing import wrapped
+from lagcli.prose import wrapped
 
 #: Columns of the text: by default those of a file, on a terminal those of `laid_out`.
 _COLUMNS = ContextVar("_COLUMNS", default=80)

@@ -17,6 +17,7 @@ from lagcli.cli.options import (
 )
 from lagcli.cli.parameters import Option
 from lagcli.errors import UsageError
+from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
 
 FAILED_STATUS = 3
@@ -82,7 +83,11 @@ def fit(
 
     def progress(done: int, count: int) -> None:
         if show:
-            print(f"\r{done} of {count} searches", end="\n" * (done == count), file=sys.stderr)
+            print(
+                f"\r{done} of {counted(count, 'search', 'searches')}",
+                end="\n" * (done == count),
+                file=sys.stderr,
+            )
 
     result = run_fit(loaded, settings, starts=starts, ci=ci, level=level, progress=progress)
     if output is not None:

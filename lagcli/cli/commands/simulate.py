@@ -25,6 +25,7 @@ from lagcli.cli.parameters import Option
 from lagcli.cli.streams import text_width
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
+from lagcli.prose import counted
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
 
@@ -136,7 +137,11 @@ def simulate(
     print(f"error: {record.message}", file=sys.stderr)
     _say_where(loaded, record.message)
     if output is not None:
-        kept = f"kept {extremes.samples} samples in {output}" if written else "nothing written"
+        kept = (
+            f"kept {counted(extremes.samples, 'sample')} in {output}"
+            if written
+            else "nothing written"
+        )
         print(f"   note: {kept}", file=sys.stderr)
     return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS
 

@@ -25,6 +25,7 @@ from lagcli.cli.parameters import Option
 from lagcli.cli.streams import print_notes, text_width, visible
 from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
+from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
 
 _CAUSES, _MEASURES = 10, 20  # largest numbers of causes and measures in the summary
@@ -170,12 +171,16 @@ def sweep(
     elif not quiet:
         print_listing(_text(summary, text_width()), _LABEL, plain=no_color, lost=True)
     for warning, count in summary.warnings.items():
-        print(f"warning: {count} of {summary.rows} rows: {visible(warning)}", file=sys.stderr)
+        print(
+            f"warning: {count} of {counted(summary.rows, 'row')}: {visible(warning)}",
+            file=sys.stderr,
+        )
     if summary.status == "interrupted":
         print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
         return INTERRUPTED_STATUS
     if summary.ok < summary.rows:
-        print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
+        failed = f"{summary.rows - summary.ok} of {counted(summary.rows, 'row')} failed"
+        print(f"error: {failed}", file=sys.stderr)
         return FAILED_STATUS
     return 0
 
@@ -206,7 +211,7 @@ def _kept(summary: Any) -> str:
     if summary.output is None:
         return "the journal was removed while the sweep ran, so that no rows are kept"
     return (
-        f"{summary.done} of {summary.rows} rows are kept in {summary.output}\n"
+        f"{summary.done} of {counted(summary.rows, 'row')} kept in {summary.output}\n"
         "   help: the same command with --resume continues"
     )
 
@@ -217,18 +222,18 @@ def _text(summary: Any, columns: int) -> str:
     from lagcli.results.ranges import ValueRange, families_of, range_lines
 
     s = summary
-    lines = [f"{s.status}: {s.done} of {s.rows} rows, {s.ok} good"]
+    lines = [f"{s.status}: {s.done} of {counted(s.rows, 'row')}, {s.ok} good"]
 
     def said(label: str, text: str) -> None:
         lines.extend(entry(f"  {label}", text, _LABEL, columns))
 
     if s.done > s.run:
-        said("found", f"{s.done - s.run} rows done before, {s.run} run now")
+        said("found", f"{counted(s.done - s.run, 'row')} done before, {s.run} run now")
     causes = list(s.failed.items())
     for i, (cause, count) in enumerate(causes[:_CAUSES]):
         said("" if i else "failed", f"{count}: {cause}")
     if len(causes) > _CAUSES:
-        said("", f"and {len(causes) - _CAUSES} more causes (--json lists all)")
+        said("", f"and {counted(len(causes) - _CAUSES, 'more cause')} (--json lists all)")
     ranges = [
         ValueRange(
             name, x["unit"] or "", x["min"], f"run {x['row_min']}", x["max"], f"run {x['row_max']}"
@@ -242,8 +247,7 @@ def _text(summary: Any, columns: int) -> str:
             lines.append(f"    … {len(shown) - _MEASURES} more (lagcli info {s.output})")
     speed = f", {s.rows_per_second:.4g} rows per second" if s.run else ""
     said("time", f"{s.seconds:.2f} s{speed}")
-    count = len(s.measures)
-    kept = "trajectories" if s.keep == "trajectories" else f"{count} measure{'s' * (count != 1)}"
+    kept = "trajectories" if s.keep == "trajectories" else counted(len(s.measures), "measure")
     if s.status == "completed":
         said("written", f"{s.output}: {kept} of each row")
     return "\n".join(lines)

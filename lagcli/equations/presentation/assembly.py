@@ -42,6 +42,7 @@ from lagcli.equations.reduction.elimination import (
 from lagcli.equations.reduction.partition import CoordinatePartition
 from lagcli.equations.reduction.second_kind import Maggi, second_kind
 from lagcli.equations.typesetting.nodes import Node, Step, Sum, children
+from lagcli.prose import counted
 
 #: Kinds of equations of motion.
 KINDS = ("first", "second", "maggi")
@@ -172,10 +173,11 @@ def _compared(
     """Return the number of equations and terms of each kind."""
     k, r, n = len(f.coordinates), len(f.equations.constraints), len(p.independent)
     sizes = {
-        "first": f"{k + r} equations in {k} coordinates and {r} multiplier{'s' * (r != 1)}",
-        "second": f"{n} equation{'s' * (n != 1)} in {n} coordinate{'s' * (n != 1)}",
-        "maggi": f"{n} equation{'s' * (n != 1)} and {r} constraint{'s' * (r != 1)} in {k}"
-        " coordinates",
+        "first": f"{counted(k + r, 'equation')} in {counted(k, 'coordinate')}"
+        f" and {counted(r, 'multiplier')}",
+        "second": f"{counted(n, 'equation')} in {counted(n, 'coordinate')}",
+        "maggi": f"{counted(n, 'equation')} and {counted(r, 'constraint')} in"
+        f" {counted(k, 'coordinate')}",
     }
     said = []
     for kind in kinds:
@@ -188,7 +190,7 @@ def _compared(
                 lines = []
         count = terms_in(x for line in lines for x in line.sides)
         name = _NAMES[kind][0].upper() + _NAMES[kind][1:]
-        size = f"{count} terms" if lines else "not written out"
+        size = counted(count, "term") if lines else "not written out"
         if kind != "first" and not n:
             said.append(f"{name}: no equations, because the constraints determine the motion.")
             continue

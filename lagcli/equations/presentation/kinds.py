@@ -51,12 +51,13 @@ from lagcli.equations.typesetting.nodes import (
 )
 from lagcli.equations.typesetting.notation import LATEX_GREEK, letter
 from lagcli.equations.typesetting.rewriting import substituted
+from lagcli.prose import counted
 
 
 def split_step(f: Formulas, p: CoordinatePartition) -> Step:
     """Return the section on coordinates and degrees of freedom (8.79 to 8.84)."""
     k, r, rank = len(f.coordinates), len(f.equations.constraints), len(p.constraints)
-    count = f"{r} relation{'s' * (r != 1)}"
+    count = counted(r, "relation")
     signs = general.Signs(f.model)
     all_of, held = (Sign(x, x) for x in (signs.coordinate_count, signs.constraint_count))
     lines = [

@@ -23,6 +23,7 @@ from lagcli.equations.presentation.switching import (
 from lagcli.equations.typesetting.nodes import Call, Line, Node, Sign, Step, Symbol, sum_of, whole
 from lagcli.model.expression.units import plain_notation, si_notation
 from lagcli.model.result_units import given_units
+from lagcli.prose import counted
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
@@ -254,7 +255,8 @@ def inputs_step(f: Formulas) -> Step | None:
         times, origin = x.data.times, f" of {x.data.file}" if x.data.file else ""
         unit = f"[{si_notation(x.data.unit)}]" if x.data.unit else ""
         table = (
-            f"{_CURVES[x.interpolation]} {len(times)} rows{origin}, {times[0]:g} to {times[-1]:g} s"
+            f"{_CURVES[x.interpolation]} {counted(len(times), 'row')}{origin},"
+            f" {times[0]:g} to {times[-1]:g} s"
         )
         outside = {"hold": ", constant outside", "periodic": ", periodic"}.get(x.extend or "", "")
         note = " ".join(part for part in (x.description, unit) if part)

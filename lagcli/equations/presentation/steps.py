@@ -27,6 +27,7 @@ from lagcli.equations.typesetting.nodes import (
     weight,
 )
 from lagcli.equations.typesetting.rewriting import substituted
+from lagcli.prose import counted
 
 
 def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> tuple[Step, ...]:
@@ -274,6 +275,6 @@ def _closing(f: Formulas) -> Step | None:
         )
         return Step(title, lines, remark)
     k, r = len(f.coordinates), len(constraints)
-    unknowns = f"{k} coordinate{'s' * (k > 1)} and {r} multiplier{'s' * (r > 1)}"
+    unknowns = f"{counted(k, 'coordinate')} and {counted(r, 'multiplier')}"
     remark = f"{k + r} equations in {k + r} unknowns: {unknowns}."
     return Step(title, lines, remark)

@@ -25,6 +25,7 @@ from lagcli.equations.typesetting.nodes import (
 )
 from lagcli.model.model import Constraint, EventClock, ModelEvent, MultiplierLimit
 from lagcli.model.sections.contacts import abs_multiplier
+from lagcli.prose import counted
 
 _LAWS = {
     "poisson": "Impacts follow Poisson's law: the impulse of expansion is ε times that of"
@@ -183,5 +184,5 @@ def said_actions(event: ModelEvent) -> str:
     if action.stop:
         said.append("stops the run")
     if event.times is not None:
-        said.append(f"at most {event.times} time{'s' * (event.times > 1)}")
+        said.append(f"at most {counted(event.times, 'time')}")
     return ", ".join(said)

@@ -33,6 +33,7 @@ from lagcli.equations.reduction.small_systems import (
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
 from lagcli.model.model import Model
+from lagcli.prose import counted
 
 
 class CoordinateBlock(NamedTuple):
@@ -399,10 +400,10 @@ def _chosen(model: Model, independent: Sequence[str], default: list[str]) -> lis
             raise UsageError(f"--independent names `{name}` twice; keep one of them")
     if len(independent) != len(default):
         count, given = len(default), len(independent)
-        named = f"{given} coordinate{'s' * (given != 1)}: {_listed(independent)}"
+        named = f"{counted(given, 'coordinate')}: {_listed(independent)}"
         raise UsageError(
             f"--independent names {named if given else 'no coordinates'}; the model has"
-            f" {count} degree{'s' * (count != 1)} of freedom at its start{_remedy(default)}"
+            f" {counted(count, 'degree')} of freedom at its start{_remedy(default)}"
         )
     return [names.index(name) for name in independent]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -21,6 +20,7 @@ from lagcli.equations.typesetting.writer import (
 from lagcli.errors import display_width
 from lagcli.model import model as symbols
 from lagcli.model.model import Model
+from lagcli.prose import wrapped
 
 _VULGAR = {
     Fraction(p, q): sign
@@ -340,7 +340,7 @@ def render_text(
 
 
 def _paragraph(text: str, width: int) -> list[str]:
-    return textwrap.wrap(" ".join(text.split()), max(width - _excess(text), 10)) if text else []
+    return wrapped(" ".join(text.split()), max(width - _excess(text), 10)) if text else []
 
 
 def _excess(text: str) -> int:

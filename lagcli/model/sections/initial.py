@@ -43,6 +43,7 @@ from lagcli.model.sections.parameters import override_node, report_ambiguous_uni
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
+from lagcli.prose import counted
 
 Spins = dict[str, tuple[bool, bool, bool]]
 
@@ -577,8 +578,8 @@ def _values(draft: Draft, declaration: Declaration) -> Iterator[tuple[Member, Re
     if len(value.items) != len(members):
         draft.report.add(
             "wrong-length",
-            f"`{declaration.title}` has {len(members)} members, but its list has"
-            f" {len(value.items)} values",
+            f"`{declaration.title}` has {counted(len(members), 'member')}, but its list has"
+            f" {counted(len(value.items), 'value')}",
             value.location,
             "give one value for each member, or one for all of them",
         )

@@ -21,6 +21,7 @@ from lagcli.model.names.draft import Draft, read_quantity
 from lagcli.model.names.families import Declaration
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Sequence, YamlNode
+from lagcli.prose import counted
 
 _EXAMPLE = "u: {file: road.csv, time: t, column: height}"
 
@@ -158,7 +159,8 @@ class _InputEntry:
             self.error(
                 "wrong-length",
                 values,
-                f"has {len(times.items)} times, but {len(values.items)} values",
+                f"has {counted(len(times.items), 'time')}, but"
+                f" {counted(len(values.items), 'value')}",
                 "give one value for each time",
             )
             return None

@@ -34,6 +34,7 @@ from lagcli.model.sections.definitions import report_cycle
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
+from lagcli.prose import counted
 
 
 class _ParameterEntry(NamedTuple):
@@ -145,7 +146,8 @@ class _ParameterReader:
         if isinstance(entry.value, Sequence) and given and d.several and given != count:
             self.draft.report.add(
                 "wrong-length",
-                f"`{d.title}` has {count} members, but its list has {given} values",
+                f"`{d.title}` has {counted(count, 'member')}, but its list has"
+                f" {counted(given, 'value')}",
                 entry.value.location,
                 "give one value for each member, or one expression for all of them",
             )

@@ -22,6 +22,7 @@ from lagcli.model.sections.initial import canonical_name, changed_values
 from lagcli.model.sections.parameters import read_parameters
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
+from lagcli.prose import counted
 
 #: Parameters and initial values that replace those of a file.
 Given = tuple[Mapping[str, object], Mapping[str, object]]
@@ -179,8 +180,8 @@ class _PresetReader:
         if len(node.items) != len(names):
             self.draft.report.add(
                 "wrong-length",
-                f"`{declaration.title}` has {len(names)} members, but its list has"
-                f" {len(node.items)} values",
+                f"`{declaration.title}` has {counted(len(names), 'member')}, but its list has"
+                f" {counted(len(node.items), 'value')}",
                 node.location,
                 "give one value for each member, or one for all of them",
             )

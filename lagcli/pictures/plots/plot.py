@@ -132,7 +132,7 @@ def _plot_sweep(
     rows = Rows(file, model)
     notes = plot_runs(rows.runs, names, target, bands)
     drawn = len(rows.runs)
-    return (*notes, f"{drawn} of {rows.good} rows are drawn") if drawn < rows.good else notes
+    return (*notes, f"{drawn} of {rows.good} rows drawn") if drawn < rows.good else notes
 
 
 def file_kind(source: Source) -> str:

@@ -28,6 +28,7 @@ from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import by_family, drawable, scale_groups, thin
+from lagcli.prose import counted
 from lagcli.trajectory.samples import ENDED
 
 
@@ -155,7 +156,7 @@ def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
             raise UsageError(f"{pair!r} is not a pair of curves; write x:y, which draws y over x")
         first, second = (catalogue.find(end) for end in ends)
         if len(first) != len(second):
-            raise UsageError(f"{pair!r} pairs {len(first)} curves with {len(second)}")
+            raise UsageError(f"{pair!r} pairs {counted(len(first), 'curve')} with {len(second)}")
         over += first
         up += second
     return Panel(tuple(up), tuple(over))

@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.errors import UsageError
+from lagcli.prose import counted
 from lagcli.results.atomic import check_writable, whole_file
 from lagcli.results.metadata import KIND
 
@@ -38,7 +39,7 @@ class Report(NamedTuple):
     @property
     def summary(self) -> str:
         """One line on the report."""
-        samples = "" if self.samples is None else f"{self.samples} samples, "
+        samples = "" if self.samples is None else f"{counted(self.samples, 'sample')}, "
         return f"{self.output}: {samples}{self.size / 1000:.0f} kB"
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagcli.errors import LagcliError
 from lagcli.model.expression.units import si_notation
+from lagcli.prose import counted
 
 if TYPE_CHECKING:
     from lagcli.analysis.check.check import Check
@@ -119,7 +120,9 @@ def sweep_html(summary: Summary) -> str:
     """Return the summary of a sweep in HTML: its rows, failures and ranges of measures."""
     from lagcli.pictures.page import number, table, unit
 
-    said = f"{summary.ok} of {summary.rows} rows completed, {number(summary.seconds, 3)} s"
+    said = (
+        f"{summary.ok} of {counted(summary.rows, 'row')} completed, {number(summary.seconds, 3)} s"
+    )
     said += f"; {_named(summary.output)}" if summary.output else ""
     parts = [f"<p><b>Sweep</b>: {summary.status}, {said}</p>"]
     failures = [[html.escape(why), str(count)] for why, count in summary.failed.items()]
@@ -169,7 +172,11 @@ def trajectory_html(trajectory: Trajectory) -> str:
 
     name = model_title(trajectory.model) or "run"
     times = trajectory.time
-    span = f", t = {times[0]:g} to {times[-1]:g} s, {len(times)} samples" if len(times) else ""
+    span = (
+        f", t = {times[0]:g} to {times[-1]:g} s, {counted(len(times), 'sample')}"
+        if len(times)
+        else ""
+    )
     message = f": {with_code(trajectory.message)}" if trajectory.message else ""
     title = f"<p><b>{html.escape(name)}</b>: {trajectory.status}{message}{span}</p>"
     return "\n".join([title, *(_picture(make, trajectory) for make in (_animation, _still, _plot))])

@@ -18,6 +18,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
+from lagcli.prose import counted
 from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 _FIXED = ("t", "name", "kind", "loss", "supplied", "work")
@@ -142,7 +143,8 @@ def _log(
         raise ValueError("its columns are not those of this model")
     for number, line in enumerate(lines, 2):
         if len(line) != len(header):
-            raise ValueError(f"line {number} has {len(line)} values for {len(header)} columns")
+            found = counted(len(line), "value")
+            raise ValueError(f"line {number} has {found} for {len(header)} columns")
     if not lines or lines[0][2] != _START:
         raise ValueError("it has no modes at the start")
     entries = lines[1:]

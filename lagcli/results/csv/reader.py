@@ -24,6 +24,7 @@ from lagcli.columns import (
 )
 from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
+from lagcli.prose import counted
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
 from lagcli.results.metadata import check_times
@@ -252,7 +253,8 @@ def _bad_line(path: str, header: list[str], reason: str) -> FileError:
             where = f"cannot read {path}: line {reader.line_num}"
             if row and len(row) != len(header):
                 return FileError(
-                    f"{where} has {len(row)} values for {len(header)} columns; "
+                    f"{where} has {counted(len(row), 'value')} for"
+                    f" {counted(len(header), 'column')}; "
                     "copy the file again, or run the simulation again"
                 )
             for name, text in zip(header, row, strict=False):

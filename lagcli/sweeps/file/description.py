@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from lagcli.column_units import NOT_STATED
-from lagcli.results.listing import WIDTH, entry, number, pairs
+from lagcli.prose import counted
+from lagcli.results.listing import WIDTH, entry, file_size, number, pairs
 from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
@@ -93,7 +94,7 @@ def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     rows = info["rows"]
     lines = _entry(
         "file",
-        f"{info['path']}: sweep, HDF5, {info['bytes'] / 1e6:.3g} MB, lagcli"
+        f"{info['path']}: sweep, HDF5, {file_size(info['bytes'])}, lagcli"
         f" {info['lagcli_version']}, layout {info['schema_version']}",
     )
     lines += _entry("model", f"{info['model_path']} (sha256 {info['model_sha256'][:12]}…)")
@@ -106,10 +107,11 @@ def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     lines += _entry("varied", varied + (f" ({how})" if info["vary"][1:] else ""))
     for names, drawn in info["sample"].items():
         lines += _entry(
-            "drawn", f"{names}: {drawn['points']} points, {drawn['kind']}, seed {drawn['seed']}"
+            "drawn",
+            f"{names}: {counted(drawn['points'], 'point')}, {drawn['kind']}, seed {drawn['seed']}",
         )
     if info["samples"]:
-        lines += _entry("kept", f"trajectories of {info['samples']} samples")
+        lines += _entry("kept", f"trajectories of {counted(info['samples'], 'sample')}")
     lines += _entry("parameters", pairs(info["parameters"], info["units"], info["given"]))
     lines += _entry("options", pairs(info["options"]))
     lines += _entry("seconds", pairs(info["seconds"]))

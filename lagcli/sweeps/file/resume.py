@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from lagcli.errors import UsageError
+from lagcli.prose import counted
 from lagcli.results.formats import check_target, format_of
 from lagcli.sweeps.file.journal import Journal, check_no_journal, journal_of
 from lagcli.sweeps.row_results import COMPLETED, RowStatus
@@ -64,8 +65,9 @@ def opened(
 def _cut(journal: Journal, row_status: RowStatus) -> str:
     missing = len(row_status.status) - row_status.done
     return (
-        f"{journal.path} was damaged or incomplete at its end: {journal.damage} bytes were cut off;"
-        f" {row_status.done} rows are kept, the other {missing} are run"
+        f"{journal.path} was damaged or incomplete at its end:"
+        f" {counted(journal.damage, 'byte')} cut off;"
+        f" {counted(row_status.done, 'row')} kept, {missing} to run"
     )
 
 

@@ -28,6 +28,7 @@ from lagcli.model.names.building import build, name_errors
 from lagcli.model.names.namespace import Allowed, Namespace
 from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import did_you_mean, nearest
+from lagcli.prose import counted
 from lagcli.sweeps.plan import factors
 from lagcli.sweeps.plan.factors import Distribution, TableFactor
 
@@ -442,7 +443,8 @@ def read_table(path: str, model: Model) -> TableFactor:
     for i, (line, row) in enumerate(rows):
         if len(row) != len(columns):
             raise FileError(
-                f"{path}:{line}: {len(row)} values under {len(columns)} names; give one for each"
+                f"{path}:{line}: {counted(len(row), 'value')} under"
+                f" {counted(len(columns), 'name')}; give one for each"
             )
         for j, text in enumerate(row):
             values[i, j] = _number(f"{path}:{line}: `{columns[j]}`", text) * si[j]

@@ -20,6 +20,7 @@ import numpy as np
 from lagcli.arrays import Numbers
 from lagcli.engine.contract import Interrupted
 from lagcli.errors import FileError, UsageError
+from lagcli.prose import counted
 from lagcli.sweeps.plan.plan import Spec
 from lagcli.sweeps.row_results import FAILED, Results
 from lagcli.sweeps.rows.rows import Runner
@@ -269,7 +270,7 @@ def _rows(numbers: Numbers) -> str:
 
 
 def _processes(n: int) -> str:
-    return "1 worker process" if n == 1 else f"{n} worker processes"
+    return counted(n, "worker process", "worker processes")
 
 
 def _lost(numbers: Numbers, spec: Spec, deaths: int) -> Results:

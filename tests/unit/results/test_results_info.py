@@ -14,6 +14,7 @@ import pytest
 from trajectories import make
 
 from lagcli.errors import FileError, UsageError
+from lagcli.prose import counted
 from lagcli.results import read, write
 from lagcli.results.info import describe, format_info
 from lagcli.trajectory.trajectory import Trajectory
@@ -123,7 +124,7 @@ def test_odd_sizes(tmp_path: Path, size: dict[str, object]) -> None:
     write(make(**size), tmp_path / "run.h5")  # type: ignore[arg-type]
     found = describe(tmp_path / "run.h5")
     json.dumps(found, allow_nan=False)
-    assert f"{found['sizes']['samples']} samples" in format_info(found)
+    assert counted(found["sizes"]["samples"], "sample") in format_info(found)
 
 
 @pytest.mark.parametrize(
