@@ -65,9 +65,7 @@ def print_listing(
         text = fitted(text, text_width(stream))
     if has_colour(stream, plain):
         lines = text.split("\n")
-        spans = [_of_listing(*pair, column) for pair in zip(lines, ["-", *lines], strict=False)]
-        if column is None:
-            spans[0] = [StyledSpan(0, len(lines[0]), Style.BOLD)]
+        spans = list(_of_lines(lines, column) if column else _of_analysis(lines))
         _write(lines, spans, stream)
     elif lost and stream is sys.stdout:
         tell(text)
@@ -95,34 +93,57 @@ def print_problem(text: str) -> None:
     _write(lines, spans, stream)
 
 
-def _of_listing(line: str, before: str, column: int | None) -> list[StyledSpan]:
-    """Return the spans of a line of a listing, given the line before it."""
+def _of_analysis(lines: list[str]) -> Iterator[list[StyledSpan]]:
+    """Yield the spans of each line of an analysis: its heading, which may be wrapped, and units."""
+    heading = True
+    for i, line in enumerate(lines):
+        heading = heading and (i == 0 or line.startswith("    "))
+        yield [_bold(line)] if heading else _units(line)
+
+
+def _of_lines(lines: list[str], column: int) -> Iterator[list[StyledSpan]]:
+    """Yield the spans of each line of a listing with labels in front of a column."""
+    before, tables = "-", False
+    for line in lines:
+        if not before:
+            tables = True
+            yield [_bold(line)]
+        elif tables:
+            yield _units(line)
+        else:
+            yield _of_listing(line, column)
+        before = line
+
+
+def _of_listing(line: str, column: int) -> list[StyledSpan]:
+    """Return the spans of a line above the tables of a listing."""
     status = _STATUS.search(line)
     if status:
         words = status[0].rsplit(": ", 1)[-1]
         start = status.end() - len(words.lstrip())
         return [StyledSpan(start, status.end(), Style.GREEN if status[1] else Style.RED)]
-    units = [StyledSpan(*x.span(), Style.DIM) for x in _UNIT.finditer(line)]
-    if column is None:
-        return units
     label, text = line[:column], line[column:]
     margin = len(line) - len(line.lstrip())
-    if not before:
-        return [StyledSpan(0, len(line), Style.BOLD)]
     if margin > 2 or not label.strip():
-        return units
+        return _units(line)
     if (text[:1].strip() and label[-1] == " ") or (not text and "  " not in label.strip()):
-        return [StyledSpan(margin, len(label.rstrip()), Style.BOLD), *units]
-    return units
+        return [StyledSpan(margin, len(label.rstrip()), Style.BOLD), *_units(line)]
+    return _units(line)
+
+
+def _bold(line: str) -> StyledSpan:
+    return StyledSpan(len(line) - len(line.lstrip()), len(line), Style.BOLD)
+
+
+def _units(line: str) -> list[StyledSpan]:
+    return [StyledSpan(*x.span(), Style.DIM) for x in _UNIT.finditer(line)]
 
 
 def _of_page(line: str) -> Iterator[StyledSpan]:
     if line[:1].strip():
-        yield StyledSpan(0, len(line), Style.BOLD)
+        yield _bold(line)
         return
-    for unit in _UNIT.finditer(line):
-        if unit.end() == len(line):
-            yield StyledSpan(*unit.span(), Style.DIM)
+    yield from (unit for unit in _units(line) if unit.end == len(line))
     if value := _VALUE.match(line):
         yield StyledSpan(*value.span(1), Style.DIM)
 
@@ -136,7 +157,7 @@ def _of_problem(line: str) -> Iterator[StyledSpan]:
 
 def _wrapped_problem(lines: list[str], width: int) -> list[str]:
     """Return the lines of a message, wrapped; of a line of a file, the part around the marks."""
-    from lagcli.results.listing import wrapped
+    from lagcli.prose import wrapped
 
     shown, start = list[str](), 0  # the first character shown of an excerpt
     for line, below in zip(lines, [*lines[1:], ""], strict=True):
