@@ -15,6 +15,7 @@ from lagcli.cli.streams import visible, visible_json
 from lagcli.columns import RESIDUALS, ColumnName, impulse_unit, unit_of_column
 from lagcli.errors import LagcliError
 from lagcli.model.model import Model
+from lagcli.prose import counted
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
 
@@ -174,24 +175,27 @@ def format_summary(summary: Mapping[str, Any], model: Model, columns: int = 100)
         lines.extend(entry(f"  {label}" if label else "", visible(text), LABEL, columns))
 
     end = f" to {s['t_end']:.6g} s" if s["t_end"] is not None else ""
-    span = f"t = {s['t_start']:.6g}{end}, {s['samples']} samples"
-    lines = entry("", f"{visible(model.name)}: {s['status']}, {span}", 0, columns)
-    said(
-        "method",
-        f"{s['method']} with {s['formulation']}: {s['steps']} steps, {s['rejected']} rejected,"
-        f" {s['evaluations']} evaluations",
-    )
-    said("", s["choice"] or "")
+    when = f"t = {s['t_start']:.6g}{end}, {counted(s['samples'], 'sample')}"
+    lines = entry("", f"{visible(model.name)}: {s['status']}, {when}", 0, columns)
+    began = s["samples"] > 0  # a run that fails at its start has no method, energy or residuals
+    if began:
+        said(
+            "method",
+            f"{s['method']} with {s['formulation']}: {counted(s['steps'], 'step')},"
+            f" {s['rejected']} rejected, {counted(s['evaluations'], 'evaluation')}",
+        )
+        said("", s["choice"] or "")
     for warning in s["warnings"]:
         said("warning", warning)
-    said("tolerance", f"rtol {s['rtol']:g}, atol {_absolute(s)}")
+    if began:
+        said("tolerance", f"rtol {s['rtol']:g}, atol {_absolute(s)}")
     if s["status"] in ENDED:
         said("", s["message"])
     if given := s["given"]:
         units = {name: model.units.of(name) or "" for name in given}
         said("in SI", pairs({name: s["parameters"][name] for name in given}, units, given))
     lines += _start(s["initial_correction"], columns)
-    if s["redundant"]:
+    if s["redundant"] and began:
         said("constraints", _redundancy(s, model))
     if s["nonlinear"]:
         names = ", ".join(s["nonlinear"][:_LISTED]) + ", …" * (len(s["nonlinear"]) > _LISTED)
@@ -200,9 +204,10 @@ def format_summary(summary: Mapping[str, Any], model: Model, columns: int = 100)
     if residuals:
         worst = f"{', '.join(residuals)} (largest, relative to each constraint's scale)"
         said("residuals", worst)
-    scale = s["energy_scale"]
-    relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""
-    said("energy", f"balance within {s['energy_balance']:.1e} J{relative}")
+    if began:
+        scale = s["energy_scale"]
+        relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""
+        said("energy", f"balance within {s['energy_balance']:.1e} J{relative}")
     if s["conserved"]:
         said("conserved", _conserved(s["conserved"]))
     if s.get("kinks"):
@@ -222,7 +227,7 @@ def format_summary(summary: Mapping[str, Any], model: Model, columns: int = 100)
     if s["output"]:
         said("written", "standard output" if s["output"] == "-" else s["output"])
     else:
-        said("written", "nothing (-o run.h5 keeps the trajectory)")
+        said("written", "nothing" + began * " (-o run.h5 keeps the trajectory)")
     return "\n".join(lines)
 
 
@@ -276,14 +281,16 @@ def _conserved(drifts: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _redundancy(summary: Mapping[str, Any], model: Model) -> str:
     """Return the sentence on redundant constraints."""
+    from lagcli.equations.derivation.degrees_of_freedom import RedundantSet
     from lagcli.model.locations import lines_of
     from lagcli.results.listing import folded
+    from lagcli.results.ranges import span
 
     surplus = sum(x["surplus"] for x in summary["redundant"])
     freedom = summary["degrees_of_freedom"]
     text = (
         f"{surplus} of {summary['constraints']} redundant (rank of B {summary['rank']},"
-        f" {freedom} degree{'s' * (freedom != 1)} of freedom): "
+        f" {counted(freedom, 'degree')} of freedom): "
     )
     sets = []
     for redundant in summary["redundant"]:
@@ -291,12 +298,11 @@ def _redundancy(summary: Mapping[str, Any], model: Model) -> str:
         names = ", ".join(named[:_LISTED])
         more = len(named) - _LISTED
         names += f" and {more} more" if more > 0 else ""
-        follow = "follows" if redundant["surplus"] == 1 else "follow"
-        where = lines_of(model, redundant["constraints"])
-        sets.append(
-            f"{redundant['surplus']} of {names}{f' ({where})' if where else ''} {follow} from the"
-            " others"
-        )
+        if lines := lines_of(model, redundant["constraints"]):
+            numbers = span(lines).replace("..", " to ")
+            names += f" (line{'s' * (len(lines) > 1)} {numbers} of the model)"
+        one = RedundantSet(tuple(redundant["constraints"]), redundant["surplus"])
+        sets.append(one.sentence([names]))
     return (
         f"{text}{'; '.join(sets)}; their multipliers are not unique, the constraint forces are;"
         " remove redundant constraints for unique multipliers"

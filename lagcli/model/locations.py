@@ -123,12 +123,10 @@ def declarations_in(model: Model, message: str) -> list[str]:
     ]
 
 
-def lines_of(model: Model, names: Iterable[str]) -> str:
-    """Return the file and the lines where constraints are declared, such as ``a.yaml:4, 7``."""
+def lines_of(model: Model, names: Iterable[str]) -> list[int]:
+    """Return the lines of the model where constraints are declared, increasing."""
     places = _places(model)
-    locations = [places[name] for name in names if name in places]
-    lines = sorted({place.line for place in locations})
-    return f"{locations[0].path}:{', '.join(map(str, lines))}" if locations else ""
+    return sorted({places[name].line for name in names if name in places})
 
 
 def _places(model: Model) -> dict[str, SourceLocation]:

@@ -92,7 +92,7 @@ def by_family(items: Iterable[Any]) -> list[tuple[str, list[Any]]]:
         columns = [sorted(set(column)) for column in zip(*indices, strict=True)]
         if FAMILY <= len(members) == math.prod(map(len, columns)):
             parts = pattern.split("#")
-            spans = [*map(_span, columns), ""]
+            spans = [*map(span, columns), ""]
             name = "".join(part + span for part, span in zip(parts, spans, strict=True))
             families.append((name, members))
         else:
@@ -100,7 +100,7 @@ def by_family(items: Iterable[Any]) -> list[tuple[str, list[Any]]]:
     return families
 
 
-def _span(indices: Sequence[int]) -> str:
+def span(indices: Sequence[int]) -> str:
     """Return increasing indices, with ranges of consecutive ones: 1..4, 6."""
     places = enumerate(indices)
     runs = [[i for _, i in run] for _, run in groupby(places, lambda x: x[1] - x[0])]

@@ -115,6 +115,11 @@ def freedom_at(
     return DegreesOfFreedom(len(equations.q), len(rows), rank, tuple(redundant), held)
 
 
+#: Random states at which the rank of B is compared with that of the start: any one has the largest
+#: rank, except by chance.
+_NEARBY = 3
+
+
 class ModelStart:
     """The System of equations and the consistent initial state of a model, each computed once.
 
@@ -144,9 +149,15 @@ class ModelStart:
         if not r:
             return DegreesOfFreedom(k, 0, 0)
         try:
-            return freedom_at(self.equations, self.system, self.consistent)
+            freedom = freedom_at(self.equations, self.system, self.consistent)
         except LagcliError:
             return DegreesOfFreedom(k, r)
+        if freedom.redundant and freedom.held is None:
+            from lagcli.engine.constraints.random_states import random_states
+
+            states = random_states(self.system, self.consistent, _NEARBY)
+            freedom = freedom._replace(nearby=max((x.rank for x in states), default=None))
+        return freedom
 
 
 def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:

@@ -38,6 +38,7 @@ from lagcli.equations.typesetting.nodes import (
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula, grammar_text, render_text
 from lagcli.equations.typesetting.writer import written_decimals
+from lagcli.prose import counted
 from lagcli.results.listing import told_apart
 
 _Text = Callable[[Basic], str]
@@ -236,7 +237,7 @@ def _freedom(f: Formulas, checked: Check) -> Step:
     said = [f"Index {checked.index}: {_INDEX[checked.index]}"]
     if rank.freedom.constraints:
         counts = sorted(Counter(rank.random_ranks).items())
-        shown = ", ".join(f"{n} at {count} states" for n, count in counts)
+        shown = ", ".join(f"{n} at {counted(count, 'state')}" for n, count in counts)
         said.append(
             f"Rank of B at random consistent states: {shown}."
             if shown
@@ -247,23 +248,15 @@ def _freedom(f: Formulas, checked: Check) -> Step:
             else f"The rank is not computed at other states of more than {MOST_COORDINATES}"
             " coordinates."
         )
-    sets = [
-        f"Redundant: {x.surplus} of {', '.join(families(x.constraints))}"
-        f" follow{'s' if x.surplus == 1 else ''} from the others."
-        for x in rank.freedom.redundant
-    ]
+    kind = "Dependent at the start" if rank.special else "Redundant"
+    sets = [f"{kind}: {x.sentence(families(x.constraints))}." for x in rank.freedom.redundant]
     return Step(step.title, step.lines, " ".join([*sets, *said]))
 
 
 def _singular(checked: Check) -> Step | None:
     rank = checked.rank
     if rank.special:
-        said = (
-            f"The rank of B is {rank.freedom.rank} at the start and {max(rank.random_ranks)}"
-            " nearby: the start is a singular configuration, and a motion from there may not be"
-            " unique."
-        )
-        return Step("Singular start", (), said)
+        return Step("Singular start", (), rank.freedom.singular)
     if rank.near_singular:
         said = (
             "The start is next to a singular configuration, in which constraints are dependent"
@@ -285,10 +278,14 @@ def _multipliers(checked: Check) -> Step | None:
         return Step(title, (), said)
     said = f"Not unique: {_names(rank.not_unique)}."
     said += f" Unique: {_names(rank.unique)}." if rank.unique else ""
-    if rank.combinations:
-        said += " The combinations above are unique at the start, and constraint forces always."
+    if not rank.combinations:
+        return Step(title, (), said)
     lines = tuple(Line((_combination(c),)) for c in rank.combinations)
-    return Step(title, lines, said)
+    if rank.special:
+        said += " Unique at the start are these combinations:"
+    else:
+        said += " Constraint forces are unique, and at the start these combinations:"
+    return Step(title, lines, lead=said)
 
 
 def _combination(c: Combination) -> Node:
@@ -324,7 +321,9 @@ def _start(checked: Check) -> Step:
         symbol = Symbol(base, len(name) - len(base))
         lines.append(Line((symbol, _signed(after, used)), note=note))
     more = len(adjusted) - _LISTED
-    said = f"{more} more values were adjusted to satisfy the constraints." if more > 0 else None
+    said = (
+        f"{counted(more, 'more value')} adjusted to satisfy the constraints." if more > 0 else None
+    )
     return Step("Consistent start", tuple(lines), said)
 
 

@@ -68,8 +68,7 @@ class RankCheck:
     @property
     def special(self) -> bool:
         """Whether the rank at the initial state is less than at the random states."""
-        rank = self.freedom.rank
-        return rank is not None and max(self.random_ranks, default=rank) > rank
+        return self.freedom.singular is not None
 
 
 def check_rank(
@@ -91,6 +90,7 @@ def check_rank(
     """
     ranks = tuple(state.rank for state in states)
     names = system.constraints
+    freedom = freedom._replace(nearby=max(ranks, default=None))
     near: tuple[str, ...] = ()
     if len(start.state.q) <= MOST_COORDINATES:
         near = almost_dependent(system, start.state, start.rank)

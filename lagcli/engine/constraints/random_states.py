@@ -22,7 +22,9 @@ _STATES, MOST_COORDINATES = 20, 60
 _SPREAD = 0.5
 
 
-def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
+def random_states(
+    system: System, start: ConsistentState, count: int = _STATES
+) -> list[ConsistentState]:
     """Return random consistent states near the initial state, reproducibly.
 
     A random walk: each state is a step along the position constraints from the previous one,
@@ -31,7 +33,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     Returns
     -------
     list of ConsistentState
-        Up to 20; none for a large system, without constraints, or if these determine all
+        Up to `count`; none for a large system, without constraints, or if these determine all
         positions.
     """
     random, state = np.random.default_rng(8), start.state
@@ -40,7 +42,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
         return []
     size = coordinate_reach(Evaluator(system, state.p), state)
     states: list[ConsistentState] = []
-    for _ in range(2 * _STATES):
+    for _ in range(2 * count):
         basis = tangents(system, state)
         if not basis.shape[1]:
             break
@@ -54,7 +56,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
             state = start.state
             continue
         state = states[-1].state
-        if len(states) == _STATES:
+        if len(states) == count:
             break
     return states
 

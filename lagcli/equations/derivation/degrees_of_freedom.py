@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 
@@ -20,6 +20,13 @@ class RedundantSet(NamedTuple):
     constraints: tuple[str, ...]
     surplus: int
 
+    def sentence(self, named: Sequence[str]) -> str:
+        """Return what is redundant, without a full stop, given the names as they are listed."""
+        if len(self.constraints) == 1:
+            return f"{named[0]}, which has no gradient there"
+        follow = "follows" if self.surplus == 1 else "follow"
+        return f"{self.surplus} of {', '.join(named)} {follow} from the others"
+
 
 class DegreesOfFreedom(NamedTuple):
     """Degrees of freedom at one state.
@@ -34,6 +41,8 @@ class DegreesOfFreedom(NamedTuple):
         Sets of dependent constraints at that state.
     held : tuple of str or None
         The constraints active at the start; None if all are always active.
+    nearby : int or None
+        The largest rank of B at consistent states near that state, if they were computed.
     """
 
     coordinates: int
@@ -41,6 +50,18 @@ class DegreesOfFreedom(NamedTuple):
     rank: int | None = None
     redundant: tuple[RedundantSet, ...] = ()
     held: tuple[str, ...] | None = None
+    nearby: int | None = None
+
+    @property
+    def singular(self) -> str | None:
+        """The sentence on a singular start; None if the rank is not larger nearby."""
+        if self.rank is None or self.nearby is None or self.nearby <= self.rank:
+            return None
+        return (
+            f"The rank of B is {self.rank} at the start and {self.nearby} nearby: the start is a"
+            " singular configuration, and a motion from there may not be unique. Start away from"
+            " it."
+        )
 
     @property
     def degrees(self) -> int:
@@ -50,12 +71,11 @@ class DegreesOfFreedom(NamedTuple):
     @property
     def remarks(self) -> list[str]:
         """Sentences about redundant constraints."""
-        remarks = [
-            f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
-            f" follow{'s' if x.surplus == 1 else ''} from the others."
-            for x in self.redundant
-        ]
-        if remarks:
+        said = "Redundant" if self.singular is None else "Dependent at the start"
+        remarks = [f"{said}: {x.sentence(x.constraints)}." for x in self.redundant]
+        if self.singular:
+            remarks.append(self.singular)
+        elif remarks:
             remarks.append(
                 "The generalized constraint forces are unique; the multipliers of these"
                 " constraints are not, and a simulation gives those of least norm."
