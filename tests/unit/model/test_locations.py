@@ -87,6 +87,6 @@ def test_names_of_a_message_are_found_in_the_file() -> None:
 
 def test_members_of_a_family_have_one_line() -> None:
     model = load_text(NAMES, "a.yaml")
-    assert lines_of(model, ["rod[1]", "rod[2]"]) == "a.yaml:6"
-    assert lines_of(model, ["rod[1]", "x"]) == "a.yaml:2, 6"
-    assert lines_of(model, ["other"]) == ""
+    assert lines_of(model, ["rod[1]", "rod[2]"]) == [6]
+    assert lines_of(model, ["rod[1]", "x"]) == [2, 6]
+    assert lines_of(model, ["other"]) == []

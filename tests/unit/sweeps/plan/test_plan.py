@@ -113,7 +113,7 @@ def test_a_table_brings_names_and_units(tmp_path: Path) -> None:
         ("m,zz\n1,2\n", "`zz`"),
         ("m\n", "no values"),
         ("", "is empty"),
-        ("m,l\n1\n", ":2: 1 values under 2 names"),
+        ("m,l\n1\n", ":2: 1 value under 2 names"),
         ("m\n1\nx\n", ":3: `m`: 'x' is not a finite number"),
         ("m\ninf\n", "not a finite number"),
         ("m,m\n1,2\n", "two columns"),

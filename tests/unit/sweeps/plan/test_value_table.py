@@ -39,7 +39,7 @@ def test_columns_are_quantities_in_their_units(tmp_path: Path) -> None:
     ("text", "message", "kind"),
     [
         ("m\n", "contains no values", FileError),
-        ("m,x\n1,2\n3\n", "runs.csv:3: 1 values under 2 names", FileError),
+        ("m,x\n1,2\n3\n", "runs.csv:3: 1 value under 2 names", FileError),
         ("m\n1\n\nabc\n", "runs.csv:4: `m`: 'abc' is not a finite number", FileError),
         ("m\ninf\n", "'inf' is not a finite number", FileError),
         ("m,m\n1,2\n", "`m` has two columns", UsageError),
