@@ -28,7 +28,6 @@ import time
 import tokenize
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -154,6 +153,8 @@ _SWAPPED = {
 }
 _OPERATOR = re.compile("|".join(re.escape(x) for x in sorted(_SWAPPED, key=len, reverse=True)))
 _NUMBER = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e-?\d+)?)(?![\w.])")
+#: The value of bytes that are set.
+_ZEROS = re.compile(r"memset\([^;]*?, (0),")
 #: A statement that calls or assigns, and can be left out.
 _STATEMENT = re.compile(r"^( +)((?:\w[\w.>\[\]-]*(?: [-+*/|&]?= |\().*);)$", re.MULTILINE)
 _C_TEXT = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\])*"|^#include.*?$', re.DOTALL | re.MULTILINE)
@@ -209,10 +210,13 @@ def mutants_of(file: str, text: str) -> Iterator[Mutant]:
     code = code_of(file, text)
     for found in _OPERATOR.finditer(code):
         yield Mutant(file, found.start(), found.end(), _SWAPPED[found[0]])
+    zeros = {found.start(1) for found in _ZEROS.finditer(code)}
     for found in _NUMBER.finditer(code):
         number = found[1]
         new = "1" if number == "0" else "0" if number == "1" else f"(2 * {number})"
-        if "." in number or "e" in number:
+        if found.start(1) in zeros:
+            new = "-1"  # NaN; bytes 1 are the number 7.7e-304
+        elif "." in number or "e" in number:
             new = "1.0" if float(number) == 0 else f"(2.0 * {number})"
         yield Mutant(file, found.start(1), found.end(1), new)
     if file.endswith(".c"):
@@ -275,8 +279,10 @@ def _run_tests(
     os.environ["PYTHONPATH"] = str(folder)  # of processes that tests start
     import pytest
 
-    with open(os.devnull, "w") as nothing, redirect_stdout(nothing), redirect_stderr(nothing):
-        pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=[_Watch(first, sender)])
+    with open(os.devnull, "w") as nothing:
+        for output in (1, 2):  # also of the sanitizer
+            os.dup2(nothing.fileno(), output)
+    pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=[_Watch(first, sender)])
 
 
 class Copy:
@@ -292,6 +298,11 @@ class Copy:
         self._objects: dict[str, list[bytes]] = {}
         self._processes = multiprocessing.get_context("forkserver")
         self._processes.set_forkserver_preload(_PRELOADED)
+        # the tests' processes begin with what the core needs
+        compiler = os.environ.get("CC", "cc").split()
+        sanitizer = [*compiler, "-print-file-name=libasan.so"]
+        os.environ["LD_PRELOAD"] = subprocess.check_output(sanitizer, text=True).strip()
+        os.environ["ASAN_OPTIONS"] = "detect_leaks=0"
         names = subprocess.run(
             ["git", "ls-files", "-co", "--exclude-standard"],
             cwd=ROOT,
@@ -308,11 +319,11 @@ class Copy:
     def build(self) -> bool:
         """Build the core, fast rather than fast to run; return whether it compiles.
 
-        An index beyond an array of a known size ends the process.
+        An index beyond an array ends the process.
         """
         command = [sys.executable, "building/core_library.py"]
-        flags = "-O1 -fsanitize=bounds -fsanitize-undefined-trap-on-error"
-        environment = {**os.environ, "CFLAGS": flags}
+        flags = "-fsanitize=address,bounds -fsanitize-undefined-trap-on-error"
+        environment = {**os.environ, "CFLAGS": f"-O1 {flags}", "LDFLAGS": flags, "LD_PRELOAD": ""}
         done = subprocess.run(
             command, cwd=self.folder, env=environment, capture_output=True, check=False
         )

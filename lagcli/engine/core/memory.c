@@ -4,6 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* With the address sanitizer, what is beyond an array must not be touched. */
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_POISON_MEMORY_REGION(from, bytes) ((void)(from), (void)(bytes))
+#endif
+
 #define LINE 64 /* bytes of a cache line */
 
 /* Header of each allocation. */
@@ -50,12 +57,11 @@ void *lag_get(lag_pool *pool, size_t count, size_t size)
         return NULL;
     }
     made->next = pool->last;
-    made->bytes = LINE + bytes;
+    char *start = (char *)(made + 1), *memory = start + (LINE - (uintptr_t)start % LINE) % LINE;
+    made->bytes = (size_t)(memory - start) + bytes;
     pool->last = made;
-    char *memory = (char *)(made + 1);
-    memset(memory, 0, LINE); /* what is saved has no bytes without a value */
-    memory += (LINE - (uintptr_t)memory % LINE) % LINE;
-    memset(memory, 0, bytes);
+    memset(start, 0, made->bytes); /* what is saved has no bytes without a value */
+    ASAN_POISON_MEMORY_REGION(memory + bytes, LINE - (size_t)(memory - start));
     return memory;
 }
 
