@@ -115,19 +115,22 @@ int lag_do_collision(lag_run *run)
     sw->equal_restitution = report.equal_restitution;
     if (report.gained > 0.0)
         return LAG_GAINS;
-    double supplied = report.supplied;
+    double supplied = report.supplied, of_guides = 0.0; /* the first entry has both */
+    for (int i = 0; i < sw->rows; ++i)
+        if (sw->law[i] != LAG_UNILATERAL && (sw->normal[i] < 0 || sw->law[sw->normal[i]] != LAG_UNILATERAL))
+            of_guides += report.loss[i];
     for (int i = 0; i < sw->rows; ++i) {
         sw->ended[i] = NOTHING_ENDED; /* the impact may trigger other changes */
         if (sw->law[i] != LAG_UNILATERAL || report.impulse[i] == 0.0)
             continue;
-        double loss = report.loss[i];
+        double loss = report.loss[i] + of_guides;
         for (int j = 0; j < sw->rows; ++j)
             if (sw->normal[j] == i)
                 loss += report.loss[j];
         lag_log(run, t, LAG_IMPACT, i, before + nq, y + nq, report.all, loss, supplied);
         if (motions == LAG_TWO_MOTIONS)
             lag_log(run, t, LAG_NOT_UNIQUE, i, y + nq, y + nq, NULL, 0.0, 0.0);
-        supplied = 0.0;
+        supplied = of_guides = 0.0;
         sw->report |= sw->reported[5 * i + 4];
     }
     motions = end_impacts(run, &report);
