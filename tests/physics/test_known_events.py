@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from core_parts import search_cost
 from known_event_cases import EVENT_CASES
 from known_events import METHODS, judge
 from known_force_cases import FORCE_CASES
@@ -14,23 +16,80 @@ from known_rest_cases import REST_CASES
 from scipy.special import ellipk
 
 import lagcli
+from lagcli.engine.core.switching import SwitchingIntegrator
 
 FOUND = Path(__file__).parents[1] / "found"
 CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
 #: Random cases of each kind; `make fuzz` tries more.
 SEEDS = {"stick-slip": 10, "lift-off": 10, "pulses": 8}
+#: Coefficients of interval jets and states that the search for events evaluates in these cases: the
+#: same motion and events for less are welcome, and for more a mistake.
+COSTS = {
+    "cubic": (1068, 291),
+    "chebyshev": (2054, 493),
+    "sine": (20029, 9370),
+    "near_touch": (26317, 14365),
+    "product": (55723, 14372),
+    "beat": (48052, 13684),
+    "absolute": (65037, 8599),
+    "square": (648365, 3132),
+    "sawtooth": (180612, 778),
+    "touch": (4090, 111),
+    "only_touches": (64936, 12),
+    "never": (32, 10),
+    "rational": (10482, 2603),
+    "positive_factor": (4147, 629),
+    "tangent": (273942, 3233),
+    "oscillator": (2943, 1469),
+    "pendulum": (2129, 942),
+    "multiplier": (0, 11549),
+    "bounce": (3599, 5662),
+    "wrap": (1152, 577),
+    "kick": (16249, 12134),
+    "together": (40674, 21071),
+    "compound": (19285, 3801),
+    "ends": (172, 121),
+    "distance": (178, 118),
+    "height": (291, 251),
+    "pulses": (17764, 50458),
+    "springs": (4439, 1273),
+    "stick-slip": (3281, 34041),
+    "lift-off": (17064, 24038),
+    "landing": (4194, 2772),
+    "moving floor": (459842, 3020),
+    "stop": (985, 520),
+}
+#: What rounding may add, in part of these.
+ROUNDING = 0.02
 
 
 def load(name: str, **changes: float) -> lagcli.Model:
     return lagcli.load(FOUND / f"{name}.yaml", set=changes)
 
 
+@pytest.fixture
+def cores(monkeypatch: pytest.MonkeyPatch) -> list[SwitchingIntegrator]:
+    """The cores of the runs, as they are made."""
+    made: list[SwitchingIntegrator] = []
+    original = SwitchingIntegrator.__init__
+
+    def kept(self: SwitchingIntegrator, *arguments: Any, **named: Any) -> None:
+        original(self, *arguments, **named)
+        made.append(self)
+
+    monkeypatch.setattr(SwitchingIntegrator, "__init__", kept)
+    return made
+
+
 @pytest.mark.parametrize("kind", CASES)
-def test_no_event_is_missed_or_found_twice(kind: str) -> None:
+def test_no_event_is_missed_or_found_twice(kind: str, cores: list[SwitchingIntegrator]) -> None:
+    """And the search costs what it should."""
     cases = [CASES[kind](seed) for seed in range(SEEDS.get(kind, 4))]
     wrong = [(v, case) for case in cases if not (v := judge(case)).right]
     shown = "\n".join(f"{v}: {case}" for v, case in wrong[:3])
     assert not wrong, f"{len(wrong)} of {len(cases)} are wrong:\n{shown}"
+    cost = sum(search_cost(core._run) for core in cores)
+    assert (cost <= (1 + ROUNDING) * np.array(COSTS[kind])).all(), cost
 
 
 #: Roots 1e-8 of the run apart, expanded and factored; events beside those of functions that are

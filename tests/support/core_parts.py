@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import byref, c_double, c_int, c_void_p
 from typing import Any
@@ -49,6 +50,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_contacts": (c_int, *[c_void_p] * 5),
     "lag_part_lemke": (c_int, *[c_void_p] * 3),
     "lag_part_share": (c_int, *[c_void_p] * 6),
+    "lag_part_least_distance": (c_int, c_int, c_int, *[c_void_p] * 5),
     "lag_part_impact_memory": (ctypes.c_size_t, c_int),
     "lag_part_impact": (c_int, c_void_p, c_int, c_void_p, c_void_p),
     "lag_part_bracketed_root": (c_double, *_ROOT),
@@ -58,6 +60,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_resolved": (c_int, c_void_p),
     "lag_part_first_change": (c_int, c_void_p, c_double, c_void_p, c_void_p),
     "lag_part_estimate_root": (c_double, c_void_p, c_double, c_double),
+    "lag_part_search_cost": (None, *[c_void_p] * 3),
     "lag_part_watch": (c_int, c_void_p, c_double, *[c_void_p] * 3),
     "lag_part_steps_over": (c_int, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "lag_part_approaches": (c_int, c_void_p, c_double, c_void_p),
@@ -278,6 +281,12 @@ def _contacts(problem: ContactProblem, given: Arguments) -> lag_contacts:
     )
 
 
+def _unwritten(*shape: int, dtype: type = np.uint8) -> Array:
+    """Return memory of which nothing can be read before it is written: NaN, or -1."""
+    count = math.prod(shape) * np.dtype(dtype).itemsize
+    return np.full(count, 0xFF, dtype=np.uint8).view(dtype).reshape(shape)
+
+
 def solve_contacts(
     problem: ContactProblem, present: ArrayLike | None = None
 ) -> list[tuple[Array, Array, Any]]:
@@ -292,14 +301,15 @@ def solve_contacts(
     given = Arguments()
     record = _contacts(problem, given)
     n: int = record.n
-    reals, modes = np.zeros((2, 2, n + 1)), np.zeros((2, n + 1), dtype=np.int32)
-    motions = [
-        lag_contact_motion(*map(address, (reals[i, 0], reals[i, 1], modes[i]))) for i in range(2)
+    made = [
+        (*(_unwritten(n, dtype=float) for _ in range(2)), _unwritten(n, dtype=np.int32))
+        for _ in range(2)
     ]
+    motions = [lag_contact_motion(*map(address, one)) for one in made]
     first = None if present is None else given.integers(present)
-    memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
-    count = parts.lag_part_contacts(byref(record), first, memory, *map(byref, motions))
-    return [(reals[i, 0, :n], reals[i, 1, :n], modes[i, :n]) for i in range(count)]
+    memory = _unwritten(parts.lag_part_contact_memory(n))
+    count = parts.lag_part_contacts(byref(record), first, address(memory), *map(byref, motions))
+    return made[:count]
 
 
 def lemke_modes(problem: ContactProblem) -> tuple[bool, bool, Any]:
@@ -308,10 +318,10 @@ def lemke_modes(problem: ContactProblem) -> tuple[bool, bool, Any]:
     given = Arguments()
     record = _contacts(problem, given)
     n: int = record.n
-    modes = np.zeros(n + 1, dtype=np.int32)
-    memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
-    found = parts.lag_part_lemke(byref(record), memory, address(modes))
-    return found > 0, found == 2, modes[:n]
+    modes = _unwritten(n, dtype=np.int32)
+    memory = _unwritten(parts.lag_part_contact_memory(n))
+    found = parts.lag_part_lemke(byref(record), address(memory), address(modes))
+    return found > 0, found == 2, modes
 
 
 def share_contacts(
@@ -334,11 +344,24 @@ def share_contacts(
     n: int = record.n
     shared, slack = np.array(force, dtype=float), np.full(n, np.inf)
     tight = np.zeros(n, dtype=np.int32)
-    memory = ctypes.create_string_buffer(parts.lag_part_contact_memory(n))
+    memory = _unwritten(parts.lag_part_contact_memory(n))
     parts.lag_part_share(
-        byref(record), given.integers(modes), memory, *map(address, (shared, slack, tight))
+        byref(record), given.integers(modes), *map(address, (memory, shared, slack, tight))
     )
     return shared, slack, tight.astype(bool)
+
+
+def least_distance(normal: ArrayLike, bound: ArrayLike) -> Array | None:
+    """Return the shortest z with normal z >= bound; None where there is none."""
+    rows = np.array(normal, dtype=float)
+    m, n = rows.shape
+    z, room = _unwritten(n, dtype=float), _unwritten((n + 1) * (n + 4) + 2 * m, dtype=float)
+    place = _unwritten(m, dtype=np.int32)
+    given = Arguments()
+    found = parts.lag_part_least_distance(
+        n, m, address(rows), given.doubles(bound), *map(address, (z, room, place))
+    )
+    return z if found else None
 
 
 def solve_impact(
@@ -372,11 +395,11 @@ def solve_impact(
         phase=None,
         context=None,
     )
-    reals = np.zeros((3, n + 1))
-    made = lag_impact_result(*map(address, reals))
-    memory = ctypes.create_string_buffer(parts.lag_part_impact_memory(n))
-    count = parts.lag_part_impact(byref(record), law, memory, byref(made))
-    return count, reals[0, :n], reals[1, :n], reals[2, :n]
+    impulse, after, loss = (_unwritten(n, dtype=float) for _ in range(3))
+    made = lag_impact_result(*map(address, (impulse, after, loss)))
+    memory = _unwritten(parts.lag_part_impact_memory(n))
+    count = parts.lag_part_impact(byref(record), law, address(memory), byref(made))
+    return count, impulse, after, loss
 
 
 def batch_sincos(x: Array, portable: bool = False) -> Array:
@@ -459,3 +482,10 @@ def estimated_root(bernstein: ArrayLike, low: float, high: float) -> float:
     """Return the root of a polynomial in a bracket."""
     root: float = parts.lag_part_estimate_root(Arguments().doubles(bernstein), low, high)
     return root
+
+
+def search_cost(run: int) -> Array:
+    """Return what the search for events of a run has cost: coefficients of jets, and states."""
+    coefficients, states = ctypes.c_int64(), ctypes.c_int64()
+    parts.lag_part_search_cost(run, byref(coefficients), byref(states))
+    return np.array([coefficients.value, states.value])

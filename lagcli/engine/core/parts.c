@@ -124,6 +124,11 @@ int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, d
     return lag_share_contacts(problem, mode, memory, force, slack, tight);
 }
 
+int lag_part_least_distance(int n, int m, double *normal, const double *bound, double *z, double *room, int *place)
+{
+    return lag_least_distance(n, m, normal, bound, z, room, place);
+}
+
 size_t lag_part_impact_memory(int n)
 {
     return lag_impact_memory(n);
@@ -168,6 +173,12 @@ int lag_part_first_change(const double *bernstein, double from, double *low, dou
 double lag_part_estimate_root(const double *bernstein, double low, double high)
 {
     return lag_estimate_root(bernstein, low, high);
+}
+
+void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *states)
+{
+    *coefficients = run->switching.enclosure.work;
+    *states = run->switching.looks;
 }
 
 int lag_part_watch(lag_run *run, double t, const double *y, double *determinant, double *pivot)

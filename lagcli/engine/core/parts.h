@@ -40,6 +40,7 @@ int lag_part_contacts(const lag_contacts *problem, const int *present, void *mem
 int lag_part_lemke(const lag_contacts *problem, void *memory, int *mode);
 int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack,
                    int *tight);
+int lag_part_least_distance(int n, int m, double *normal, const double *bound, double *z, double *room, int *place);
 size_t lag_part_impact_memory(int n);
 int lag_part_impact(const lag_impact *impact, int law, void *memory, lag_impact_result *result);
 
@@ -53,6 +54,9 @@ void lag_part_bernstein_matrix(double *matrix);
 int lag_part_resolved(const double *values);
 int lag_part_first_change(const double *bernstein, double from, double *low, double *high);
 double lag_part_estimate_root(const double *bernstein, double low, double high);
+
+/* What the search for events of a run has cost: coefficients of jets, and states at which functions were evaluated. */
+void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *states);
 
 /* The watch of a run, see watch.c: at a state, ln |det| of the factors and the least pivot; whether a step between two states, in which B moves at a speed, passes a small minimum; whether a step to a
  * state approaches a singular configuration. */

@@ -181,6 +181,8 @@ static int solve(lcp *l)
         if (*right < 0.0 && (at < 0 || before(l, i, at, 1.0, 1.0)))
             at = i;
     }
+    if (at < 0)
+        return 1; /* no entry is negative */
     int column = 2 * size;
     for (int count = 0; at >= 0 && count < PIVOTS * size; ++count) {
         const int left = l->basis[at];
@@ -190,7 +192,7 @@ static int solve(lcp *l)
         column = left < size ? left + size : left - size;
         at = leaving(l, column);
     }
-    return at < 0 && column == 2 * size; /* no entry was negative */
+    return 0;
 }
 
 /* The modes of the basis. */

@@ -316,8 +316,9 @@ static void take_output(lag_run *run, int k, int order, lag_interval *out)
 /* Evaluate a tape with t in [a, b] and the jets of the states. */
 static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int order)
 {
-    const lag_enclosure *e = &run->switching.enclosure;
+    lag_enclosure *e = &run->switching.enclosure;
     lag_interval *t = lag_jet_input(tape, 0);
+    e->work += order + 1;
     t[0] = (lag_interval){a, b};
     for (int k = 1; k <= order; ++k)
         t[k] = (lag_interval){k == 1, k == 1};

@@ -71,6 +71,7 @@ typedef struct {
     int *ready;                        /* count: orders of derivatives whose control points are known */
     int degree;
     double *points;                    /* count: control points, and those of the derivatives over factorials */
+    int64_t work;                      /* coefficients of jets that were evaluated: the cost of the search */
 } lag_enclosure;
 
 /* A condition of events. */
@@ -167,6 +168,7 @@ typedef struct {
     /* watched functions */
     lag_watched_function *watched;
     int watched_count;
+    int64_t looks;                     /* states at which functions were evaluated: the cost of the search */
     int unresolved;                    /* the function whose sign could not be determined in a step */
     double *values, *node_values, *times;  /* watched_count; NODES of these; watched_count */
     double *y, *slope;                 /* n: scratch */

@@ -98,6 +98,7 @@ double lag_watched_value(lag_run *run, const lag_watched_function *w, double t, 
 {
     lag_switching *sw = &run->switching;
     double value;
+    ++sw->looks;
     if (w->what == LAG_WATCH_GAP) {
         lag_evaluate(&sw->enclosure.gaps, &run->system, t, y, LAG_ALL);
         value = sw->sign[w->which] * OUT(&sw->enclosure.gaps, sw->place[w->which]);
@@ -114,6 +115,7 @@ int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *
 {
     lag_switching *sw = &run->switching;
     int rows = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
+    ++sw->looks;
     for (int k = 0; k < sw->watched_count; ++k) {
         const enum lag_watched what = sw->watched[k].what;
         forces |= needs_forces(what);

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from core_parts import lemke_modes, solve_contacts, solve_impact
+from core_parts import least_distance, lemke_modes, solve_contacts, solve_impact
+from scipy.optimize import nnls
 
 from lagcli.arrays import Array
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
@@ -89,6 +90,10 @@ def test_a_contact_that_no_force_moves() -> None:
     [(force, motion, modes)] = solve_contacts(problem([[0.0]], [2.0], [UNILATERAL]))
     assert (force[0], motion[0], modes[0]) == (0.0, 2.0, OPEN)
     assert solve_contacts(problem([[0.0]], [-2.0], [UNILATERAL])) == []
+    # beside others, 1e-15 of them is none
+    for matrix in (np.diag([1e-15, 1.0]), np.diag([1.0, 1e-15])):
+        assert solve_contacts(problem(matrix, [-2.0, -2.0], [UNILATERAL] * 2)) == []
+        assert len(solve_contacts(problem(1e15 * matrix, [-2.0, -2.0], [UNILATERAL] * 2))) == 0
 
 
 def test_a_block_sticks_if_it_can() -> None:
@@ -318,6 +323,84 @@ def test_lemkes_method_solves_problems_with_little_friction(contacts: int) -> No
     assert slips > 5 * contacts
 
 
+def test_lemkes_method_ends_on_a_ray_where_there_is_no_solution() -> None:
+    for matrix, laws in (([[0.0]], [UNILATERAL]), ([[1.0, -1.0], [-1.0, 1.0]], [UNILATERAL] * 2)):
+        offset = [-1.0] * len(laws)
+        assert not lemke_modes(problem(matrix, offset, laws))[0]
+
+
+def chained(rng: np.random.Generator) -> ContactProblem:
+    """Return contacts with friction, too many to try all modes, and one that limits another.
+
+    They are coupled little, so that there is one solution.
+    """
+    contacts = 10
+    n = 2 * contacts + 1
+    root = rng.normal(size=(n, n))
+    scale = 2.0 ** rng.integers(-9, 10, n)
+    friction = {(contacts + k, k): float(rng.uniform(0.0, 0.5)) for k in range(contacts)}
+    friction[n - 1, n - 2] = 0.5
+    unit = np.eye(n) + 0.05 * root @ root.T / n
+    slopes = np.zeros((n, n))
+    for (i, j), mu in friction.items():
+        slopes[i, j] = mu * scale[j] / scale[i]
+    laws = np.array([UNILATERAL] * contacts + [LIMITED] * (contacts + 1))
+    none = np.zeros(n)
+    return ContactProblem(
+        unit * np.outer(scale, scale), rng.normal(size=n) * scale, laws, none, none, slopes, slopes
+    )
+
+
+def test_newtons_iteration_over_modes_solves_what_other_methods_cannot() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(60):
+        given = chained(rng)
+        assert not lemke_modes(given)[0]
+        size = np.sqrt(np.diag(given.matrix))
+        for present in (None, rng.integers(0, 4, len(size))):
+            [(force, motion, _)] = solve_contacts(given, present)
+            scaled = given._replace(
+                matrix=given.matrix / np.outer(size, size),
+                offset=given.offset / size,
+                static_slopes=given.static_slopes * size[:, None] / size,
+                kinetic_slopes=given.kinetic_slopes * size[:, None] / size,
+            )
+            assert scaled.violation(force * size, motion / size) < 1e-10
+
+
+# --- forces within inequalities -------------------------------------------------------------------
+
+
+def test_least_distances() -> None:
+    """Beside SciPy's nonnegative least squares: the nearest point, or that there is none."""
+    rng = np.random.default_rng(4)
+    feasible = 0
+    for _ in range(300):
+        n, m = int(rng.integers(1, 6)), int(rng.integers(1, 12))
+        rows, bound = rng.normal(size=(m, n)), rng.normal(size=m) - rng.uniform(0.0, 1.5)
+        for i in range(1, m):  # equations, inequalities twice, sums of others, and none
+            kind, j = rng.integers(8), int(rng.integers(i))
+            if kind < 2:
+                rows[i], bound[i] = (1 - 2 * kind) * rows[j], (1 - 2 * kind) * bound[j]
+            elif kind == 2:
+                rows[i], bound[i] = rows[:i].sum(axis=0), bound[:i].sum()
+            elif kind == 3:
+                rows[i], bound[i] = 0.0, -abs(bound[i])
+        length = 10.0 ** rng.uniform(-3, 3, m)
+        found = least_distance(rows * length[:, None], bound * length)
+        columns = np.vstack([rows.T, bound])
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        target = np.append(np.zeros(n), 1.0)
+        weights, residual = nnls(columns, target)
+        if residual < 1e-6:
+            assert found is None
+            continue
+        feasible += 1
+        r = target - columns @ weights
+        assert found == pytest.approx(-r[:n] / r[n], abs=1e-9 / r[n])
+    assert 100 < feasible < 250
+
+
 # --- impacts --------------------------------------------------------------------------------------
 
 
@@ -395,14 +478,15 @@ def test_newtons_cradle_sends_as_many_balls_as_it_is_struck_by(struck: int) -> N
 
 def test_bilateral_rows_meet_their_equation_by_each_law() -> None:
     """Without a contact that strikes, as where an event engages a constraint: Λ = −A⁻¹ b."""
-    matrix, before = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([0.3, 0.8])
-    for law in (POISSON, NEWTON, SEQUENTIAL):
+    matrix = np.array([[2.0, 0.5], [0.5, 1.0]])
+    for law, other in itertools.product((POISSON, NEWTON, SEQUENTIAL), (0.8, 0.1, 0.0)):
+        sign = 1.0 if other else -1.0
         found, impulse, after, loss = solve_impact(
-            matrix, before, [FREE, UNILATERAL], [0.0, 0.0], np.zeros((2, 2)), law
+            matrix, [0.3 * sign, other], [FREE, UNILATERAL], [0.0, 0.0], np.zeros((2, 2)), law
         )
         assert found == 1
-        assert impulse == pytest.approx([-0.15, 0.0], rel=1e-14)
-        assert after == pytest.approx([0.0, 0.725], rel=1e-14)
+        assert impulse == pytest.approx([-0.15 * sign, 0.0], rel=1e-14)
+        assert after == pytest.approx([0.0, other - 0.075 * sign], rel=1e-14)
         assert loss.sum() == pytest.approx(0.3**2 / 2.0 / 2.0)
 
 

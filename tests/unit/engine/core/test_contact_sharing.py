@@ -89,6 +89,7 @@ def test_random_shares(seed: int) -> None:
     np.testing.assert_allclose(slack[shared], expected, atol=1e-9 * size)
     assert tight.any() == (expected < (1 - 1e-9) * np.abs(force).max())
     assert not tight[~shared].any()
+    assert (force[problem.laws == UNILATERAL] >= 0.0).all()
     rows, constants, _ = laws_of(problem)
     assert (rows @ force + constants >= -1e-9 * size).all()
     least = least_norm_within(given, free, rows @ free, -(rows @ given + constants))

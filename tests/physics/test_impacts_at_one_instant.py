@@ -1,0 +1,61 @@
+"""Thousands of impacts at one instant: a light ball on the floor under a heavy one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lagcli
+
+#: M/m; π √(M/m) impacts, as G. Galperin counts them, more than 100 for each contact.
+RATIO = 1e5
+MODEL = """\
+coordinates: [y, z]
+T: y'^2/2 + {ratio}*z'^2/2
+constraints:
+{contacts}
+initial: {{y: 0, z: 0, y': 0, z': 0}}
+events: {{push: {{when: t >= 1, impulse: {{y: 0.5, z: -{ratio}}}}}}}
+simulation: {{t_end: 1.5, samples: 2}}
+"""
+
+
+def velocities(floor: float, above: float) -> tuple[float, float, int]:
+    """Return the velocities after impacts in turn, and their number; above strikes first."""
+    y, z, count = 0.5, -1.0, 0
+    while True:
+        if z < y:
+            impulse = (1 + above) * (y - z) / (1 + 1 / RATIO)
+            y, z = y - impulse, z + impulse / RATIO
+        elif y < 0:
+            y = -floor * y
+        else:
+            return y, z, count
+        count += 1
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+@pytest.mark.parametrize("e", [(1.0, 1.0), (0.9999, 1.0), (1.0, 0.9999), (0.9999, 0.9999)])
+def test_sequences_that_lose_energy_end_with_rest(e: tuple[float, float], order: list[int]) -> None:
+    """All contacts together stop what is left after 100 impacts of each; with e = 1, none does."""
+    contacts = [
+        f"  floor: {{expr: y >= 0, restitution: {e[0]}}}",
+        f"  above: {{expr: z >= y, restitution: {e[1]}}}",
+    ]
+    text = MODEL.format(ratio=RATIO, contacts="\n".join(contacts[i] for i in order))
+    run = lagcli.simulate(lagcli.load_text(text))
+    y, z, count = velocities(*e)
+    assert count > 900
+    assert run.events is not None
+    impacts = run.events.kinds.count("impact")
+    loss = float(np.sum(run.events.loss))
+    if max(e) < 1.0:
+        assert 200 < impacts < 210
+        assert run.v[-1].tolist() == [0.0, 0.0]
+        assert loss == pytest.approx(RATIO / 2 + 0.5**2 / 2, rel=1e-9)
+        return
+    assert impacts == count
+    assert run.v[-1] == pytest.approx([y, z], rel=1e-9)
+    assert loss == pytest.approx(
+        RATIO / 2 * (1 - z * z) + (0.25 - y * y) / 2, rel=1e-9, abs=1e-9 * RATIO
+    )
