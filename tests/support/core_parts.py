@@ -282,9 +282,9 @@ def _contacts(problem: ContactProblem, given: Arguments) -> lag_contacts:
 
 
 def _unwritten(*shape: int, dtype: type = np.uint8) -> Array:
-    """Return memory of which nothing can be read before it is written: NaN, or -1."""
+    """Return memory of which nothing can be read before it is written: numbers near 1e301."""
     count = math.prod(shape) * np.dtype(dtype).itemsize
-    return np.full(count, 0xFF, dtype=np.uint8).view(dtype).reshape(shape)
+    return np.full(count, 0x7E, dtype=np.uint8).view(dtype).reshape(shape)
 
 
 def solve_contacts(
