@@ -8,6 +8,7 @@ can be reused between evaluations.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from functools import lru_cache, partial, reduce
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,12 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
+#: Number of expressions from which those that differ only in names are compiled once, ...
+_MANY = 500
+#: ... the most names in one of them, or terms in one that is no long sum, ...
+_FEW = 24
+#: ... and how many more of them may have no template before them than have one.
+_VAIN = 64
 
 _OPERATIONS = {getattr(se, op.symbol): op for op in Op if op.symbol}
 #: SymEngine writes tan(x + pi/2) as −cot(x), and atan2(x, x) with sign(x).
@@ -42,6 +49,8 @@ _TRUTH = (bool, type(se.true), type(se.false))
 #: What stands for the variables on which a constant depends.
 _INVARIANT = -1, -1
 _OF_INPUTS = (se.FunctionSymbol, se.Derivative)
+#: What stands for the names in a template.
+_PLACES = [se.Symbol(str(k)) for k in range(_FEW)]
 #: The parts of an expression, and which of them are subtracted or divide.
 _Parts = tuple[Sequence[Basic], Sequence[bool]]
 
@@ -73,7 +82,9 @@ def compile_tape(
         held = len(parameters) + functions.size
         return Tape(len(variables) + held, (), (), (), held, functions=functions)
     compiler = _Compiler(variables, parameters, functions)
-    return compiler.finish([compiler.register(e) for e in outputs])
+    alike = len(outputs) >= _MANY and not functions.size
+    register = compiler.register_alike if alike else compiler.register
+    return compiler.finish([register(e) for e in outputs])
 
 
 class _Compiler(Builder):
@@ -85,6 +96,9 @@ class _Compiler(Builder):
         held = len(parameters) + functions.size
         super().__init__(len(variables) + held, held, 0, functions)
         first = len(variables) + len(parameters)
+        self.parameters_begin = len(variables)
+        self.templates: dict[tuple[Basic, int], _Compiler] = {}
+        self.vain = 0  # expressions without a template before them, less those with one
         self.pieces = {
             name: (first + at, degree) for name, (at, degree) in functions.places().items()
         }
@@ -111,6 +125,51 @@ class _Compiler(Builder):
     def order(self, register: int) -> tuple[Any, ...]:
         """Return the sort key of terms and factors: constant ones first."""
         return self.span.get(register, _INVARIANT), register
+
+    def register_alike(self, expression: Basic) -> int:
+        """Return the register of one of many expressions, such as one for each body.
+
+        Those that differ only in names have one template, whose operations are repeated with other
+        registers. Terms of long sums have templates of their own.
+        """
+        known = self.known
+        if isinstance(expression, se.Add) and len(expression.args) > _FEW:
+            for term in expression.args:
+                self.register_alike(_sign_split(term)[0])
+        elif not isinstance(expression, (se.Symbol, se.Number, *_TRUTH)):
+            if (register := known.get(expression)) is not None:
+                return register
+            names = expression.free_symbols if self.vain < _VAIN else ()
+            if 0 < len(names) <= _FEW and known.keys() >= names:
+                return self._repeat(expression, sorted(names, key=known.__getitem__))
+            self.vain += 1
+        return self.register(expression)
+
+    def _repeat(self, expression: Basic, names: Sequence[Basic]) -> int:
+        """Return the register of an expression, by the operations of its template.
+
+        Parameters
+        ----------
+        expression : expression
+        names : sequence of symbols
+            Its symbols, in the order of the inputs.
+        """
+        inputs = [self.known[name] for name in names]
+        parameters = bisect_left(inputs, self.parameters_begin)
+        renamed = expression.xreplace(dict(zip(names, _PLACES, strict=False)))
+        template = self.templates.get((renamed, parameters))
+        self.vain += 1 if template is None else -1
+        if template is None:
+            places = _PLACES[: len(names)]
+            template = _Compiler(places[:parameters], places[parameters:], NO_FUNCTIONS)
+            self.templates[renamed, parameters] = template
+            template.register(renamed)
+        registers = dict(enumerate(inputs))
+        registers |= {-1 - n: self.constant(x) for x, n in template.constants.items()}
+        for (op, *operands), result in template.operations.items():
+            registers[result] = self.emit(op, *map(registers.__getitem__, operands))
+        register = self.known[expression] = registers[template.known[renamed]]
+        return register
 
     def register(self, expression: Basic) -> int:
         """Return the register of an expression; compiles its parts first, without recursion."""

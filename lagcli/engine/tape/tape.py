@@ -176,7 +176,7 @@ class Builder:
         # 0.0 and -0.0 are equal keys: a model does not distinguish them
         return -1 - self.constants.setdefault(float(value), len(self.constants))
 
-    def emit(self, op: Op, *operands: int) -> int:
+    def emit(self, op: int, *operands: int) -> int:
         """Return the register of an operation's result."""
         if op in _COMMUTATIVE and self.order(operands[0]) > self.order(operands[1]):
             operands = operands[::-1]

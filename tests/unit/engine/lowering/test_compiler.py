@@ -14,7 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tape_values import VARIABLES, applied, batch, exactly, value
 
+from lagcli.engine.lowering import compiler
 from lagcli.engine.lowering.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.functions import FUNCTIONS
 from lagcli.model.expression.constants import cases
@@ -251,3 +253,42 @@ def test_truth_and_numbers_do_not_mix(x: float) -> None:
     assert value(se.true) == 1.0
     assert value(se.false) == 0.0
     assert value(se.Integer(1)) == 1.0
+
+
+# expressions that differ only in names
+
+
+def members(n: int, terms: bool) -> tuple[list[se.Basic], list[se.Basic], list[se.Basic]]:
+    """Return expressions of bodies and their neighbours, a long sum, variables and parameters."""
+    x, m = se.symbols([f"x[{i}]" for i in range(n)]), se.symbols([f"m[{i}]" for i in range(n)])
+    found: list[se.Basic] = []
+    for i in range(1, n):
+        bend = (x[i] - x[i - 1]) ** 2 / m[i - 1] + se.sin(m[i] * x[i])
+        found += [bend, se.sqrt(1 + bend**2), -x[i], m[i] * x[i], 2 * m[i], se.Integer(i)]
+    return [*found, *([se.Add(*found)] if terms else [])], x, m
+
+
+@pytest.mark.parametrize("terms", [False, True])
+def test_expressions_that_differ_only_in_names_have_the_values_of_single_ones(
+    terms: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expressions, x, m = members(30, terms)
+    single = compile_tape(expressions, x, m)
+    monkeypatch.setattr(compiler, "_MANY", 1)
+    alike = compile_tape(expressions, x, m)
+    assert len(alike.code) == pytest.approx(len(single.code), rel=0.02)
+    given = [math.sin(1 + k) + 1.5 for k in range(len(x) + len(m))]
+    assert ScalarTape(alike)(given) == pytest.approx(ScalarTape(single)(given), rel=1e-13)
+
+
+def test_templates_distinguish_variables_from_parameters() -> None:
+    x, m, y = se.symbols("x m y")
+    rest = [se.sin(k * x) for k in range(600)]
+    tape = compile_tape([x * y, x * m, m * x, se.exp(m), se.exp(x), *rest], [x, y], [m])
+    assert ScalarTape(tape)([2.0, 3.0, 5.0])[:5] == [6, 10, 10, math.exp(5), math.exp(2)]
+
+
+def test_an_unknown_name_among_many_expressions_is_reported() -> None:
+    x, z = se.symbols("x z")
+    with pytest.raises(KeyError, match="z"):
+        compile_tape([*(se.sin(k * x) for k in range(600)), x + z], [x])
