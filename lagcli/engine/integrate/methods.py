@@ -297,15 +297,15 @@ class Methods:
         motion : str
         """
         prices = self._prices()
-        cost = _CHEAPER * left * prices.explicit
+        cost = _CHEAPER * prices.steps(left)
         if cost <= prices.least_expanding:
             return False
         price = prices.taylor + examined * prices.examining
-        relative = price / (ratio * prices.explicit)
+        relative = left * price / (ratio * prices.steps(left))
         if relative >= _CHEAPER:
             self._why = f"Taylor's method would cost {_rounded(relative)} times as much per second"
             return False
-        if cost <= prices.expanding + left * relative * prices.explicit:
+        if cost <= prices.expanding + left / ratio * price:
             return False
         assert self._expand is not None
         refused = self._expand()

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from lagcli.engine.integrate.prepared import Prepared, may_unroll
+from lagcli.engine.integrate.prepared import STEPS_TO_UNROLL, Prepared, may_unroll
 from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.system import System
+from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.engine.taylor.layers import LONG
 
 #: What a step of DOP853, and one of Taylor's method, costs besides evaluations and series.
 _STEP, _STEP_OF_SERIES = 600.0, 300.0
@@ -27,19 +28,25 @@ _WORD, _ENTRY = 0.12, 8.0
 #: state. Updates of columns that are eliminated together are cheaper.
 _OPERATION, _UPDATE, _ENTRY_OF_LOOP = 0.8, 1.5, 13.0
 _UPDATE_TOGETHER = 0.25
+#: An operation once the elimination is unrolled, and its operations for each update, entry of L and
+#: unknown.
+_OPERATION_UNROLLED, _UNROLLED = 0.25, 2
 #: One order of the series: each product of series, sum of them, number of the state.
 _PRODUCT, _SUM, _ENTRY_OF_SERIES = 3.0, 0.3, 6.0
+#: Part of that which the series of families take, which are computed side by side: from an average
+#: number of members, and a number of products and sums.
+_IN_LAYERS, _MEMBERS = 0.6, 8
 #: Making the program of the series: at least; each operation of the unrolled dynamics; each product
 #: of series. If the dynamics are not unrolled yet, each operation costs this much more.
-_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT, _FOR_UNROLLING = 4e6, 15e3, 80e3, 20e3
-#: Operations of an unrolled elimination: each update, entry of L, and unknown.
-_OF_UPDATE, _OF_ENTRY, _OF_UNKNOWN = 4, 8, 12
+_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT, _FOR_UNROLLING = 4e6, 24e3, 26e3, 20e3
 #: Jacobians of an implicit method: at least; each operation of the dynamics. A step of it, in
 #: steps of DOP853.
 _JACOBIANS, _FOR_DERIVATIVE, _IMPLICIT = 5e6, 150e3, 1.5
 #: A state in a step of Taylor's method that is examined: times an evaluation and the products in
 #: the orthogonalization of B's rows.
 _EXAMINING = 3.0
+#: Number of those products above which the factors are used in place of it, as in `core/watch.c`.
+_LARGE = 20000
 
 
 class Prices:
@@ -78,6 +85,20 @@ class Prices:
         return _STEP + _STAGES * self.evaluation
 
     @cached_property
+    def evaluation_unrolled(self) -> float:
+        """The same once the elimination is unrolled, if it may be."""
+        if self.prepared.unrolled or not may_unroll(self.prepared.elimination):
+            return self.evaluation
+        unrolled = _OPERATION_UNROLLED * self._operations + _ENTRY * self._size
+        return min(self.evaluation, unrolled)
+
+    def steps(self, count: float) -> float:
+        """So many further steps of DOP853, at some of which the elimination may be unrolled."""
+        soon = min(count, STEPS_TO_UNROLL)
+        later = _STEP + _STAGES * self.evaluation_unrolled
+        return soon * self.explicit + (count - soon) * later
+
+    @cached_property
     def usual(self) -> float:
         """Number of evaluations in a step of Taylor's method."""
         return _WITH_MIDDLE if self.system.constraints else _ENDS
@@ -87,22 +108,35 @@ class Prices:
         """A step of Taylor's method."""
         products, sums = self._counts
         one = _PRODUCT * products + _SUM * sums + _ENTRY_OF_SERIES * self._size
-        return _STEP_OF_SERIES + self.order * one + self.usual * self.evaluation
+        if products + sums >= LONG and self._members >= _MEMBERS:
+            one *= _IN_LAYERS
+        return _STEP_OF_SERIES + self.order * one + self.usual * self.evaluation_unrolled
+
+    @property
+    def _members(self) -> float:
+        """Average number of members of the families of coordinates."""
+        coordinates = self.system.coordinates
+        return len(coordinates) / max(1, len(set(map(without_numbers, coordinates))))
 
     @cached_property
     def least_expanding(self) -> float:
         """A lower bound of `expanding`, known at once."""
-        return _PROGRAM + _FOR_OPERATION * len(self.system.dynamics.code)
+        return _PROGRAM + _FOR_OPERATION * self.prepared.dynamics.size
 
     @cached_property
     def expanding(self) -> float:
         """The program of the series."""
         each = _FOR_OPERATION + (0.0 if self.prepared.unrolled else _FOR_UNROLLING)
-        operations, elimination = len(self.system.dynamics.code), self.prepared.elimination
-        if elimination is not None:
-            operations += _OF_UPDATE * elimination.updates + _OF_ENTRY * _entries(elimination)
-            operations += _OF_UNKNOWN * len(elimination.order)
-        return _PROGRAM + each * operations + _FOR_PRODUCT * self._counts[0]
+        return _PROGRAM + each * self._operations + _FOR_PRODUCT * self._counts[0]
+
+    @property
+    def _operations(self) -> int:
+        """Number of operations of the dynamics with the elimination, once it is unrolled."""
+        elimination, operations = self.prepared.elimination, self.prepared.dynamics.size
+        if self.prepared.unrolled or elimination is None:
+            return operations
+        entries, unknowns = _entries(elimination), len(elimination.order)
+        return operations + _UNROLLED * (elimination.updates + entries + unknowns)
 
     @cached_property
     def implicit(self) -> float:
@@ -118,7 +152,10 @@ class Prices:
     def examining(self) -> float:
         """A state in a step of Taylor's method that is examined for singular configurations."""
         nq, nc = self.system.counts.nq, self.system.counts.nc
-        return _EXAMINING * (self.evaluation + nc * nc * nq)
+        orthogonalizing = nc * nc * nq
+        if orthogonalizing > _LARGE and self.prepared.elimination is not None:
+            return _EXAMINING * self.evaluation  # by the factors, as `core/watch.c`
+        return _EXAMINING * (self.evaluation + orthogonalizing)
 
     @cached_property
     def _counts(self) -> tuple[int, int]:

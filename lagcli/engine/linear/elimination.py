@@ -29,7 +29,7 @@ import heapq
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import accumulate, zip_longest
 from typing import NamedTuple
 
@@ -602,6 +602,7 @@ class _Full:
         return np.asarray(ratio)
 
 
+@lru_cache(maxsize=1)  # for the program of the dynamics, and that of the series
 def unroll(system: System, elimination: Elimination) -> Tape:
     """Append the solution of [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] to the dynamics tape.
 

@@ -139,7 +139,7 @@ class _Compiler(Builder):
         elif not isinstance(expression, (se.Symbol, se.Number, *_TRUTH)):
             if (register := known.get(expression)) is not None:
                 return register
-            names = expression.free_symbols if self.vain < _VAIN else ()
+            names = expression.free_symbols if self.vain < _VAIN else set()
             if 0 < len(names) <= _FEW and known.keys() >= names:
                 return self._repeat(expression, sorted(names, key=known.__getitem__))
             self.vain += 1

@@ -13,8 +13,9 @@ from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare as prepared_simulation
 
 
-def prices(name: str, **settings: object) -> Prices:
-    simulation = prepared_simulation(lagcli.load(PATHS[name]), SettingsOverrides(**settings))
+def prices(name: str, set: dict[str, float] | None = None, **settings: object) -> Prices:
+    model = lagcli.load(PATHS[name], set=set)
+    simulation = prepared_simulation(model, SettingsOverrides(**settings))
     request = simulation.request
     return Prices(simulation.system, prepare(simulation.system, request.elimination), 17)
 
@@ -41,3 +42,17 @@ def test_a_higher_order_costs_more() -> None:
     found = [Prices(system, prepare(system, None), order) for order in (10, 20)]
     assert found[1].taylor > found[0].taylor
     assert found[1].explicit == pytest.approx(found[0].explicit)
+
+
+def test_long_models_are_priced_as_they_run_later() -> None:
+    long = prices("chain", {"N": 100})
+    # examined by factors, whose number is proportional to that of the bodies
+    assert long.examining < 10 * long.evaluation
+    # the elimination is unrolled at some time; until then, each step costs the same
+    assert long.steps(1000) == pytest.approx(1000 * long.explicit)
+    assert long.steps(1e6) < 0.7 * 1e6 * long.explicit
+
+
+def test_dense_solutions_are_examined_by_orthogonalizing() -> None:
+    system = prices("chain", {"N": 100}).system
+    assert Prices(system, prepare(system, None), 17).examining > 100**2 * 200
