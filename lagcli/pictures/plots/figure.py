@@ -8,7 +8,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -104,11 +104,23 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
     )
     try:
         import matplotlib
-        from matplotlib.figure import Figure
+        from matplotlib.figure import Figure as LaidOutFigure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
     except ImportError:
         raise UsageError(
             "plots are drawn by matplotlib, which is not installed: pip install 'lagcli[pictures]'"
         ) from None
+
+    class Figure(LaidOutFigure):
+        def draw(self, renderer: Any) -> None:
+            # to save it, matplotlib draws it twice, the first time for its layout alone
+            layout = self.get_layout_engine()
+            if not isinstance(layout, ConstrainedLayoutEngine):
+                super().draw(renderer)
+            elif self.axes:
+                with suppress(ValueError):  # as there
+                    layout.execute(self)
+
     with matplotlib.rc_context(style.settings()), warnings.catch_warnings():
         # a missing letter is drawn as a box, so the warning is redundant
         warnings.filterwarnings("ignore", r"Glyph .* missing from")
