@@ -163,9 +163,19 @@ def test_nothing_is_emitted_before_it_is_worth_it() -> None:
     assert native.size(0)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def nothing_left() -> None:
+    """Keep what other tests have left out of the collections of these.
+
+    Runs release their code when they are collected, and to look through all objects takes a second.
+    """
+    gc.collect()
+    gc.freeze()
+
+
 def executable() -> set[tuple[int, str]]:
     """Return the pages, and their permissions, that are executable and have no file."""
-    gc.collect()  # runs of other tests release theirs when they are collected
+    gc.collect()  # runs release theirs then
     pages = set()
     for line in Path("/proc/self/maps").read_text("utf-8").splitlines():
         at, may, *rest = line.split()
