@@ -92,18 +92,31 @@ def commands(kind: str, folder: Path) -> list[list[str]]:
     return found
 
 
+class Originals(dict[str, bytes]):
+    """A file of each kind, made when it is first read: `--dist worksteal` divides the tests."""
+
+    def __init__(self, folder: Path):
+        super().__init__()
+        self.folder = folder
+
+    def __missing__(self, kind: str) -> bytes:
+        with contextlib.chdir(self.folder):
+            if kind == "fit":
+                Path("spring.yaml").write_text(SPRING, encoding="utf-8")
+                self.make("simulate", "spring.yaml", "-o", "run.csv", "--t-end", "1")
+            self.make(*FILES[kind], "-o", f"{kind}.h5")
+            self[kind] = Path(f"{kind}.h5").read_bytes()
+        return self[kind]
+
+    def make(self, *arguments: str) -> None:
+        status, said = answer(*arguments)
+        assert status == 0, (arguments, said)
+
+
 @pytest.fixture(scope="module")
-def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Return a file of each kind."""
-    folder = tmp_path_factory.mktemp("originals")
-    with contextlib.chdir(folder):
-        Path("spring.yaml").write_text(SPRING, encoding="utf-8")
-        status, said = answer("simulate", "spring.yaml", "-o", "run.csv", "--t-end", "1")
-        assert status == 0, said
-        for kind, arguments in FILES.items():
-            status, said = answer(*arguments, "-o", f"{kind}.h5")
-            assert status == 0, f"{kind}: {said}"
-        return {kind: Path(f"{kind}.h5").read_bytes() for kind in FILES}
+def originals(tmp_path_factory: pytest.TempPathFactory) -> Originals:
+    """Return the files that are changed."""
+    return Originals(tmp_path_factory.mktemp("originals"))
 
 
 @contextlib.contextmanager
@@ -178,7 +191,7 @@ def test_files_that_ended_with_tracebacks(tmp_path: Path, name: str) -> None:
 
 
 def test_a_comparison_without_an_optional_part_is_read(
-    tmp_path: Path, originals: dict[str, bytes]
+    tmp_path: Path, originals: Originals
 ) -> None:
     path = tmp_path / "models.h5"
     with changed(path, originals["models"]) as root:
@@ -193,7 +206,7 @@ def test_a_comparison_without_an_optional_part_is_read(
 
 @pytest.mark.parametrize("value", [1e308, -1e-308, 1e80])
 def test_forces_too_large_or_small_to_be_drawn(
-    tmp_path: Path, originals: dict[str, bytes], value: float
+    tmp_path: Path, originals: Originals, value: float
 ) -> None:
     path = tmp_path / "run.h5"
     with changed(path, originals["run"]) as root:
@@ -205,7 +218,7 @@ def test_forces_too_large_or_small_to_be_drawn(
 
 @pytest.mark.parametrize(("part", "number"), [("velocity", 1e308), ("position", 0.0)])
 def test_modes_without_a_finite_motion(
-    tmp_path: Path, originals: dict[str, bytes], part: str, number: float
+    tmp_path: Path, originals: Originals, part: str, number: float
 ) -> None:
     path = tmp_path / "modes.h5"
     with changed(path, originals["modes"]) as root:
@@ -221,9 +234,7 @@ def test_modes_without_a_finite_motion(
         assert "Traceback" not in said
 
 
-def test_a_mode_about_a_point_whose_square_overflows(
-    tmp_path: Path, originals: dict[str, bytes]
-) -> None:
+def test_a_mode_about_a_point_whose_square_overflows(tmp_path: Path, originals: Originals) -> None:
     path = tmp_path / "rolling.h5"
     with changed(path, originals["rolling"]) as root:
         content = json.loads(root.attrs["content"])
@@ -234,7 +245,7 @@ def test_a_mode_about_a_point_whose_square_overflows(
     assert "Warning" not in said
 
 
-def test_infinite_places_of_pins(tmp_path: Path, originals: dict[str, bytes]) -> None:
+def test_infinite_places_of_pins(tmp_path: Path, originals: Originals) -> None:
     path = tmp_path / "road.h5"
     with changed(path, originals["road"]) as root:
         root["q"][2] = 1e308
@@ -249,7 +260,7 @@ def test_infinite_places_of_pins(tmp_path: Path, originals: dict[str, bytes]) ->
     [({"m": "foo"}, 'is "foo"'), ({"m": {"unit": "g", "factor": 0}}, "not greater than 0")],
 )
 def test_given_units_of_runs_that_are_compared(
-    tmp_path: Path, originals: dict[str, bytes], given: dict[str, object], what: str
+    tmp_path: Path, originals: Originals, given: dict[str, object], what: str
 ) -> None:
     other, path = tmp_path / "other.h5", tmp_path / "run.h5"
     with changed(other, originals["run"]) as root:
@@ -266,7 +277,7 @@ def test_given_units_of_runs_that_are_compared(
 
 @pytest.mark.parametrize("option", ["rtol", "atol", "method", "formulation"])
 def test_an_option_of_a_run_that_is_a_list(
-    tmp_path: Path, originals: dict[str, bytes], option: str
+    tmp_path: Path, originals: Originals, option: str
 ) -> None:
     path = tmp_path / "run.h5"
     with changed(path, originals["run"]) as root:
@@ -282,7 +293,7 @@ def test_an_option_of_a_run_that_is_a_list(
     [("multipliers", (4, 5, 2)), ("energy_potential", (4, 5, 1)), ("peak", (4, 5)), ("q", (4, 5))],
 )
 def test_a_sweep_with_an_array_of_another_shape(
-    tmp_path: Path, originals: dict[str, bytes], dataset: str, shape: tuple[int, ...]
+    tmp_path: Path, originals: Originals, dataset: str, shape: tuple[int, ...]
 ) -> None:
     path = tmp_path / "sweep.h5"
     with changed(path, originals["sweep"]) as root:
@@ -304,7 +315,7 @@ def test_a_sweep_with_an_array_of_another_shape(
 @pytest.mark.parametrize("values", [(0.0, 1e308), (-1e308, 1e308), (1e308, 1e308)])
 def test_numbers_too_large_for_an_axis(
     tmp_path: Path,
-    originals: dict[str, bytes],
+    originals: Originals,
     values: tuple[float, float],
     command: str,
     kind: str,
@@ -319,7 +330,7 @@ def test_numbers_too_large_for_an_axis(
         assert status == 0, f"{name}: {command}: {said}"
 
 
-def test_residuals_whose_squares_overflow(tmp_path: Path, originals: dict[str, bytes]) -> None:
+def test_residuals_whose_squares_overflow(tmp_path: Path, originals: Originals) -> None:
     path = tmp_path / "fit.h5"
     with changed(path, originals["fit"]) as root:
         root["data_1"]["sigmas"][...] = 1e-200
@@ -331,11 +342,11 @@ def test_residuals_whose_squares_overflow(tmp_path: Path, originals: dict[str, b
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_a_few_wrong_contents(tmp_path: Path, originals: dict[str, bytes], kind: str) -> None:
+def test_a_few_wrong_contents(tmp_path: Path, originals: Originals, kind: str) -> None:
     try_mutants(kind, originals[kind], tmp_path, FEW)
 
 
 @pytest.mark.fuzz
 @pytest.mark.parametrize("kind", FILES)
-def test_many_wrong_contents(tmp_path: Path, originals: dict[str, bytes], kind: str) -> None:
+def test_many_wrong_contents(tmp_path: Path, originals: Originals, kind: str) -> None:
     print(f"{kind}: {dict(try_mutants(kind, originals[kind], tmp_path, FUZZ_COUNT))}")

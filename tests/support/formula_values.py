@@ -48,9 +48,15 @@ def equations_of(path: Path) -> Equations:
 
 
 @functools.cache
+def formulas_of(path: Path, numeric: bool = False) -> Formulas:
+    """Return the formulas of a model, which keep what they have arranged."""
+    return Formulas(equations_of(path), numeric)
+
+
+@functools.cache
 def steps_of(path: Path, derivation: bool = False, numeric: bool = False) -> tuple[Step, ...]:
     """Return the steps that are printed, which are the same in every format and width."""
-    return shown_steps(Formulas(equations_of(path), numeric), Contents(steps=derivation))
+    return shown_steps(formulas_of(path, numeric), Contents(steps=derivation))
 
 
 @functools.cache
@@ -65,7 +71,7 @@ def pages_of(path: Path) -> tuple[tuple[Step, ...], ...]:
     found = [steps_of(path), steps_of(path, True)]
     for contents in asked:
         with contextlib.suppress(UsageError):  # the second kind needs holonomic constraints
-            found.append(shown_steps(Formulas(e), contents))
+            found.append(shown_steps(formulas_of(path), contents))
     return tuple(found)
 
 
