@@ -76,7 +76,7 @@ def conserved_step(
     """
     lines = [Line(_sides(f, quantity), quantity.name), *_proof(f, quantity)]
     measured = f" {unit}" if unit and unit != "1" else ""
-    said = [] if value is None else [f"Value at the start: {minus(value)}{measured}."]
+    said = [] if value is None else [f"Value at the start: {minus(value + 0.0)}{measured}."]
     if not quantity.general:
         said.append(
             "It is conserved for these values of the parameters; for others, its coefficients"

@@ -804,7 +804,8 @@ def name_marks(ax: Any, run: RunFile, span: tuple[float, float], width: float) -
     if log is None or not len(log):
         return
     first, last = span
-    free, scale = first, (last - first) / (width * _PANEL_PART)
+    scale = (last - first) / (width * _PANEL_PART)
+    free = first + _factor_width(ax) * scale
     for time in np.unique(log.time[(log.time >= first) & (log.time <= last)]).tolist():
         if time < free:
             continue
@@ -824,3 +825,11 @@ def name_marks(ax: Any, run: RunFile, span: tuple[float, float], width: float) -
             color=_MARK_LOOK["color"],
         )
         free = time + length + _SPACE * scale
+
+
+def _factor_width(ax: Any) -> float:
+    """Return the width of the power of ten above a panel's vertical axis, inches; 0 without one."""
+    ticks = ax.yaxis.get_major_formatter()
+    ticks.set_locs(ax.get_yticks())
+    size = ax.yaxis.get_offset_text().get_fontsize() / _NAME_SIZE
+    return _LETTER * len(factor) * size + _SPACE if (factor := ticks.get_offset()) else 0.0
