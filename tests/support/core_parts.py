@@ -6,7 +6,7 @@ import ctypes
 import math
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import byref, c_double, c_int, c_void_p
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +60,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "lag_part_resolved": (c_int, c_void_p),
     "lag_part_first_change": (c_int, c_void_p, c_double, c_void_p, c_void_p),
     "lag_part_estimate_root": (c_double, c_void_p, c_double, c_double),
+    "lag_part_enclose_watched": (None, c_void_p, c_int, *[c_double] * 2, c_int, *[c_void_p] * 3),
     "lag_part_search_cost": (None, *[c_void_p] * 3),
     "lag_part_watch": (c_int, c_void_p, c_double, *[c_void_p] * 3),
     "lag_part_steps_over": (c_int, c_void_p, c_double, c_double, c_void_p, c_void_p),
@@ -482,6 +483,32 @@ def estimated_root(bernstein: ArrayLike, low: float, high: float) -> float:
     """Return the root of a polynomial in a bracket."""
     root: float = parts.lag_part_estimate_root(Arguments().doubles(bernstein), low, high)
     return root
+
+
+class Enclosed(NamedTuple):
+    """Enclosures of a watched function along the last step of a run.
+
+    Parameters
+    ----------
+    start, length : float
+        Of the step.
+    over : (2,) array
+        Bounds over the step, before the dense output is known.
+    jet : (order + 1, 2) array
+        Bounds of the Taylor coefficients in a part of it.
+    """
+
+    start: float
+    length: float
+    over: Array
+    jet: Array
+
+
+def enclosed(run: int, k: int, a: float, b: float, order: int) -> Enclosed:
+    """Return the enclosures of function k, and from a to b in parts of the step."""
+    step, over, jet = np.empty(2), np.empty(2), np.empty((order + 1, 2))
+    parts.lag_part_enclose_watched(run, k, a, b, order, *map(address, (step, over, jet)))
+    return Enclosed(*step.tolist(), over, jet)
 
 
 def search_cost(run: int) -> Array:

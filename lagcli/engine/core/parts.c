@@ -11,6 +11,7 @@
 #include "methods/rodas5p_tableau.h"
 #include "motion.h"
 #include "switching/crossing.h"
+#include "switching/enclosure.h"
 #include "tape/interval.h"
 #include "tape/vectors.h"
 #include "watch.h"
@@ -173,6 +174,18 @@ int lag_part_first_change(const double *bernstein, double from, double *low, dou
 double lag_part_estimate_root(const double *bernstein, double low, double high)
 {
     return lag_estimate_root(bernstein, low, high);
+}
+
+void lag_part_enclose_watched(lag_run *run, int k, double a, double b, int order, double *step, double *over, double *out)
+{
+    lag_interval jet[JET];
+    step[0] = run->step.t_old;
+    step[1] = run->step.h_old;
+    lag_enclosure_begin(run, run->step.f_new);
+    const lag_interval whole = lag_enclose_step(run, k);
+    memcpy(over, &whole, sizeof whole);
+    lag_enclose(run, k, step[0] + a * step[1], step[0] + b * step[1], order, jet);
+    memcpy(out, jet, (size_t)(order + 1) * sizeof *jet);
 }
 
 void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *states)

@@ -55,6 +55,10 @@ int lag_part_resolved(const double *values);
 int lag_part_first_change(const double *bernstein, double from, double *low, double *high);
 double lag_part_estimate_root(const double *bernstein, double low, double high);
 
+/* The last step of a run: its start and its length; the enclosure of watched function k over it, 2 numbers, and that of
+ * its jet from a to b within it, 2 (order + 1) numbers. */
+void lag_part_enclose_watched(lag_run *run, int k, double a, double b, int order, double *step, double *over, double *out);
+
 /* What the search for events of a run has cost: coefficients of jets, and states at which functions were evaluated. */
 void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *states);
 

@@ -348,8 +348,6 @@ static double first_between(along_step *f, double low, double high, const double
     for (int i = 0; i < NODES; ++i)
         if (isnan(values[i]))
             return INFINITY;
-    if (low <= f->run->switching.since)
-        values[0] = fmax(values[0], 0.0);
     if (!lag_resolved(values) && halvings > 0) {
         if (clearly_positive(values))
             return INFINITY;
@@ -531,8 +529,8 @@ int lag_find_instant(lag_run *run)
         end_conditions(run, sw->instant);
         if (sw->instant < INFINITY)
             return 1;
-        if (sampled && lag_watched_ends(run, LAG_SAMPLED, t, y, f, values, slopes))
-            return -1;
+        if (sampled) /* again: they were defined before */
+            lag_watched_ends(run, LAG_SAMPLED, t, y, f, values, slopes);
     }
     if ((t >= run->settings.t_end || lag_ticks_at(run, t)) && happens_at_end(run)) {
         sw->instant = t;

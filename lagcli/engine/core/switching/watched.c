@@ -262,9 +262,6 @@ double lag_condition_noise(const lag_condition *condition)
 double lag_watched_noise(lag_run *run, const lag_watched_function *w)
 {
     lag_switching *sw = &run->switching;
-    if (needs_forces(w->what) && w->what != LAG_WATCH_FORCE_CONDITION && w->what != LAG_WATCH_SURFACE)
-        for (int i = 0; i < sw->rows; ++i)
-            sw->strength = fmax(sw->strength, fabs(sw->force[i]));
     switch (w->what) {
     case LAG_WATCH_GAP:
         return NOISE * sw->size[w->which];
@@ -277,6 +274,8 @@ double lag_watched_noise(lag_run *run, const lag_watched_function *w)
     case LAG_WATCH_FORCE:
     case LAG_WATCH_STICK:
     case LAG_WATCH_SIGN:
+        for (int i = 0; i < sw->rows; ++i)
+            sw->strength = fmax(sw->strength, fabs(sw->force[i]));
         return FORCE_NOISE * sw->strength;
     case LAG_WATCH_CONDITION:
     case LAG_WATCH_FORCE_CONDITION:
