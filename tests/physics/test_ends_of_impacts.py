@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -88,6 +89,57 @@ def test_balls(part: int) -> None:
         assert run.multipliers[after, 0] == pytest.approx(weight, rel=1e-6), text
         assert log.modes[-1][0] == 1
         assert (log.impulse[:, 0] >= 0.0).all()
+
+
+def test_friction_beside_the_contact_changes_the_fall() -> None:
+    """A ball that drags a sliding block along: M = [[1, c], [c, 1]], forces −F and −g.
+
+    While the block slides, y″ = −a = −(g − c F)/(1 − c²) in each flight; at rest λ = g − c F.
+    """
+    rng = random.Random(1)
+    for _ in range(12):
+        c, e = rng.uniform(-0.8, 0.8), rng.choice([0.2, 0.5, 0.8, rng.random() * 0.9])
+        g, h, force = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(-2, 1), rng.uniform(0.05, 1.0)
+        friction = force * g / max(abs(c), 0.5)
+        a = (g - c * friction) / (1 - c * c)
+        first = math.sqrt(2 * h / a)
+        rest = first * (1 + e) / (1 - e)
+        along = rng.choice([-1, 1])
+        run, log = simulate(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2 + {along * c!r}*x'*y'
+V: {g!r}*y
+constraints:
+  floor: {{expr: y >= 0, restitution: {e!r}}}
+  block: {{expr: x' = 0, limit: {friction!r}}}
+initial: {{x: 0, y: {h!r}, x': {along * 20 * (g + friction) * rest!r}, y': 0}}
+simulation: {{t_end: {1.3 * rest!r}, samples: 14, impacts: {rng.choice(LAWS)}}}
+""")
+        assert log.instants("floor", "impact")[0] == pytest.approx(first, rel=1e-9)
+        assert [x.time for x in log.rests()] == pytest.approx([rest], rel=2e-8)
+        assert run.multipliers[-1] == pytest.approx([g - c * friction, -along * friction])
+
+
+def scaled(text: str, scale: float) -> str:
+    """Return a model whose masses and forces are larger by a factor."""
+    return re.sub(r"^([TV]): (.*)$", rf"\1: {scale!r}*(\2)", text, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_impacts_do_not_depend_on_the_unit_of_mass(number: int) -> None:
+    """Larger masses and forces have the same motion, and as much larger impulses."""
+    for seed in (3 * number, 3 * number + 1):
+        text, *_ = (ropes, groove, stack, box)[number](seed)
+        run, log = simulate(text)
+        for scale in (2.0**40, 2.0**-40):
+            other, changes = simulate(scaled(text, scale))
+            ends, expected = (sorted(x.time for x in of.rests()) for of in (changes, log))
+            assert ends == pytest.approx(expected, rel=1e-8)
+            assert changes.time[:10] == pytest.approx(log.time[:10], rel=1e-9)
+            size = np.abs(log.impulse).max(initial=0.0)
+            assert np.abs(changes.impulse).max(initial=0.0) == pytest.approx(scale * size, rel=1e-9)
+            largest = np.abs(run.q).max()
+            np.testing.assert_allclose(other.q, run.q, rtol=0, atol=1e-7 * largest)
 
 
 def test_the_last_impact_obeys_its_law_and_the_rest_has_the_remaining_energy() -> None:
