@@ -96,6 +96,20 @@ def test_a_contact_that_no_force_moves() -> None:
         assert len(solve_contacts(problem(1e15 * matrix, [-2.0, -2.0], [UNILATERAL] * 2))) == 0
 
 
+def test_a_block_without_forces_stays() -> None:
+    """All is zero, also the tolerance, and rows may depend on each other."""
+    for n in (1, 2):
+        given = problem(
+            np.kron(np.eye(2), np.ones((n, n))),
+            np.zeros(2 * n),
+            [UNILATERAL] * n + [LIMITED] * n,
+            {(n + k, k): 0.4 for k in range(n)},
+        )
+        [(force, motion, modes)] = solve_contacts(given)
+        assert force.tolist() == motion.tolist() == [0.0] * (2 * n)
+        assert modes.tolist() == [HOLDS] * (2 * n)
+
+
 def test_a_block_sticks_if_it_can() -> None:
     """Static friction 0.4, kinetic 0.3: between them both are solutions, and it sticks."""
     for present in (None, [HOLDS, SLIPS_FORWARD], [HOLDS, HOLDS]):
