@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from here import Here
 from patience import PATIENCE
 
-from lagcli.cli.app import run as run_here
 from lagcli.results import read
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -51,21 +51,6 @@ def lagcli(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     settings["env"] = environment(**options.pop("env", {}))
     command = [sys.executable, "-m", "lagcli", *arguments]
     return subprocess.run(command, **{**settings, **options})
-
-
-class Here:
-    """Runs the program in this process, which is faster; keeps what it printed."""
-
-    def __init__(self, capture: pytest.CaptureFixture[str]):
-        self.capture = capture
-        self.out = self.err = ""
-
-    def __call__(self, *arguments: str) -> int:
-        self.capture.readouterr()
-        status = run_here(list(arguments))
-        self.out, self.err = self.capture.readouterr()
-        assert "Traceback" not in self.out + self.err
-        return status
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from here import Here
 from patience import PATIENCE, wait_until
 
 import lagcli
@@ -26,21 +27,6 @@ CRANK = str(MODELS / "slider_crank.yaml")
 SHORT = ("--t-end", "0.1", "--samples", "11", "--jobs", "1")
 PEAK = ("--measure", "peak=max(abs(lambda.guide))")
 GRID = ("--vary", "m=1:2:0.5", "--vary", "l=0.2,0.3")
-
-
-class Here:
-    """Runs the program in this process; keeps what it printed."""
-
-    def __init__(self, capture: pytest.CaptureFixture[str]):
-        self.capture = capture
-        self.out = self.err = ""
-
-    def __call__(self, *arguments: str) -> int:
-        self.capture.readouterr()
-        status = run_here(list(arguments))
-        self.out, self.err = self.capture.readouterr()
-        assert "Traceback" not in self.out + self.err
-        return status
 
 
 @pytest.fixture
