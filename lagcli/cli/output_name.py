@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 _PIECES = r"\{\{|\}\}|\{(?P<field>[^{}]*)\}|[{}]"
-#: Format specifications after the colon: those of Python that are valid in a file name, hence no
+#: Format specifications after the colon: those of Python that are valid in a file name: no
 #: fill characters (``/`` would be a folder) and no padding with blanks (a shell splits there).
 _FORMAT = r"\+?(0[1-9]\d?)?(d|(\.\d\d?)?[eEfFgG]?)"
 _SHOWN = 30

@@ -1,1 +1,1 @@
-"""A model taken elsewhere: its dynamics as a function, and as code for other programs."""
+"""Export of a model: its dynamics as a function, and as code for other programs."""

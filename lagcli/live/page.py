@@ -30,7 +30,7 @@ _SHARED = (
 )
 #: Scripts of the worker, which simulates.
 _WORKER = ("words.js", "core.js", "answers.js", "runs.js", "worker.js")
-#: What the page may do beside its own script and style: compile the core, and start its worker.
+#: What the page may do besides running its own script and style: compile the core, start a worker.
 _POLICY = ("script-src 'wasm-unsafe-eval'", "worker-src blob:", "img-src data:")
 
 

@@ -135,7 +135,7 @@ class BatchIntegrator:
         )
         check(not self._batch)
 
-    # the function is at hand also while the interpreter ends
+    # an argument, because globals may be gone when the interpreter exits
     def __del__(self, destroy: Any = core.lag_batch_destroy) -> None:
         if self._batch:
             destroy(self._batch)
@@ -187,7 +187,7 @@ class BatchTable:
         """Return the table of a tape whose inputs all differ between rows."""
         return cls(assemble(tape._replace(parameters=0)), tape.inputs, 0)
 
-    # the function is at hand also while the interpreter ends
+    # an argument, because globals may be gone when the interpreter exits
     def __del__(self, destroy: Any = core.lag_table_destroy) -> None:
         if self._table:
             destroy(self._table)

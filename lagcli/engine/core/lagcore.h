@@ -325,7 +325,7 @@ int lag_use_functions(lag_run *run, const lag_function *functions, int count);
 /*
  * Let rows switch, and look for conditions. Where lag_start or lag_advance returns LAG_HAPPENED, the
  * instant waits: conditions that have happened are requested once, the state, rows and parameters may be changed by
- * the functions below, and the next call goes on with the instant.
+ * the functions below, and the next call continues with the instant.
  */
 int lag_use_switching(lag_run *run, const lag_switching_rules *rules);
 lag_instant_report lag_instant_of(lag_run *run);
@@ -424,7 +424,7 @@ void lag_report_of(const lag_run *run, lag_report *report);
 int lag_coefficients(lag_run *run, double *out);
 
 /*
- * Save a run, to bytes of the given number, and go on from there later: for attempts that may be taken back. Only the
+ * Save a run, to bytes of the given number, and continue from there later: for attempts that may be undone. Only the
  * run that was saved can be restored, and only while it has allocated nothing: lag_restore returns 1, and does
  * nothing, after one of the lag_use_... functions. The block and the log are the caller's.
  */

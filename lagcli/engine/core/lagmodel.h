@@ -116,7 +116,7 @@ void lag_destroy_simulation(lag_simulation *simulation);
 /* Its run: for lag_take, lag_report_of, lag_dense and the like. */
 lag_run *lag_run_of(lag_simulation *simulation);
 
-/* Take at most this number of steps. Returns a lag_status. The simulation goes on after LAG_RUNNING; after
+/* Take at most this number of steps. Returns a lag_status. The simulation continues after LAG_RUNNING; after
  * LAG_BLOCK_FULL, once the samples are taken; after LAG_NEAR, LAG_OVER, LAG_CONTRADICTED and LAG_STIFF, if the caller
  * accepts that. Any other status is its last. */
 int lag_simulate(lag_simulation *simulation, int64_t steps);
@@ -131,7 +131,7 @@ int lag_stopped_by(const lag_simulation *simulation);
 
 /* The log so far, *count entries of *width numbers: time, lag_occurrence, what (a constraint's number, or an event's),
  * loss, supplied, work, the modes of exported rows after the instant, q, v before and after, impulses of all
- * constraints. It is valid until the simulation goes on. */
+ * constraints. It is valid until the simulation continues. */
 const double *lag_log_of(const lag_simulation *simulation, int64_t *count, int *width);
 
 /* Save and restore it, as lag_save and lag_restore do with a run; the log is cut back. */

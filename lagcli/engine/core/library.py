@@ -63,7 +63,7 @@ class Functions:
 
     def __init__(self, signatures: Mapping[str, tuple[Any, ...]]):
         for name, (result, *arguments) in signatures.items():
-            # without giving way to other threads, a short call takes half the time
+            # without releasing the lock of the interpreter, a short call takes half the time
             function = getattr(_long if name in _LONG else _short, name)
             function.restype, function.argtypes = result, arguments
             setattr(self, name, function)

@@ -125,9 +125,9 @@ int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, d
     return lag_share_contacts(problem, mode, memory, force, slack, tight);
 }
 
-int lag_part_least_distance(int n, int m, double *normal, const double *bound, double *z, double *room, int *place)
+int lag_part_least_distance(int n, int m, double *normal, const double *bound, double *z, double *scratch, int *place)
 {
-    return lag_least_distance(n, m, normal, bound, z, room, place);
+    return lag_least_distance(n, m, normal, bound, z, scratch, place);
 }
 
 size_t lag_part_impact_memory(int n)

@@ -40,7 +40,7 @@ int lag_part_contacts(const lag_contacts *problem, const int *present, void *mem
 int lag_part_lemke(const lag_contacts *problem, void *memory, int *mode);
 int lag_part_share(const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack,
                    int *tight);
-int lag_part_least_distance(int n, int m, double *normal, const double *bound, double *z, double *room, int *place);
+int lag_part_least_distance(int n, int m, double *normal, const double *bound, double *z, double *scratch, int *place);
 size_t lag_part_impact_memory(int n);
 int lag_part_impact(const lag_impact *impact, int law, void *memory, lag_impact_result *result);
 

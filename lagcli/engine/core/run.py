@@ -139,7 +139,9 @@ class Integrator:
         self._run = core.lag_create(None, byref(equations), byref(record))
         check(not self._run)
         self.orders: list[PivotOrder] = []
-        self._written = lag_report()  # one for all: to make one takes longer than to fill it
+        self._written = (
+            lag_report()
+        )  # one record for all: creating one takes longer than filling it
         self._written_to = addressof(self._written)
         self._use_functions(system)
 
@@ -155,7 +157,7 @@ class Integrator:
             },
         )
 
-    # the function is at hand also while the interpreter ends
+    # an argument, because globals may be gone when the interpreter exits
     def __del__(self, destroy: Any = core.lag_destroy) -> None:
         if self._run:
             destroy(self._run)
@@ -266,12 +268,12 @@ class Integrator:
         check(core.lag_use_breaks(self._run, given.doubles(times), np.size(times)))
 
     def switch(self, method: str) -> int:
-        """Go on with a method of `METHODS`; an implicit one must be prepared."""
+        """Continue with a method of `METHODS`; an implicit one must be prepared."""
         status: int = core.lag_switch(self._run, core.lag_method_at(METHODS.index(method)))
         return status
 
     def order(self, choose: Callable[[MatrixPattern, Array], PivotOrder | None]) -> None:
-        """Let ``choose(pattern, values)`` find an order of pivots for the matrix at hand."""
+        """Let ``choose(pattern, values)`` find an order of pivots for the current matrix."""
         pattern = self._pattern
         chosen = choose(pattern, copied(core.lag_matrix(self._run), len(pattern.columns)))
         given, record = Arguments(), lag_pivots()
@@ -315,7 +317,7 @@ class Integrator:
         core.lag_repeat(self._run)
 
     def move(self, t: float, y: ArrayLike, times_next: int) -> None:
-        """Go on from another state; `start` must follow."""
+        """Continue from another state; call `start` next."""
         given = Arguments()
         core.lag_move(self._run, t, given.doubles(y), times_next)
 

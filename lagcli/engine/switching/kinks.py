@@ -108,15 +108,15 @@ def freeze(system: System) -> FrozenSystem | None:
     ----------
     system : System
     """
-    room, excluded = 0, _NOTHING
+    branch_count, excluded = 0, _NOTHING
     while True:
-        freezer = _Freezer(system, room, excluded)
+        freezer = _Freezer(system, branch_count, excluded)
         frozen = freezer.system()
-        if freezer.partial <= excluded and len(freezer.numbers) == room:
+        if freezer.partial <= excluded and len(freezer.numbers) == branch_count:
             break
         excluded |= freezer.partial
-        room = len(freezer.numbers.keys() - excluded)
-    if not room:
+        branch_count = len(freezer.numbers.keys() - excluded)
+    if not branch_count:
         return None
     return FrozenSystem(frozen, freezer.kinks(), freezer.functions(), freezer.report())
 
@@ -127,11 +127,13 @@ class _Freezer:
     Comparisons are numbered in order, whether frozen or not: ``excluded`` are some of them.
     """
 
-    def __init__(self, system: System, room: int, excluded: frozenset[int]):
-        self.original, self.room, self.excluded = system, room, excluded
+    def __init__(self, system: System, branch_count: int, excluded: frozenset[int]):
+        self.original, self.branch_count, self.excluded = system, branch_count, excluded
         self.nq, self.inputs = len(system.coordinates), system.dynamics.inputs
         self.first = self.inputs - system.functions.size  # where branches are inserted
-        self.builder = Builder(self.inputs + room, system.held + room, 0, system.functions)
+        self.builder = Builder(
+            self.inputs + branch_count, system.held + branch_count, 0, system.functions
+        )
         self.comparisons: dict[tuple[int, int, int], int] = {}
         self.needs: list[frozenset[int]] = []  # for each comparison, the inputs in its state
         self.numbers: dict[int, int] = {}  # comparison → branch
@@ -143,7 +145,7 @@ class _Freezer:
         s = self.original
         return replace(
             s,
-            parameters=(*s.parameters, *(f"branch {k}" for k in range(self.room))),
+            parameters=(*s.parameters, *(f"branch {k}" for k in range(self.branch_count))),
             dynamics=self.tape(s.dynamics),
             constraint=self.tape(s.constraint),
             report=self.tape(s.report, freeze=False),
@@ -179,15 +181,20 @@ class _Freezer:
 
     def tape(self, tape: Tape, freeze: bool = True) -> Tape:
         """Return a tape in which comparisons of the state are replaced by branches."""
-        room, extra = self.room, tape.inputs - self.inputs  # a and λ
+        branch_count, extra = self.branch_count, tape.inputs - self.inputs  # a and λ
         moving_inputs = 1 + 2 * self.nq
         first = tape.inputs - (self.inputs - self.first)
-        new = Builder(tape.inputs + room, tape.parameters + room, tape.rhs_inputs, tape.functions)
-        place = {i: i if i < first else i + room for i in range(tape.inputs)}
+        new = Builder(
+            tape.inputs + branch_count,
+            tape.parameters + branch_count,
+            tape.rhs_inputs,
+            tape.functions,
+        )
+        place = {i: i if i < first else i + branch_count for i in range(tape.inputs)}
         watch: dict[int, int | None] = {i: i for i in range(moving_inputs)}
         watch |= dict.fromkeys(range(moving_inputs, moving_inputs + extra))
         for i in range(moving_inputs + extra, tape.inputs):
-            watch[i] = i - extra if i < first else i - extra + room
+            watch[i] = i - extra if i < first else i - extra + branch_count
         state = {i: frozenset((i,)) for i in range(moving_inputs + extra)}
         for i, x in enumerate(tape.constants, tape.inputs):
             place[i], watch[i] = new.constant(x), self.builder.constant(x)
@@ -240,7 +247,7 @@ class _Freezer:
         if which in self.excluded:
             return None
         number = self.numbers.setdefault(which, len(self.numbers))
-        return (number, flipped) if number < self.room else None
+        return (number, flipped) if number < self.branch_count else None
 
     def ordered(self, a: int, b: int) -> tuple[int, int, bool]:
         """Return the operands of a comparison in a canonical order, and whether they were
@@ -250,7 +257,7 @@ class _Freezer:
         if a == zero:
             a, b, flipped = b, a, True
         if b == zero:
-            first = self.inputs + self.room
+            first = self.inputs + self.branch_count
             if a >= first:
                 op, *operands = list(self.builder.operations)[a - first]
                 if op == Op.NEG:

@@ -247,7 +247,7 @@ class Formulas:
         return Line(sides if len(sides) == 2 else (*sides, ZERO))
 
     def variation_line(self, c: ConstraintEquation) -> Line:
-        """Return Σ b_i δq_i = 0 (8.79), with a common denominator beneath the sum."""
+        """Return Σ b_i δq_i = 0 (8.79), with a common denominator below the sum."""
         below, row = _common_denominator(c.row)
         terms = [
             (1, product_of([self.arrange(b), VirtualDisplacement(self.coordinates[j])]))

@@ -38,11 +38,11 @@ def substituted(node: Node, values: Mapping[Node, Node]) -> Node | None:
     """
     try:
         return _replaced(node, values)
-    except _ArrangedAnew:
+    except _Rearranged:
         return None
 
 
-class _ArrangedAnew(Exception):
+class _Rearranged(Exception):
     """Raised if a product would change its factors."""
 
 
@@ -60,7 +60,7 @@ def _replaced(node: Node, values: Mapping[Node, Node]) -> Node:
             for factor in node.factors:
                 inner = factor.base if isinstance(factor, Power) else factor
                 if inner in values and _has_quotient(values[inner]):
-                    raise _ArrangedAnew
+                    raise _Rearranged
             return product_of(map(part, node.factors))
         case Quotient():
             return quotient_of(part(node.numerator), part(node.denominator))
@@ -159,7 +159,7 @@ def _is_even(exponent: Node) -> bool:
 
 
 def _at_rest(node: Node) -> Node:
-    """Return a formula with the coordinates in the place of their velocities."""
+    """Return a formula with coordinates instead of their velocities."""
     if isinstance(node, Symbol):
         return Symbol(node.name, 0, node.kind)
     return rebuilt(node, _at_rest)

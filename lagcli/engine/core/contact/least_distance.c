@@ -106,10 +106,10 @@ static int descend(const columns *e, int *chosen, int *count, double *factor, do
 }
 
 int lag_least_distance(
-    int n, int m, double *normal, const double *given, double *z, double *room, int *chosen)
+    int n, int m, double *normal, const double *given, double *z, double *scratch, int *chosen)
 {
     const int width = n + 1;
-    double *factor = room, *u = factor + width * width, *to = u + width, *r = to + width;
+    double *factor = scratch, *u = factor + width * width, *to = u + width, *r = to + width;
     double *bound = r + width, *refused = bound + m;
     const columns e = {n, m, normal, bound};
     for (int i = 0; i < m; ++i) {

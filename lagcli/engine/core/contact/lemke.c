@@ -227,7 +227,7 @@ int lag_contact_lemke(lag_contact_work *w)
     lcp l = {.work = w, .row = w->place, .basis = w->place + 2 * n};
     if (!pairs(&l))
         return 0;
-    l.tableau = w->room;
+    l.tableau = w->scratch;
     const int rows = 2 * l.size > n ? 2 * l.size : n; /* forces() has n rows in the tableau's place */
     l.force = l.tableau + rows * (l.size + 1);
     forces(&l);

@@ -11,11 +11,11 @@
 
 /* of lag_least_distance with n columns and 3 n rows; Lemke's tableau and the forces in terms of its
  * variables, 2 n at most */
-#define ROOM(n) (2 * (n) * (4 * (n) + 2) + 4 * (n) * (n) + 16 * (n) + 8)
+#define SCRATCH(n) (2 * (n) * (4 * (n) + 2) + 4 * (n) * (n) + 16 * (n) + 8)
 
 size_t lag_contact_memory(int n)
 {
-    const size_t reals = 5 * n + 2 * n * n + 6 * n * n + 3 * n + ROOM(n);
+    const size_t reals = 5 * n + 2 * n * n + 6 * n * n + 3 * n + SCRATCH(n);
     return reals * sizeof(double) + 13 * (size_t)n * sizeof(int);
 }
 
@@ -39,8 +39,8 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
     w->normal = w->null + n * n;
     w->reduced = w->normal + 3 * n * n;
     w->bound = w->reduced + 3 * n * n;
-    w->room = w->bound + 3 * n;
-    int *whole = (int *)(w->room + ROOM(n));
+    w->scratch = w->bound + 3 * n;
+    int *whole = (int *)(w->scratch + SCRATCH(n));
     int **const lists[] = {&w->sign, &w->turned, &w->referred, &w->mode, &w->next, &w->order};
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i, whole += n)
         *lists[i] = whole;
@@ -313,7 +313,7 @@ static int least_within(lag_contact_work *w, int freedom, int count, double magn
         }
     }
     double *z = w->right;
-    if (!lag_least_distance(freedom, count, w->reduced, w->bound, z, w->room, w->place))
+    if (!lag_least_distance(freedom, count, w->reduced, w->bound, z, w->scratch, w->place))
         return 0;
     for (int f = 0; f < freedom; ++f)
         for (int j = 0; j < n; ++j)

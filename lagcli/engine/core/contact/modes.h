@@ -22,7 +22,7 @@ typedef struct lag_contact_work {
     double *normal;   /* 3 n * n: inequalities normal . x >= bound */
     double *reduced;  /* 3 n * n: the normals along the vectors of `null` */
     double *bound;    /* 3 n */
-    double *room;     /* scratch of lag_least_distance and Lemke's method */
+    double *scratch;     /* scratch of lag_least_distance and Lemke's method */
     int *place;       /* 4 n, likewise */
     int *owner;       /* 3 n: the rows of the inequalities */
     int freedom;      /* dimension of the null space for the last solved modes */
@@ -75,10 +75,10 @@ int lag_contact_try(lag_contact_work *work);
  * Find the shortest z with normal . z >= bound: Lawson and Hanson's least distance programming by
  * nonnegative least squares. Returns whether there is one.
  *
- * normal: m * n, is overwritten. z: n. room: (n + 1) * (n + 4) + 2 m. place: m.
+ * normal: m * n, is overwritten. z: n. scratch: (n + 1) * (n + 4) + 2 m. place: m.
  */
 int lag_least_distance(
-    int n, int m, double *normal, const double *bound, double *z, double *room, int *place);
+    int n, int m, double *normal, const double *bound, double *z, double *scratch, int *place);
 
 /* Let Lemke's method choose work->mode and work->sign. Returns whether it ends at a solution; it does
  * not where the force of a limited row limits another. */

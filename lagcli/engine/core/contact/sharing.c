@@ -153,7 +153,7 @@ int lag_share_contacts(
     const int freedom = w->freedom, count = shared_laws(w, lag_contact_inequalities(w), w->reduced);
     if (!count || large == 0.0)
         return 1;
-    simplex x = {.equations = freedom + 1, .columns = count + 1, .table = w->room, .basis = w->place};
+    simplex x = {.equations = freedom + 1, .columns = count + 1, .table = w->scratch, .basis = w->place};
     for (int j = 0; j <= count; ++j) {
         for (int f = 0; f < freedom; ++f)
             row_of(&x, f)[j] = j < count ? w->reduced[j * freedom + f] : 0.0;

@@ -475,7 +475,7 @@ int lag_fmu_fail_at(lag_fmu *fmu, int status)
     const int known = status >= 0 && status < (int)(sizeof reasons / sizeof *reasons) && reasons[status];
     fmu->phase = LAG_FMU_FAILED;
     return lag_fmu_fail(fmu, "at t = %.9g s: %s", lag_run_of(fmu->simulation)->step.t,
-                known ? reasons[status] : "the simulation cannot go on");
+                known ? reasons[status] : "the simulation cannot continue");
 }
 
 int lag_fmu_start(lag_fmu *fmu)
@@ -517,7 +517,7 @@ static int take_status(lag_fmu *fmu, int status)
     return status == LAG_RUNNING || status == LAG_DONE ? 0 : lag_fmu_fail_at(fmu, status);
 }
 
-/* Make the changed inputs those of the run, which goes on from its state; an event that they trigger may end it. Returns 0,
+/* Make the changed inputs those of the run, which continues from its state; an event that they trigger may end it. Returns 0,
  * or 1, and a message. */
 static int take_inputs(lag_fmu *fmu)
 {

@@ -42,7 +42,7 @@ static double step_of_series(lag_run *run)
 }
 
 /* Whether the series is not what the equations say at the step's end, where y' has just been found:
- * it goes on along another branch of a root, say, or converges too slowly for its last terms to show
+ * it continues along another branch of a root, say, or converges too slowly for its last terms to show
  * what is left out. */
 static int is_off(lag_run *run, double h)
 {

@@ -388,7 +388,7 @@ void lag_archive_simulation(lag_archive *a, lag_simulation *s)
     lag_archive_int(a, &s->retries, 0, INT32_MAX / 2);
     lag_archive_int(a, &orders, 0, INT32_MAX / 2);
     s->phase = (enum lag_phase)phase;
-    if (s->phase == LAG_ENDED && s->status != LAG_DONE) /* one that has failed has no state to go on from */
+    if (s->phase == LAG_ENDED && s->status != LAG_DONE) /* one that has failed has no state to continue from */
         a->damaged = 1;
     if (a->use == LAG_READS && run->implicit && orders != s->orders) {
         const lag_pivots none = {0};

@@ -63,7 +63,7 @@ const double *lag_held_parameters(lag_simulation *s);
 /* The parameters of programs now, np of them: where events set some, their values. */
 const double *lag_parameters_of(lag_simulation *s);
 
-/* Give the first parameters other values where these differ from others: events may have set the rest. The motion goes on from
+/* Give the first parameters other values where these differ from others: events may have set the rest. The motion continues from
  * its state; what switches is an instant there, which lag_simulate completes. Returns LAG_RUNNING, or why it ends. */
 int lag_change_parameters(lag_simulation *s, const double *from, const double *to, int count);
 

@@ -12,7 +12,7 @@
 
 typedef struct lag_page lag_page;
 
-/* Whether a run goes on, is over, or has failed. */
+/* Whether a run continues, is over, or has failed. */
 enum lag_page_status { LAG_PAGE_UNDER_WAY, LAG_PAGE_DONE, LAG_PAGE_FAILED };
 
 /* The numbers of a model: coordinates, constraints, derived values, those of a sample, parameters. */

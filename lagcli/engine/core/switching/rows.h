@@ -24,7 +24,7 @@ void lag_keep_speeds(lag_run *run);
 /* B x of a row, x (nq). */
 double lag_along(const lag_run *run, int row, const double *x);
 
-/* U of a row, or of a force (rows + number), by the factors at hand, to its place; returns that. */
+/* U of a row, or of a force (rows + number), by the current factors, to its place; returns that. */
 const double *lag_row_response(lag_run *run, int k);
 
 /* Evaluate a tape of (t, q, v, a, lambda, p), lambda of all constraints. */

@@ -4,7 +4,7 @@
  *
  * The run's own system has the constraints that always hold, and no more. The rows are a layer above
  * it: in its elimination they do not occur. Each row that acts is a force along its row of B, whose
- * effect U_k on a and lambda is one more solution with the factors at hand. With the free motion a_0, the
+ * effect U_k on a and lambda is one more solution with the current factors. With the free motion a_0, the
  * forces z of the rows that hold are such that
  *
  *     A z = gamma - B a_0,   A = B U,
