@@ -13,7 +13,6 @@ from symengine import Basic
 
 from lagcli.analysis.check.check import Check
 from lagcli.analysis.check.rank import Combination
-from lagcli.analysis.check.units import families
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.random_states import MOST_COORDINATES
 from lagcli.equations.derivation.lagrange import ConstraintEquation
@@ -38,6 +37,7 @@ from lagcli.equations.typesetting.nodes import (
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.text import TextFormula, grammar_text, render_text
 from lagcli.equations.typesetting.writer import written_decimals
+from lagcli.model.names.members import families
 from lagcli.prose import counted
 from lagcli.results.listing import told_apart
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.reporting import TakenUnit, taken_units, unit_diagnostics
 from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
-from lagcli.model.names.members import family_of, format_members
+from lagcli.model.names.members import families, family_of
 from lagcli.model.result_units import given_units
 
 _LISTED = 12  # names per line
@@ -75,9 +75,9 @@ class UnitReport:
             return "given throughout and consistent"
         if not self.missing:
             return "given for coordinates only; not checked"
-        families = list(dict.fromkeys(map(family_of, self.missing)))
-        shown = ", ".join(f"`{name.removesuffix('[]')}`" for name in families[:_LISTED])
-        return f"not checked: no unit for {shown}" + (", …" if len(families) > _LISTED else "")
+        missing = list(dict.fromkeys(map(family_of, self.missing)))
+        shown = ", ".join(f"`{name.removesuffix('[]')}`" for name in missing[:_LISTED])
+        return f"not checked: no unit for {shown}" + (", …" if len(missing) > _LISTED else "")
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the report as JSON values."""
@@ -157,20 +157,6 @@ def _converted(model: Model) -> Iterator[tuple[str, Conversion]]:
         yield name, Conversion(value / factor, unit, value, si_notation(unit))
 
 
-def families(names: Iterable[str]) -> list[str]:
-    """Return names, with members of a family as x[1..20]."""
-    members: dict[str, list[str]] = {}
-    for name in names:
-        members.setdefault(family_of(name), []).append(name)
-    return [_members(family, listed) for family, listed in members.items()]
-
-
-def _members(family: str, names: Sequence[str]) -> str:
-    if not family.endswith("[]"):
-        return family
-    return format_members(family.removesuffix("[]"), names).replace("`", "")
-
-
 def _names(names: Iterable[str]) -> str:
     shown = families(names)
     return ", ".join(shown[:_LISTED]) + (", …" if len(shown) > _LISTED else "")
@@ -181,10 +167,10 @@ def _conversions(converted: Mapping[str, Conversion]) -> Iterator[str]:
     groups: dict[tuple[str, str], list[str]] = {}
     for name, x in converted.items():
         groups.setdefault((family_of(name), x.unit), []).append(name)
-    for (family, _), names in groups.items():
+    for names in groups.values():
         low = min((converted[name] for name in names), key=lambda x: x.value)
         high = max((converted[name] for name in names), key=lambda x: x.value)
-        label = _members(family, names) if len(names) > 1 else names[0]
+        label = ", ".join(families(names))
         if low == high:
             yield f"{label} = {low}"
             continue

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from lagcli.model.names.members import families
+
 
 class RedundantSet(NamedTuple):
     """Set of linearly dependent constraints.
@@ -72,7 +74,7 @@ class DegreesOfFreedom(NamedTuple):
     def remarks(self) -> list[str]:
         """Sentences about redundant constraints."""
         said = "Redundant" if self.singular is None else "Dependent at the start"
-        remarks = [f"{said}: {x.sentence(x.constraints)}." for x in self.redundant]
+        remarks = [f"{said}: {x.sentence(families(x.constraints))}." for x in self.redundant]
         if self.singular:
             remarks.append(self.singular)
         elif remarks:

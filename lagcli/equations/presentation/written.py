@@ -153,7 +153,7 @@ class _SourceFormulas:
             case trees.Name():
                 return self._name(tree)
             case trees.SumExpr():
-                return sum_of((sign, self.node(term)) for sign, term in tree.terms)
+                return self._sum(tree)
             case trees.IndexedSumExpr():
                 return sum_of((1, self.node(tree.term)) for _ in self.scope.each(tree))
             case trees.ProductExpr():
@@ -198,12 +198,23 @@ class _SourceFormulas:
         part = tree.key or ",".join(str(self.scope.index(index)) for index in tree.indices)
         return typeset.Component(base, part)
 
+    def _sum(self, tree: trees.SumExpr) -> Node:
+        terms = [(sign, self.node(term)) for sign, term in tree.terms]
+        if self.scope.values:  # what vanishes for these indices, as (i − 1) d does for i = 1
+            numbers = [s * x.value for s, x in terms if isinstance(x, typeset.Number)]
+            if len(numbers) == len(terms) and not sum(numbers):
+                return typeset.ZERO
+            terms = [(s, x) for s, x in terms if x != typeset.ZERO]
+        return sum_of(terms) if terms else typeset.ZERO
+
     def _product(self, tree: trees.ProductExpr) -> Node:
         above: list[Node] = []
         below: list[Node] = []
         number = Fraction(1)
         for exponent, factor in tree.factors:
             node = self.node(factor)
+            if node == typeset.ZERO and exponent > 0 and self.scope.values:
+                return typeset.ZERO
             if exponent > 0:
                 above.append(node)
             elif isinstance(node, typeset.Number) and node.value:

@@ -65,6 +65,19 @@ def format_members(base: str, members: Sequence[str]) -> str:
     return ", ".join(shown) + (", …" if len(runs) > 4 else "")
 
 
+def families(names: Iterable[str]) -> list[str]:
+    """Return names, with members of a family as x[1..20]."""
+    members: dict[str, list[str]] = {}
+    for name in names:
+        members.setdefault(family_of(name), []).append(name)
+    return [
+        format_members(family.removesuffix("[]"), listed).replace("`", "")
+        if family.endswith("[]")
+        else family
+        for family, listed in members.items()
+    ]
+
+
 def split_names(text: str) -> list[str]:
     """Return the names of a list with commas; those in brackets belong to a name: ``u[1,2]``."""
     return [x.strip() for x in re.split(r",(?![^\[]*\])", text)]

@@ -94,6 +94,12 @@ initial: {a: 0, b: 0, c: 0, a': 2, b': 0, c': 2}
     assert "least norm" not in said
 
 
+def test_redundant_members_of_a_family_are_one_range() -> None:
+    model = HEAD + "  x: x = 0\n  again[i = 1..4]: i*x = 0" + TAIL
+    found = degrees_of_freedom(derive(load_text(model)))
+    assert found.remarks[0] == "Redundant: 4 of x, again[1..4] follow from the others."
+
+
 def test_no_start_no_rank() -> None:
     found = freedom("  a: x = 1\n  b: x = 2")
     assert (found.rank, found.degrees) == (None, 1)

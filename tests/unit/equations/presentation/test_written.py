@@ -71,3 +71,9 @@ def test_sides_have_definitions_expanded() -> None:
     left, right = sides_built(rod, MODEL)
     assert str(left) == "x**2"
     assert "2*x" in str(right)
+
+
+def test_what_vanishes_for_the_indices_of_a_member_is_left_out() -> None:
+    texts = ("x + (i - 1)*m", "(i - 1)*l + p[i]", "i - 1", "(i - 1)*x")
+    first = [written(parse(text), MODEL, indices={"i": 1}) for text in texts]
+    assert first == [X, P, t.ZERO, t.ZERO]
