@@ -77,6 +77,25 @@ def test_functions_of_two_numbers(op: Op, slopes: tuple[float, float]) -> None:
     assert tape((0.7, 1.5, 2.0, 3.0)) == [pytest.approx(2 * slopes[0] + 3 * slopes[1], rel=1e-14)]
 
 
+#: Operations on truth values, which are constant.
+LOGICAL = (Op.AND, Op.OR, Op.NOT)
+
+
+@pytest.mark.parametrize(
+    "op", [op for op in Op if op.scalar and op not in LOGICAL], ids=lambda op: op.name
+)
+def test_every_operation_of_tapes_has_a_derivative(op: Op) -> None:
+    least = op.function.domain.low if op.function else -math.inf
+    at, along = np.array([max(0.7, 1.3 * least), 1.5, 2.3]), np.array([1.0, -0.4, 0.6])
+    at, along = at[: op.arity], along[: op.arity]
+    tape = of_operation(op, inputs=op.arity)
+    value, step = ScalarTape(tape), 1e-6
+    difference = value([*(at + step * along)])[0] - value([*(at - step * along)])[0]
+    found = ScalarTape(directional(tape))([*at, *along])
+    # second order in the step, and rounding errors over the step
+    assert found == [pytest.approx(difference / (2 * step), rel=1e-8, abs=1e-9)]
+
+
 def test_a_choice_has_the_derivative_of_its_branch() -> None:
     tape = ScalarTape(directional(of_operation(Op.SELECT, inputs=3)))
     assert [tape((c, 5.0, 6.0, 9.0, 2.0, 3.0))[0] for c in (1.0, 0.0)] == [2.0, 3.0]
