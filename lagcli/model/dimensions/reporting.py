@@ -60,6 +60,10 @@ class Suspect(NamedTuple):
     location: SourceLocation | None
 
 
+#: What else may be the cause where a factor seems to be missing.
+_OR_A_UNIT = "a unit under `parameters` is wrong"
+
+
 def unit_diagnostics(model: Model, units: ModelUnits, severity: str = "error") -> list[Diagnostic]:
     """Return the disagreements in a model as diagnostics, in the order of the file.
 
@@ -149,7 +153,10 @@ class _Message:
         if suspects:
             first = suspects[0]
             fitting = [f"`{s.name}` in {s.fitting}" for s in suspects]
-            help_ = "all units fit with " + ", or with ".join(fitting)
+            fit = "all units fit with " + ", or with ".join(fitting)
+            # a unit that is wrong disagrees wherever it is used, a factor is missing in one place
+            single = len(self.units.findings) == 1
+            help_ = help_.replace(_OR_A_UNIT, fit) if single and _OR_A_UNIT in help_ else fit
             if first.location != where:
                 notes.append((f"`{first.name}` is given in {first.stated}", first.location))
         return Diagnostic(KIND, self.text(d), where, help_, tuple(notes), severity)
@@ -213,7 +220,18 @@ class _Message:
                 f"`{shown}` counts as a pure number; if it is a quantity, give it a name and a unit"
                 f" under `parameters`: `name: {shown} {unit_of(ratio)}`"
             )
-        return f"a factor in {unit_of(ratio)} is missing, or a unit under `parameters` is wrong"
+        missing = f"a factor in {unit_of(ratio)} is missing"
+        moving = self.finding.block in ("T", "L", "D") and unit_of(ratio) in ("1/s", "1/s^2")
+        if moving and (position := self.position(d)):
+            missing += f", as where `{position}` is written for its velocity `{position}'`"
+        return f"{missing}, or {_OR_A_UNIT}"
+
+    def position(self, d: Disagreement) -> str | None:
+        """Return the first coordinate in the part, if it contains no velocity."""
+        found = [self.model.names.resolve(x) for x in walk(d.part) if isinstance(x, Name)]
+        known = self.model.coordinate_names
+        used = [(name, dots) for name, dots in found if name in known]
+        return used[0][0] if used and not any(dots for _, dots in used) else None
 
     def used(self, d: Disagreement) -> str:
         """Return a sentence with the units of the names in the parts."""

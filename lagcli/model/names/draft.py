@@ -113,12 +113,14 @@ class Draft:
             return []
         if isinstance(node, Mapping):
             return list(node)
+        help_ = "write each entry on a line of its own, with a name, as in"
+        if isinstance(node, Scalar) and (named := re.match(r"[^\s:]+:(?=\S)", node.value)):
+            help_ = f"write a space after `{named[0]}`, as in"
         self.report.add(
             "wrong-type",
             f"`{key}` must be a mapping of names, not {node.what}",
             node.location,
-            "write each entry on a line of its own, with a name, as in\n"
-            f"{key}:\n  {_EXAMPLES[key]}",
+            f"{help_}\n{key}:\n  {_EXAMPLES[key]}",
         )
         return None
 

@@ -240,10 +240,21 @@ def test_a_wrong_unit_is_found(case: Wrong) -> None:
     assert first.message == case.message
     places = [first.location, *(place for _, place in first.notes if place is not None)]
     assert tuple(map(underlined, places)) == case.underlined
-    assert first.help == case.help
+    single, _, fitting = (first.help or "").rpartition(" is missing, or ")
+    assert fitting == case.help
+    assert not single or case.count == 1
     more = [note.split(" more for the same reason in line")[0] for note, _ in first.notes[-1:]]
     assert len(found) == 1
     assert case.count == 1 or more == [str(case.count - 1)]
+
+
+def test_a_coordinate_in_place_of_its_velocity() -> None:
+    pendulum = (MODELS / "pendulum_cartesian.yaml").read_text(encoding="utf-8")
+    (found,) = errors(pendulum.replace("x'^2 + y'^2", "x^2 + y^2"))
+    assert found.help == (
+        "a factor in 1/s^2 is missing, as where `x` is written for its velocity `x'`, or a unit"
+        " under `parameters` is wrong"
+    )
 
 
 MODEL = """\

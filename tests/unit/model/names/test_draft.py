@@ -36,6 +36,13 @@ def test_entries_of_a_mapping_and_of_nothing() -> None:
     assert messages(made) == ["`outputs` must be a mapping of names, not `3`"]
 
 
+def test_a_colon_without_a_space_is_named() -> None:
+    made = draft("outputs:\n  height:y\n")
+    assert made.entries("outputs") is None
+    (found,) = made.report.sorted()
+    assert (found.help or "").startswith("write a space after `height:`, as in\noutputs:\n")
+
+
 def test_fields_are_those_that_are_known() -> None:
     made = draft("q: {unit: m, descriptionn: x, z: 1}\n")
     fields = made.fields(made.get("q"), "`q`", ("unit", "description"))  # type: ignore[arg-type]
