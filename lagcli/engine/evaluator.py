@@ -13,7 +13,7 @@ from lagcli.arrays import Array, Indices
 from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_rows, row_lengths
 from lagcli.engine.sparse_rows import SparseRows, entries_of
 from lagcli.engine.system import Pattern, State, System
-from lagcli.engine.tape.interpreter import ArrayTape, ScalarTape
+from lagcli.engine.tape.interpreter import ScalarTape
 
 #: Powers of ten searched for the change of a constraint; beyond, its terms are rounding errors.
 _DECADES = 20
@@ -149,12 +149,6 @@ def _bound(system: System) -> _Bound:
     )
 
 
-@lru_cache(maxsize=12)
-def _on_arrays(system: System, tape: str) -> ArrayTape:
-    """Return a tape of a System for many states, which the blocks of a run share."""
-    return ArrayTape(getattr(system, tape))
-
-
 class Evaluator:
     """Evaluates a System at single states.
 
@@ -274,40 +268,3 @@ class Evaluator:
             if not far * length < change:
                 break
         return float(far)
-
-
-class Batch:
-    """Evaluates a System at many states at once; states lie along the last axis.
-
-    Parameters
-    ----------
-    system : System
-    p : tuple of float
-        Values of its parameters.
-    t : (n,) array
-    q, v : (n, nq) arrays
-    """
-
-    def __init__(self, system: System, p: tuple[float, ...], t: Array, q: Array, v: Array):
-        self.system, self.p, self.count = system, p, len(t)
-        self._state = [t, *q.T, *v.T]
-        self._matrices = TapeMatrices(system)
-
-    def dynamics(self) -> Dynamics:
-        """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""
-        out = self._run("dynamics", [*self._state, *self.p])
-        return self._matrices.dynamics(out, bool(np.isfinite(out).all()))
-
-    def entries(self) -> Entries:
-        """Return M, f, B and the constraints as their nonzero entries."""
-        inputs = [*self._state, *self.p]
-        dynamics = self._matrices.of_dynamics.split(self._run("dynamics", inputs))
-        own = self._matrices.of_constraint.split(self._run("constraint", inputs))
-        return Entries(**{**own, **dynamics})
-
-    def report(self, a: Array, multipliers: Array) -> Array:
-        """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""
-        return self._run("report", [*self._state, *a.T, *multipliers.T, *self.p])
-
-    def _run(self, tape: str, inputs: list[Array | float]) -> Array:
-        return _on_arrays(self.system, tape)(inputs, self.count)

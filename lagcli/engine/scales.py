@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lagcli.arrays import Array, Flags
-from lagcli.engine.sparse_rows import SparseRows, magnitudes
+from lagcli.engine.sparse_rows import SparseRows, in_turns, magnitudes, rows_and_columns
 from lagcli.engine.system import Pattern
 
 #: Smallest size of a coordinate by its inertia, relative to that of the system, √max(M_jj x_j²).
@@ -50,7 +50,9 @@ def least_scales_of_entries(
     """Return the same, (rows, n), for B in its nonzero entries (nb, n); M_jj and x are (nq, n)."""
     compliance, size = _inertial(inertia, x, 0)
     own, length = np.zeros((2, rows, x.shape[1]))
-    for (i, j), entry in zip(pattern, entries, strict=True):
+    row, column = rows_and_columns(pattern)
+    for turn in in_turns(row):
+        i, j, entry = row[turn], column[turn], entries[turn]
         own[i] += np.abs(entry * x[j])
         length[i] += entry * entry * compliance[j]
     return np.maximum(own, LEAST_PART * size * np.sqrt(length))

@@ -8,10 +8,35 @@ from typing import Any
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.system import Pattern
 
 #: Number of rows up to which singular values are those of an array.
 _FEW = 20
 _ROUNDING = 1e-14
+
+
+def rows_and_columns(pattern: Pattern) -> tuple[Indices, Indices]:
+    """Return the rows and columns of entries."""
+    row, column = np.array(pattern, dtype=np.intp).reshape(-1, 2).T
+    return row, column
+
+
+def in_turns(rows: Indices) -> list[Indices]:
+    """Return the entries of all rows in turns: the first of each row, the second, and so on.
+
+    Sums by turns are those by entries, to the last bit.
+
+    Parameters
+    ----------
+    rows : (n,) array of int
+        The row of each entry.
+    """
+    order = np.argsort(rows, kind="stable")
+    begins = np.flatnonzero(np.diff(rows[order], prepend=-1))
+    counts = np.diff(begins, append=len(rows))
+    turn = np.arange(len(rows)) - np.repeat(begins, counts)
+    ends = np.cumsum(np.bincount(turn))[:-1]
+    return np.split(order[np.argsort(turn, kind="stable")], ends)
 
 
 class SparseRows:

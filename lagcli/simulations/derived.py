@@ -14,9 +14,10 @@ from lagcli.arrays import Array, Flags
 from lagcli.columns import ColumnName
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block
-from lagcli.engine.evaluator import Batch
+from lagcli.engine.integrate.many_states import Batch
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.scales import least_scales_of_entries, usable
+from lagcli.engine.sparse_rows import in_turns, rows_and_columns
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
@@ -155,15 +156,15 @@ class DerivedColumns:
             np.ascontiguousarray(x.T) for x in (block.v, block.a, block.multipliers)
         )
 
-        by = np.empty((count, len(system.jacobian_pattern)))
+        row, column = rows_and_columns(system.jacobian_pattern)
+        force = e.jacobian * multipliers[row]
+        by = np.empty((count, len(row)))
+        by[:, self._places] = force.T
         forces, velocity = np.zeros((nq, count)), np.zeros((nc, count))
-        for (i, j), entry, place in zip(
-            system.jacobian_pattern, e.jacobian, self._places, strict=True
-        ):
-            velocity[i] += entry * v[j]
-            force = entry * multipliers[i]
-            forces[j] += force
-            by[:, place] = force
+        for turn in in_turns(row):
+            velocity[row[turn]] += e.jacobian[turn] * v[column[turn]]
+        for turn in in_turns(column):
+            forces[column[turn]] += force[turn]
         power = np.zeros(count)
         for i in range(nc):
             power += multipliers[i] * velocity[i]
@@ -171,10 +172,11 @@ class DerivedColumns:
         for i in self._limited:
             friction += multipliers[i] * (velocity[i] + e.drift[i])
         equation, mass_diagonal = np.zeros((2, nq, count))
-        for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
-            equation[i] += entry * a[j]
-            if i == j:
-                mass_diagonal[i] = entry
+        row, column = rows_and_columns(system.mass_pattern)
+        for turn in in_turns(row):
+            equation[row[turn]] += e.mass_matrix[turn] * a[column[turn]]
+        on_diagonal = row == column
+        mass_diagonal[row[on_diagonal]] = e.mass_matrix[on_diagonal]
         position = np.full((nc, count), np.nan)
         position[list(system.holonomic)] = e.position
         velocity_residual = velocity + e.drift

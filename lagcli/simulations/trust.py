@@ -9,7 +9,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, SAMPLED, column_names
-from lagcli.engine.evaluator import Batch
+from lagcli.engine.integrate.many_states import Batch
 from lagcli.engine.system import KINKS, System
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.prose import counted

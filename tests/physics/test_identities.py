@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.engine.evaluator import Batch
+from lagcli.engine.integrate.many_states import Batch
 from lagcli.engine.lowering.lower import lower
 from lagcli.model.model import Model
 from lagcli.trajectory.trajectory import Trajectory

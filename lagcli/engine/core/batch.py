@@ -170,15 +170,26 @@ class BatchTable:
         Numbers of all inputs, and of those among them, the last, that are the same for a table.
     kernel : int
         As for `BatchIntegrator`.
+    scalar : bool
+        Whether all operations of the program are on single registers already.
     """
 
     _table: int | None = None
 
-    def __init__(self, program: Program, inputs: int, parameters: int, kernel: int = KERNEL):
+    def __init__(
+        self,
+        program: Program,
+        inputs: int,
+        parameters: int,
+        kernel: int = KERNEL,
+        *,
+        scalar: bool = False,
+    ):
         given = Arguments()
         self._parameters, self._outputs = parameters, len(program.outputs)
+        program = program if scalar else _scalar(program)
         self._table = core.lag_table_create(
-            None, byref(given.program(_scalar(program))), inputs - parameters, parameters, kernel
+            None, byref(given.program(program)), inputs - parameters, parameters, kernel
         )
         check(not self._table)
 

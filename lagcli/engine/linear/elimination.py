@@ -36,6 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Indices
+from lagcli.engine.sparse_rows import rows_and_columns
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Arithmetic, Tape
@@ -210,7 +211,7 @@ def order_at(
         kept = [n for n, (i, _) in enumerate(pattern) if i in number]
         jacobian, count = jacobian[kept], len(rows)
         pattern = tuple((number[i], j) for i, j in (pattern[n] for n in kept))
-    m, b = _places(system.mass_pattern), _places(pattern)
+    m, b = rows_and_columns(system.mass_pattern), rows_and_columns(pattern)
     if not count and (m[0] == m[1]).all():
         return _of_diagonal(len(system.coordinates), np.abs(mass))
     inertia = np.zeros(len(system.coordinates))
@@ -239,12 +240,6 @@ def _of_diagonal(size: int, mass: Array) -> Elimination:
         raise NoElimination
     smallest = float((least / mass.max(axis=1)).min(initial=1.0))
     return Elimination(tuple(range(size)), (False,) * size, ((),) * size, smallest)
-
-
-def _places(pattern: Pattern) -> tuple[Indices, Indices]:
-    """Return the rows and columns of entries."""
-    row, column = np.array(pattern, dtype=np.intp).reshape(-1, 2).T
-    return row, column
 
 
 class _Matrix(NamedTuple):

@@ -107,6 +107,30 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
     )
 
 
+def as_it_stands(tape: Tape) -> Program:
+    """Convert a tape to a program with a register for each operation, in the tape's order.
+
+    It is made at a fiftieth of the time of `assemble`, for a few evaluations of a long tape.
+    """
+    op, *registers = np.array(tape.code, dtype=np.int32).reshape(-1, 5).T
+    numbers = np.column_stack([op, np.ones_like(op), *registers])
+    width = 2 + np.array(PLACES)[op]
+    code = numbers[np.arange(numbers.shape[1]) < width[:, None]]
+    nothing, end = stream(()), np.array([Op.END, 0], dtype=np.int32)
+    values = np.zeros(tape.registers)
+    values[tape.inputs : tape.inputs + len(tape.constants)] = tape.constants
+    return Program(
+        prelude=nothing,
+        main=np.concatenate([code, end]),
+        deferred=(),
+        output_subsets=(),
+        registers=values,
+        outputs=np.array(tape.outputs, dtype=np.int32),
+        size=len(tape.code),
+        inputs=tape.inputs - tape.rhs_inputs,
+    )
+
+
 def _part_of_outputs(tape: Tape) -> list[int]:
     """Return the part of each output: 0, or the number of its deferred group."""
     counts = [len(tape.outputs) - sum(tape.deferred), *tape.deferred]

@@ -8,7 +8,8 @@ import numpy as np
 from lowered import lowered
 
 import lagcli
-from lagcli.engine.evaluator import Batch, Evaluator
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.many_states import Batch
 
 SYSTEM, P = lowered(
     lagcli.load_text("""

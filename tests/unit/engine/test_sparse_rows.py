@@ -10,7 +10,7 @@ from shipped import PATHS, REPRESENTATIVES
 import lagcli
 from lagcli.engine import evaluator
 from lagcli.engine.scales import coordinate_sizes, least_scales, lengths_of_rows, row_lengths
-from lagcli.engine.sparse_rows import SparseRows, entries_of, magnitudes
+from lagcli.engine.sparse_rows import SparseRows, entries_of, in_turns, magnitudes
 from lagcli.errors import LagcliError
 from lagcli.model.loader import load_text
 from lagcli.simulations.simulation import prepare
@@ -131,3 +131,16 @@ def test_what_moves_and_what_is_refused_are_those_with_an_array(
     before = found()
     monkeypatch.setattr(evaluator, "_LARGE", 0)
     assert found() == before
+
+
+def test_turns_have_the_entries_of_each_row_in_order() -> None:
+    random = np.random.default_rng(8)
+    for _ in range(40):
+        rows = random.integers(0, 9, random.integers(0, 60))
+        turns = in_turns(rows)
+        assert sorted(x for turn in turns for x in turn) == list(range(len(rows)))
+        for row in range(9):
+            assert [x for turn in turns for x in turn if rows[x] == row] == [
+                *np.flatnonzero(rows == row)
+            ]
+        assert all(len(set(rows[turn])) == len(turn) for turn in turns)
