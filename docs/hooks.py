@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).parents[1]
 #: Pages of the repository's root, and their places in the site, where README means the index.
 PAGES = {"README.md": "first-example.md", "CONTRIBUTING.md": "CONTRIBUTING.md"}
-PAGES["CHANGELOG.md"] = "CHANGELOG.md"
+PAGES |= {"CHANGELOG.md": "CHANGELOG.md", "LICENSE": "LICENSE"}
 GALLERY = "gallery/README.md"
 #: What `make gallery` adds: without it, the pictures of the gallery lead to the models.
 MADE = ROOT / "docs" / "gallery" / "pages"
@@ -56,5 +56,10 @@ def _cell(cell: re.Match[str]) -> str:
 
 
 def _of_root(target: str) -> str:
-    """Return where a path from the repository's root is in the site."""
+    """Return where a path from the repository's root is in the site.
+
+    Folders have no page: the gallery shows their models.
+    """
+    if (ROOT / target).is_dir() and target.startswith("models"):
+        return GALLERY
     return PAGES.get(target, target.removeprefix("docs/"))

@@ -44,6 +44,14 @@ def test_index_leads_to_every_page() -> None:
     assert not set(DOCS.rglob("*.md")) - seen
 
 
+def test_folders_that_are_linked_have_models() -> None:
+    # docs/hooks.py leads such links to the gallery; the site has no page of another folder
+    pages = [*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    folders = {t for page in pages for t in links(page) if t.is_dir()}
+    assert folders
+    assert all(t.is_relative_to(ROOT / "models") for t in folders)
+
+
 def test_navigation_has_every_page() -> None:
     navigation = (ROOT / "mkdocs.yml").read_text("utf-8")
     pages = {f.relative_to(DOCS).as_posix() for f in DOCS.rglob("*.md")}
