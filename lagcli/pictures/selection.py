@@ -82,6 +82,26 @@ def evenly(count: int, most: int) -> Indices:
     return np.unique(np.round(np.linspace(0, count - 1, most)).astype(np.intp))
 
 
+#: Number of curves up to which a plot of a page draws all, and the number of those that it draws
+#: of more.
+_ALL, _SOME = 24, 12
+
+
+def drawn(count: int) -> Indices:
+    """Return which curves of a plot of a page are drawn: all, or some of many, evenly spaced.
+
+    Parameters
+    ----------
+    count : int
+
+    Returns
+    -------
+    (m,) array of int
+        Increasing, with the first and the last.
+    """
+    return evenly(count, count if count <= _ALL else _SOME)
+
+
 #: Curves whose largest magnitudes differ by more than this factor are drawn separately.
 RATIO = 20.0
 #: More curves than this form a family, which is not divided.

@@ -14,7 +14,7 @@ from lagcli.pictures.selection import by_family
 #: without black and yellow, which are invisible on dark and on white pages.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
-#: Colours of constraints, by index: of force arrows, curves of λ and terms of equations.
+#: Colours of constraints, by index; see `constraint_colors`.
 CONSTRAINT_COLORS = (*PALETTE[1:], PALETTE[0])
 
 #: Measured points, axes through 0, and what has no value.
@@ -51,7 +51,11 @@ _FAMILY = ("#7A5CC0", "#3B7DC4", "#1D9A94", "#55AD3C", "#B79A00")
 
 
 def constraint_colors(constraints: Sequence[str]) -> dict[str, str]:
-    """Return the colour of each constraint, by name."""
+    """Return the colour of each constraint of a model, by name.
+
+    It is the colour of its λ, its impulses, its arrows and its terms, in plots and on pages. Other
+    curves have the palette's colours in order, and members of large families `family_colors`.
+    """
     colors = {
         name: CONSTRAINT_COLORS[i % len(CONSTRAINT_COLORS)] for i, name in enumerate(constraints)
     }
@@ -65,17 +69,36 @@ def family_colors(names: Sequence[str]) -> dict[str, str]:
         members = [names[i] for i in family]
         if len(members) > len(PALETTE) and all("[" in name for name in members):
             last = len(members) - 1
-            colors |= {name: _graded(i / last) for i, name in enumerate(members)}
+            colors |= {name: graded(i / last) for i, name in enumerate(members)}
     return colors
 
 
-def _graded(part: float) -> str:
-    """Return a colour between those of the first and the last member of a family."""
+def graded(part: float) -> str:
+    """Return the colour of a member of a family, from the first (0) to the last (1)."""
     place = part * (len(_FAMILY) - 1)
     k = min(int(place), len(_FAMILY) - 2)
     ends = [[int(x[n : n + 2], 16) for n in (1, 3, 5)] for x in _FAMILY[k : k + 2]]
     mixed = [round(a + (place - k) * (b - a)) for a, b in zip(*ends, strict=True)]
     return "#" + "".join(f"{x:02X}" for x in mixed)
+
+
+def family_scale(first: float, last: float) -> Any:
+    """Return the scale of `family_colors` for a colour bar, by the index of the members.
+
+    Parameters
+    ----------
+    first, last : float
+        Indices of the first and the last member.
+
+    Returns
+    -------
+    matplotlib.cm.ScalarMappable
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    shades = ListedColormap([graded(i / 255) for i in range(256)])
+    return ScalarMappable(Normalize(first, last), shades)
 
 
 def line(number: int) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
-from lagcli.pictures.selection import by_family, chosen, scale_groups
+from lagcli.pictures.selection import by_family, drawn, scale_groups
 from lagcli.pictures.style import PALETTE, constraint_colors, family_colors
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.drags import DragRequest, Drags
@@ -398,10 +398,6 @@ def _number(text: str, name: str) -> float:
         raise UsageError(f"{name} is a number on this page, not {shorten(text)!r}") from None
 
 
-#: Largest number of curves in a plot.
-MOST_CURVES = 12
-
-
 #: The group of the model's outputs.
 _OUTPUTS = "outputs"
 
@@ -451,13 +447,16 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
     along = {q.name for q in quantities if q.along == "constraint"}
     # without constraints that have no values
     curves = [c for c in curves if c.field not in along or not np.isnan(values[c.name]).all()]
-    shown = [curves[i] for i in chosen([c.name for c in curves], MOST_CURVES)]
+    colors = family_colors([c.name for c in curves])
+    residuals = any(q.role == "residual" for q in quantities)
+    stated_units = [unit(c.unit) if stated else "" for c in curves]
+    every = _families([c.name for c in curves], stated_units)
+    alike = list(zip([c.field for c in curves] if residuals else stated_units, every, strict=True))
+    places = _drawn(alike)
+    shown = [curves[i] for i in places]
+    units, families = [stated_units[i] for i in places], [every[i] for i in places]
     time, names = columns["time"], [c.name for c in shown]
     table = np.array([values[name] for name in names]).reshape(len(shown), len(time)).T
-    units = [unit(c.unit) if stated else "" for c in shown]
-    residuals = any(q.role == "residual" for q in quantities)
-    colors = family_colors(names)
-    families = _families(names, units)
     panels = [0] * len(shown) if residuals else _panels(units, families, table)
     time, table = Jumps(run).inserted(time, names, table)
     return {
@@ -476,15 +475,24 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
                 "family": family,
                 "panel": panel,
                 "constraint": c.constraint,
-                "values": drawn,
+                "values": of,
                 **({"color": colors[c.name]} if c.name in colors else {}),
             }
-            for c, unit_, family, panel, drawn in zip(
+            for c, unit_, family, panel, of in zip(
                 shown, units, families, panels, table.T, strict=True
             )
         ],
         "of": len(curves),
     }
+
+
+def _drawn(alike: list[tuple[str, str]]) -> list[int]:
+    """Return the places of the curves that are drawn: of each key all, or some of many."""
+    places: list[int] = []
+    for key in dict.fromkeys(alike):
+        own = [i for i, of in enumerate(alike) if of == key]
+        places += [own[k] for k in drawn(len(own))]
+    return sorted(places)
 
 
 def _families(names: list[str], units: list[str]) -> list[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from page_checks import AXES, TEXTS
 
 import lagcli
@@ -18,7 +19,7 @@ from lagcli.pictures.plots import figure as figure_file
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import Moment, SceneDrawing, distances, label_place, label_size
 from lagcli.pictures.scene.view_evaluator import scene_of
-from lagcli.pictures.style import PALETTE, ROLES
+from lagcli.pictures.style import PALETTE, ROLES, constraint_colors
 
 ASSETS = [files("lagcli.pictures") / "assets", files("lagcli.play") / "assets"]
 
@@ -189,6 +190,16 @@ def test_no_labels_of_a_plot_overlap_or_are_cut_off(name: str, result, drawn) ->
         for other, beside in boxes[i + 1 :]:
             apart = (box[0] >= beside[1]) | (beside[0] >= box[1])
             assert apart.any(), (text, other)
+
+
+@pytest.mark.parametrize("name", ["parallelogram", "chain"])
+def test_multipliers_have_the_colours_of_pages(name: str, result, reports, drawn) -> None:
+    figure = drawn(result(name), "lambda")
+    lines = [to_hex(x.get_color()).upper() for ax in figure.axes for x in ax.get_lines()]
+    colors = constraint_colors(RunFile(result(name)).constraints)
+    assert sorted(lines) == sorted(colors.values())
+    data = json.loads(re.search(r'id="data">(.*?)</script>', reports(name).read_text())[1])
+    assert data["colors"] == colors
 
 
 def test_energies_of_other_sizes_have_their_own_panels(result, drawn) -> None:

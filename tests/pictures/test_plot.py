@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from shipped import REPRESENTATIVES, every_model
 from svg_labels import with_whole_labels
 
@@ -24,6 +25,7 @@ from lagcli.cli.app import run
 from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.plots.run_plot import labels_of
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.style import CONSTRAINT_COLORS
 from lagcli.trajectory.samples import Samples
 
 pytest.importorskip("matplotlib")
@@ -284,10 +286,11 @@ def test_a_million_samples_take_seconds_and_keep_their_peaks(tmp_path: Path) -> 
     plot(tmp_path, str(tmp_path / "long.h5"), "lambda.guide", "--size", "6x2", suffix="png")
     assert time.process_time() - began < 5
     image = imread(tmp_path / "figure.png")[..., :3]
-    blue = (np.abs(image - [0, 0x72 / 255, 0xB2 / 255]).max(axis=-1) < 0.3).sum(axis=0)
+    color = np.array(to_rgb(CONSTRAINT_COLORS[0]))
+    inked = (np.abs(image - color).max(axis=-1) < 0.3).sum(axis=0)
     # one column, from the bottom to the top of the panel
-    assert blue.max() > 150
-    assert np.argmax(blue) / image.shape[1] == pytest.approx(peak / count, abs=0.1)
+    assert inked.max() > 150
+    assert np.argmax(inked) / image.shape[1] == pytest.approx(peak / count, abs=0.1)
 
 
 # what is rejected

@@ -2,9 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from lagcli.pictures.page import asset, page
+from lagcli.pictures.style import spread
 
 TIME = [0.0, 1.0, 2.0, 3.0, 4.0]
 
@@ -127,3 +129,55 @@ def test_names_are_no_html(plotted):
     opened = plotted(title="<i>t</i>", time=TIME, series=[curve("x", TIME, label="<b>x</b>_<i>")])
     assert opened.locator("figcaption").text_content() == "<i>t</i>"
     assert opened.locator(".plot-legend :is(b, i)").count() == 0
+
+
+def test_curves_are_named_at_their_ends_where_there_is_room(plotted):
+    series = [curve("x_a", [0, 1, 2, 3, 4]), curve("y", [4, 3, 2, 1, 0])]
+    opened = plotted(time=TIME, series=series)
+    names = "[...document.querySelectorAll('.plot-end')].map((e) => [e.innerHTML, e.offsetTop])"
+
+    def named():
+        opened.evaluate("new Promise((done) => setTimeout(done))")  # it is drawn in a microtask
+        return opened.evaluate(names)
+
+    (x, high), (y, low) = named()
+    assert (x, y) == ("x<sub>a</sub>", "y")
+    ends = opened.evaluate("[4, 0].map((v) => plot.chart.valToPos(v, 'y'))")
+    assert [high, low] == pytest.approx([end + plot_top(opened) for end in ends], abs=1)
+    edge = opened.locator(".plot-end").first.bounding_box()
+    assert edge["x"] + edge["width"] <= opened.locator(".plot-drawing").bounding_box()["width"] + 8
+    opened.locator(".plot-legend button").first.click()  # one curve needs no name
+    assert named() == []
+    opened.locator(".plot-legend button").first.click()
+    opened.evaluate("time.setRange([0, 2])")  # there they meet
+    assert named() == []
+    opened.evaluate("time.setRange([0, 1])")
+    assert [name for name, _ in named()] == ["x<sub>a</sub>", "y"]
+
+
+def plot_top(opened):
+    return opened.evaluate("plot.chart.bbox.top / devicePixelRatio")
+
+
+def test_names_have_the_places_of_plots(plotted):
+    opened = plotted(time=TIME, series=[curve("x", TIME)])
+    rng = np.random.default_rng(1)
+    cases = [rng.uniform(-5, 105, rng.integers(2, 8)).tolist() for _ in range(200)]
+    found = opened.evaluate("(cases) => cases.map((at) => CurveEnds.spread(at, 14, 80))", cases)
+    for at, places in zip(cases, found, strict=True):
+        expected = spread(np.array(at), 14, 80)
+        assert (places is None) == (expected is None)
+        assert expected is None or places == pytest.approx(expected.tolist())
+
+
+def test_a_run_with_other_instants_is_read_at_its_own_samples(plotted):
+    kept = {"time": [0.0, 1.5, 2.0, 3.0], "ghostOf": 0}
+    series = [curve("x", [0, 1, 4, 9, 16]), curve("x (kept)", [7, 5, 3, 2], **kept)]
+    opened = plotted(time=TIME, series=series)
+    for time, values in {1: ["1", "≈ 5"], 2: ["4", "3"], 4: ["16", "–"]}.items():
+        opened.evaluate("(at) => time.setTime(at)", time)
+        assert legend(opened) == values
+    times, own, other = opened.evaluate("plot.chart.data.map((column) => [...column])")
+    assert times == sorted(TIME + kept["time"])
+    assert [x for x in own if x is not None] == [0, 1, 4, 9, 16]
+    assert [x for x in other if x is not None] == [7, 5, 3, 2]

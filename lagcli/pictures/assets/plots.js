@@ -6,13 +6,15 @@
  * Needs uPlot and instants.js. A plot is described by
  *
  *   {title, unit, symbol, log, time: [nt], marks: [n],
- *    series: [{name, label, unit, values: [nt], hidden, color, key}]}
+ *    series: [{name, label, unit, time: [n], values: [nt], hidden, color, key}]}
  *
  * `title`, `unit`, `symbol`, `label`, `hidden`, `color`, `key` and `marks`, times with a thin line,
  * may be missing; `symbol` is what the upright axis shows where it is not the curves' labels; `log`
- * draws magnitudes on a logarithmic scale; `color` is a colour or a custom property, by default one of
- * the palette; `key` is the subject of a curve, see Focus. Lists may be typed arrays; null and NaN are gaps. An underscore in a label
- * begins the subscript of a letter. Nothing in it is read as HTML.
+ * draws magnitudes on a logarithmic scale; `time` of a curve has its own times, which are the same for
+ * all curves that have some: those of another run; `color` is a colour or a custom property, by
+ * default one of the palette; `key` is the subject of a curve, see Focus. Lists may be typed arrays;
+ * null and NaN are gaps. An underscore in a label begins the subscript of a letter. Nothing in it is
+ * read as HTML.
  */
 
 /**
@@ -169,6 +171,99 @@ const PlotNumbers = {
   },
 };
 
+/** The names of curves at their right ends; the same as label_ends in lagcli/pictures/style.py. */
+class CurveEnds {
+  static MOST = 6; // curves
+  static WIDEST = 0.16; // of the width of the plot
+  static GUTTER = 46; // beside wide plots, with names or without, so that their times line up
+  static WIDE = 480; // CSS pixels
+  static LEADER = 12; // length of the line from an end to its name
+  static HEIGHT = 14; // of a name
+  static APART = 5; // least distance of two ends that it tells apart
+
+  /** @param {HTMLElement} element  around the drawing */
+  constructor(element) {
+    this.element = element;
+    this.labels = [];
+  }
+
+  /** Return whether names of curves have room beside a plot of a width. */
+  static fit(names, width) {
+    const few = names.length > 1 && names.length <= CurveEnds.MOST;
+    return few && CurveEnds.#widest(names) <= CurveEnds.WIDEST * width;
+  }
+
+  /** Return the room to the right of a plot, whose last number of the axis needs some too. */
+  static room(names, width) {
+    const named = CurveEnds.fit(names, width) ? CurveEnds.#widest(names) + CurveEnds.LEADER + 4 : 17;
+    return Math.max(named, width >= CurveEnds.WIDE || named > 17 ? CurveEnds.GUTTER : 0);
+  }
+
+  static #widest(names) {
+    const letters = (text) => text.replace(/\p{M}/gu, "").length;
+    const width = ([base, ...rest]) => letters(base) + 0.75 * letters(rest.join(","));
+    return TimePlot.LETTER * Math.max(...names.map((name) => width(name.split("_"))));
+  }
+
+  /**
+   * Write the names of curves where they end, if each has room next to its own end.
+   *
+   * @param {uPlot} chart
+   * @param {object[]} curves  {name, value, colour, lit}
+   */
+  draw(chart, curves) {
+    for (const label of this.labels) label.remove();
+    this.labels = [];
+    const density = window.devicePixelRatio || 1;
+    const [left, top, height] = [chart.bbox.left + chart.bbox.width, chart.bbox.top, chart.bbox.height].map((x) => x / density);
+    const ends = curves.map(({ value }) => chart.valToPos(value, "y"));
+    const inside = curves.length > 1 && ends.every((end) => end >= -1 && end <= height + 1);
+    const places = inside ? CurveEnds.spread(ends, CurveEnds.HEIGHT, height) : null;
+    const sorted = [...ends].sort((a, b) => a - b);
+    if (!places || sorted.some((end, i) => i && end - sorted[i - 1] < CurveEnds.APART)) return;
+    const { ctx } = chart;
+    ctx.save();
+    ctx.lineWidth = density;
+    for (const [i, { name, colour, lit }] of curves.entries()) {
+      ctx.strokeStyle = colour;
+      ctx.beginPath();
+      ctx.moveTo((left + 1) * density, (top + ends[i]) * density);
+      ctx.lineTo((left + CurveEnds.LEADER) * density, (top + places[i]) * density);
+      ctx.stroke();
+      const label = document.createElement("span");
+      label.className = lit ? "plot-end lit" : "plot-end";
+      label.ariaHidden = "true"; // the legend says it
+      label.style.left = `${left + CurveEnds.LEADER + 2}px`;
+      label.style.top = `${top + places[i]}px`;
+      label.append(TimePlot.named(name));
+      this.labels.push(label);
+    }
+    ctx.restore();
+    this.element.append(...this.labels);
+  }
+
+  /** Return places near others, in their order, at least so far apart and within a height; or null. */
+  static spread(at, apart, height) {
+    const most = height - (at.length - 1) * apart;
+    if (most < 0) return null;
+    const order = at.map((_, i) => i).sort((a, b) => at[a] - at[b]);
+    // without the steps between them, places need only be in order: means of those that are not
+    const blocks = [];
+    for (const [k, i] of order.entries()) {
+      blocks.push([at[i] - apart * k, 1]);
+      while (blocks.length > 1 && blocks.at(-2)[0] >= blocks.at(-1)[0]) {
+        const [mean, weight] = blocks.pop();
+        const [first, more] = blocks.pop();
+        blocks.push([(first * more + mean * weight) / (more + weight), more + weight]);
+      }
+    }
+    const level = blocks.flatMap(([mean, weight]) => Array(weight).fill(mean));
+    const places = Array(at.length);
+    for (const [k, i] of order.entries()) places[i] = Math.max(0, Math.min(most, level[k])) + apart * k;
+    return places;
+  }
+}
+
 /** One plot over time with its title and legend. */
 class TimePlot {
   /** Dashes of the first round of colours, of the second, … */
@@ -260,10 +355,19 @@ class TimePlot {
     if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
     const small = this.data.log ? 0 : TimePlot.ROUNDED * this.largest;
     for (const [i, series] of this.data.series.entries()) {
-      const value = time === null ? NaN : TimePlot.at(this.data.time, series.values, time);
-      const shown = Math.abs(value) < small ? 0 : value;
-      this.values[i].textContent = time === null ? "" : PlotNumbers.value(shown);
+      const { at, value } = this.#read(series, time);
+      const shown = PlotNumbers.value(Math.abs(value) < small ? 0 : value);
+      this.values[i].textContent = time === null ? "" : at === time || shown === "–" ? shown : `≈ ${shown}`;
     }
+  }
+
+  /** Return a curve's value at a time; of another run, its sample that is nearest, with its time. */
+  #read({ time: own, values }, time) {
+    if (time === null) return { at: null, value: NaN };
+    if (!own) return { at: time, value: TimePlot.at(this.data.time, values, time) };
+    const at = Instants.nearest(own, time);
+    const within = time >= own[0] && time <= own[own.length - 1];
+    return { at, value: within ? TimePlot.at(own, values, at) : NaN };
   }
 
   /** Return a curve at a time: the sample there, of a jump what follows it, or between samples. */
@@ -296,6 +400,7 @@ class TimePlot {
     caption.hidden = !data.title;
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";
+    this.ends = new CurveEnds(drawing);
     this.upright = document.createElement("span");
     this.upright.className = "plot-upright";
     this.upright.append(this.#quantity(this.height));
@@ -310,6 +415,7 @@ class TimePlot {
       width: Math.max(this.container.clientWidth, 120),
       height: this.height,
       legend: { show: false },
+      padding: [null, () => CurveEnds.room(this.#names(), this.container.clientWidth), null, null],
       scales: { x: { time: false }, y: this.#scale() },
       axes: [
         {
@@ -344,7 +450,7 @@ class TimePlot {
         drag: { x: true, y: false, setScale: false },
         bind: { dblclick: () => () => this.link.setRange(null, this) },
       },
-      hooks: { setSelect: [() => this.#zoom()], drawAxes: [(chart) => this.#mark(chart)] },
+      hooks: { setSelect: [() => this.#zoom()], drawAxes: [(chart) => this.#mark(chart)], draw: [(chart) => this.#nameEnds(chart)] },
     };
     this.chart = new uPlot(options, this.#columns(), drawing);
     drawing.append(this.upright);
@@ -373,6 +479,26 @@ class TimePlot {
     }
     ctx.stroke();
     ctx.restore();
+  }
+
+  /** Return what curves are called at their ends; nothing of magnitudes and of kept runs. */
+  #names() {
+    const own = this.data.log ? [] : this.data.series.filter((s) => !("ghostOf" in s));
+    return own.map((s) => s.label ?? s.name);
+  }
+
+  #nameEnds(chart) {
+    const { data, focus } = this;
+    const fits = CurveEnds.fit(this.#names(), this.container.clientWidth);
+    const shown = [...data.series.entries()].filter(([, s]) => fits && !("ghostOf" in s) && !this.hidden.has(s.name));
+    const curves = shown.map(([i, { label, name, values, key }]) => ({
+      name: label ?? name,
+      value: TimePlot.at(data.time, values, chart.scales.x.max),
+      colour: this.#colour(i),
+      lit: focus.has(key),
+    }));
+    this.ends.draw(chart, curves);
+    this.container.classList.toggle("plot-named", this.ends.labels.length === data.series.length);
   }
 
   /** Return how many numbers the upright axis has room for. */
@@ -487,9 +613,20 @@ class TimePlot {
       }
       const floor = Number.isFinite(least) ? 10 ** Math.floor(Math.log10(least)) : 1e-16;
       const shown = (value) => (value === null ? null : Math.max(Math.abs(value), floor));
-      return [this.data.time, ...columns.map((column) => column.map(shown))];
+      return this.#aligned(columns.map((column) => column.map(shown)));
     }
-    return [this.data.time, ...columns];
+    return this.#aligned(columns);
+  }
+
+  /** Return columns beside their times; where curves have times of their own, at those of both. */
+  #aligned(columns) {
+    const { time, series } = this.data;
+    const other = series.find((s) => s.time)?.time;
+    if (!other) return [time, ...columns];
+    const rows = [time, other].flatMap((times, k) => Array.from(times, (t, i) => ({ t, own: k === 1, i })));
+    rows.sort((a, b) => a.t - b.t);
+    const values = (column, k) => rows.map(({ own, i }) => (own === Boolean(series[k].time) ? column[i] : undefined));
+    return [rows.map(({ t }) => t), ...columns.map(values)];
   }
 
   static #drawable(value) {
@@ -622,9 +759,9 @@ class TimePlot {
     const { left, top } = chart.over.getBoundingClientRect();
     const time = chart.posToVal(clientX - left, "x");
     let [nearest, least] = [undefined, TimePlot.NEAR];
-    for (const { name, values, key } of data.series) {
+    for (const { name, time: own, values, key } of data.series) {
       if (this.hidden.has(name)) continue;
-      const away = Math.abs(chart.valToPos(TimePlot.at(data.time, values, time), "y") - (clientY - top));
+      const away = Math.abs(chart.valToPos(TimePlot.at(own ?? data.time, values, time), "y") - (clientY - top));
       if (away < least) [nearest, least] = [key, away];
     }
     return nearest === undefined ? [] : [nearest];

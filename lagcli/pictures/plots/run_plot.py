@@ -68,6 +68,11 @@ class Panel(NamedTuple):
         return any(c.field == IMPULSE for c in self.curves)
 
     @property
+    def of_constraints(self) -> bool:
+        """Whether each curve is λ or an impulse, drawn in the colour of its constraint."""
+        return not self.over and all(c.field in ("multipliers", IMPULSE) for c in self.curves)
+
+    @property
     def members(self) -> list[float] | None:
         """The indices of the members of one large family, which colours tell apart."""
         if (
@@ -334,6 +339,7 @@ class PanelDrawing:
         self.widths = widths or [{}] * len(runs)
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
         self.jumps = [Jumps(run) for run in runs]
+        self.constraints = style.constraint_colors(runs[0].constraints)
         self.labels, numbers, self.difference = labels_of(runs)
         #: Many runs form a family: coloured by the value that distinguishes them, without a legend.
         self.family: Sequence[float] | None = None
@@ -450,10 +456,15 @@ class PanelDrawing:
             return {"color": self.grades.to_rgba(self.family[run]), **_dash(curve)}
         if len(self.runs) == 1:
             if panel.members:
-                return {"color": style.grades(panel.members).to_rgba(panel.members[curve])}
-            if count <= _LISTED:
-                return style.line(curve)
-            return {"color": style.shade(curve / (count - 1)), "linewidth": 0.8}
+                first, last = min(panel.members), max(panel.members)
+                part = (panel.members[curve] - first) / (last - first)
+                return {"color": style.graded(part)}
+            if count > _LISTED:
+                return {"color": style.shade(curve / (count - 1)), "linewidth": 0.8}
+            look = style.line(curve)
+            if panel.of_constraints:
+                look["color"] = self.constraints[panel.curves[curve].constraint]
+            return look
         if count == 1:
             return style.line(run)
         return {"color": style.line(run)["color"], **_dash(curve)}
@@ -473,7 +484,7 @@ class PanelDrawing:
         curves = panel.curves
         count, single = len(curves), len(self.runs) == 1
         if single and panel.members:
-            scale = style.grades(panel.members)
+            scale = style.family_scale(min(panel.members), max(panel.members))
             ends = sorted({min(panel.members), max(panel.members)})
             bar = self.figure.colorbar(scale, ax=ax, aspect=12, pad=0.02, ticks=ends, format="%d")
             bar.set_label("index", labelpad=-8)

@@ -14,12 +14,12 @@ from lagcli.pictures.curves import Catalogue, Curve
 from lagcli.pictures.jumps import Jumps
 from lagcli.pictures.page import axis_unit
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.selection import ROUNDING, by_family, chosen, evenly, scale_groups, thin
+from lagcli.pictures.selection import ROUNDING, by_family, chosen, drawn, evenly, scale_groups, thin
 from lagcli.pictures.style import PALETTE, family_colors
 from lagcli.trajectory.extremes import Extreme, widen
 
-#: Largest number of curves in a plot, and of constraints whose forces are drawn.
-_CURVES, _CONSTRAINTS = 24, 12
+#: Largest number of constraints whose forces are drawn.
+_CONSTRAINTS = 12
 #: Number of terms λ_β b_βi of a sample above which they are omitted: they are nc nq.
 _FORCES = 4096
 #: Largest number of values of all curves, 8 bytes each plus a third as text: 4.1 MB.
@@ -210,7 +210,7 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme
             values = np.stack([curve.of(block) for curve in plot.curves], axis=1)
             ends.append((time[-1:], values[-1:]))
             joined = [*before[i : i + 1], (time, values)]
-            times, drawn = jumps.inserted(
+            times, curves = jumps.inserted(
                 np.concatenate([t for t, _ in joined]),
                 [curve.name for curve in plot.curves],
                 np.concatenate([x for _, x in joined]),
@@ -218,7 +218,7 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme
             )
             new = len(joined) - 1
             share = of_plot * len(time) / run.count
-            kept.append(_thinned(times[new:], drawn[new:], share, shared))
+            kept.append(_thinned(times[new:], curves[new:], share, shared))
     instants = choice.made()
     for plot, kept in zip(plots, pieces, strict=True):
         time = np.concatenate([time for time, _ in kept] or [np.empty(0)])
@@ -414,8 +414,8 @@ def _residuals(catalogue: Catalogue) -> list[Plot]:
 
 def _abridged(plot: Plot) -> Plot:
     """Return a plot with at most as many curves as can be distinguished."""
-    count = len(plot.curves)
-    if count > _CURVES:
-        plot.curves = [plot.curves[round(i)] for i in np.linspace(0, count - 1, 12)]
-        plot.note = f"12 of {count} curves are drawn."
+    places, count = drawn(len(plot.curves)), len(plot.curves)
+    if len(places) < count:
+        plot.curves = [plot.curves[i] for i in places]
+        plot.note = f"{len(places)} of {count} curves are drawn, evenly spaced."
     return plot

@@ -85,26 +85,15 @@ class Pictures {
   #compared(group, data) {
     const before = this.kept?.plots[group];
     if (!before || this.kept === this.shown) return data;
+    const alike = before.time.length === data.time.length && before.time.every((t, i) => t === data.time[i]);
+    const time = alike ? undefined : before.time;
     const ghosts = data.series.flatMap((series, i) => {
       const same = before.series.find(({ name }) => name === series.name);
       if (!same) return [];
-      const values = Pictures.#resampled(before.time, same.values, data.time);
       const [name, label] = [`${series.name} (kept)`, `${series.label} (kept)`];
-      return [{ ...series, name, label, values, ghostOf: i }];
+      return [{ ...series, name, label, time, values: same.values, ghostOf: i }];
     });
     return { ...data, series: [...data.series, ...ghosts] };
-  }
-
-  /** Return values at other times, interpolated; NaN beyond their end. */
-  static #resampled(times, values, wanted) {
-    let i = 0;
-    return Float64Array.from(wanted, (t) => {
-      while (i + 2 < times.length && times[i + 1] < t) i++;
-      if (t < times[0] || t > times[times.length - 1]) return NaN;
-      if (times.length < 2) return values[0];
-      const part = (t - times[i]) / (times[i + 1] - times[i]);
-      return values[i] + part * (values[i + 1] - values[i]);
-    });
   }
 
   /** Return the times of the samples of a run. */
@@ -137,6 +126,8 @@ class Pictures {
     if (scene && plots.multipliers) this.arms.setData(scene, [plots.multipliers], this.units);
     for (const slot of this.slots) this.#fill(slot, plots[slot.select.value]);
     this.phase.draw(plots, this.kept === answer ? null : this.kept?.plots);
+    // of a motion that does not play by itself, the numbers of the start
+    if (this.link.time === null && this.link.instants?.length) this.link.setTime(this.link.instants[0], this.player);
   }
 
   /** Draw the panels of a plot: curves of different units or sizes have their own. */
@@ -168,7 +159,7 @@ class Pictures {
       }
     }
     const drawn = whole.series.length;
-    slot.more.textContent = whole.of > drawn ? `${drawn} of ${whole.of} curves` : "";
+    slot.more.textContent = whole.of > drawn ? `${drawn} of ${whole.of} curves, evenly spaced` : "";
   }
 
   /** Show the start alone, seen from where the run was, its arrows at the same scale. */
