@@ -101,7 +101,7 @@ _PLACES = {
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)
 
 
 if "IPython" in sys.modules:  # in a notebook: rich display of models, equations and runs
