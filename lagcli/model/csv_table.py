@@ -11,8 +11,9 @@ from collections.abc import Iterator
 
 from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.files import check_regular, read_failure
+from lagcli.model.expression.dimension import SECOND, same
 from lagcli.model.expression.tokens import decimal
-from lagcli.model.expression.units import Factor, UnknownUnit, is_unit, to_si
+from lagcli.model.expression.units import Factor, UnknownUnit, is_unit, read_unit, to_si
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.prose import counted
 
@@ -156,6 +157,21 @@ class CsvTable:
             did_you_mean(nearest(name, known)) or "the columns are " + ", ".join(known[:20]),
             1,
         )
+
+    def times(self, name: str) -> tuple[int, Factor]:
+        """Return the number of the column of times, and its conversion factor to s.
+
+        Raises
+        ------
+        FileError
+            As `column`; or the unit in its title is not one of time.
+        """
+        number, factor, unit = self.column(name, None)
+        if unit and not same(read_unit(unit).dimension, SECOND):
+            raise self.error(
+                "units", f"the times are in {unit}", "give them in s, ms, min, …", 1, number
+            )
+        return number, factor
 
     def number(self, fields: list[str], number: int, line: int) -> float:
         """Return the number in a field; NaN if it is empty or ``nan``.

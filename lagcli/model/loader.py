@@ -329,7 +329,8 @@ def _model(
     if draft.get("fit") is not None:
         from lagcli.model.sections.fit import read_fit
 
-        fit = read_fit(draft)
+        initial = {**positions, **{f"{name}'": x for name, x in velocities.items()}}
+        fit = read_fit(draft, coordinates, initial)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     title = draft.text(draft.get("title"), "`title`")
     description = draft.text(draft.get("description"), "`description`")

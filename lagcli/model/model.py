@@ -385,10 +385,11 @@ class ObservedQuantity(NamedTuple):
         Column of the data.
     sigma : float or None
         Standard deviation of a measured value; None if it is to be estimated.
-    sigma_si : bool
-        Whether sigma is in SI; otherwise in the unit of the column.
+    sigma_given : str, Tree or None
+        The unit in which sigma is given, or its expression of parameters; sigma is in SI then.
+        None if it is in the unit of the column.
     unit : str or None
-        Unit of the column.
+        Unit of the column; None if its title may state it.
     location : SourceLocation
     """
 
@@ -396,7 +397,7 @@ class ObservedQuantity(NamedTuple):
     expression: Basic | str
     column: str
     sigma: float | None
-    sigma_si: bool
+    sigma_given: str | Tree | None
     unit: str | None
     location: SourceLocation
 

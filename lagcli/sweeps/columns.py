@@ -10,7 +10,6 @@ from lagcli.column_units import NOT_STATED
 from lagcli.columns import (
     QUANTITIES,
     SAMPLED,
-    SCALARS,
     ColumnName,
     ResultQuantity,
     read_column_name,
@@ -20,7 +19,6 @@ from lagcli.errors import UsageError
 from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree, walk
-from lagcli.model.expression.units import read_unit
 from lagcli.model.measures import REDUCTIONS, EventMeasure, event_measures
 from lagcli.model.model import Model
 from lagcli.model.names.expansion import expand
@@ -36,9 +34,6 @@ RESERVED = {
 #: Quantities of stored trajectories.
 KEPT = tuple(quantity for quantity in SAMPLED if quantity.kept)
 COUNTS = ("steps", "rejected", "evaluations")
-
-#: Dimensions of columns with one number per sample.
-_SCALARS = {q.name: read_unit(q.unit).dimension for q in SCALARS if "{" not in q.unit}
 
 _NAMED = re.compile(r"\s*([^\W\d_]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)
 
@@ -154,7 +149,7 @@ def _unit(model: Model, tree: Tree, of_log: Mapping[str, str]) -> str:
     columns = [x for x in walk(inner) if isinstance(x, Name) and x.text.startswith("residual_")]
     if columns:
         return _unit_of_name(model, columns[0].text) if columns == [inner] else NOT_STATED
-    return expression_unit(model, inner, _SCALARS) or NOT_STATED
+    return expression_unit(model, inner) or NOT_STATED
 
 
 def _unit_of_name(model: Model, name: str) -> str:

@@ -89,7 +89,7 @@ def test_the_jacobian_is_that_of_the_residuals(tmp_path: Path) -> None:
     measured(tmp_path)
     fitted = model(tmp_path, BOTH)
     assert fitted.fit is not None
-    data = read_measured(fitted.fit.data[0], tmp_path, fitted.fit.observed)
+    data = read_measured(fitted.fit.data[0], tmp_path, fitted, fitted.fit.observed)
     settings = resolve(SettingsOverrides(rtol=1e-12), fitted.settings)
     (experiment,) = experiments_of([fitted], [settings], [data], ("m", "k", "c", "x"))
     values = np.array([1.1, 11.0, 0.25, 0.9])

@@ -21,9 +21,15 @@ from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.column_expressions import column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
-from lagcli.errors import Diagnostic, FileError, LagcliError, UsageError
+from lagcli.errors import Diagnostic, FileError, LagcliError, ModelError, UsageError
 from lagcli.model.csv_table import CsvTable, read_bytes
+from lagcli.model.dimensions.deriving import expression_unit
+from lagcli.model.expression.dimension import same
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.trees import Tree
+from lagcli.model.expression.units import Factor, read_unit
 from lagcli.model.model import DataFile, Model, ObservedQuantity
+from lagcli.model.names.expansion import expand
 from lagcli.settings.settings import Settings
 from lagcli.simulations.inputs import check_input_range
 from lagcli.simulations.sampling import absolute_tolerances
@@ -52,7 +58,10 @@ class Measured:
 
 
 def read_measured(
-    file: DataFile, folder: str | os.PathLike[str], observed: Sequence[ObservedQuantity]
+    file: DataFile,
+    folder: str | os.PathLike[str],
+    model: Model,
+    observed: Sequence[ObservedQuantity],
 ) -> Measured:
     """Read the data of one experiment.
 
@@ -61,6 +70,8 @@ def read_measured(
     file : DataFile
     folder : path
         Folder of relative file names.
+    model : Model
+        The model, with the units of the observed quantities.
     observed : sequence of m ObservedQuantity
 
     Returns
@@ -71,7 +82,9 @@ def read_measured(
     ------
     FileError
         The file cannot be read, lacks a column, or contains an entry that is not a number; the
-        times do not increase; there is no measured value.
+        times do not increase; there is no measured value; a unit does not fit.
+    ModelError
+        A unit of the model file does not fit.
     """
     path = os.fspath(Path(folder) / file.path)
     try:
@@ -81,12 +94,14 @@ def read_measured(
         raise FileError(
             Diagnostic("unreadable", f"`data` of `fit`: {error}", file.location, help_)
         ) from None
-    return _measured(CsvTable(path, data), file.time, observed)
+    return _measured(CsvTable(path, data), file.time, model, observed)
 
 
-def _measured(table: CsvTable, time: str, observed: Sequence[ObservedQuantity]) -> Measured:
-    converted = [table.column(time, None), *(table.column(x.column, x.unit) for x in observed)]
-    columns = [number for number, _, _ in converted]
+def _measured(
+    table: CsvTable, time: str, model: Model, observed: Sequence[ObservedQuantity]
+) -> Measured:
+    converted = [table.times(time), *(_column(table, model, x) for x in observed)]
+    columns = [number for number, _ in converted]
     rows: list[list[float]] = []
     before = -math.inf
     for line, fields in table.rows():
@@ -102,15 +117,41 @@ def _measured(table: CsvTable, time: str, observed: Sequence[ObservedQuantity]) 
             )
         before = row[0]
         rows.append(row)
-    factors = np.array([float(factor) for _, factor, _ in converted])
+    factors = np.array([float(factor) for _, factor in converted])
     values = np.array(rows).reshape(-1, len(columns)) * factors
     if not np.isfinite(values[:, 1:]).any():
         raise FileError(f"{table.path} contains no measured values below its header")
     sigmas = [
-        math.nan if x.sigma is None else x.sigma * (1.0 if x.sigma_si else factor)
+        math.nan if x.sigma is None else x.sigma * (factor if x.sigma_given is None else 1.0)
         for x, factor in zip(observed, factors[1:], strict=True)
     ]
     return Measured(table.path, values[:, 0].copy(), values[:, 1:].copy(), np.array(sigmas))
+
+
+def _column(table: CsvTable, model: Model, x: ObservedQuantity) -> tuple[int, Factor]:
+    """Return the number of a column, and its conversion factor to SI; check its unit, and sigma's.
+
+    Raises
+    ------
+    FileError
+        The column does not exist, or the unit in its title has another dimension than the quantity.
+    ModelError
+        The same of the units of the model file.
+    """
+    number, factor, unit = table.column(x.column, x.unit)
+    own = expression_unit(model, expand(parse(x.name), model.names))
+    sigma = x.sigma_given
+    if isinstance(sigma, Tree):
+        sigma = expression_unit(model, sigma)
+    for what, given in (("its column", unit), ("its `sigma`", sigma)):
+        if own is None or given is None or same(*(read_unit(u).dimension for u in (own, given))):
+            continue
+        message = f"`{x.name}` is in {own}, and {what} in {given}"
+        remedy = f"give it in {own}, or in another unit of that dimension"
+        if given is unit and x.unit is None:
+            raise table.error("units", message, remedy, 1, number)
+        raise ModelError([Diagnostic("units", message, x.location, remedy)])
+    return number, factor
 
 
 class Evaluation(NamedTuple):

@@ -129,7 +129,7 @@ def prepared(model: Model, settings: SettingsOverrides | None = None) -> tuple[P
     block = _block(model)
     names = direction_names(model, [x.name for x in block.fitted], "`parameters` of `fit`")
     folder = os.path.dirname(model.path) if model.path else ""
-    data = [read_measured(file, folder, block.observed) for file in block.data]
+    data = [read_measured(file, folder, model, block.observed) for file in block.data]
     models = [_with_values(model, file.set, file.initial) for file in block.data]
     overrides = (settings or SettingsOverrides()).replace(sensitivity=None)
     chosen = [resolve(overrides, x.settings.replace(sensitivity=None, **_NO_GRID)) for x in models]

@@ -9,7 +9,7 @@ from fractions import Fraction
 import symengine as se
 from symengine import Basic
 
-from lagcli.columns import read_column_name, read_dotted_name
+from lagcli.columns import SCALARS, read_column_name, read_dotted_name
 from lagcli.functions import FUNCTIONS, DimensionRule
 from lagcli.model.dimensions.evaluation import Disagreement, is_constant
 from lagcli.model.dimensions.model_units import (
@@ -105,18 +105,15 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
     )
 
 
-def expression_unit(
-    model: Model, tree: Tree, more: Mapping[str, Scalar] | None = None
-) -> str | None:
+def expression_unit(model: Model, tree: Tree) -> str | None:
     """Return the SI unit of an expression in a model's names; None if it is unknown.
 
     Parameters
     ----------
     model : Model
     tree : Tree
-        May use λ, constraint forces and outputs.
-    more : mapping of str to Dimension, optional
-        Dimensions of further names.
+        May use λ, constraint forces, outputs, and the columns of every result with one number per
+        sample, such as ``energy_total``.
     """
     if not model.units.stated:
         return None
@@ -124,7 +121,7 @@ def expression_unit(
     known.multipliers.update(model.units.multipliers)
     known.names.update(model.units.names)
     known.names.update(model.units.outputs)
-    known.names.update(more or {})
+    known.names.update({q.name: read_unit(q.unit).dimension for q in SCALARS if "{" not in q.unit})
     return text_of(known.numbers.settled(known.evaluated(tree, "")))
 
 

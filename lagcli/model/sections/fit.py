@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
+from collections.abc import Mapping as ValuesOf
 
 from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.model.expression.dimension import same
+from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import read_unit, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
-from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity
+from lagcli.model.model import (
+    Coordinate,
+    DataFile,
+    FitBlock,
+    FittedQuantity,
+    InitialValue,
+    ObservedQuantity,
+)
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity, unit_of
 from lagcli.model.names.namespace import Allowed
-from lagcli.model.sections.coordinates import si_unit
-from lagcli.model.sections.initial import canonical_name
+from lagcli.model.sections.initial import canonical_name, stated_unit
+from lagcli.model.sections.parameters import names_used, read_unit_field
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
 
@@ -24,8 +34,18 @@ _EXAMPLE = (
 )
 
 
-def read_fit(draft: Draft) -> FitBlock | None:
-    """Return the block; None if there is none, or if it has an error."""
+def read_fit(
+    draft: Draft, coordinates: Collection[Coordinate], initial: ValuesOf[str, InitialValue]
+) -> FitBlock | None:
+    """Return the block; None if there is none, or if it has an error.
+
+    Parameters
+    ----------
+    draft : Draft
+    coordinates : collection of Coordinate
+    initial : mapping of str to InitialValue
+        The initial values, by coordinate and velocity (``phi'``).
+    """
     node = draft.get("fit")
     if node is None:
         return None
@@ -38,7 +58,9 @@ def read_fit(draft: Draft) -> FitBlock | None:
         names = " and no ".join(f"`{name}`" for name in missing)
         draft.report.add("missing-value", f"`fit` has no {names}", node.location, _EXAMPLE)
         return None
-    reader = _FitReader(draft)
+    units = {name: x.unit for name, x in draft.parameters.items()}
+    units |= {name: stated_unit(name, x, coordinates) for name, x in initial.items()}
+    reader = _FitReader(draft, units)
     data = reader.files(fields["data"])
     observed = reader.observed(fields["observe"])
     fitted = reader.fitted(fields["parameters"])
@@ -50,10 +72,17 @@ def read_fit(draft: Draft) -> FitBlock | None:
 
 
 class _FitReader:
-    """Reads the parts of the block."""
+    """Reads the parts of the block.
 
-    def __init__(self, draft: Draft):
-        self.draft = draft
+    Parameters
+    ----------
+    draft : Draft
+    units : mapping of str to str or None
+        Units of parameters and initial values, where they are stated.
+    """
+
+    def __init__(self, draft: Draft, units: ValuesOf[str, str | None]):
+        self.draft, self.units = draft, units
 
     # data files
 
@@ -115,20 +144,27 @@ class _FitReader:
     def observed_one(self, name: str, key: Scalar, node: YamlNode) -> ObservedQuantity | None:
         what = f"the observed quantity `{shorten(name)}`"
         column: str | None = name
-        sigma = unit = None
-        converted = False
+        sigma: float | None = None
+        sigma_given: str | Tree | None = None
+        unit: str | None = None
         if isinstance(node, Mapping):
             fields = self.draft.fields(node, what, keys_of(OBSERVED))
             if "column" in fields:
                 column = self.draft.text(fields["column"], f"`column` of {what}")
-            unit = self.draft.text(fields.get("unit"), f"`unit` of {what}")
-            if unit is not None and not si_unit(self.draft, unit, fields["unit"]):
+            unit, good = read_unit_field(self.draft, fields.get("unit"), what)
+            if not good:
                 return None
             if "sigma" in fields:
-                sigma = self.number(fields["sigma"], f"`sigma` of {what}")
-                converted = unit_of(fields["sigma"]) is not None
+                sigma_what = f"`sigma` of {what}"
+                quantity = read_quantity(self.draft, fields["sigma"], sigma_what)
+                if quantity is None:
+                    return None
+                sigma = QuantityValue(self.draft, quantity, sigma_what).number()
                 if sigma is None:
                     return None
+                tree = quantity.parsed.tree
+                of_parameters = not {"pi"}.issuperset(names_used(tree))
+                sigma_given = quantity.unit or (tree if of_parameters else None)
                 if sigma <= 0:
                     self.draft.report.add(
                         "bad-setting",
@@ -142,7 +178,7 @@ class _FitReader:
         expression = self.expression(name, key, what)
         if expression is None or column is None:
             return None
-        return ObservedQuantity(name, expression, column, sigma, converted, unit, key.location)
+        return ObservedQuantity(name, expression, column, sigma, sigma_given, unit, key.location)
 
     def expression(self, name: str, key: Scalar, what: str) -> Basic | str | None:
         """Return the observed quantity: an expression, or the name of a column of every run."""
@@ -204,7 +240,7 @@ class _FitReader:
         what = f"`{shorten(name)}` of `fit`"
         if isinstance(node, Mapping):
             fields = self.draft.fields(node, what, keys_of(FITTED))
-            unit = self.draft.parameters[known].unit if known in self.draft.parameters else None
+            unit = self.units.get(known)
             for bound, value in fields.items():
                 number = self.number(value, f"`{bound}` of {what}")
                 if number is None or not self.has_unit(value, unit, f"`{bound}` of {what}"):
@@ -233,14 +269,14 @@ class _FitReader:
                 return True
             self.draft.report.add(
                 "units",
-                f"{what} is in {given}, and the parameter in {unit}",
+                f"{what} is in {given}, and its value in {unit}",
                 node.location,
                 f"give it in {unit}, or in another unit of that dimension",
             )
             return False
         self.draft.report.add(
             "missing-value",
-            f"{what} has no unit, and the parameter is given in {unit}",
+            f"{what} has no unit, and its value is given in {unit}",
             node.location,
             f"write it as `{node.value.strip() if isinstance(node, Scalar) else 1} {unit}`",
         )

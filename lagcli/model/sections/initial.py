@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from lagcli.columns import unit_quotient
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tensors import Tensor
@@ -23,7 +24,7 @@ from lagcli.model.expression.trees import (
 )
 from lagcli.model.expression.units import si_notation, to_si
 from lagcli.model.keys import INITIAL, keys_of
-from lagcli.model.model import InitialValue, Written
+from lagcli.model.model import Coordinate, InitialValue, Written
 from lagcli.model.names.draft import (
     Draft,
     Entry,
@@ -721,6 +722,15 @@ def canonical_name(draft: Draft, name: str, vectors: bool = False) -> str | None
             return f"{base}'"
     base, bracket, index = name.partition("_dot[")
     return f"{base}[{index}'" if bracket and known(f"{base}[{index}") else None
+
+
+def stated_unit(name: str, value: InitialValue, coordinates: Iterable[Coordinate]) -> str | None:
+    """Return the unit of an initial value, or else that of its coordinate; None without both."""
+    if value.unit is not None:
+        return value.unit
+    base = name.removesuffix("'")
+    unit = next((c.unit for c in coordinates if c.name == base), None)
+    return unit if unit is None or base == name else unit_quotient(unit, "s")
 
 
 def _every(draft: Draft) -> list[str]:

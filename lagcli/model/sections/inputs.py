@@ -263,12 +263,8 @@ class _InputEntry:
     def of_table(
         self, table: CsvTable, texts: Mapping[str, str | None], unit: str | None
     ) -> InputData:
-        at, time_factor, time_unit = table.column(texts["time"] or "t", None)
+        at, time_factor = table.times(texts["time"] or "t")
         column, factor, unit = table.column(texts["column"] or self.name, unit)
-        if time_unit and not same(read_unit(time_unit).dimension, SECOND):
-            raise table.error(
-                "units", f"the times are in {time_unit}", "give them in s, ms, min, …", 1, at
-            )
         times, values = array("d"), array("d")
         before, to_seconds, to_unit = -math.inf, float(time_factor), float(factor)
         number = table.number

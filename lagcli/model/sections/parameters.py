@@ -163,7 +163,7 @@ class _ParameterReader:
         if isinstance(d.node, MappingNode):
             fields = draft.fields(d.node, what, keys_of(PARAMETER))
             description = draft.text(fields.get("description"), f"`description` of {what}")
-            unit, good = _unit(draft, fields.get("unit"), what)
+            unit, good = read_unit_field(draft, fields.get("unit"), what)
             value = fields.get("value")
             ends = {end: fields[end] for end in ("min", "max") if end in fields}
             if value is None and d.name not in self.overrides:
@@ -365,7 +365,7 @@ def structural(draft: Draft) -> dict[str, Parameter]:
     }
 
 
-def _unit(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, bool]:
+def read_unit_field(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, bool]:
     """Return the unit in a field, and whether it is valid."""
     if node is None:
         return None, True

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 import symengine as se
 
-from lagcli.columns import unit_quotient
 from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
 from lagcli.files import check_readable, read_failure
 from lagcli.model.csv_table import split_title
@@ -27,6 +26,7 @@ from lagcli.model.model import Model
 from lagcli.model.names.building import build, name_errors
 from lagcli.model.names.namespace import Allowed, Namespace
 from lagcli.model.names.scope import Scope
+from lagcli.model.sections.initial import stated_unit
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.prose import counted
 from lagcli.sweeps.plan import factors
@@ -352,7 +352,9 @@ def si_factor(model: Model, name: str, unit: str | None, form: str = "after the 
     UnknownUnit
     """
     parameter = model.parameters.get(name)
-    stated = parameter.unit if parameter else _initial_unit(model, name)
+    stated = parameter.unit if parameter else None
+    if parameter is None:
+        stated = stated_unit(name, model.initial[name], model.coordinates)
     if unit is not None:
         given = read_unit(unit)
         if stated is not None and not same(given.dimension, read_unit(stated).dimension):
@@ -367,17 +369,6 @@ def si_factor(model: Model, name: str, unit: str | None, form: str = "after the 
             f" write the unit {form.replace('UNIT', stated)}"
         )
     return Fraction(1)
-
-
-def _initial_unit(model: Model, name: str) -> str | None:
-    """Return the unit of an initial position or velocity, if the file states it."""
-    if (given := model.initial[name].unit) is not None:
-        return given
-    base = name.removesuffix("'")
-    unit = next((c.unit for c in model.coordinates if c.name == base), None)
-    if unit is None or base == name:
-        return unit
-    return unit_quotient(unit, "s")
 
 
 @dataclass(frozen=True)

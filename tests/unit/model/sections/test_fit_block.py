@@ -36,8 +36,8 @@ def test_what_is_measured_observed_and_to_be_found() -> None:
     (data,) = found.data
     assert (data.path, data.time, data.set, data.initial) == ("run.csv", "T", {}, {})
     phi, force = found.observed
-    assert (phi.name, phi.column, phi.sigma, phi.sigma_si) == ("phi", "enc", 1e-3, True)
-    assert (force.name, force.column, force.sigma_si) == ("lambda.rope", "lambda.rope", False)
+    assert (phi.name, phi.column, phi.sigma, phi.sigma_given) == ("phi", "enc", 1e-3, "mrad")
+    assert (force.name, force.column, force.sigma_given) == ("lambda.rope", "lambda.rope", None)
     assert [(x.name, x.low, x.high) for x in found.fitted] == [
         ("m", 0.1, 5.0),
         ("l", -math.inf, 0.5),
@@ -77,6 +77,8 @@ def test_expressions_and_columns_of_all_runs_are_observed() -> None:
         (DATA + OBSERVE + "  parameters: {m: 3}\n", "must be a mapping"),
         (DATA + OBSERVE + "  parameters: {m: {min: 3, max: 2}}\n", "is not below `max`"),
         (DATA + OBSERVE + "  parameters: {l: {min: 3}}\n", "has no unit"),
+        (DATA + OBSERVE + "  parameters: {phi: {min: 5 m}}\n", "in m, and its value in rad"),
+        (DATA + OBSERVE + "  parameters: {x': {max: 5 m}}\n", "in m, and its value in m/s"),
         (DATA + OBSERVE + "  parameters: {phi': {}, phi_dot: {}}\n", "named twice"),
         ("  data: {file: a.csv, set: {m: 3}}\n" + OBSERVE + FOUND, "a.csv fixes it"),
     ],
