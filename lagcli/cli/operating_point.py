@@ -62,7 +62,7 @@ def load_steady(
         As `lagcli.load`; or a name is not a velocity of the model.
     """
     from lagcli.analysis.local.steady import velocity_coordinate
-    from lagcli.analysis.local.steady_terms import is_velocity
+    from lagcli.analysis.local.steady_terms import is_velocity, steady_unit
     from lagcli.model.loader import load, load_text
     from lagcli.model.values import given_value
 
@@ -78,8 +78,11 @@ def load_steady(
         for text in held
         if is_velocity(loaded.coordinate_names, text)
     }
+    for text, name in names.items():
+        form = f'after the value, as in --steady "{text}={held[text]} UNIT"'
+        _check_unit(loaded, "--steady", f"{name}'", held[text], form)
     target_values: dict[str, float | None] = {
-        text: given_value(loaded, "--steady", text, value)
+        text: given_value(loaded, "--steady", text, value, steady_unit)
         for text, value in held.items()
         if text not in names
     }
@@ -92,6 +95,18 @@ def load_steady(
         again = load_text(loaded.text, loaded.path, parameters, initial, loaded.data)
     values = {f"{name}'": again.initial_velocities[name].value for name in names.values()}
     return again, {**values, **target_values, **dict.fromkeys(unknown)}
+
+
+def _check_unit(model: Model, option: str, name: str, text: str, form: str) -> None:
+    """Raise an error for a number without a unit if the file gives it in another unit than SI."""
+    from lagcli.model.expression.tokens import is_number
+    from lagcli.sweeps.plan.vary import si_factor
+
+    if is_number(text):
+        try:
+            si_factor(model, name, None, form)
+        except UsageError as error:
+            raise UsageError(f"{option}: {error}") from None
 
 
 def print_analysis(
@@ -125,7 +140,8 @@ def formatted(format: Callable[[], str]) -> str:
 def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     """Parse NAME=START:END, and load the model with the parameter at its start.
 
-    Both ends are parsed as values of the parameter, or as initial velocities: with units.
+    Both ends are parsed as values of the parameter, or as initial velocities: with units, which may
+    follow the last only.
 
     Returns
     -------
@@ -141,7 +157,9 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
         The text does not have this form, or there is no such parameter or velocity.
     """
     from lagcli.analysis.local.steady import velocity_coordinate
-    from lagcli.analysis.local.steady_terms import is_velocity
+    from lagcli.analysis.local.steady_terms import is_velocity, steady_unit
+    from lagcli.model.expression.tokens import is_number
+    from lagcli.model.expression.units import WITH_UNIT
     from lagcli.model.loader import load_text
     from lagcli.model.spelling import did_you_mean, nearest
     from lagcli.model.values import given_value
@@ -149,6 +167,8 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     name, equals, span = along.partition("=")
     first, colon, last = span.partition(":")
     name, ends = name.strip(), (first.strip(), last.strip())
+    if (unit := WITH_UNIT.fullmatch(ends[1])) and is_number(ends[0]):
+        ends = f"{ends[0]} {unit[2]}", ends[1]  # the unit after the last is that of both
     if not (equals and colon and name and all(ends)) or ":" in last:
         raise UsageError(f"--along {along!r} is not of the form NAME=START:END, as in P=0:3")
     unknown = name.isidentifier() and not name.endswith("_dot")
@@ -161,7 +181,9 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
             f"--along: the model has no parameter `{name}`;"
             f" {did_you_mean(nearest(name, known)) or listed}"
         )
+    form = f'after the last value, as in --along "{name}={ends[0]}:{ends[1]} UNIT"'
     if name in model.parameters:
+        _check_unit(model, "--along", name, ends[0], form)
         models = [
             load_text(
                 model.text, model.path, {**model.set, name: end}, model.set_initial, model.data
@@ -171,9 +193,10 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
         start, end = (m.parameters[name].value for m in models)
         return models[0], name, start, end
     if not is_velocity(model.coordinate_names, name):
-        values = [given_value(model, "--along", name, end) for end in ends]
+        values = [given_value(model, "--along", name, end, steady_unit) for end in ends]
         return model, name, values[0], values[1]
     coordinate = velocity_coordinate(model.coordinate_names, name)
+    _check_unit(model, "--along", f"{coordinate}'", ends[0], form)
     given = {k: x for k, x in model.set_initial.items() if k not in (name, f"{coordinate}'")}
     models = [
         load_text(

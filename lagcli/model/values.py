@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.model.diagnostics import Diagnostics
+from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.constants import constant
+from lagcli.model.expression.dimension import same
+from lagcli.model.expression.units import read_unit
 from lagcli.model.model import Model, Written
 from lagcli.model.names.building import build
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
@@ -43,13 +46,24 @@ def given_expression(model: Model, option: str, text: str) -> Basic:
     return expression
 
 
-def given_value(model: Model, option: str, name: str, text: str) -> float:
+def given_value(
+    model: Model, option: str, name: str, text: str, unit_of: Callable[[Model, str], str | None]
+) -> float:
     """Return the value of a number with a unit, or of an expression of parameters, SI.
+
+    Parameters
+    ----------
+    model : Model
+    option, name, text : str
+        The option, what it gives a value, and the value.
+    unit_of : callable
+        Function of the model and the name: the SI unit of what has the value, None if it is
+        unknown.
 
     Raises
     ------
     ModelError
-        It has an error, or depends on more than parameters.
+        It has an error, another dimension than what it is for, or depends on more than parameters.
     """
     node, what = override_node(option, name, text), f"the value of `{name}`"
     draft = draft_of(model, node.source)
@@ -57,6 +71,17 @@ def given_value(model: Model, option: str, name: str, text: str) -> float:
     number: float | None = None
     if quantity is not None:
         value = QuantityValue(draft, quantity, what, Allowed.PARAMETERS)
+        stated = quantity.unit
+        if stated is None and quantity.number is None:
+            stated = expression_unit(model, quantity.parsed.tree)
+        unit = unit_of(model, name) if stated is not None else None
+        if stated and unit and not same(*(read_unit(x).dimension for x in (stated, unit))):
+            draft.report.add(
+                "units",
+                f"`{name}` is in {unit}, and its value in {stated}",
+                node.location,
+                f"give it in {unit}, or in another unit of that dimension",
+            )
         if quantity.number is not None:
             number = value.number()
         elif (expression := value.expression()) is not None:

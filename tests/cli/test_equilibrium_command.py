@@ -223,3 +223,60 @@ def test_lines_of_equilibria_take_few_lines(
     assert "branch point (line of equilibria) on branch 0: Omega = 3.96181776461" in said
     assert "all of it is a line of equilibria at Omega = 3.96181776461" in said
     assert "stable 3 to 3.96182; unstable 3.96182 to 5" in said
+
+
+GOVERNOR = """\
+coordinates: {th: rad, a: rad}
+parameters: {m: 2 kg, l: 50 cm, g: 9.81 m/s^2, J: 0.3 kg*m^2, P: 1 kN, k: 30 N*m}
+T: m*l^2*(a'^2 + sin(a)^2*th'^2) + J/2*th'^2
+V: -2*m*g*l*cos(a) + k/2*a^2 - P*l/1000*sin(a)
+initial: {th: 0, a: 20 deg, th': 60 rpm, a': 0}
+simulation: {t_end: 1 s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--steady", "th'=60"], 'as in --steady "th\'=60 rpm"'),
+        (["--steady", "th'=60 kg"], "must be in rad/s, not in kg"),
+        (["--steady", "th'+a'=60 kg"], "`th'+a'` is in rad/s, and its value in kg"),
+        (["--steady", "th'+a'=m"], "`th'+a'` is in rad/s, and its value in kg"),
+        (["--steady", "p_th=3 kg"], "`p_th` is in kg*m^2/s, and its value in kg"),
+        (["--steady", "rate(p_th)=6 m/s"], "`rate(p_th)` is in 1/s, and its value in m/s"),
+        (["--along", "P=0:3"], 'as in --along "P=0:3 kN"'),
+        (["--along", "P=0:3 kg"], "`P` is in kN in the file, and in kg here"),
+        (["--along", "th'=10:60"], 'as in --along "th\'=10:60 rpm"'),
+        (["--along", "p_th=1:2 kg"], "`p_th` is in kg*m^2/s, and its value in kg"),
+    ],
+)
+def test_values_of_steady_motions_have_their_dimension(
+    options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "governor.yaml").write_text(GOVERNOR)
+    assert run(["equilibrium", str(tmp_path / "governor.yaml"), *options]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [("th'=60 rpm", 2 * math.pi), ("p_th=3 N*mm*s", 0.003), ("rate(p_th)=60 rpm", 2 * math.pi)],
+)
+def test_values_of_steady_motions_are_converted_to_si(
+    value: str, expected: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "governor.yaml").write_text(GOVERNOR)
+    model = str(tmp_path / "governor.yaml")
+    assert run(["equilibrium", model, "--steady", value, "--json"]) == 0
+    steady = json.loads(capsys.readouterr().out)["steady"]
+    assert list(steady.values()) == pytest.approx([expected])
+
+
+def test_the_unit_after_the_last_value_is_that_of_both_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "governor.yaml").write_text(GOVERNOR)
+    model = str(tmp_path / "governor.yaml")
+    assert run(["equilibrium", model, "--along", "P=1:2 kN", "--json"]) == 0
+    (branch,) = json.loads(capsys.readouterr().out)["branches"]
+    assert (branch["parameter"][0], branch["parameter"][-1]) == pytest.approx((1000, 2000))

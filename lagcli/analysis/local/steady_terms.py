@@ -23,9 +23,16 @@ from lagcli.analysis.local.steady import (
 )
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.symmetry.conserved import ConservedQuantity, conserved_quantities
 from lagcli.errors import NumericalError, UsageError
+from lagcli.model.dimensions.deriving import expression_unit, symbolic_unit
+from lagcli.model.expression.dimension import ENERGY, product, unit_of
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.units import read_unit
 from lagcli.model.model import Model
+from lagcli.model.names.expansion import expand
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.values import given_expression
 
@@ -239,6 +246,24 @@ class SteadyTerms:
         weights = np.linalg.pinv(matrix, rcond=_SAME) @ target
         exact = np.abs(matrix @ weights - target).max(initial=0.0) < _SAME
         return np.where(np.abs(weights) > _SAME, weights, 0.0) if exact else None
+
+
+def steady_unit(model: Model, text: str) -> str | None:
+    """Return the SI unit of an expression, a momentum or a rate; None if it is unknown."""
+    try:
+        unit = expression_unit(model, expand(parse(text), model.names))
+    except ExpressionError:
+        return None  # reported where it is built
+    if unit is not None or not model.units.stated:
+        return unit
+    rate = _RATE.fullmatch(text)
+    name = rate[1] if rate else text
+    found = conserved_quantities(derive(model)).quantities
+    momentum = next((x for x in found if x.name == name and x.kind == "momentum"), None)
+    unit = None if momentum is None else symbolic_unit(model, momentum.expression)
+    if unit is None or not rate:
+        return unit
+    return unit_of(product(ENERGY, read_unit(unit).dimension, -1))  # momentum · rate is an energy
 
 
 def is_velocity(names: Sequence[str], text: str) -> bool:

@@ -179,7 +179,7 @@ class _VaryReader:
     def factor(self, span: tuple[int, int] | None) -> Factor:
         """Return the factor to SI of the unit in a span; without a unit, of SI."""
         unit = self.option.text[slice(*span)] if span else None
-        form = f"after the values, as in --vary '{self.name}=1:2:0.1 UNIT'"
+        form = f'after the values, as in --vary "{self.name}=1:2:0.1 UNIT"'
         try:
             return si_factor(self.model, self.name, unit, form)
         except UsageError as error:
