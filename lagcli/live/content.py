@@ -42,6 +42,7 @@ from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.resources import Resources, method_of, resources, settable_parameters
 from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation, prepare
+from lagcli.simulations.start import determined_values
 from lagcli.trajectory.samples import Record, Samples
 from lagcli.trajectory.trajectory import complete, joined
 
@@ -117,6 +118,7 @@ class _Contents:
                 "events": [event.name for event in model.events],
             },
             "controls": {name: _set(control) for name, control in self._controls().items()},
+            "determined": determined_values(model, self.simulation.system, self.simulation.start),
             "guesses": [name for name, x in model.initial.items() if not x.fixed],
             "settings": {
                 "t_start": settings.t_start,

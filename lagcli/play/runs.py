@@ -43,6 +43,7 @@ from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation
+from lagcli.simulations.start import determined_values
 from lagcli.simulations.variants import Variants
 from lagcli.trajectory.event_log import EventLog, event_sentences
 from lagcli.trajectory.samples import Record, Samples
@@ -301,6 +302,7 @@ class Played:
             "start": {
                 name: shown[name](first[name]) for name, x in model.initial.items() if not x.fixed
             },
+            "determined": determined_values(model, simulation.system, simulation.start),
             "t_end": simulation.settings.t_end,
             "method": record.options["method"],
             "counts": record.counts,

@@ -13,17 +13,15 @@ import numpy as np
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     Spin,
-    along,
     consistent_state,
+    determined,
     free_directions,
     rates_of_spin,
     spin_of,
 )
 from lagcli.engine.contract import IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.linear import dense
 from lagcli.engine.lowering.tangent import lower_tangent
-from lagcli.engine.scales import lengths_of_rows, usable
 from lagcli.engine.sensitivity.integration import Derivatives, Sink, TangentProblem
 from lagcli.engine.sensitivity.start import (
     ContradictingStart,
@@ -286,20 +284,10 @@ class Sensitivity:
         return self._determines
 
     def _leaves_no_choice(self, start: ConsistentState) -> bool:
-        state, system = start.state, self.system
-        evaluator = self._evaluator.with_parameters(state.p)
-        jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
-        sizes = evaluator.sizes(state.t, state.q, state.v)
-        held = list(system.held_at_start)
-        fixed_q, fixed_v = self.directions.fixed
-        holonomic = jacobian[[i for i in system.holonomic if i in set(held)]]
-        positions = np.eye(len(sizes))[:, ~fixed_q]
-        velocities = free_directions(self.spins, fixed_v, state.q)
-        for rows, free in ((holonomic, positions), (jacobian[held], velocities)):
-            own = 1 / usable(lengths_of_rows(free.T, 1 / sizes))
-            if dense.count_rank(along(rows, free), sizes=own) < free.shape[1]:
-                return False
-        return True
+        evaluator, fixed = self._evaluator.with_parameters(start.state.p), self.directions.fixed
+        of_q, of_v = determined(evaluator, start.state, *fixed, self.spins)
+        free_v = free_directions(self.spins, fixed[1], start.state.q).any(axis=1)
+        return bool(of_q[~np.asarray(fixed[0], bool)].all() and of_v[free_v].all())
 
     @cached_property
     def spins(self) -> tuple[Spin, ...]:

@@ -18,6 +18,7 @@ from lagcli.engine.constraints.initial import (
     VanishingGradient,
     consistent_state,
     dependent_sets,
+    determined,
 )
 from lagcli.engine.contract import Outcome
 from lagcli.engine.evaluator import Dynamics, Evaluator
@@ -173,6 +174,27 @@ def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
         Its rank is None if there is no consistent initial state.
     """
     return ModelStart(equations).freedom
+
+
+def determined_values(model: Model, system: System, start: ConsistentState) -> list[str]:
+    """Return the free initial values that the constraints determine, by name.
+
+    Parameters
+    ----------
+    model : Model
+    system : System
+    start : ConsistentState
+        Of this model.
+    """
+    _, fixed_q = _initial(model, model.initial_positions)
+    _, fixed_v = _initial(model, model.initial_velocities)
+    evaluator = Evaluator(system, start.state.p)
+    flags = determined(evaluator, start.state, fixed_q, fixed_v, spins_of(model))
+    states = (
+        (model.coordinate_names, flags[0]),
+        ([f"{q}'" for q in model.coordinate_names], flags[1]),
+    )
+    return [name for names, of in states for name, is_so in zip(names, of, strict=True) if is_so]
 
 
 def _initial(model: Model, table: Any) -> tuple[Array, Flags]:

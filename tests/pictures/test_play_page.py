@@ -235,14 +235,17 @@ def test_values_beyond_the_slider_and_reset(crank):
 
 def test_guesses_are_freed_and_fixed(crank):
     p = crank
-    assert "starts at 0.160497" in p.note("psi")
+    assert "follows from the constraints: 0.160497" in p.note("psi")
+    assert not p.slider("psi").is_visible()
+    assert p.slider("phi").is_visible()
     assert p.note("phi").strip() == "guess"
     # the other solution of the constraint
     p.enter("psi", "3")
-    assert "starts at 2.9811" in p.note("psi")
+    assert "follows from the constraints: 2.9811" in p.note("psi")
     box = p.page.locator('.control[data-name="psi"]').get_by_label("guess")
     box.uncheck()
     p.settled()
+    assert p.slider("psi").is_visible()
     # fixed where the start had put it
     fixed = p.page.evaluate("page.controls.given.get('psi').text")
     assert p.field("psi").input_value() == "2.9811"
@@ -250,7 +253,8 @@ def test_guesses_are_freed_and_fixed(crank):
     assert f"--set-initial psi={fixed}" in p.command()
     p.page.locator('.control[data-name="phi"]').get_by_label("guess").check()
     p.enter("psi", "0.2")
-    assert "starts at" in p.note("phi")
+    assert "follows from the constraints" in p.note("phi")  # now that psi is fixed
+    assert not p.slider("phi").is_visible()
     assert "'phi={guess: 0.5}'" in p.command()
     t = simulated(set_initial={"psi": "0.2", "phi": "{guess: 0.5}"})
     assert np.array_equal(p.curve(1, 0), t.q[:, 0])

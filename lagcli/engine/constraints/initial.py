@@ -587,6 +587,38 @@ def free_directions(spins: Sequence[Spin], fixed: Flags, q: Array) -> Array:
     return np.hstack(columns)
 
 
+def determined(
+    evaluator: Evaluator, state: State, fixed_q: Flags, fixed_v: Flags, spins: Sequence[Spin]
+) -> tuple[Flags, Flags]:
+    """Return which free coordinates and velocities the constraints determine, (nq,) each.
+
+    Their guesses only select one of several solutions.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+        With the parameters of the state.
+    state : State
+        A consistent one.
+    fixed_q, fixed_v : (nq,) arrays of bool
+    spins : sequence of Spin
+        See `consistent_state`.
+    """
+    system, held = evaluator.system, list(evaluator.system.held_at_start)
+    jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
+    sizes = evaluator.sizes(state.t, state.q, state.v)
+    holonomic = [i for i in system.holonomic if i in set(held)]
+    positions = np.eye(len(sizes))[:, ~np.asarray(fixed_q, bool)]
+    velocities = free_directions(spins, fixed_v, state.q)
+    found: list[Flags] = []
+    for rows, free in ((holonomic, positions), (held, velocities)):
+        own = 1 / usable(lengths_of_rows(free.T, 1 / sizes))
+        null = free @ dense.decompose(along(jacobian[rows], free), sizes=own).null
+        still = (np.abs(null) <= _TAKES_PART * sizes[:, None]).all(axis=1)
+        found.append(np.asarray(free.any(axis=1) & still))
+    return found[0], found[1]
+
+
 def along(jacobian: Array, free: Array) -> Array:
     """Return the rows of B along directions, B times `free_directions`, without rounding errors.
 

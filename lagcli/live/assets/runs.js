@@ -156,7 +156,9 @@ class Runs {
     this.states.forEach((name, i) => {
       if (guesses.has(name)) start[name] = this.shown(name, state[i]);
     });
-    return { values, start, t_end };
+    // what the constraints determine is known for the guesses of the model
+    const own = guesses.size === content.guesses.length && content.guesses.every((name) => guesses.has(name));
+    return { values, start, determined: own ? content.determined : [], t_end };
   }
 
   /** Return the command line that repeats a run, quoted for the shell. */

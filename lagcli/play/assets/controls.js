@@ -31,6 +31,7 @@ class Controls {
     this.rows = new Map(); // name → Row
     this.values = {};
     this.start = {};
+    this.determined = []; // names of guesses that follow from the constraints
     this.open = new Set(); // keys of sections and families
     this.known = new Set(); // sections that have been shown
     this.logarithmic = new Set(); // names whose sliders are
@@ -47,9 +48,9 @@ class Controls {
   }
 
   /** Show the values of a run. */
-  follow({ values, start, t_end }) {
+  follow({ values, start, determined, t_end }) {
     this.values = { ...values, t_end };
-    this.start = start;
+    [this.start, this.determined] = [start, determined];
     for (const row of this.rows.values()) this.#show(row);
   }
 
@@ -201,6 +202,7 @@ class Controls {
       value: this.values[name] ?? value,
       free: given?.free ?? free,
       start: this.start[name],
+      determined: this.determined.includes(name),
       source,
     });
   }
@@ -268,7 +270,7 @@ class Row {
   }
 
   /** Show a value and what is known of it; `text` is the reader's, undefined where there is none. */
-  show({ text, value, free, start, source }) {
+  show({ text, value, free, start, determined, source }) {
     const { unit, text: expression } = this.control;
     const number = text === undefined || text === "" || Number.isNaN(Number(text)) ? value : Number(text);
     if (this.logarithmic && !(number > 0)) this.scale.click(); // a linear one has it
@@ -285,7 +287,12 @@ class Row {
     if (this.free) this.free.checked = free;
     const said = [];
     if (expression && text === undefined) said.push(`= ${expression}`);
-    if (this.free && free && start !== undefined) said.push(`starts at ${Row.written(start, 6)}`);
+    // a guess that only selects a solution has a field and no slider
+    this.element.classList.toggle("determined", Boolean(free && determined));
+    if (this.free && free && start !== undefined) {
+      const words = determined ? "follows from the constraints:" : "starts at";
+      said.push(`${words} ${Row.written(start, 6)}`);
+    }
     this.said.textContent = said.join(", ");
     this.note.hidden = !this.free && !said.length;
   }

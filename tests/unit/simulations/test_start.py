@@ -10,7 +10,13 @@ import lagcli
 from lagcli.engine.system import State
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError, NumericalError
-from lagcli.simulations.start import ModelStart, degrees_of_freedom, negative_inertia
+from lagcli.simulations.simulation import Simulation, prepare
+from lagcli.simulations.start import (
+    ModelStart,
+    degrees_of_freedom,
+    determined_values,
+    negative_inertia,
+)
 
 ROD = """name: a rod of length l
 coordinates: [x, y]
@@ -93,3 +99,31 @@ def test_inertia_is_negative_where_an_eigenvalue_is(seed: int) -> None:
     least = np.linalg.eigvalsh(mass * np.outer(scale, scale))[0]
     found = negative_inertia(system, State(0.0, np.zeros(n), np.zeros(n), tuple(p)), 0)
     assert bool(found) == (least < -1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "initial", "expected"),
+    [
+        ("slider_crank", {}, ["psi", "psi'"]),
+        ("slider_crank", {"phi": "{guess: 0.5}"}, ["psi'"]),  # either angle is free
+        ("slider_crank", {"psi": "0.160497", "phi": "{guess: 0.5}"}, ["phi", "psi'"]),
+        ("pendulum_cartesian", {}, None),
+        ("double_pendulum_cartesian", {}, None),
+    ],
+)
+def test_guesses_that_the_constraints_determine(
+    name: str, initial: dict[str, str], expected: list[str] | None
+) -> None:
+    def started(**guesses: str) -> Simulation:
+        return prepare(lagcli.load(name, set_initial=initial | guesses))
+
+    simulation = started()
+    model, start = simulation.model, simulation.start
+    found = determined_values(model, simulation.system, start)
+    guesses = [key for key, value in model.initial.items() if not value.fixed]
+    assert found == (guesses if expected is None else expected)
+    # moving any other guess moves the start, moving these does not
+    for guess in guesses:
+        state = started(**{guess: f"{{guess: {model.initial[guess].value + 0.01}}}"}).start.state
+        away = max(abs(state.q - start.state.q).max(), abs(state.v - start.state.v).max())
+        assert (away < 1e-9) == (guess in found), guess
