@@ -7,6 +7,13 @@
 /* Size of the state y = (q, v, W). */
 int lag_size(const lag_system *system);
 
+/* n numbers, and those up to a multiple of four: states and stages have room for them, which are zeros, so that sums
+ * need not treat the last numbers apart. */
+static inline int lag_whole_vectors(int n)
+{
+    return (n + 3) / 4 * 4;
+}
+
 /* Parts of a tape: all; for the dynamics, intermediate results for other right sides; for the constraints, phi with
  * its scale, or B, psi and its scale. */
 enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 };

@@ -4,6 +4,7 @@
 
 #include "methods/implicit.h"
 #include "bind.h"
+#include "evaluate.h"
 #include "motion.h"
 #include "memory.h"
 #include "methods/method.h"
@@ -51,11 +52,13 @@ static void copy_problem(lag_run *run, const lag_problem *given)
     run->step.t = run->step.t_start = given->t;
     run->step.t_stop = given->settings.t_end;
     run->step.h_max = given->settings.max_step;
-    run->step.y = lag_copy_doubles(pool, given->y, lag_size(&run->system));
+    run->step.y = lag_doubles(pool, lag_whole_vectors(lag_size(&run->system)));
     run->tolerances.given = lag_copy_doubles(pool, given->atol, n);
     run->tolerances.atol = lag_doubles(pool, lag_size(&run->system));
-    if (!pool->failed)
+    if (!pool->failed) {
+        memcpy(run->step.y, given->y, (size_t)lag_size(&run->system) * sizeof(double));
         memcpy(run->tolerances.atol, given->atol, (size_t)n * sizeof(double));
+    }
     run->tolerances.kind = lag_copy_integers(pool, given->kind, nq);
     for (int i = 0; i < nq; ++i)
         if (run->tolerances.kinds <= given->kind[i])
@@ -103,11 +106,12 @@ static void allocate(lag_run *run)
     const int nq = run->system.nq, nc = run->system.nc, n = lag_size(&run->system), rank = run->rows.rank;
     const int size = nq + 2 * nc - rank, kinds = run->tolerances.kinds;
     lag_step *step = &run->step;
+    const int whole = lag_whole_vectors(n);
     step->f = lag_doubles(pool, n);
-    step->y_old = lag_doubles(pool, n);
-    step->y_new = lag_doubles(pool, n);
+    step->y_old = lag_doubles(pool, whole);
+    step->y_new = lag_doubles(pool, whole);
     step->f_new = lag_doubles(pool, n);
-    step->trial = lag_doubles(pool, n);
+    step->trial = lag_doubles(pool, whole);
     step->stages = lag_doubles(pool, 16 * (n + 7));
     step->dense = lag_doubles(pool, 7 * (n + 7));
     step->work = lag_doubles(pool, 2 * (n + size) + 3 * nc);

@@ -1,22 +1,17 @@
 /* A step of DOP853 in eight lanes, each with its own size; see dop853.c for one. */
 
-/* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
-static void batch_add_stages(const double *base, const double *stages, const double *weight,
-                             int count, const double *h, int n, int rows, double *y)
+/* y = base + h times a sum of stages; `rows` of n. */
+static void batch_add_stages(const double *base, const double *stages, const dop_sum *of, const double *h, int n,
+                             int rows, double *y)
 {
-    int used[DOP_ALL_STAGES];
-    double w[DOP_ALL_STAGES];
-    int terms = 0;
-    for (int j = 0; j < count; ++j)
-        if (weight[j] != 0.0) {
-            used[terms] = j * n * LAG_LANES;
-            w[terms++] = weight[j];
-        }
+    const double *w = of->weight, *used[DOP_TERMS];
+    for (int j = 0; j < of->terms; ++j)
+        used[j] = stages + of->stage[j] * n * LAG_LANES;
     for (int m = 0; m < rows * LAG_LANES; m += LAG_LANES)
         EACH_PART (k) {
-            vec sum = w[0] * READ(stages + used[0] + m + k);
-            for (int j = 1; j < terms; ++j)
-                sum += w[j] * READ(stages + used[j] + m + k);
+            vec sum = w[0] * READ(used[0] + m + k);
+            for (int j = 1; j < of->terms; ++j)
+                sum += w[j] * READ(used[j] + m + k);
             AT(y + m + k) = READ(base + m + k) + READ(h + k) * sum;
         }
 }
@@ -30,8 +25,7 @@ static void batch_stage(lag_batch *s, int stage, int end, const double *h)
     /* q and v are written to the tape's inputs */
     EACH_PART (k)
         AT(d->registers + k) = READ(s->t + k) + c * READ(h + k);
-    batch_add_stages(s->y, s->stages, end ? dop_b : dop_a[stage], stage, h, n, n - 1,
-                     d->registers + LAG_LANES);
+    batch_add_stages(s->y, s->stages, end ? &dop_b : dop_a + stage, h, n, n - 1, d->registers + LAG_LANES);
     batch_tape_run(d, &d->stream);
     batch_derivative(&s->moving, s->stages + stage * n8);
     batch_derive_by_all_rows(s, s->all_rows, d->registers, d->registers + LAG_LANES, s->stages + stage * n8);
@@ -54,7 +48,7 @@ static void batch_stages(lag_batch *s, const double *h)
     }
     memcpy(s->y_new, y, moving);
     const int work = (n - 1) * LAG_LANES;
-    batch_add_stages(s->y + work, s->stages + work, dop_b, DOP_STAGES, h, n, 1, s->y_new + work);
+    batch_add_stages(s->y + work, s->stages + work, &dop_b, h, n, 1, s->y_new + work);
 }
 
 /* The errors of a step over the tolerances (of lanes). */
@@ -65,12 +59,10 @@ static void batch_errors(const lag_batch *s, const double *h, double *error)
         vec e5 = all(0.0), e3 = all(0.0);
         for (int m = k; m < n8; m += LAG_LANES) {
             vec x5 = all(0.0), x3 = all(0.0);
-            for (int i = 0; i <= DOP_STAGES; ++i) {
-                if (dop_e5[i] == 0.0 && dop_e3[i] == 0.0)
-                    continue;
-                const vec stage = READ(s->stages + i * n8 + m);
-                x5 += dop_e5[i] * stage;
-                x3 += dop_e3[i] * stage;
+            for (int i = 0; i < dop_e5.terms; ++i) { /* both have the same stages */
+                const vec stage = READ(s->stages + dop_e5.stage[i] * n8 + m);
+                x5 += dop_e5.weight[i] * stage;
+                x3 += dop_e3.weight[i] * stage;
             }
             const vec size = larger(magnitude(READ(s->y + m)), magnitude(READ(s->y_new + m)));
             const vec scale = 1.0 / (READ(s->atol + m) + s->settings->rtol * size);
@@ -123,11 +115,10 @@ static void batch_dense(lag_batch *s, const double *h)
             AT(d + n8 + m) = size * first - delta;
             AT(d + 2 * n8 + m) = 2.0 * delta - size * (last + first);
             vec sum[4] = {all(0.0), all(0.0), all(0.0), all(0.0)};
-            for (int j = 0; j < DOP_ALL_STAGES; ++j) {
-                const vec stage = READ(s->stages + j * n8 + m);
-                if (dop_d[0][j] != 0.0)
-                    for (int i = 0; i < 4; ++i)
-                        sum[i] += dop_d[i][j] * stage;
+            for (int j = 0; j < dop_d[0].terms; ++j) {
+                const vec stage = READ(s->stages + dop_d[0].stage[j] * n8 + m);
+                for (int i = 0; i < 4; ++i)
+                    sum[i] += dop_d[i].weight[j] * stage;
             }
             for (int i = 0; i < 4; ++i)
                 AT(d + (3 + i) * n8 + m) = size * sum[i];

@@ -47,36 +47,33 @@ static void look_for_stiffness(lag_run *run, double h, const double *before, int
     }
 }
 
-/* y = base + h times the sum of `count` stages with weights, of which many are zero. */
-static void add_stages(const lag_run *run, const double *base, const double *stage,
-                       const double *weight, int count, double h, double *y)
+/* y = base + h times a sum of stages, n numbers. */
+static void add_stages(const lag_run *run, int n, const double *base, const dop_sum *sum, double h, double *y)
 {
-    const int n = lag_size(&run->system), s = apart(run);
-    const double *used[DOP_ALL_STAGES];
-    double w[DOP_ALL_STAGES];
-    int terms = 0;
-    for (int j = 0; j < count; ++j)
-        if (weight[j] != 0.0) {
-            used[terms] = stage + j * s;
-            w[terms++] = h * weight[j];
-        }
-    run->system.vectors->combine(n, base, terms, used, w, y);
+    const int s = apart(run);
+    const double *used[DOP_TERMS];
+    double w[DOP_TERMS];
+    for (int j = 0; j < sum->terms; ++j) {
+        used[j] = run->step.stages + sum->stage[j] * s;
+        w[j] = h * sum->weight[j];
+    }
+    run->system.vectors->combine(n, base, sum->terms, used, w, y);
 }
 
 /* The sum of the squares of an error estimate over the tolerances. */
-static double error_by(lag_run *run, const double *weight)
+static double error_by(lag_run *run, const dop_sum *sum)
 {
     const int n = lag_size(&run->system);
     double *error = run->step.work;
     memset(error, 0, (size_t)n * sizeof(double));
-    add_stages(run, error, run->step.stages, weight, DOP_STAGES + 1, 1.0, error);
+    add_stages(run, n, error, sum, 1.0, error);
     return run->system.vectors->scaled_square(n, error, run->step.y, run->step.y_new,
                                         run->tolerances.atol, run->settings.rtol);
 }
 
 static int step(lag_run *run)
 {
-    const int n = lag_size(&run->system), s = apart(run);
+    const int n = lag_size(&run->system), s = apart(run), whole = lag_whole_vectors(n);
     double *stage = run->step.stages;
     int rejected = 0, undefined = 0;
     for (;;) {
@@ -88,7 +85,7 @@ static int step(lag_run *run)
         lag_watch_step(run);
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
             double *y = run->step.y_new;
-            add_stages(run, run->step.y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, y);
+            add_stages(run, whole, run->step.y, i < DOP_STAGES ? dop_a + i : &dop_b, h, y);
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
             if (i == DOP_STAGES - 1)
                 memcpy(run->step.trial, y, (size_t)n * sizeof(double));
@@ -101,7 +98,7 @@ static int step(lag_run *run)
         }
         double factor = 0.2;
         if (!bad) {
-            const double e5 = error_by(run, dop_e5), e3 = error_by(run, dop_e3);
+            const double e5 = error_by(run, &dop_e5), e3 = error_by(run, &dop_e3);
             const double below = e5 + 0.01 * e3;
             /* overflow is not a small error */
             const double error = !isfinite(below) ? INFINITY
@@ -135,7 +132,7 @@ static void add_dense_stages(lag_run *run)
     const double h = run->step.h_old;
     for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
         double *trial = run->step.trial;
-        add_stages(run, run->step.y_old, run->step.stages, dop_a[i], i, h, trial);
+        add_stages(run, lag_whole_vectors(n), run->step.y_old, dop_a + i, h, trial);
         /* undefined values cannot arise: the step around it was accepted; if they do, the
          * sample's own check finds them */
         const double t = run->step.t_old + dop_c[i] * h;
@@ -155,18 +152,21 @@ static void dense(lag_run *run, double t, double *y)
         add_dense_stages(run);
     /* x (d_0 + (1 - x) (d_1 + x (d_2 + (1 - x) (d_3 + ...)))), where d_0 is the change of y in the
      * step, d_1 and d_2 give it the slopes at the ends, and all are sums of stages */
-    double weight[7] = {x}, stage[DOP_ALL_STAGES];
+    double weight[7] = {x}, all[DOP_ALL_STAGES] = {0.0};
     for (int i = 1; i < 7; ++i)
         weight[i] = weight[i - 1] * (i % 2 == 0 ? x : 1.0 - x);
     const double change = weight[0] - weight[1] + 2.0 * weight[2];
-    for (int j = 0; j < DOP_ALL_STAGES; ++j) {
-        stage[j] = j < DOP_STAGES ? change * dop_b[j] : 0.0;
-        for (int i = 0; i < 4; ++i)
-            stage[j] += weight[3 + i] * dop_d[i][j];
-    }
-    stage[0] += weight[1] - weight[2];
-    stage[DOP_STAGES] -= weight[2];
-    add_stages(run, run->step.y_old, run->step.stages, stage, DOP_ALL_STAGES, h, y);
+    for (int j = 0; j < dop_b.terms; ++j)
+        all[dop_b.stage[j]] = change * dop_b.weight[j];
+    dop_sum sum = dop_d[0]; /* all four have the same stages, and those of dop_b */
+    for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < sum.terms; ++j)
+            all[sum.stage[j]] += weight[3 + i] * dop_d[i].weight[j];
+    all[0] += weight[1] - weight[2];
+    all[DOP_STAGES] -= weight[2];
+    for (int j = 0; j < sum.terms; ++j)
+        sum.weight[j] = all[sum.stage[j]];
+    add_stages(run, lag_size(&run->system), run->step.y_old, &sum, h, y);
 }
 
 /* d_0 to d_6. */
@@ -180,13 +180,13 @@ static const double *dense_coefficients(lag_run *run)
     if (run->step.dense_ready != COEFFICIENTS) {
         const double *first = stages, *last = stages + DOP_STAGES * s;
         memset(d, 0, 7 * (size_t)n * sizeof(double));
-        add_stages(run, d, stages, dop_b, DOP_STAGES, h, d);
+        add_stages(run, n, d, &dop_b, h, d);
         for (int m = 0; m < n; ++m) {
             d[n + m] = h * first[m] - d[m];
             d[2 * n + m] = d[m] - h * last[m] - d[n + m];
         }
         for (int i = 0; i < 4; ++i)
-            add_stages(run, d + (3 + i) * n, stages, dop_d[i], DOP_ALL_STAGES, h, d + (3 + i) * n);
+            add_stages(run, n, d + (3 + i) * n, dop_d + i, h, d + (3 + i) * n);
         run->step.dense_ready = COEFFICIENTS;
     }
     return d;

@@ -22,11 +22,22 @@ static void combine(int n, const double *base, int terms, const double *const *x
         *(four *)(y + i + 8) = FOUR(base + i + 8) + r;
         *(four *)(y + i + 12) = FOUR(base + i + 12) + s;
     }
-    for (; i + 4 <= n; i += 4) {
+    for (; i + 8 <= n; i += 8) {
+        four p = {0.0}, q = p;
+        for (int k = 0; k < terms; ++k) {
+            const double *a = x[k] + i, w = weight[k];
+            p += w * FOUR(a);
+            q += w * FOUR(a + 4);
+        }
+        *(four *)(y + i) = FOUR(base + i) + p;
+        *(four *)(y + i + 4) = FOUR(base + i + 4) + q;
+    }
+    if (i + 4 <= n) {
         four p = {0.0};
         for (int k = 0; k < terms; ++k)
             p += weight[k] * FOUR(x[k] + i);
         *(four *)(y + i) = FOUR(base + i) + p;
+        i += 4;
     }
     if (i == n)
         return;
