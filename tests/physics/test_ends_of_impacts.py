@@ -458,3 +458,13 @@ def test_ropes_rest_where_a_finer_tolerance_finds_it(seed: int) -> None:
     coarse, fine = (simulate(text, closed=closed)[1].rests() for closed in (1e-9, 1e-12))
     assert [x.name for x in coarse] == [x.name for x in fine]
     assert [x.time for x in coarse] == pytest.approx([x.time for x in fine], rel=1e-9)
+
+
+@pytest.mark.parametrize(("make", "seed"), [(groove, 4), (groove, 6), (groove, 11), (stack, 3)])
+def test_flat_contacts_rest_at_one_time_wherever_impacts_count_as_ended(make, seed: int) -> None:
+    """Between flat contacts, what is left of a sequence is as long as its limit says."""
+    text, *_ = make(seed)
+    coarse, fine = (simulate(text, closed=closed)[1].rests() for closed in (1e-3, 1e-9))
+    assert coarse
+    assert [x.name for x in coarse] == [x.name for x in fine]
+    assert [x.time for x in coarse] == pytest.approx([x.time for x in fine], rel=1e-10)
