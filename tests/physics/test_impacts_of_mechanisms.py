@@ -55,8 +55,11 @@ def mechanism(seed: int) -> Mechanism:
             away = a @ np.linalg.solve(mass, push) > 0.0
             a = -a if away else a  # the push is towards it
             active = ", active: false" if kind == "absent" else ""
-            expr = f"{linear(a)} >= {float(a @ place)!r}"
-            lines.append(f'  {name}: {{expr: "{expr}", restitution: {e!r}{friction}{active}}}')
+            way, bounces = (
+                ("=", "") if active and rng.random() < 0.5 else (">=", f", restitution: {e!r}")
+            )
+            expr = f"{linear(a)} {way} {float(a @ place)!r}"
+            lines.append(f'  {name}: {{expr: "{expr}"{bounces}{friction}{active}}}')
         elif kind in ("guide", "drive", "plain"):
             speeds[name] = 0.3 if kind == "drive" else 0.0
             right = f"{float(a @ place)!r}" + (" + 0.3*t" if kind == "drive" else "")
@@ -129,7 +132,7 @@ def judge(given: Mechanism, model: lagcli.Model, law: str) -> int:
                 gap = given.rows[name] @ (log.q[first] - run.q[0])
                 if law == "poisson" and approach <= 0.0 and gap < TOLERANCE:  # it takes part
                     assert leaves >= -TOLERANCE * size
-                if normal > 0.0 and given.restitution == 0.0:
+                if normal > 0.0 and given.restitution == 0.0 and law != "sequential":
                     assert leaves == pytest.approx(0.0, abs=TOLERANCE * size)
                 elif (
                     normal > 0.0 and len(contacts) == 2 and (law == "newton" or not given.friction)
@@ -143,8 +146,10 @@ def judge(given: Mechanism, model: lagcli.Model, law: str) -> int:
             assert abs(along) <= bound + TOLERANCE * most or not once  # its force may turn
             if given.restitution == 0.0 and law != "sequential" and abs(slip) > TOLERANCE * size:
                 assert along == pytest.approx(-np.sign(slip) * bound, abs=TOLERANCE * most)
+    if run.status == "failed":
+        return len(begins)
     last = run.v[-1]
-    for name in contacts if run.status == "completed" else []:
+    for name in contacts:
         gap = given.rows[name] @ run.q[-1] - given.rows[name] @ run.q[0]
         assert gap >= -TOLERANCE
         assert gap > TOLERANCE or given.rows[name] @ last >= -TOLERANCE

@@ -88,7 +88,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     if (evaluate(run, t, y))
         return -1;
     for (int i = 0; i < sw->rows; ++i) /* sequences that lose no energy do not end */
-        report->together &= sw->law[i] != LAG_UNILATERAL || !lag_is_closed(run, i) || restitution_of(sw, i) < 1.0;
+        report->together &= !lag_is_closed(run, i) || restitution_of(sw, i) < 1.0;
     for (int i = 0; i < sw->rows; ++i) {
         report->impulse[i] = report->loss[i] = 0.0;
         if (sw->law[i] == LAG_UNILATERAL)

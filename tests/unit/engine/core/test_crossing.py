@@ -105,6 +105,15 @@ def test_a_polynomial_that_begins_below_zero_by_rounding_counts_as_positive() ->
     assert found[0] < 0.5 < found[1]
 
 
+def test_a_root_just_before_the_start_is_found_behind_it() -> None:
+    """The part that ends at the start is not searched: a bracket has a length, and the search goes
+    on at its end."""
+    for start in (0.25, 0.5, 0.75):
+        found = first_change(bernstein(Polynomial([start - 2.0**-50, -1.0])), start)
+        assert found is not None
+        assert start <= found[0] < found[1] < start + 1e-9
+
+
 @pytest.mark.parametrize("touch", [0.5, 0.25, 0.75])
 def test_a_change_after_a_touch_that_rounding_makes_negative_is_found(touch: float) -> None:
     """The search goes on behind the touch, where a part of the halved interval begins."""
