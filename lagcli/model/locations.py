@@ -37,11 +37,13 @@ class ExpressionLocations:
         block : str
             ``T``, ``definitions``, …
         name : str, optional
-            Name of the entry, or of a field of it, as in ``floor.slip``. A member of a family
-            belongs to the family's entry unless it has its own.
+            Name of the entry, or of a field of it, as in ``floor.slip``, ``times.2``. A member of
+            a family belongs to the family's entry unless it has its own.
         """
         item = self._root.entries.get(block)
         node = item[1] if item else None
+        if block == "simulation" and name is not None:
+            return self.inside(block, *name.split(".", 1))
         if name is not None and isinstance(node, Mapping):
             family = name.partition("[")[0]
             field = _FIELD.fullmatch(name)
@@ -57,9 +59,12 @@ class ExpressionLocations:
         return node
 
     def inside(self, *keys: str) -> YamlNode:
-        """Return the node at a path of keys, or the last existing one on the path."""
+        """Return the node at a path of keys and of places in lists, or the last one that exists."""
         node: YamlNode = self._root
         for key in keys:
+            if isinstance(node, Sequence) and key.isdigit():
+                node = node.items[int(key)]
+                continue
             if not isinstance(node, Mapping) or key not in node.entries:
                 break
             node = node.entries[key][1]

@@ -51,6 +51,7 @@ from lagcli.model.expression.trees import (
 from lagcli.model.expression.units import read_unit
 from lagcli.model.model import RATE, TIME, Constraint, Model, ModelEvent, read_input
 from lagcli.model.names.members import family_of
+from lagcli.settings.settings import SettingsOverrides
 
 #: Torque on a body, in its frame.
 _TORQUE = TensorDimension(((conjugate(ANGLE),),) * 3)
@@ -138,6 +139,7 @@ class _Statements:
         if model.switches:
             check_switching(model, known, self.terms)
         self.initial()
+        self.settings()
         self.reported()
 
     def energies(self) -> None:
@@ -260,6 +262,19 @@ class _Statements:
                 role = f"the initial value of `{name}`"
                 wrong = Disagreement("required", written.tree, value, expected, role=role)
                 self.known.findings.append(UnitFinding(wrong, "initial", name, given.location))
+
+    def settings(self) -> None:
+        for key, tree in self.model.trees.items():
+            block, _, name = key.partition(".")
+            if block == "simulation" and not is_constant(tree):
+                setting, _, quantity = name.partition(".")
+                unit = SettingsOverrides.DECLARED[setting].unit
+                expected: Value = read_unit(unit).dimension if unit else ONE
+                if setting == "atol":
+                    coordinate = quantity.removesuffix("'").removesuffix("_dot")
+                    known = find(self.known.names, coordinate)
+                    expected = rate_of(known, int(coordinate != quantity))
+                self.terms(tree, expected, block, name, f"`{setting}`")
 
     def reported(self) -> None:
         """Derive the dimensions of the outputs, and check the given units."""

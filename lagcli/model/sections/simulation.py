@@ -53,12 +53,15 @@ def _value(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> Any:
         case Times():
             items = node.items if isinstance(node, Sequence) else [node]
             what = f"a time of `{name}`" if isinstance(node, Sequence) else f"`{name}`"
-            times = [_number(draft, what, item, needs, declared.unit) for item in items]
+            times = [
+                _number(draft, what, item, needs, f"{name}.{k}", declared.unit)
+                for k, item in enumerate(items)
+            ]
             return None if None in times else times
         case Tolerances() if isinstance(node, Mapping):
             return _tolerances(draft, node, needs)
     unit = None if isinstance(declared, Tolerances) else declared.unit
-    return _number(draft, f"`{name}`", node, needs, unit)
+    return _number(draft, f"`{name}`", node, needs, name, unit)
 
 
 def _word(draft: Draft, name: str, node: YamlNode) -> str | None:
@@ -82,7 +85,7 @@ def _flag(draft: Draft, name: str, node: YamlNode) -> bool | None:
 
 
 def _whole_number(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> int | None:
-    value = _number(draft, f"`{name}`", node, needs, "")
+    value = _number(draft, f"`{name}`", node, needs, name, "")
     if value is None or value == int(value):
         return None if value is None else int(value)
     draft.report.add(
@@ -98,10 +101,11 @@ def _tolerances(draft: Draft, node: Mapping, needs: set[str]) -> dict[str, float
     """Return the absolute tolerances by coordinate and velocity (``phi'``)."""
     tolerances: dict[str, float] = {}
     for name, (key, entry) in node.entries.items():
-        value = _number(draft, f"the tolerance of `{shorten(name)}`", entry, needs)
-        for canonical in _members(draft, name, key):
-            if value is not None:
-                tolerances[canonical] = value
+        members = _members(draft, name, key)
+        what = f"the tolerance of `{shorten(name)}`"
+        value = _number(draft, what, entry, needs, f"atol.{name}")
+        if value is not None:
+            tolerances.update(dict.fromkeys(members, value))
     return tolerances or None
 
 
@@ -136,9 +140,13 @@ def _number(
     what: str,
     node: YamlNode,
     needs: set[str],
+    place: str,
     expected: str | None = None,
 ) -> float | None:
-    """Return the value of a number, whose unit must have the dimension of the expected one."""
+    """Return the value of a number, whose unit must have the dimension of the expected one.
+
+    Its expression is kept under the name of its place, for the check of dimensions.
+    """
     quantity = read_quantity(draft, node, what)
     if quantity is None:
         return None
@@ -153,5 +161,8 @@ def _number(
                 f"give it in {expected or '1'}",
             )
             return None
-    needs.update(names_used(quantity.parsed.tree))
+    tree = quantity.parsed.tree
+    needs.update(names_used(tree))
+    if quantity.unit is None and quantity.number is None:
+        draft.trees[f"simulation.{place}"] = tree
     return QuantityValue(draft, quantity, what).number()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from pathlib import Path
 
 import pytest
@@ -330,3 +331,32 @@ def test_symbolic_units_of_conserved_quantities() -> None:
     assert symbolic_unit(model, momentum) == "kg*m^2/s"
     assert symbolic_unit(model, se.sqrt(x**2 + y**2)) == "m"
     assert symbolic_unit(model, se.atan2(y, x)) == "rad"
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ("t_end: 2*m", "`t_end` must be in s, but `2*m` is in kg"),
+        ("t_end: 2*pi*sqrt(m/g)", "`t_end` must be in s"),
+        ("dt: l/10", "`dt` must be in s, but `l/10` is in m"),
+        ("t_end: 9, times: [0, l, 2*tau]", "`times` must be in s, but `l` is in m"),
+        ("max_step: m", "`max_step` must be in s, but `m` is in kg"),
+        ("samples: 10*m", "`samples` must be a number, but `10*m` is in kg"),
+        ("formulation: baumgarte, alpha: 5*tau", "`alpha` must be in 1/s, but `5*tau` is in s"),
+        ("atol: {x: tau}", "`atol` must be in m, but `tau` is in s"),
+        ("atol: {x': l}", "`atol` must be in m/s, but `l` is in m"),
+        ("t_end: 2*pi*sqrt(l/g), dt: tau/10, max_step: tau, atol: {x: l/1e9, x': l/tau/1e9}", ""),
+        ("t_end: 9*tau, times: [0, tau, 2*tau], formulation: baumgarte, alpha: 5/tau", ""),
+    ],
+)
+def test_settings_of_parameters_have_their_dimension(settings: str, said: str) -> None:
+    text = (
+        "coordinates: {x: m}\nparameters: {m: 1 kg, l: 1 m, g: 9.81 m/s^2, tau: 1 s}\n"
+        "T: m/2*x'^2\nV: m*g*x\ninitial: {x: 0, x': 0}\n"
+        f"simulation: {{{settings}}}\n"
+    )
+    if not said:
+        load_text(text)
+        return
+    with pytest.raises(ModelError, match=re.escape(said)):
+        load_text(text)
