@@ -188,7 +188,7 @@ def test_interrupted_and_resumed_the_file_is_that_of_one_machine(
     process.send_signal(signal.SIGINT)
     assert process.wait(PATIENCE) == -signal.SIGINT  # 130 to a shell
     said = capfd.readouterr().err
-    assert "250 rows are kept in" in said
+    assert "of 250 rows kept in" in said
     assert "Traceback" not in said
     assert not target.exists()
     assert run_here([*command, "--resume"]) == 0

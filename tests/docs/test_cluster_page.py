@@ -99,7 +99,7 @@ def test_a_job_of_slurm_that_is_ended_and_submitted_again(place: Path) -> None:
     try:
         assert first.wait(PATIENCE) == 130
     finally:
-        assert "rows are kept in sweep.h5.journal" in clean(first)
+        assert "rows kept in sweep.h5.journal" in clean(first)
     assert not (place / "sweep.h5").exists()
     second = submit()
     try:
