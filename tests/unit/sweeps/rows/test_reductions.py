@@ -158,9 +158,10 @@ def test_structures_are_derived_each() -> None:
 
 
 def test_settings_made_of_a_parameter_follow_it() -> None:
-    text = CRANK.read_text().replace("t_end: 3,", "t_end: 10*l,")
+    text = CRANK.read_text().replace("t_end: 3,", "t_end: l/v,")
+    text = text.replace("parameters:\n", "parameters:\n  v: 0.125 m/s\n")
     results = run_rows(spec(text, ["l=0.2,0.3"], ["max(t)"]), np.arange(2))
-    assert results.measures[:, 0].tolist() == [2.0, 3.0]
+    assert results.measures[:, 0].tolist() == [1.6, 2.4]
 
 
 def test_a_bad_row_is_a_row_with_a_message() -> None:
