@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ctypes import byref, c_int, c_int64, c_void_p
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -161,7 +162,7 @@ class BatchIntegrator:
 
 
 class BatchTable:
-    """A program evaluated over the rows of tables, eight at a time; by one thread at a time.
+    """A program evaluated over the rows of tables, eight at a time; threads take turns.
 
     Parameters
     ----------
@@ -187,6 +188,7 @@ class BatchTable:
     ):
         given = Arguments()
         self._parameters, self._outputs = parameters, len(program.outputs)
+        self._turn = Lock()  # the registers belong to the table
         program = program if scalar else _scalar(program)
         self._table = core.lag_table_create(
             None, byref(given.program(program)), inputs - parameters, parameters, kernel
@@ -220,7 +222,8 @@ class BatchTable:
         values = np.ascontiguousarray(parameters, dtype=float)
         begin = address(values), address(given), address(out)
         steps = 8 * self._parameters, given.strides[0], out.strides[0]
-        for i in range(count):
-            own, table, to = (at + i * step for at, step in zip(begin, steps, strict=True))
-            core.lag_table_evaluate(self._table, own, table, rows, width, to)
+        with self._turn:
+            for i in range(count):
+                own, table, to = (at + i * step for at, step in zip(begin, steps, strict=True))
+                core.lag_table_evaluate(self._table, own, table, rows, width, to)
         return out
