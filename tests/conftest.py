@@ -4,6 +4,7 @@ import gc
 import signal
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,3 +48,19 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.enable()
     kept = {str(place) for place in session.config.getini("pythonpath")}
     sys.path[:] = [place for place in sys.path if place in kept or TESTS not in Path(place).parents]
+
+
+@pytest.fixture
+def cores(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The cores of switching runs, as they are made."""
+    from lagcli.engine.core.switching import SwitchingIntegrator
+
+    made: list[SwitchingIntegrator] = []
+    original = SwitchingIntegrator.__init__
+
+    def kept(self: SwitchingIntegrator, *arguments: Any, **named: Any) -> None:
+        original(self, *arguments, **named)
+        made.append(self)
+
+    monkeypatch.setattr(SwitchingIntegrator, "__init__", kept)
+    return made

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -65,20 +64,6 @@ ROUNDING = 0.02
 
 def load(name: str, **changes: float) -> lagcli.Model:
     return lagcli.load(FOUND / f"{name}.yaml", set=changes)
-
-
-@pytest.fixture
-def cores(monkeypatch: pytest.MonkeyPatch) -> list[SwitchingIntegrator]:
-    """The cores of the runs, as they are made."""
-    made: list[SwitchingIntegrator] = []
-    original = SwitchingIntegrator.__init__
-
-    def kept(self: SwitchingIntegrator, *arguments: Any, **named: Any) -> None:
-        original(self, *arguments, **named)
-        made.append(self)
-
-    monkeypatch.setattr(SwitchingIntegrator, "__init__", kept)
-    return made
 
 
 @pytest.mark.parametrize("kind", CASES)

@@ -3,29 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pytest
 
 import lagcli
 from lagcli.engine.core.switching import SwitchingIntegrator
 
 MODELS = Path(__file__).parents[4] / "models" / "contact"
-
-
-@pytest.fixture
-def cores(monkeypatch: pytest.MonkeyPatch) -> list[SwitchingIntegrator]:
-    """The cores of the runs, as they are made."""
-    made: list[SwitchingIntegrator] = []
-    original = SwitchingIntegrator.__init__
-
-    def kept(self: SwitchingIntegrator, *arguments: Any, **named: Any) -> None:
-        original(self, *arguments, **named)
-        made.append(self)
-
-    monkeypatch.setattr(SwitchingIntegrator, "__init__", kept)
-    return made
 
 
 def test_the_ball_bounces_and_reports_its_contact(cores: list[SwitchingIntegrator]) -> None:
