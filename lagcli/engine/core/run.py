@@ -139,9 +139,8 @@ class Integrator:
         self._run = core.lag_create(None, byref(equations), byref(record))
         check(not self._run)
         self.orders: list[PivotOrder] = []
-        self._written = (
-            lag_report()
-        )  # one record for all: creating one takes longer than filling it
+        # one record for all: creating one takes longer than filling it
+        self._written = lag_report()
         self._written_to = addressof(self._written)
         self._use_functions(system)
 

@@ -133,9 +133,8 @@ class SwitchingIntegration(Integration):
             request = request._replace(state=self.frozen.frozen(request.state))
         self.common = _common_to(system)
         self.split_system = split = self.common.split
-        if (
-            split.base != system.held_at_start
-        ):  # the rank of all rows is not that of those that hold
+        if split.base != system.held_at_start:
+            # the rank of all rows is not that of those that hold
             rank = rank_at(split.fixed, request.state)
             request = request._replace(rank=rank, elimination=None)
         self.stopped = ""
