@@ -11,9 +11,8 @@ from collections.abc import Iterator
 
 from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.files import check_regular, read_failure
-from lagcli.model.expression.dimension import SECOND, same
 from lagcli.model.expression.tokens import decimal
-from lagcli.model.expression.units import Factor, UnknownUnit, is_unit, read_unit, to_si
+from lagcli.model.expression.units import Factor, UnknownUnit, commensurable, is_unit, to_si
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.prose import counted
 
@@ -167,7 +166,7 @@ class CsvTable:
             As `column`; or the unit in its title is not one of time.
         """
         number, factor, unit = self.column(name, None)
-        if unit and not same(read_unit(unit).dimension, SECOND):
+        if unit and not commensurable(unit, "s"):
             raise self.error(
                 "units", f"the times are in {unit}", "give them in s, ms, min, …", 1, number
             )

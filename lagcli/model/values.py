@@ -10,8 +10,7 @@ from symengine import Basic
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.constants import constant
-from lagcli.model.expression.dimension import same
-from lagcli.model.expression.units import read_unit
+from lagcli.model.expression.units import commensurable
 from lagcli.model.model import Model, Written
 from lagcli.model.names.building import build
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
@@ -75,7 +74,7 @@ def given_value(
         if stated is None and quantity.number is None:
             stated = expression_unit(model, quantity.parsed.tree)
         unit = unit_of(model, name) if stated is not None else None
-        if stated and unit and not same(*(read_unit(x).dimension for x in (stated, unit))):
+        if stated and unit and not commensurable(stated, unit):
             draft.report.add(
                 "units",
                 f"`{name}` is in {unit}, and its value in {stated}",

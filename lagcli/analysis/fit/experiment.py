@@ -24,10 +24,9 @@ from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import Diagnostic, FileError, LagcliError, ModelError, UsageError
 from lagcli.model.csv_table import CsvTable, read_bytes
 from lagcli.model.dimensions.deriving import expression_unit
-from lagcli.model.expression.dimension import same
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.trees import Tree
-from lagcli.model.expression.units import Factor, read_unit
+from lagcli.model.expression.units import Factor, commensurable
 from lagcli.model.model import DataFile, Model, ObservedQuantity
 from lagcli.model.names.expansion import expand
 from lagcli.settings.settings import Settings
@@ -144,7 +143,7 @@ def _column(table: CsvTable, model: Model, x: ObservedQuantity) -> tuple[int, Fa
     if isinstance(sigma, Tree):
         sigma = expression_unit(model, sigma)
     for what, given in (("its column", unit), ("its `sigma`", sigma)):
-        if own is None or given is None or same(*(read_unit(u).dimension for u in (own, given))):
+        if own is None or given is None or commensurable(own, given):
             continue
         message = f"`{x.name}` is in {own}, and {what} in {given}"
         remedy = f"give it in {own}, or in another unit of that dimension"

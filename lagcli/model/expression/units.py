@@ -8,7 +8,16 @@ from fractions import Fraction
 from functools import cache
 from typing import NamedTuple
 
-from lagcli.model.expression.dimension import ANGLE, ENERGY, ONE, POWER, SECOND, Dimension, product
+from lagcli.model.expression.dimension import (
+    ANGLE,
+    ENERGY,
+    ONE,
+    POWER,
+    SECOND,
+    Dimension,
+    product,
+    same,
+)
 from lagcli.model.spelling import shorten
 
 
@@ -142,6 +151,11 @@ def plain_notation(unit: str) -> str:
     text = unit.translate(_CHARACTERS).replace("·", "*")
     text = re.sub("[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: "^" + m[0].translate(_SUPERSCRIPTS), text)
     return re.sub(rf"(?<={_LETTER})[2-9]", r"^\g<0>", text)
+
+
+def commensurable(unit: str, other: str) -> bool:
+    """Whether two units have the same dimension; raises as `read_unit`."""
+    return same(read_unit(unit).dimension, read_unit(other).dimension)
 
 
 def is_unit(text: str) -> bool:

@@ -10,12 +10,11 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import SLIP, read_column_name
-from lagcli.model.expression.dimension import SECOND, same
 from lagcli.model.expression.functions import apply
 from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Comparison, LogicalExpr, Tree
-from lagcli.model.expression.units import read_unit
+from lagcli.model.expression.units import commensurable
 from lagcli.model.keys import EVENT, keys_of
 from lagcli.model.model import (
     ContactChange,
@@ -289,7 +288,7 @@ class ClockReader:
         quantity = read_quantity(draft, node, what)
         if quantity is None:
             return None
-        if quantity.unit and not same(read_unit(quantity.unit).dimension, SECOND):
+        if quantity.unit and not commensurable(quantity.unit, "s"):
             draft.report.add(
                 "units",
                 f"{what} is in {quantity.unit}, but must be a time",

@@ -9,9 +9,8 @@ from collections.abc import Mapping as ValuesOf
 from symengine import Basic
 
 from lagcli.columns import SCALARS
-from lagcli.model.expression.dimension import same
 from lagcli.model.expression.trees import Tree
-from lagcli.model.expression.units import read_unit, to_si
+from lagcli.model.expression.units import commensurable, to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
 from lagcli.model.model import (
     Coordinate,
@@ -265,7 +264,7 @@ class _FitReader:
         if unit is None or (given is None and to_si(unit) == 1):
             return True
         if given is not None:
-            if same(read_unit(given).dimension, read_unit(unit).dimension):
+            if commensurable(given, unit):
                 return True
             self.draft.report.add(
                 "units",

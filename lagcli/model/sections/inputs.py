@@ -13,8 +13,7 @@ from symengine import Basic, Derivative, FunctionSymbol
 
 from lagcli.errors import FileError, SourceLocation
 from lagcli.model.csv_table import CsvTable, read_bytes
-from lagcli.model.expression.dimension import SECOND, same
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, to_si
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, commensurable, to_si
 from lagcli.model.keys import INPUT, keys_of
 from lagcli.model.model import EXTENSIONS, INTERPOLATIONS, Constraint, Input, InputData, read_input
 from lagcli.model.names.draft import Draft, read_quantity
@@ -211,15 +210,13 @@ class _InputEntry:
             )
             return None
         if units is None:
-            if read.unit and not same(read_unit(read.unit).dimension, SECOND):
+            if read.unit and not commensurable(read.unit, "s"):
                 self.error("units", node, f"has a time in {read.unit}", "give times in s")
                 return None
         elif read.number != 0 or read.unit:  # zero has every unit
             for other in units:
                 if (other is None) != (read.unit is None) or (
-                    other
-                    and read.unit
-                    and not same(read_unit(other).dimension, read_unit(read.unit).dimension)
+                    other and read.unit and not commensurable(other, read.unit)
                 ):
                     self.error(
                         "units",

@@ -14,10 +14,9 @@ from symengine import Basic
 from lagcli.errors import SourceLocation
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.constants import constant
-from lagcli.model.expression.dimension import same
 from lagcli.model.expression.tokens import is_number
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, si_notation, to_si
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, commensurable, si_notation, to_si
 from lagcli.model.keys import PARAMETER, keys_of
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
@@ -203,7 +202,7 @@ class _ParameterReader:
         if quantity.unit is None:
             plain = not set(names_used(quantity.parsed.tree)) - {"pi"}
             return quantity._replace(unit=si_notation(stated)) if plain else quantity
-        if not same(read_unit(quantity.unit).dimension, read_unit(stated).dimension):
+        if not commensurable(quantity.unit, stated):
             self.draft.report.add(
                 "units",
                 f"`{name}` is in {stated} in the file, and in {quantity.unit} here",
@@ -314,7 +313,7 @@ class _ParameterReader:
             if (quantity.unit is None) != (unit is None) or (
                 unit is not None
                 and quantity.unit is not None
-                and not same(read_unit(quantity.unit).dimension, read_unit(unit).dimension)
+                and not commensurable(quantity.unit, unit)
             ):
                 self.draft.report.add(
                     "units",

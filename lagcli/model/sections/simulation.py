@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lagcli.model.expression.dimension import same
-from lagcli.model.expression.units import read_unit
+from lagcli.model.expression.units import commensurable
 from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
 from lagcli.model.names.families import members_of, read_key
 from lagcli.model.sections.initial import canonical_name
@@ -150,17 +149,19 @@ def _number(
     quantity = read_quantity(draft, node, what)
     if quantity is None:
         return None
-    if expected is not None and quantity.unit is not None:
-        given = read_unit(quantity.unit).dimension
-        if not same(given, read_unit(expected or "1").dimension):
-            draft.report.add(
-                "units",
-                f"{what} is in {quantity.unit}, but must be {f'in {expected}' * bool(expected)}"
-                f"{'a number' * (not expected)}",
-                node.location,
-                f"give it in {expected or '1'}",
-            )
-            return None
+    if (
+        expected is not None
+        and quantity.unit is not None
+        and not commensurable(quantity.unit, expected or "1")
+    ):
+        draft.report.add(
+            "units",
+            f"{what} is in {quantity.unit}, but must be {f'in {expected}' * bool(expected)}"
+            f"{'a number' * (not expected)}",
+            node.location,
+            f"give it in {expected or '1'}",
+        )
+        return None
     tree = quantity.parsed.tree
     needs.update(names_used(tree))
     if quantity.unit is None and quantity.number is None:

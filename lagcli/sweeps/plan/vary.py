@@ -17,11 +17,10 @@ from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, Usa
 from lagcli.files import check_readable, read_failure
 from lagcli.model.csv_table import split_title
 from lagcli.model.expression.constants import number as constant_value
-from lagcli.model.expression.dimension import same
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, decimal
-from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, read_unit, to_si
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, commensurable, to_si
 from lagcli.model.model import Model
 from lagcli.model.names.building import build, name_errors
 from lagcli.model.names.namespace import Allowed, Namespace
@@ -356,13 +355,13 @@ def si_factor(model: Model, name: str, unit: str | None, form: str = "after the 
     if parameter is None:
         stated = stated_unit(name, model.initial[name], model.coordinates)
     if unit is not None:
-        given = read_unit(unit)
-        if stated is not None and not same(given.dimension, read_unit(stated).dimension):
+        factor = to_si(unit)
+        if stated is not None and not commensurable(unit, stated):
             raise UsageError(
                 f"`{name}` is in {stated} in the file, and in {unit} here; give it"
                 f" in {stated}, or in another unit of that dimension"
             )
-        return given.factor
+        return factor
     if stated is not None and to_si(stated) != 1:
         raise UsageError(
             f"`{name}` is given in {stated} in the file, and without a unit here;"
