@@ -307,7 +307,7 @@ def _model(
         from lagcli.model.sections.events import read_events
 
         events = read_events(draft)
-    settings, settings_need = read_settings(draft)
+    settings, settings_need = read_settings(draft, coordinates)
     view_errors: tuple[Diagnostic, ...] = ()
     if drawn:
         view = read_view(draft)
@@ -358,6 +358,7 @@ def _model(
         settings=settings,
         settings_need=settings_need,
         trees=draft.trees,
+        tolerances=draft.tolerances,
         names=draft.names,
         set=dict(overrides),
         set_initial=given,

@@ -351,6 +351,13 @@ class InitialValue(NamedTuple):
     unit: str | None = None
 
 
+class Tolerance(NamedTuple):
+    """The expression of an absolute tolerance, and its key in the file, which may name several."""
+
+    key: str
+    tree: Tree
+
+
 class DataFile(NamedTuple):
     """Measured data of one experiment.
 
@@ -525,10 +532,11 @@ class Model:
     ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
-    ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
-    quantities, as they follow from the text. ``closed`` are the contacts that the initial values
-    state to be closed, ``left_out`` the components of vector constraints that hold for all values
-    of the coordinates, ``view_errors`` the errors of a view that is left out. ``spins`` states by
+    ``settings_need`` are the parameters that the settings depend on, ``tolerances`` the absolute
+    tolerances by coordinate and velocity; ``units`` are the units of all quantities, as they follow
+    from the text. ``closed`` are the contacts that the initial values state to be closed,
+    ``left_out`` the components of vector constraints that hold for all values of the coordinates,
+    ``view_errors`` the errors of a view that is left out. ``spins`` states by
     quaternion which components of its initial angular velocity are fixed, where this is given.
     """
 
@@ -552,6 +560,7 @@ class Model:
     settings: SettingsOverrides
     settings_need: frozenset[str]
     trees: Mapping[str, Tree]
+    tolerances: Mapping[str, Tolerance]
     names: Namespace
     set: Mapping[str, object]
     set_initial: Mapping[str, object]

@@ -12,7 +12,7 @@ import pytest
 from random_cases import seeds
 
 from lagcli.errors import LagcliError
-from lagcli.model.expression.units import read_unit, si_notation, units
+from lagcli.model.expression.units import commensurable, read_unit, si_notation, units
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.sweeps.plan.vary import Drawn, read_vary
@@ -80,6 +80,25 @@ def listed(unit: str, folder: Path) -> float:
     return model("1", unit, more).inputs["u"].data.values[0]
 
 
+def tolerated(unit: str, coordinate: str) -> dict[str, float]:
+    """Return the tolerances of a model with a coordinate that has a unit of results."""
+    return load_text(f"""
+coordinates: {{x: '{coordinate}'}}
+parameters: {{m: 1}}
+T: m/2*x'^2
+initial: {{x: 0, x': 0}}
+simulation: {{atol: {{x: '3 {unit}'}}}}
+""").settings.atol  # type: ignore[return-value]
+
+
+def tolerance(unit: str, folder: Path) -> float:
+    try:
+        coordinate = si_notation(unit)
+    except ValueError:
+        coordinate = "m"  # the unit is refused
+    return tolerated(unit, coordinate)["x"]
+
+
 PLACES = {
     "parameter": parameter,
     "field unit": field,
@@ -95,6 +114,7 @@ PLACES = {
     "--vary table, parentheses": header("()"),
     "table of an input": table,
     "list of an input": listed,
+    "tolerance": tolerance,
 }
 
 
@@ -121,6 +141,17 @@ def test_what_is_refused_is_refused_everywhere_with_the_reason(place: str, tmp_p
             if not re.search(reason, text):
                 wrong[unit] = text
     assert not wrong
+
+
+def test_tolerances_have_the_dimension_of_their_coordinate() -> None:
+    rng = random.Random(4)
+    for unit, _, _ in WRITTEN:
+        other = rng.choice(WRITTEN)[2]
+        if commensurable(unit, other):
+            assert tolerated(unit, other)["x"] > 0
+        else:
+            with pytest.raises(LagcliError, match=r"<text>:6:\d+: .* but must be (in|a number)"):
+                tolerated(unit, other)
 
 
 @pytest.mark.parametrize("seed", seeds(100, 300))

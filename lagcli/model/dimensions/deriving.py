@@ -133,6 +133,7 @@ class _Statements:
         self.model, self.known = model, known
         self.constraints: dict[str, Value] = {}
         self.outputs: dict[str, Value] = {}
+        self.seen: set[tuple[int, str]] = set()
         self.energies()
         self.forces()
         self.constrained()
@@ -238,18 +239,13 @@ class _Statements:
         return table
 
     def initial(self) -> None:
-        seen: set[tuple[int, str]] = set()
         for name, given in self.model.initial.items():
-            coordinate = name.rstrip("'")
-            rate = len(name) - len(coordinate)
             written = given.written
             if written is None or (given.unit is None and is_constant(written.tree)):
                 continue  # a number alone is in SI
-            key = id(written.tree), family_of(coordinate)
-            if key in seen and not self.known.varied:
+            if not self._differs(name, written.tree):
                 continue
-            seen.add(key)
-            expected = rate_of(find(self.known.names, coordinate), rate)
+            expected = self._of_motion(name)
             value: Value
             if given.unit:
                 value = read_unit(given.unit).dimension
@@ -263,18 +259,30 @@ class _Statements:
                 wrong = Disagreement("required", written.tree, value, expected, role=role)
                 self.known.findings.append(UnitFinding(wrong, "initial", name, given.location))
 
+    def _differs(self, name: str, tree: Tree) -> bool:
+        """Whether a value may differ in dimension from those before: of other members."""
+        key = id(tree), family_of(name)
+        known = key in self.seen
+        self.seen.add(key)
+        return not known or bool(self.known.varied)
+
+    def _of_motion(self, name: str) -> Value:
+        """Return the dimension of a coordinate or velocity."""
+        coordinate = name.rstrip("'")
+        return rate_of(find(self.known.names, coordinate), len(name) - len(coordinate))
+
     def settings(self) -> None:
         for key, tree in self.model.trees.items():
             block, _, name = key.partition(".")
             if block == "simulation" and not is_constant(tree):
-                setting, _, quantity = name.partition(".")
+                setting = name.partition(".")[0]
                 unit = SettingsOverrides.DECLARED[setting].unit
-                expected: Value = read_unit(unit).dimension if unit else ONE
-                if setting == "atol":
-                    coordinate = quantity.removesuffix("'").removesuffix("_dot")
-                    known = find(self.known.names, coordinate)
-                    expected = rate_of(known, int(coordinate != quantity))
+                expected = read_unit(unit).dimension if unit else ONE
                 self.terms(tree, expected, block, name, f"`{setting}`")
+        for name, (key, tree) in self.model.tolerances.items():
+            if not is_constant(tree) and self._differs(name, tree):
+                role, entry = f"the tolerance of `{name}`", f"atol.{key}"
+                self.terms(tree, self._of_motion(name), "simulation", entry, role)
 
     def reported(self) -> None:
         """Derive the dimensions of the outputs, and check the given units."""

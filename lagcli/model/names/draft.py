@@ -26,7 +26,7 @@ from lagcli.model.expression.units import (
     is_unit,
     to_si,
 )
-from lagcli.model.model import NO_INDICES, Constraint, Definition, Parameter
+from lagcli.model.model import NO_INDICES, Constraint, Definition, Parameter, Tolerance
 from lagcli.model.names.building import ExpressionTemplate, build, name_errors
 from lagcli.model.names.expansion import expand
 from lagcli.model.names.namespace import Allowed, Namespace
@@ -63,6 +63,7 @@ class Draft:
     report: Diagnostics
     names: Namespace = field(default_factory=Namespace)
     trees: dict[str, Tree] = field(default_factory=dict)
+    tolerances: dict[str, Tolerance] = field(default_factory=dict)
     misspelled_keys: set[str] = field(default_factory=set)
     left_out: list[str] = field(default_factory=list)
     parameters: MappingOf[str, Parameter] = field(default_factory=dict)

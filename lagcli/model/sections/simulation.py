@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
+from lagcli.columns import unit_quotient
 from lagcli.model.expression.units import commensurable
-from lagcli.model.names.draft import Draft, QuantityValue, read_quantity
+from lagcli.model.model import Coordinate, Tolerance
+from lagcli.model.names.draft import Draft, Quantity, QuantityValue, read_quantity
 from lagcli.model.names.families import members_of, read_key
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.sections.parameters import names_used
@@ -15,19 +18,23 @@ from lagcli.settings.kinds import Choice, Flag, Names, Times, Tolerances, WholeN
 from lagcli.settings.settings import SettingsOverrides
 
 
-def read_settings(draft: Draft) -> tuple[SettingsOverrides, frozenset[str]]:
+def read_settings(
+    draft: Draft, coordinates: Iterable[Coordinate]
+) -> tuple[SettingsOverrides, frozenset[str]]:
     """Return the settings of the file, and the parameters they depend on."""
     needs: set[str] = set()
-    return _read(draft, needs), frozenset(needs)
+    units = {c.name: c.unit for c in coordinates if c.unit}
+    units |= {f"{name}'": unit_quotient(unit, "s") for name, unit in units.items()}
+    return _read(draft, needs, units), frozenset(needs)
 
 
-def _read(draft: Draft, needs: set[str]) -> SettingsOverrides:
+def _read(draft: Draft, needs: set[str], units: dict[str, str]) -> SettingsOverrides:
     node = draft.get("simulation")
     if draft.entries("simulation") is None or not isinstance(node, Mapping):
         return SettingsOverrides()
     fields = draft.fields(node, "`simulation`", tuple(SettingsOverrides.DECLARED))
     settings = SettingsOverrides(
-        **{name: _value(draft, name, field, needs) for name, field in fields.items()}
+        **{name: _value(draft, name, field, needs, units) for name, field in fields.items()}
     )
     for problem in settings.problems():
         place = fields.get(problem.key, node)
@@ -35,7 +42,7 @@ def _read(draft: Draft, needs: set[str]) -> SettingsOverrides:
     return settings
 
 
-def _value(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> Any:
+def _value(draft: Draft, name: str, node: YamlNode, needs: set[str], units: dict[str, str]) -> Any:
     """Return the value of a setting; None if it has an error."""
     declared = SettingsOverrides.DECLARED[name]
     match declared:
@@ -58,9 +65,10 @@ def _value(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> Any:
             ]
             return None if None in times else times
         case Tolerances() if isinstance(node, Mapping):
-            return _tolerances(draft, node, needs)
-    unit = None if isinstance(declared, Tolerances) else declared.unit
-    return _number(draft, f"`{name}`", node, needs, name, unit)
+            return _tolerances(draft, node, needs, units)
+    by_name = "with a unit, it is given by name: `atol: {x: 1 nm}`"
+    help_ = by_name if isinstance(declared, Tolerances) else ""
+    return _number(draft, f"`{name}`", node, needs, name, declared.unit, help_)
 
 
 def _word(draft: Draft, name: str, node: YamlNode) -> str | None:
@@ -96,13 +104,20 @@ def _whole_number(draft: Draft, name: str, node: YamlNode, needs: set[str]) -> i
     return None
 
 
-def _tolerances(draft: Draft, node: Mapping, needs: set[str]) -> dict[str, float] | None:
+def _tolerances(
+    draft: Draft, node: Mapping, needs: set[str], units: dict[str, str]
+) -> dict[str, float] | None:
     """Return the absolute tolerances by coordinate and velocity (``phi'``)."""
     tolerances: dict[str, float] = {}
     for name, (key, entry) in node.entries.items():
         members = _members(draft, name, key)
         what = f"the tolerance of `{shorten(name)}`"
-        value = _number(draft, what, entry, needs, f"atol.{name}")
+        quantity = read_quantity(draft, entry, what)
+        expected = dict.fromkeys(units[x] for x in members if x in units)
+        if quantity is None or not all(_fits(draft, what, quantity, x) for x in expected):
+            continue
+        draft.tolerances.update(dict.fromkeys(members, Tolerance(name, quantity.parsed.tree)))
+        value = _in_si(draft, what, quantity, needs)
         if value is not None:
             tolerances.update(dict.fromkeys(members, value))
     return tolerances or None
@@ -140,30 +155,35 @@ def _number(
     node: YamlNode,
     needs: set[str],
     place: str,
-    expected: str | None = None,
+    expected: str,
+    help_: str = "",
 ) -> float | None:
     """Return the value of a number, whose unit must have the dimension of the expected one.
 
     Its expression is kept under the name of its place, for the check of dimensions.
     """
     quantity = read_quantity(draft, node, what)
-    if quantity is None:
+    if quantity is None or not _fits(draft, what, quantity, expected, help_):
         return None
-    if (
-        expected is not None
-        and quantity.unit is not None
-        and not commensurable(quantity.unit, expected or "1")
-    ):
-        draft.report.add(
-            "units",
-            f"{what} is in {quantity.unit}, but must be {f'in {expected}' * bool(expected)}"
-            f"{'a number' * (not expected)}",
-            node.location,
-            f"give it in {expected or '1'}",
-        )
-        return None
-    tree = quantity.parsed.tree
-    needs.update(names_used(tree))
     if quantity.unit is None and quantity.number is None:
-        draft.trees[f"simulation.{place}"] = tree
+        draft.trees[f"simulation.{place}"] = quantity.parsed.tree
+    return _in_si(draft, what, quantity, needs)
+
+
+def _fits(draft: Draft, what: str, quantity: Quantity, expected: str, help_: str = "") -> bool:
+    """Whether the unit of a quantity has the dimension of the expected one; report another."""
+    if quantity.unit is None or commensurable(quantity.unit, expected or "1"):
+        return True
+    draft.report.add(
+        "units",
+        f"{what} is in {quantity.unit}, but must be {f'in {expected}' if expected else 'a number'}",
+        quantity.parsed.node.location,
+        help_ or (f"give it in {expected}" if expected else "remove the unit"),
+    )
+    return False
+
+
+def _in_si(draft: Draft, what: str, quantity: Quantity, needs: set[str]) -> float | None:
+    """Return the value of a quantity in SI, and note the parameters that it depends on."""
+    needs.update(names_used(quantity.parsed.tree))
     return QuantityValue(draft, quantity, what).number()

@@ -343,16 +343,33 @@ def test_symbolic_units_of_conserved_quantities() -> None:
         ("max_step: m", "`max_step` must be in s, but `m` is in kg"),
         ("samples: 10*m", "`samples` must be a number, but `10*m` is in kg"),
         ("formulation: baumgarte, alpha: 5*tau", "`alpha` must be in 1/s, but `5*tau` is in s"),
-        ("atol: {x: tau}", "`atol` must be in m, but `tau` is in s"),
-        ("atol: {x': l}", "`atol` must be in m/s, but `l` is in m"),
+        ("atol: {x: tau}", "the tolerance of `x` must be in m, but `tau` is in s"),
+        ("atol: {x': l}", "the tolerance of `x'` must be in m/s, but `l` is in m"),
+        ("atol: {x_dot: l}", "the tolerance of `x'` must be in m/s, but `l` is in m"),
+        ("atol: {ẋ: l}", "the tolerance of `x'` must be in m/s, but `l` is in m"),
+        ("atol: {s_dot: tau}", "the tolerance of `s_dot` must be in m, but `tau` is in s"),
+        ("atol: {'z[1..N]': tau}", "the tolerance of `z[1]` must be in m, but `tau` is in s"),
+        ("atol: {'z[2]': tau}", "the tolerance of `z[2]` must be in m, but `tau` is in s"),
+        ("atol: {'z[1..N]_dot': l}", "the tolerance of `z[1]'` must be in m/s, but `l` is in m"),
+        ("atol: {'z_dot[2]': l}", "the tolerance of `z[2]'` must be in m/s, but `l` is in m"),
+        ("atol: {x: 1 kg}", "the tolerance of `x` is in kg, but must be in m"),
+        ("atol: {x_dot: 1 mm}", "the tolerance of `x_dot` is in mm, but must be in m/s"),
+        ("atol: {'z[1..N]': 1 s}", "the tolerance of `z[1..N]` is in s, but must be in m"),
+        ("atol: l", "`atol` must be a number, but `l` is in m"),
+        ("atol: 1 mm", "`atol` is in mm, but must be a number"),
+        ("rtol: 1 mm", "`rtol` is in mm, but must be a number"),
+        ("atol: {s_dot: l, 'z[1..N]': l/9, 'z[1..N]_dot': l/tau, 's_dot_dot': l/tau}", ""),
+        ("atol: l/1e9/l", ""),
         ("t_end: 2*pi*sqrt(l/g), dt: tau/10, max_step: tau, atol: {x: l/1e9, x': l/tau/1e9}", ""),
         ("t_end: 9*tau, times: [0, tau, 2*tau], formulation: baumgarte, alpha: 5/tau", ""),
     ],
 )
 def test_settings_of_parameters_have_their_dimension(settings: str, said: str) -> None:
     text = (
-        "coordinates: {x: m}\nparameters: {m: 1 kg, l: 1 m, g: 9.81 m/s^2, tau: 1 s}\n"
-        "T: m/2*x'^2\nV: m*g*x\ninitial: {x: 0, x': 0}\n"
+        "coordinates: {x: m, s_dot: m, 'z[1..N]': m}\n"
+        "parameters: {m: 1 kg, l: 1 m, g: 9.81 m/s^2, tau: 1 s, N: 2}\n"
+        "T: m/2*(x'^2 + s_dot'^2 + sum(z[i]'^2, i = 1..N))\nV: m*g*x\n"
+        "initial: {x: 0, x': 0, s_dot: 0, s_dot': 0, 'z[1..N]': 0, \"z[1..N]'\": 0}\n"
         f"simulation: {{{settings}}}\n"
     )
     if not said:
