@@ -6,7 +6,7 @@ import re
 import textwrap
 
 #: Matches spaces that must not break: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
-_WITHIN = re.compile(
+_WITHIN = (
     r"(?<= [=→]) | (?=[=→] )|(?<= ->) | (?=-> )|(?<=\bat t) |(?<=\bat) (?=t\b)"
     r"|(?<=\bm[ai][nx]) +|(?<=\d) (?=[A-Za-z%])|(?<=[\w\]']) (?=\[|[-−]?\d)|(?<=\bλ) (?=\w)"
 )
@@ -38,7 +38,7 @@ def wrapped(text: str, width: int, first: str = "", following: str = "") -> list
         Indentation of the first line, and of the others.
     """
     lines = textwrap.wrap(
-        _WITHIN.sub("\u00a0", text),
+        re.sub(_WITHIN, "\u00a0", text),
         width,
         initial_indent=first,
         subsequent_indent=following,

@@ -10,9 +10,10 @@ import re
 import sys
 from collections.abc import Iterator
 from enum import IntEnum
-from typing import NamedTuple, TextIO
+from typing import TextIO
 
 from lagcli.cli.streams import fitted, has_colour, tell, text_width, visible
+from lagcli.named_tuples import NamedTuple
 
 
 class Style(IntEnum):
@@ -29,13 +30,15 @@ class StyledSpan(NamedTuple):
     style: Style
 
 
+# Patterns are compiled where they are used: most output goes to no terminal.
+
 #: Matches the unit of a name in a listing: rod [N/m]; units of coordinates and values on a page.
-_UNIT = re.compile(r"(?<=\S )\[[^\[\]\s=]+\](?=$|[ ,;])")
-_VALUE = re.compile(r"^  \S+ = [−\d.,e+\-…]+ ([^\s=]\S*)(?=  |$)")
+_UNIT = r"(?<=\S )\[[^\[\]\s=]+\](?=$|[ ,;])"
+_VALUE = r"^  \S+ = [−\d.,e+\-…]+ ([^\s=]\S*)(?=  |$)"
 _SUCCESS = r"completed|stopped-by-event"
-_STATUS = re.compile(rf"^(?:\S+: )?(?:({_SUCCESS})|failed|interrupted)(?=[,:])|^ *failed(?=  )")
-_PROBLEM = re.compile(r"^(?:\S.*?: )? *(error|warning|interrupted)(?:\[[\w-]+\])?(?=:|$)")
-_EXCERPT = re.compile(r" *\d* \| ")
+_STATUS = rf"^(?:\S+: )?(?:({_SUCCESS})|failed|interrupted)(?=[,:])|^ *failed(?=  )"
+_PROBLEM = r"^(?:\S.*?: )? *(error|warning|interrupted)(?:\[[\w-]+\])?(?=:|$)"
+_EXCERPT = r" *\d* \| "
 
 
 def print_listing(
@@ -117,7 +120,7 @@ def _of_lines(lines: list[str], column: int) -> Iterator[list[StyledSpan]]:
 
 def _of_listing(line: str, column: int) -> list[StyledSpan]:
     """Return the spans of a line above the tables of a listing."""
-    status = _STATUS.search(line)
+    status = re.search(_STATUS, line)
     if status:
         words = status[0].rsplit(": ", 1)[-1]
         start = status.end() - len(words.lstrip())
@@ -136,7 +139,7 @@ def _bold(line: str) -> StyledSpan:
 
 
 def _units(line: str) -> list[StyledSpan]:
-    return [StyledSpan(*x.span(), Style.DIM) for x in _UNIT.finditer(line)]
+    return [StyledSpan(*x.span(), Style.DIM) for x in re.finditer(_UNIT, line)]
 
 
 def _of_page(line: str) -> Iterator[StyledSpan]:
@@ -144,12 +147,12 @@ def _of_page(line: str) -> Iterator[StyledSpan]:
         yield _bold(line)
         return
     yield from (unit for unit in _units(line) if unit.end == len(line))
-    if value := _VALUE.match(line):
+    if value := re.match(_VALUE, line):
         yield StyledSpan(*value.span(1), Style.DIM)
 
 
 def _of_problem(line: str) -> Iterator[StyledSpan]:
-    if found := _PROBLEM.match(line):
+    if found := re.match(_PROBLEM, line):
         yield StyledSpan(
             found.start(1), found.end(), Style.BOLD if found[1] == "warning" else Style.RED
         )
@@ -161,7 +164,7 @@ def _wrapped_problem(lines: list[str], width: int) -> list[str]:
 
     shown, start = list[str](), 0  # the first character shown of an excerpt
     for line, below in zip(lines, [*lines[1:], ""], strict=True):
-        if excerpt := _EXCERPT.match(line):
+        if excerpt := re.match(_EXCERPT, line):
             front = excerpt.end()
             if line[:front].strip() != "|":  # the marks are on the line below
                 longest = max(len(line), len(below))

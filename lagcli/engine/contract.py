@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from lagcli.arrays import Array
 from lagcli.engine.event_entries import NO_ENTRIES, EventEntries
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import State, System
+from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
 from lagcli.settings.settings import Settings
 

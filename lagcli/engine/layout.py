@@ -7,7 +7,9 @@ only the standard library.
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, get_type_hints
+
+from lagcli.named_tuples import NamedTuple
 
 
 class Counts(NamedTuple):

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from lagcli.engine.layout import ConstraintLayout, Counts, DynamicsLayout, Sampl
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
+from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.engine.switching.switching import Switching

@@ -6,7 +6,6 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
+from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.simulation import Simulation, ready

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from lagcli.errors import UsageError
+from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.export.content import Content

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import symengine as se
 from symengine import Basic
@@ -18,6 +18,7 @@ from lagcli.model.expression.functions import is_opaque
 from lagcli.model.expression.tensors import Value
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
+from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import SettingsOverrides
 
 if TYPE_CHECKING:

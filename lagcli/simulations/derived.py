@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 import symengine as se
@@ -25,6 +24,7 @@ from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.conserved import monitored_quantities
 from lagcli.model.model import TIME
+from lagcli.named_tuples import NamedTuple
 from lagcli.trajectory.samples import Samples, Terms
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
+from lagcli.named_tuples import NamedTuple
 
 #: Values of a function below this part of its largest terms count as zero; residual of the
 #: combination of both sides, relative to that of one side, while sliding.

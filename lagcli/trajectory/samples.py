@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import Columns
 from lagcli.errors import UsageError
+from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from lagcli.trajectory.event_log import EventLog

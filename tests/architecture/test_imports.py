@@ -39,6 +39,7 @@ FOREIGN = {
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "functions": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "prose": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
+    "named_tuples": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "json_schema": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "rich"},
@@ -166,6 +167,17 @@ def test_who_imports_whom() -> None:
         for name in imports(module)
         if forbidden(package_of(module), name)
     ] == []
+
+
+def test_named_tuples_are_defined_quickly() -> None:
+    # typing.NamedTuple compiles the annotation of each field at every start
+    assert [
+        module
+        for module, path in MODULES.items()
+        if module != "lagcli.named_tuples"
+        and re.search(r"\bNamedTuple\b", path.read_text("utf-8"))
+        and "lagcli.named_tuples" not in imports(module)
+    ] == ["lagcli.engine.evaluator"]  # which is generic
 
 
 def cycles(graph: dict[str, set[str]]) -> list[list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.analysis.output.text import width
 from lagcli.arrays import Array
+from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted, wrapped
 
 

@@ -13,7 +13,6 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from lagcli.analysis.local.steady import Condition, IndependentVelocities, Resid
 from lagcli.arrays import Array
 from lagcli.equations.symmetry.conserved import QUICK, ConservedQuantity, conserved_quantities
 from lagcli.errors import NumericalError
+from lagcli.named_tuples import NamedTuple
 
 #: Singular values of the fields below this part of the largest are rounding errors.
 _DEPENDENT = 1e-9

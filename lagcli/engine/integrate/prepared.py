@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple, TypeGuard
+from typing import TypeGuard
 
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
@@ -33,6 +33,7 @@ from lagcli.engine.program.vectorize import LONG
 from lagcli.engine.system import State, System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
+from lagcli.named_tuples import NamedTuple
 
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.

@@ -9,7 +9,7 @@ of one angle are merged; registers are reused when their values are dead.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from lagcli.engine.program.nodes import INDEXED, VECTOR, Node
 from lagcli.engine.program.vectorize import LONG, WORTH, Packing
 from lagcli.engine.tape.operations import ARITY, PLACES, Op
 from lagcli.engine.tape.tape import Tape
+from lagcli.named_tuples import NamedTuple
 
 #: Number of operations that are ordered at a time: values that are alive together stay close.
 _WINDOW = 4096

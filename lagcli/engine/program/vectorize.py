@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagcli.arrays import Indices, Int32, Numbers
 from lagcli.engine.program.nodes import INDEXED, LINE, LONGEST, VECTOR, Node, Slots
 from lagcli.engine.tape.operations import Kind, Op
+from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
 
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.system import JacobianTapes, State, System
@@ -19,6 +18,7 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Builder, Tape
 from lagcli.functions import Domain
+from lagcli.named_tuples import NamedTuple
 
 _RELATIONS = (Op.LT, Op.LE)
 _WHOLE: dict[int, int] = {Op.FLOOR: 1, Op.CEIL: -1}

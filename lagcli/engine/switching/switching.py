@@ -11,10 +11,11 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from enum import IntEnum
 from fractions import Fraction
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
+from lagcli.named_tuples import NamedTuple
 
 #: Changes of a contact or a limited row, as named in conditions of events.
 ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
+from lagcli.named_tuples import NamedTuple
 
 
 class Slope(NamedTuple):

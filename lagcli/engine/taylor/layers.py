@@ -10,7 +10,7 @@ their convolutions are copied to rows, as in short programs.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from lagcli.engine.program.nodes import LINE, VECTOR, Node, Slots
 from lagcli.engine.program.vectorize import (
@@ -31,6 +31,7 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesNode,
     SeriesOp,
 )
+from lagcli.named_tuples import NamedTuple
 
 #: Number of operations from which programs are vectorized: those of a chain of 20 bodies.
 LONG = 500

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +47,7 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesOp,
     UnnamedSeries,
 )
+from lagcli.named_tuples import NamedTuple
 
 #: Places between rows, because four coefficients are read at a time, some of them beyond a row.
 PADDING = 4

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
+
+from lagcli.named_tuples import NamedTuple
 
 
 class SeriesOp(IntEnum):

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -28,6 +27,7 @@ from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols
 from lagcli.model.expression.algebra import expand_terms
 from lagcli.model.model import Constraint, Model
+from lagcli.named_tuples import NamedTuple
 
 Row = Mapping[int, Basic]  # nonzero entries by column
 

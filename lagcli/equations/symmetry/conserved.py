@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from itertools import combinations, product
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import symengine as se
 from symengine import Basic
@@ -24,6 +24,7 @@ from lagcli.equations.symmetry.linear import (
     term_count,
 )
 from lagcli.model.expression.algebra import is_zero
+from lagcli.named_tuples import NamedTuple
 
 #: Limits of the number of terms, which is an upper bound and often ten times the actual number:
 #: `lagcli check` may take some seconds, a run some 20 ms.

@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+from lagcli.named_tuples import NamedTuple
 
 
 class ExpressionError(Exception):

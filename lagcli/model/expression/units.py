@@ -6,7 +6,6 @@ import math
 import re
 from fractions import Fraction
 from functools import cache
-from typing import NamedTuple
 
 from lagcli.model.expression.dimension import (
     ANGLE,
@@ -19,6 +18,7 @@ from lagcli.model.expression.dimension import (
     same,
 )
 from lagcli.model.spelling import shorten
+from lagcli.named_tuples import NamedTuple
 
 
 class ParsedUnit(NamedTuple):

@@ -7,7 +7,6 @@ from collections.abc import Mapping as MappingOf
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
-from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -33,6 +32,7 @@ from lagcli.model.names.namespace import Allowed, Namespace
 from lagcli.model.names.scope import Scope
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
+from lagcli.named_tuples import NamedTuple
 
 Entry = tuple[str, Scalar, YamlNode]
 Indices = MappingOf[str, int]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -15,6 +14,7 @@ from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.tensors import Sized
 from lagcli.model.expression.trees import Name, Tree
+from lagcli.named_tuples import NamedTuple
 
 DOTS = (("_ddot", 2), ("_dot", 1))
 

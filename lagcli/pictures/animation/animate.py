@@ -7,13 +7,14 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from html import escape
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from lagcli.arrays import Array, Image, Indices
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
+from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.animation.film import check_film, write_gif, write_mp4
 from lagcli.pictures.curves import Catalogue, pretty_unit, read_curves
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data, with_code

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES, ColumnName
 from lagcli.errors import UsageError
 from lagcli.model.names.members import family_of, split_names
+from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.pictures.curves import (
     IMPULSE,

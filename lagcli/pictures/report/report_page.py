@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from string import Template
-from typing import Any, NamedTuple
+from typing import Any
 
 from lagcli.arrays import Array
+from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.page import asset, page, paragraphs, script_data
 from lagcli.pictures.plots.figure import FigureTarget, new_figure
 from lagcli.pictures.plots.mode_plot import DRAWN

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import h5py
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.named_tuples import NamedTuple
 from lagcli.results.hdf5.structure import group, is_texts, numbers, read_texts
 
 
