@@ -164,7 +164,8 @@ alt=""></span><h2>{escape(model.title or name)}</h2></a><p>{escape(model.descrip
 <title>lagcli: gallery</title>
 <style>
 :root {{ color-scheme: light dark; }}
-body {{ font: 1rem/1.45 system-ui, sans-serif; max-width: 80rem; margin: 0 auto; padding: 1rem; }}
+body {{ background: light-dark(#fff, #16191d); color: light-dark(#1b1b1b, #ececec);
+  font: 1rem/1.45 system-ui, sans-serif; max-width: 80rem; margin: 0 auto; padding: 1rem; }}
 ul {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(17rem, 1fr)); gap: 1.5rem;
   list-style: none; padding: 0; }}
 .picture {{ display: block; position: relative; background: #fff; border-radius: 6px;
@@ -176,12 +177,15 @@ a {{ color: inherit; }}
 a:focus-visible {{ outline: 3px solid #0072b2; outline-offset: 2px; }}
 h2 {{ font-size: 1rem; margin: 0.4rem 0 0; }}
 p {{ margin: 0.1rem 0; }}
-@media (prefers-reduced-motion: reduce) {{ .moving {{ display: none; }} }}
+@media (prefers-reduced-motion: reduce) {{ .moving, .hint {{ display: none; }} }}
+@media (scripting: none) {{ .hint {{ display: none; }} }}
+@media print {{ :root {{ color-scheme: light; }} .hint, .moving {{ display: none; }} }}
 </style>
 </head>
 <body>
 <h1>lagcli: gallery</h1>
-<p>Point at a picture, or move to it by the Tab key, to see it move; each leads to its report.</p>
+<p class="hint">Point at a picture, or move to it by the Tab key, to see it move; each leads to its
+report.</p>
 <ul>
 {"".join(items)}
 </ul>

@@ -420,7 +420,10 @@ class _Fmu:
         """Return a page on the FMU."""
         model = self.model
         text = (
-            f"<!DOCTYPE html><html lang='en'><meta charset='utf-8'><title>{_escaped(model.title)}"
+            "<!DOCTYPE html><html lang='en'><meta charset='utf-8'><meta name='viewport'"
+            " content='width=device-width'>"
+            "<style>body{font:1rem/1.5 sans-serif;max-width:46rem;margin:auto;padding:1rem;"
+            f"overflow-wrap:anywhere}}</style><title>{_escaped(model.title)}"
             f"</title><h1>{_escaped(model.title)}</h1><p>{_escaped(model.description or '')}</p>"
             f"<p>Written by lagcli {__version__} from the model {_escaped(model.name)}, SHA-256"
             f" {model.sha256}. All values are in SI units. Constraint forces are Bᵀλ, on the right"

@@ -10,9 +10,9 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.pictures.selection import by_family
 
-#: Okabe & Ito, "Color Universal Design", 2008, ordered so that neighbours also differ most in grey;
-#: without black and yellow, which are invisible on dark and on white pages.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+#: The hues of Okabe & Ito, "Color Universal Design", 2008, without black and yellow; the last three
+#: are darker, so that all have a contrast of 3 with white pages and with dark ones.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CB78A6", "#915D00", "#089DDC")
 
 #: Colours of constraints, by index; see `constraint_colors`.
 CONSTRAINT_COLORS = (*PALETTE[1:], PALETTE[0])
@@ -47,7 +47,7 @@ COLORMAP = "viridis"
 
 
 #: Colours of the members of a large family, from the first to the last, on light and dark pages.
-_FAMILY = ("#7A5CC0", "#3B7DC4", "#1D9A94", "#55AD3C", "#B79A00")
+_FAMILY = ("#7A5CC0", "#3B7DC4", "#1D9A94", "#4FA538", "#AB9000")
 
 
 def constraint_colors(constraints: Sequence[str]) -> dict[str, str]:

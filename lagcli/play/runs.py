@@ -29,8 +29,10 @@ from lagcli.pictures.report.run_plots import ALL_FORCES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.curve_picture import curve_picture
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import with_contacts
+from lagcli.pictures.scene.still import still_drawing
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.pictures.selection import by_family, drawn, scale_groups
@@ -201,6 +203,25 @@ class Played:
             self._drags.take(samples)
         answer = self._answer(request, simulation, samples, record)
         return answer if request.members == self.members else answer | self.description()
+
+    def still(self) -> str:
+        """Return a picture of the run with the values of the command line, as the text of an SVG.
+
+        Raises
+        ------
+        ModelError, UsageError, NumericalError
+            As `check`, and where the run cannot start.
+        """
+        simulation = self._variants.varied()
+        blocks: list[Samples] = []
+        record = simulation.run(blocks.append)
+        samples = joined(blocks)
+        if self._evaluator is not None:
+            parameters = simulation.model.parameter_values
+            scene = self._evaluator.scene(vars(samples), samples.terms, parameters)
+            return still_drawing(scene).svg()
+        labels = [curve.label for curve in Catalogue(RunFile(complete(samples, record))).of("q")]
+        return curve_picture(samples.time, samples.q, labels, "").svg()
 
     def _dragged(self, request: PlayRequest, drag: DragRequest) -> dict[str, Any]:
         """Process a request to move a body."""

@@ -37,6 +37,8 @@ MOST_BYTES = 1 << 20
 PATIENCE = 0.5
 
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
+#: The picture of the page for browsers without JavaScript, made when it is asked for.
+_STILL = "still.svg"
 
 
 def listen(port: int) -> socket.socket:
@@ -141,6 +143,10 @@ class Server:
 
     async def _file(self, request: web.Request) -> web.Response:
         name = request.match_info["file"] or "play.html"
+        if name == _STILL:
+            return web.Response(
+                text=await asyncio.to_thread(self._play().still), content_type="image/svg+xml"
+            )
         if name not in self._files:
             raise web.HTTPNotFound
         kind = _TYPES[PurePosixPath(name).suffix]
@@ -226,7 +232,7 @@ POLICY = (
     "default-src 'none'",
     "script-src 'self'",
     "style-src 'self'",
-    "img-src data:",
+    "img-src 'self' data:",
     "base-uri 'none'",
     "form-action 'none'",
     "frame-ancestors 'none'",

@@ -1,12 +1,12 @@
 """The gallery, and the first picture of the documentation, show what they look like now."""
 
 import re
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from programs import program
 
 import lagcli
 from lagcli.pictures.run_file import RunFile
@@ -17,14 +17,6 @@ MODELS = sorted(f.stem for f in (ROOT / "models").rglob("*.yaml"))
 
 #: Of all pixels, those that may differ by more than soft edges do.
 _TOLERANCE = 3e-4
-
-
-def program(path):
-    """Return a program of the documentation as a module."""
-    spec = spec_from_file_location(path.stem, path)
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import shlex
-import signal
 import statistics
-import subprocess
-import sys
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +15,7 @@ import pytest
 import yaml
 from page_checks import AXES, TEXTS
 from patience import PATIENCE
+from serving import serving
 
 import lagcli
 from lagcli.cli.app import run
@@ -79,16 +76,6 @@ class Played:
 def served(browser):
     """The address of the slider-crank's page."""
     yield from serving(CRANK)
-
-
-def serving(*arguments):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-m", "lagcli", "play", "--no-browser", "-q", *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
-    yield process.stdout.readline().strip()
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
 
 
 @pytest.fixture
@@ -400,13 +387,8 @@ def test_nothing_is_wider_than_the_window(crank, until):
             assert box["x"] + box["width"] <= width
 
 
-def test_every_control_has_a_name_that_is_spoken(crank):
+def test_sliders_speak_names_and_values(crank):
     p = crank
-    unnamed = p.page.evaluate(
-        """[...document.querySelectorAll("input, select, button")].filter((e) =>
-          !(e.ariaLabel || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"""
-    )
-    assert unnamed == []
     assert p.slider("r").get_attribute("aria-label") == "r, crank OA"
     assert p.slider("r").get_attribute("aria-valuetext") == "0.1 m"
 

@@ -51,6 +51,9 @@ def test_branches_have_a_diagram_and_bifurcations(tmp_path: Path) -> None:
     hoop = str(MODELS / "bead_on_rotating_hoop.yaml")
     text = page_of(tmp_path, "equilibrium", hoop, "--along", "Omega=2:4")
     assert "branch point" in text
+    # names are those of formulas, in the heading too
+    assert re.search(r'<h2>Equilibria over <span title="Omega"><math.*Ω.*</math></span></h2>', text)
+    assert 'title="lambda.hoop"><math' in text
     # Ω² = g/R
     assert "3.1320919526" in text
 
@@ -58,7 +61,7 @@ def test_branches_have_a_diagram_and_bifurcations(tmp_path: Path) -> None:
 def test_linear_models_have_matrices(tmp_path: Path) -> None:
     text = page_of(tmp_path, "linearize", str(MODELS / "slider_crank.yaml"), "--input", "tau")
     assert "ẋ = A x + B u" in text
-    assert '<span class="name">tau</span>' in text
+    assert '<span title="tau"><math' in text
 
 
 def test_comparisons_have_a_row_for_each_run(tmp_path: Path) -> None:

@@ -336,29 +336,33 @@ def equilibria_sections(
 def diagram_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[ResultSection]:
     """Return the sections of a bifurcation diagram; ``units`` as of `equilibria_sections`."""
     name, branches, points = content["parameter"], content["branches"], content["special_points"]
-    origins = [x["origin"] for x in branches]
+    origins, unit = [x["origin"] for x in branches], unit_of(name, units)
     table = (
         ResultColumn("Branch", [str(i) for i in range(len(branches))]),
         ResultColumn("Leaves", ["" if x is None else f"branch {x}" for x in origins]),
         ResultColumn("Points", [len(x["parameter"]) for x in branches]),
-        ResultColumn(f"{name} from", [min(x["parameter"]) for x in branches]),
-        ResultColumn("to", [max(x["parameter"]) for x in branches]),
+        ResultColumn("From", [min(x["parameter"]) for x in branches], unit),
+        ResultColumn("to", [max(x["parameter"]) for x in branches], unit),
         ResultColumn(
             "Stable", [f"{sum(x['stable'])} of {len(x['stable'])} points" for x in branches]
         ),
     )
     plot = PlotPlace(f"Branches of equilibria over {name}")
     listed: list[SectionBlock] = [plot, ResultTable(Phrase("Branches"), table)]
-    sections = [ResultSection("branches", f"Equilibria over {name}", listed)]
+    sections = [ResultSection("branches", "Equilibria over", listed, (name,))]
     if points:
         frequencies = [x["frequency"] for x in points]
         columns = [
             ResultColumn("Point", [_kind(x) for x in points]),
             ResultColumn("Branch", [str(x["branch"]) for x in points]),
-            ResultColumn(name, [x["parameter"] for x in points], unit_of(name, units) or "1", 12),
+            ResultColumn(ModelName(name), [x["parameter"] for x in points], unit or "1", 12),
             ResultColumn("Frequency", ["" if x is None else x for x in frequencies], "rad/s", 8),
             *(
-                ResultColumn(ModelName(prefix + key), [x[part][key] for x in points])
+                ResultColumn(
+                    ModelName(prefix + key),
+                    [x[part][key] for x in points],
+                    unit_of(prefix + key, units),
+                )
                 for part, prefix in (("q", ""), ("multipliers", "lambda."))
                 for key in points[0][part]
             ),

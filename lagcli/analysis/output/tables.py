@@ -170,11 +170,20 @@ SectionBlock = ResultTable | Remark | PlotPlace
 
 
 class ResultSection(NamedTuple):
-    """A part of a page."""
+    """A part of a page.
+
+    Parameters
+    ----------
+    anchor, title : str
+    blocks : sequence of SectionBlock
+    of : sequence of str
+        Names of the model that follow the title.
+    """
 
     anchor: str
     title: str
     blocks: Sequence[SectionBlock]
+    of: Sequence[str] = ()
 
 
 def eigenvalue_text(s: complex, digits: int = 9) -> str:

@@ -22,10 +22,11 @@ from lagcli.pictures.plots.figure import new_figure
 from lagcli.pictures.plots.run_plot import Panel, PanelDrawing, asked
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.curve_picture import curve_picture, spoken
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import Scene
-from lagcli.pictures.scene.still import still
+from lagcli.pictures.scene.still import still, still_image
 from lagcli.pictures.scene.timing import Timing, timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import evenly
@@ -342,14 +343,15 @@ def _scene(run: RunFile, samples: Indices, when: Timing, viewed: Model) -> _Subj
     for shape in data["shapes"]:
         if shape["kind"] == "trail":
             shape["seconds"] = when.trail
-    return _Subject(data, len(scene.time), still=still(scene, viewed.title))
+    return _Subject(data, len(scene.time), still=still(still_image(scene, viewed.title)))
 
 
 def _histories(run: RunFile, samples: Indices, when: Timing) -> _Subject:
     histories = Histories(run, _chosen(samples, when, len(run.coordinates)))
     stage = "stage: (element, plots) => new Histories(element, plots)"
     data = histories.to_json()
-    return _Subject(data, len(histories.time), _HISTORIES_SCRIPTS, _HISTORIES_STYLES, stage)
+    shown = still(histories.image()) if len(histories.time) > 1 else ""
+    return _Subject(data, len(histories.time), _HISTORIES_SCRIPTS, _HISTORIES_STYLES, stage, shown)
 
 
 def _chosen(samples: Indices, when: Timing, series: int) -> Indices:
@@ -372,9 +374,6 @@ def _about(run: RunFile, when: Timing) -> list[str]:
     return [text for text in (described, when.pace and f"{when.pace.capitalize()}.") if text]
 
 
-_NO_SCRIPT = "<noscript><p>The curves need JavaScript, which is switched off here.</p></noscript>"
-
-
 def _body(title: str, about: Sequence[str], notes: Sequence[str], still: str) -> str:
     paragraphs = [f"<p>{escape(text)}</p>" for text in about]
     paragraphs += [
@@ -384,7 +383,7 @@ def _body(title: str, about: Sequence[str], notes: Sequence[str], still: str) ->
     return f"""<main class="animation">
 <h1>{escape(title)}</h1>
 {"".join(paragraphs)}
-<div id="player"></div>{still or _NO_SCRIPT}
+<div id="player"></div>{still}
 <p class="animation-keys">Space plays and pauses; arrow keys move the time; in the player, so do
 Page Up and Page Down, Home and End, and F shows and hides forces.</p>
 </main>"""
@@ -412,6 +411,14 @@ class Histories:
         values = read_curves(run, {curve for panel in self.panels for curve in panel.curves})
         self.values = {name: column[samples] for name, column in values.items()}
         self.time: Array = self.values["t"]
+
+    def image(self) -> str:
+        """Return the curves of the first panel as an image in HTML."""
+        curves = self.panels[0].curves
+        values = np.column_stack([self.values[curve.name] for curve in curves])
+        labels = [curve.label for curve in curves]
+        unit = pretty_unit(curves[0].unit)
+        return curve_picture(self.time, values, labels, unit).element(spoken(labels))
 
     def to_json(self) -> dict[str, Any]:
         """Return the data for ``assets/histories.js``."""

@@ -21,9 +21,6 @@ class Histories {
     this.link = new TimeLink();
     this.link.free = false; // the player moves the time, or a click
     this.link.onTime((time, source) => source !== this && this.onSeek?.(time));
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      for (const plot of this.plots) plot.recolour();
-    });
     this.setScene(data);
   }
 
@@ -38,6 +35,11 @@ class Histories {
       const { link } = this;
       return new TimePlot(figure, { time: data.time, ...plot }, { link, palette: data.palette });
     });
+  }
+
+  /** Take the page's colours again. */
+  restyle() {
+    for (const plot of this.plots) plot.recolour();
   }
 
   /** Show where the coordinates are at a time, s. */

@@ -262,6 +262,14 @@ class Player {
     this.turn.addEventListener("click", () => this.stage.resetView());
     element.addEventListener("keydown", (event) => this.#key(event));
     document.addEventListener("keydown", (event) => this.#keyAnywhere(event));
+    addEventListener("beforeprint", () => this.#print(true));
+    addEventListener("afterprint", () => this.#print(false));
+  }
+
+  /** Paper is light. */
+  #print(printing) {
+    this.element.classList.toggle("player-printing", printing);
+    this.stage.restyle?.();
   }
 
   #buildSpeeds(select) {

@@ -304,6 +304,7 @@ class TimePlot {
     link.onTime((time, source) => source !== this && this.showTime(time));
     link.onRange((range) => this.#showRange(range));
     focus.onChange(() => this.#emphasize());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.recolour());
     this.watcher = new ResizeObserver(() => this.#fit());
     this.watcher.observe(this.container);
   }

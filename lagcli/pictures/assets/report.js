@@ -94,6 +94,7 @@
   zoomOut.addEventListener("click", () => link.setRange(null));
 
   const theme = find("#theme");
+  let before = null; // what printing has changed
   const paint = (name) => {
     root.dataset.theme = name;
     theme.textContent = name === "dark" ? "Light" : "Dark";
@@ -103,7 +104,11 @@
   const next = () => (root.dataset.theme === "dark" ? "light" : "dark");
   theme.hidden = false;
   theme.addEventListener("click", () => paint(next()));
-  dark.addEventListener("change", () => paint(dark.matches ? "dark" : "light"));
+  dark.addEventListener("change", () => {
+    const name = dark.matches ? "dark" : "light";
+    if (before) before.theme = name;
+    else paint(name);
+  });
   paint(root.dataset.theme);
 
   // On paper: light, plots two in a row, four pictures in place of the animation.
@@ -147,7 +152,6 @@
       stills[i].draw(time);
     }
   };
-  let before = null;
   addEventListener("beforeprint", () => {
     if (before) return;
     const folded = [...document.querySelectorAll("details:not([open])")];
@@ -155,7 +159,7 @@
     root.classList.add("printing");
     for (const part of folded) part.open = true;
     paint("light");
-    for (const plot of plots) plot.resize(335, plot.data.log ? 110 : 165);
+    for (const plot of plots) plot.resize(330, plot.data.log ? 110 : 165);
     drawStrip();
   });
   addEventListener("afterprint", () => {

@@ -6,16 +6,20 @@
   const root = document.documentElement;
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const button = document.querySelector("#theme");
+  let before = null; // what printing has changed
   const paint = (name) => {
     root.dataset.theme = name;
     button.textContent = name === "dark" ? "Light" : "Dark";
   };
   button.hidden = false;
   button.addEventListener("click", () => paint(root.dataset.theme === "dark" ? "light" : "dark"));
-  dark.addEventListener("change", () => paint(dark.matches ? "dark" : "light"));
+  dark.addEventListener("change", () => {
+    const name = dark.matches ? "dark" : "light";
+    if (before) before.theme = name;
+    else paint(name);
+  });
   paint(dark.matches ? "dark" : "light");
 
-  let before = null;
   addEventListener("beforeprint", () => {
     if (before) return;
     const folded = [...document.querySelectorAll("details:not([open])")];

@@ -306,6 +306,8 @@ def _legend(ax: Any, content: Mapping[str, Any]) -> None:
 
 
 _POINTS = "#404040"
+#: Largest number of measured points that have dots of the usual size.
+_FEW_POINTS = 150
 _FIT_WIDTH, _DATA, _RESIDUALS = 7.0, 1.9, 0.9  # inches
 #: Standard deviations that contain about 95 % of the residuals of a good fit.
 _BAND = 2.0
@@ -402,8 +404,10 @@ def draw_fit(
         )
         curve = drawable(data.curve_times), drawable(data.curve[:, j])
         there = np.isfinite(measured)
-        points = {"linestyle": "none", "marker": ".", "markersize": 4, "color": _POINTS}
-        above.plot(*curve, **style.line(0), label="fitted")
+        # the curve is seen below many points
+        size = 4 if there.sum() <= _FEW_POINTS else 1.5
+        points = {"linestyle": "none", "marker": ".", "markersize": size, "color": _POINTS}
+        above.plot(*curve, **style.line(0), linewidth=2, label="fitted")
         above.plot(time[there], measured[there], **points, label="measured")
         if not number:
             style.legend_beside(above)

@@ -69,7 +69,7 @@ def plot_modes(
             shown = ax.imshow(image, interpolation="antialiased")
             shown.set_gid(f"{DRAWN}{mode['number']}")
             ax.axis("off")
-            ax.set_title(f"{mode['number']}   {_described(mode)}", fontsize=8)
+            ax.set_title(f"Mode {mode['number']}: {_described(mode)}", fontsize=8)
         _draw_spectrum(figure.add_subplot(grid[rows]), content["modes"])
 
 

@@ -24,6 +24,10 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.typesetting.mathml import MathmlFormula, inline
+from lagcli.equations.typesetting.nodes import Symbol
+from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
@@ -71,15 +75,15 @@ def analysis_page(path: str, kind: str, title: str | None = None, lang: str = "e
 
         result = read_fit(path)
         model = load_text(result.model, path)
-        sections = rendered(fit_sections(result), partial(draw_result, result, ()))
+        draw = partial(draw_result, result, ())
+        sections = rendered(fit_sections(result), draw, names_of(model))
         return _assembled(model, result.parameters, sections, path, kind, title, lang)
     if kind == "sweep":
         from lagcli.pictures.report.sweep_report import sweep_model, sweep_sections
 
         model = sweep_model(path)
-        return _assembled(
-            model, model.parameter_values, sweep_sections(path), path, kind, title, lang
-        )
+        sections = sweep_sections(path, names_of(model))
+        return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
     from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 
     content, given = read_analysis(path), read_model_text(path)
@@ -110,7 +114,7 @@ def _assembled(
         template="analysis.html",
         title=title,
         lang=lang,
-        contents=[*((x.anchor, escape(x.title)) for x in sections), *_CONTENTS],
+        contents=[*((x.anchor, x.title) for x in sections), *_CONTENTS],
         styles=map(asset, _STYLES),
         scripts=[asset("theme.js")],
         images=True,
@@ -119,8 +123,34 @@ def _assembled(
     )
 
 
+def names_of(model: Model) -> Callable[[str], str]:
+    """Return a function that writes a name as a formula in HTML, if it is one of the model."""
+    names = Notation(model)
+    mathml = MathmlFormula(names, written_decimals(model))
+
+    def written(name: str) -> str:
+        part, _, constraint = name.partition("lambda.")
+        small, rest = ("δ", name[1:]) if name.startswith("δ") else ("", name)
+        base = rest.rstrip("'")
+        if rest.startswith("λ ") or (constraint and not part):
+            node = Symbol(constraint or rest[2:], kind="multiplier")
+        elif base in names.declared:
+            node = Symbol(base, len(rest) - len(base))
+        else:
+            return _as_it_is(name)
+        return f'<span title="{escape(name)}">{small}{inline(node, mathml)}</span>'
+
+    return written
+
+
+def _as_it_is(name: str) -> str:
+    return f'<span class="name">{escape(name)}</span>'
+
+
 def rendered(
-    sections: Iterable[ResultSection], draw: Callable[[FigureTarget], object] | None
+    sections: Iterable[ResultSection],
+    draw: Callable[[FigureTarget], object] | None,
+    named: Callable[[str], str] = _as_it_is,
 ) -> list[AnalysisSection]:
     """Return sections of an analysis in HTML.
 
@@ -129,6 +159,8 @@ def rendered(
     sections : iterable of ResultSection
     draw : callable or None
         Function that draws the plot of the analysis to the given target; None to omit it.
+    named : callable
+        Function that writes a name of the model in HTML; see `names_of`.
 
     Raises
     ------
@@ -136,26 +168,38 @@ def rendered(
         matplotlib is not installed.
     """
     return [
-        AnalysisSection(x.anchor, x.title, "".join(_block(block, draw) for block in x.blocks))
+        AnalysisSection(
+            x.anchor,
+            " ".join([escape(x.title), *map(named, x.of)]),
+            "".join(_block(block, draw, named) for block in x.blocks),
+        )
         for x in sections
     ]
 
 
-def _block(block: SectionBlock, draw: Callable[[FigureTarget], object] | None) -> str:
+def _block(
+    block: SectionBlock,
+    draw: Callable[[FigureTarget], object] | None,
+    named: Callable[[str], str],
+) -> str:
     if isinstance(block, PlotPlace):
         return "" if draw is None else picture(draw, block.caption)
     if isinstance(block, Remark):
         class_ = {"": "", "note": ' class="note"', "failure": ' class="status bad"'}[block.kind]
         names = ", ".join(
-            _cell(ModelName(name)) + ("" if value is None else f" {number(value, 3)}")
+            named(name) + ("" if value is None else f" {number(value, 3)}")
             for name, value in block.names
         )
         return f"<p{class_}>{with_code(block.text)}{names}{escape(block.end)}</p>"
-    cells = [[_cell(x, column.digits) for x in column.values] for column in block.columns]
+
+    def cell(value: Cell, digits: int = 6) -> str:
+        return named(value) if isinstance(value, ModelName) else _cell(value, digits)
+
+    cells = [[cell(x, column.digits) for x in column.values] for column in block.columns]
     numeric = [] if block.facts else [i for i, x in enumerate(block.columns) if i and _numeric(x)]
-    heads = [_cell(x.name) + (f" [{axis_unit(x.unit)}]" if x.unit else "") for x in block.columns]
+    heads = [cell(x.name) + (f" [{axis_unit(x.unit)}]" if x.unit else "") for x in block.columns]
     rows = list(zip(*cells, strict=True))
-    return table(_cell(block.caption), heads, rows, numeric, kind="facts" * block.facts)
+    return table(cell(block.caption), heads, rows, numeric, kind="facts" * block.facts)
 
 
 def _numeric(column: ResultColumn) -> bool:
@@ -166,8 +210,6 @@ def _numeric(column: ResultColumn) -> bool:
 def _cell(value: Cell, digits: int = 6) -> str:
     """Return a value in HTML."""
     match value:
-        case ModelName():
-            return f'<span class="name">{escape(value)}</span>'
         case UnitText():
             return unit(value)
         case str():
@@ -230,4 +272,5 @@ def _sections(content: Mapping[str, Any], model: Model) -> list[AnalysisSection]
     return rendered(
         content_sections(content, units),
         partial(plot_analysis, content, (), model=model, units=units),
+        names_of(model),
     )

@@ -159,7 +159,7 @@ def analysis_html(result: object) -> str:
     from lagcli.pictures.report.analysis_report import rendered
 
     sections = rendered(result_sections(result), None)
-    return "\n".join(f"<h4>{html.escape(x.title)}</h4>{x.body}" for x in sections if x.body)
+    return "\n".join(f"<h4>{x.title}</h4>{x.body}" for x in sections if x.body)
 
 
 def trajectory_html(trajectory: Trajectory) -> str:
@@ -198,7 +198,10 @@ def _animation(trajectory: Trajectory, folder: Path) -> str:
     animate(trajectory, target)
     page = html.escape(target.read_text(encoding="utf-8"))
     style = f"width: 100%; height: {_HEIGHT}px; border: 0"
-    return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{page}"></iframe>'
+    return (
+        f'<iframe sandbox="allow-scripts" title="Animation of the run" style="{style}"'
+        f' srcdoc="{page}"></iframe>'
+    )
 
 
 def _still(trajectory: Trajectory, folder: Path) -> str:

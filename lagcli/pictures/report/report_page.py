@@ -203,7 +203,7 @@ def picture(draw: Callable[[FigureTarget], object], caption: str) -> str:
         f'{base64.b64encode(svg.encode()).decode()}">'
         for name, svg in (("light", target.svg), ("dark", _darkened(target.svg)))
     )
-    return f'<figure class="picture">{images}</figure>'
+    return f'<figure class="picture" aria-label="{escape(caption)}">{images}</figure>'
 
 
 def _darkened(svg: str) -> str:
@@ -221,7 +221,7 @@ class AnalysisSection(NamedTuple):
     Parameters
     ----------
     anchor, title, body : str
-        The body is HTML.
+        Title and body are HTML.
     """
 
     anchor: str
@@ -231,6 +231,4 @@ class AnalysisSection(NamedTuple):
 
 def section_html(section: AnalysisSection) -> str:
     """Return a part of a page with its heading."""
-    return (
-        f'<section id="{section.anchor}"><h2>{escape(section.title)}</h2>{section.body}</section>'
-    )
+    return f'<section id="{section.anchor}"><h2>{section.title}</h2>{section.body}</section>'

@@ -3,7 +3,7 @@ motions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from html import escape
 from typing import Any
@@ -43,8 +43,14 @@ def sweep_model(path: str) -> Model:
     return load_text(text, origin, given["set"], given["set_initial"], data)
 
 
-def sweep_sections(path: str) -> list[AnalysisSection]:
+def sweep_sections(path: str, named: Callable[[str], str]) -> list[AnalysisSection]:
     """Return the sections of a sweep file.
+
+    Parameters
+    ----------
+    path : str
+    named : callable
+        Function that writes a name of the model in HTML.
 
     Raises
     ------
@@ -52,7 +58,7 @@ def sweep_sections(path: str) -> list[AnalysisSection]:
         As `lagcli.plot`.
     """
     content, plotted = describe_sweep(path), PlottedTable(path)
-    sections = [AnalysisSection("sweep", "Sweep", _facts(content) + _columns(content))]
+    sections = [AnalysisSection("sweep", "Sweep", _facts(content) + _columns(content, named))]
     if plotted.measures and any(np.isfinite(q.values).any() for q in plotted.measures):
         sections.append(AnalysisSection("measures", "Measures", _measures(plotted)))
         effects = _effects(plotted)
@@ -64,7 +70,7 @@ def sweep_sections(path: str) -> list[AnalysisSection]:
         note = f'<p class="note">{len(rows.runs)} of {rows.good} rows are drawn.</p>'
         drawn += note * (len(rows.runs) < rows.good)
         sections.append(AnalysisSection("motions", "Motions", drawn))
-    sections.append(AnalysisSection("rows", "Rows", _rows(path)))
+    sections.append(AnalysisSection("rows", "Rows", _rows(path, named)))
     return sections
 
 
@@ -90,10 +96,10 @@ def _facts(content: Mapping[str, Any]) -> str:
     return body
 
 
-def _columns(content: Mapping[str, Any]) -> str:
+def _columns(content: Mapping[str, Any], named: Callable[[str], str]) -> str:
     rows = [
         [
-            f'<span class="name">{escape(x["name"])}</span>',
+            named(x["name"]),
             _meaning(x["long_name"]),
             "" if x["unit"] == NOT_STATED else unit(x["unit"]),
             number(x["min"], 8),
@@ -140,7 +146,7 @@ def _effects(plotted: PlottedTable) -> str:
     )
 
 
-def _rows(path: str) -> str:
+def _rows(path: str, named: Callable[[str], str]) -> str:
     """Return the table of the rows; of many, the first and the last."""
     with open_sweep(path) as file:
         columns = [*file.columns, *file.measures]
@@ -159,7 +165,7 @@ def _rows(path: str) -> str:
         ]
         for i, row in enumerate(few)
     ]
-    head = ["Row", *(f'<span class="name">{escape(c.name)}</span>' for c in columns), "Failure"]
+    head = ["Row", *(named(c.name) for c in columns), "Failure"]
     dots = ["…"] + [""] * (len(head) - 1)
     numeric = range(1, 1 + len(columns))
     return table(f"{count} rows", head, elided(few, lines, dots), numeric=list(numeric))

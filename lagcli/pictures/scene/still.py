@@ -16,17 +16,10 @@ _SIZE = (640, 480)
 _MOMENT = 0.45
 
 
-def still(scene: Scene, label: str) -> str:
-    """Return HTML that shows a scene where there is no JavaScript, and says so.
-
-    Parameters
-    ----------
-    scene : Scene
-    label : str
-        What is shown, in words.
-    """
+def still(image: str) -> str:
+    """Return HTML that shows an image where there is no JavaScript, and says so."""
     return (
-        f'<noscript><figure class="still">{still_image(scene, label)}<figcaption>The picture moves'
+        f'<noscript><figure class="still">{image}<figcaption>The picture moves'
         " with JavaScript, which is switched off here.</figcaption></figure></noscript>"
     )
 
@@ -40,10 +33,15 @@ def still_image(scene: Scene, label: str) -> str:
     label : str
         What is shown, in words.
     """
+    return still_drawing(scene).element(label, of_model=True)
+
+
+def still_drawing(scene: Scene) -> VectorPicture:
+    """Return a picture of a scene."""
     drawing = SceneDrawing(scene, *_SIZE, picture=VectorPicture)
     drawing.draw(_moment(scene), f"t = {_moment(scene):.4g} s")
     assert isinstance(drawing.raster, VectorPicture)
-    return drawing.raster.element(label, of_model=True)
+    return drawing.raster
 
 
 def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | None:

@@ -92,11 +92,9 @@ class PhasePlane {
   }
 
   #dot(context, { q, v, time }, x, y) {
-    const now = this.time ?? time[0];
-    const at = time.findIndex((t) => t >= now);
-    const i = at < 0 ? time.length - 1 : at;
+    const [across, up] = [q, v].map(({ values }) => TimePlot.at(time, values, this.time ?? time[0]));
     context.beginPath();
-    context.arc(x(q.values[i]), y(v.values[i]), 5, 0, 2 * Math.PI);
+    context.arc(x(across), y(up), 5, 0, 2 * Math.PI);
     context.fillStyle = this.palette[1];
     context.fill();
   }

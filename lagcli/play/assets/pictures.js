@@ -44,9 +44,6 @@ class Pictures {
       this.player.setTime(time);
       this.player.pause();
     });
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      for (const { plots } of this.slots) for (const plot of plots) plot.recolour();
-    });
   }
 
   /** The time that is shown, s. */
@@ -62,7 +59,6 @@ class Pictures {
         if (printing) plot.resize(i ? Pictures.PAPER / 2 - 10 : Pictures.PAPER, plot.height);
         else plot.resize();
       }
-    this.player?.stage.restyle();
   }
 
   groups() {
