@@ -55,7 +55,7 @@ COSTS = {
     "stick-slip": (3281, 34041),
     "lift-off": (17064, 24038),
     "landing": (4194, 2772),
-    "moving floor": (459842, 3020),
+    "moving floor": (459842, 3185),
     "stop": (985, 520),
 }
 #: What rounding may add, in part of these.

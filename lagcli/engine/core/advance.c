@@ -104,7 +104,7 @@ static int finish(lag_run *run)
 {
     const int n = lag_size(&run->system);
     const double t = run->step.t;
-    const int status = lag_sample_until(run, lag_at_break(run) ? nextafter(t, -INFINITY) : t);
+    const int status = lag_sample_until(run, lag_at_break(run) ? nextafter(t - lag_coincidence(t), -INFINITY) : t);
     if (status != LAG_RUNNING)
         return status;
     run->step.finishing = 0;
@@ -234,8 +234,13 @@ int lag_advance(lag_run *run, int64_t slice)
         int status = LAG_RUNNING;
         if (run->switching.due && (status = lag_do_instant(run)) != LAG_RUNNING)
             return status;
-        if (lag_at_break(run) && (status = lag_pass_break(run)) == LAG_RUNNING)
+        if (lag_at_break(run) && (status = lag_pass_row(run)) == LAG_RUNNING) {
+            if (run->switching.due && run->switching.waits)
+                return status;
+            if (run->switching.due)
+                continue;
             status = damp(run);
+        }
         if (status == LAG_RUNNING)
             status = lag_sample_until(run, run->step.t);
         if (status != LAG_RUNNING)

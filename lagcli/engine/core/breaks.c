@@ -1,5 +1,6 @@
 #include "breaks.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -33,11 +34,17 @@ void lag_pieces_at(const lag_run *run, double t, double *parameters)
         take_piece(b->functions + i, t, parameters + b->functions[i].first);
 }
 
-/* Set the pieces of the functions from the current time on in all tapes. */
-static void take_pieces(lag_run *run)
+/* Set the pieces of the functions from a time on in all tapes. */
+static void take_pieces(lag_run *run, double t)
 {
-    lag_pieces_at(run, run->step.t, run->parameters);
+    lag_pieces_at(run, t, run->parameters);
     lag_renew_tapes(run);
+}
+
+void lag_pieces_before(lag_run *run)
+{
+    const double t = run->step.t;
+    take_pieces(run, t - 2.0 * lag_coincidence(t) - DBL_MIN);
 }
 
 void lag_breaks_start(lag_run *run)
@@ -49,7 +56,7 @@ void lag_breaks_start(lag_run *run)
         ++b->next;
     lag_set_stop(run);
     if (b->function_count)
-        take_pieces(run);
+        take_pieces(run, run->step.t);
 }
 
 int lag_at_break(const lag_run *run)

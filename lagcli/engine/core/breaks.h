@@ -14,6 +14,9 @@ int lag_at_break(const lag_run *run);
  * Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_pass_break(lag_run *run);
 
+/* After a break: take back the pieces that hold before it. */
+void lag_pieces_before(lag_run *run);
+
 /* Write the pieces of the functions from a time on to where they are among the parameters. */
 void lag_pieces_at(const lag_run *run, double t, double *parameters);
 

@@ -193,7 +193,7 @@ def rules_fields(
     conditions, force_conditions = system.events, switching.force_conditions
     counts = [len(x.outputs) if x else 0 for x in (conditions, force_conditions)]
     either = {rule.condition for rule in switching.events if rule.either}
-    times = [*switching.condition_times, *[False] * sum(counts)]
+    times = [*switching.condition_times, *[0] * sum(counts)]
     reported = np.zeros((len(split.rows), len(CHANGES)), dtype=np.int32)
     for rule in switching.events:
         if rule.change is not None:

@@ -9,7 +9,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
-from lagcli.engine.switching.switching import EventRule, SwitchedRow, Switching
+from lagcli.engine.switching.switching import EventRule, SwitchedRow, Switching, TimeIn
 from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME, Constraint, ModelEvent, multiplier
@@ -158,8 +158,8 @@ class _Lowering:
 
     def events(
         self,
-    ) -> tuple[tuple[EventRule, ...], list[Basic], tuple[bool, ...], list[Basic], list[Basic]]:
-        """Return the rules, the conditions on states and whether they are on time alone, those on
+    ) -> tuple[tuple[EventRule, ...], list[Basic], tuple[TimeIn, ...], list[Basic], list[Basic]]:
+        """Return the rules, the conditions on states and how they depend on time, those on
         forces, and the outputs of the actions' tape.
         """
         forces = {*self.equations.a, *self.multipliers}
@@ -180,7 +180,12 @@ class _Lowering:
             actions += map(self.signed, event.action.impulse.values())
         # the roots of an input are not known in advance
         times = tuple(
-            bool(x.free_symbols <= known) and not x.atoms(se.FunctionSymbol) for x in on_states
+            TimeIn.ALONE
+            if x.free_symbols <= known and not x.atoms(se.FunctionSymbol)
+            else TimeIn.WITH_STATE
+            if TIME in x.free_symbols
+            else TimeIn.NONE
+            for x in on_states
         )
         return tuple(rules), on_states, times, of_forces, actions
 

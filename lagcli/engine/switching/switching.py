@@ -21,6 +21,15 @@ from lagcli.named_tuples import NamedTuple
 ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]
 
 
+class TimeIn(IntEnum):
+    """How the function of a condition depends on t (``lag_time_in``)."""
+
+    NONE = 0
+    WITH_STATE = 1
+    #: On t and parameters.
+    ALONE = 2
+
+
 class RowMode(IntEnum):
     """The mode of a switched row; it is fixed within a step.
 
@@ -163,8 +172,8 @@ class Switching:
     force_pattern : tuple of (force, constraint)
     events : tuple of EventRule
         In the order of the file.
-    condition_times : tuple of bool
-        For each output of ``System.events``: whether it depends on t and parameters alone.
+    condition_times : tuple of TimeIn
+        For each output of ``System.events``.
     force_conditions : Tape or None
         → functions of conditions that depend on a or λ.
     actions : Tape or None
@@ -181,7 +190,7 @@ class Switching:
     force_coordinates: tuple[int, ...] = ()
     force_pattern: tuple[tuple[int, int], ...] = ()
     events: tuple[EventRule, ...] = ()
-    condition_times: tuple[bool, ...] = ()
+    condition_times: tuple[TimeIn, ...] = ()
     force_conditions: Tape | None = None
     actions: Tape | None = None
     clocks: Tape | None = None

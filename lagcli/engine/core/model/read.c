@@ -290,7 +290,7 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
     r.condition_functions = lag_read_program(in, state, r.conditions);
     r.force_condition_functions = lag_read_program(in, forces, r.force_conditions);
     r.either = lag_read_integers(in, (int64_t)r.conditions + r.force_conditions, 0, 2);
-    r.time = lag_read_integers(in, (int64_t)r.conditions + r.force_conditions, 0, 2);
+    r.time = lag_read_integers(in, (int64_t)r.conditions + r.force_conditions, 0, 3);
     r.clocks = lag_read_count(in);
     r.ticks = lag_read_finite(in, 3 * (int64_t)r.clocks);
     r.most = lag_read_integers(in, r.clocks, 0, INT32_MAX);

@@ -133,6 +133,65 @@ static int begin_instant(lag_run *run)
     return LAG_RUNNING;
 }
 
+/* Whether the instant follows the last one: rounds are counted anew. */
+static void begin_count(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
+        sw->rounds = sw->impacts = 0;
+        sw->interval = fmax(sw->instant - sw->last, RETAINED * sw->interval);
+    }
+    sw->last = sw->instant;
+}
+
+/* Mark the functions of the present modes that a jump of an input at the current time makes negative, besides those that
+ * are marked. `values` are there. Returns whether there are any marks. */
+static int mark_jumps(lag_run *run, const double *values)
+{
+    lag_switching *sw = &run->switching;
+    int marked = 0;
+    for (int k = 0; k < sw->watched_count; ++k) {
+        lag_watched_function *w = sw->watched + k;
+        const double zero = fmax(w->noise, lag_watched_noise(run, w));
+        const int jumps = values[k] < -zero && run->step.t >= w->resolved && !lag_ends_silently(sw, w);
+        marked |= w->hit |= jumps;
+    }
+    return marked;
+}
+
+int lag_pass_row(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const int status = lag_pass_break(run);
+    if (status != LAG_RUNNING || !run->switching.used)
+        return status;
+    const double *y = run->step.y;
+    double *values = sw->values, *slopes = sw->node_values;
+    if (!sw->watched_count)
+        return LAG_RUNNING;
+    if (lag_watched_ends(run, LAG_WATCHED, run->step.t, y, run->step.f, values, slopes))
+        return LAG_UNDEFINED;
+    for (int k = 0; k < sw->watched_count; ++k)
+        sw->watched[k].hit = 0;
+    if (!mark_jumps(run, values)) {
+        lag_watch_on(run, run->step.t, y, values, slopes);
+        return LAG_RUNNING;
+    }
+    sw->instant = run->step.t;
+    memcpy(sw->before, y, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int c = 0; c < sw->conditions; ++c)
+        sw->condition[c].off = INFINITY;
+    lag_pieces_before(run);
+    const int begun = begin_instant(run);
+    lag_breaks_start(run);
+    if (begun != LAG_RUNNING || lag_all_forces(run, run->step.t, run->step.y))
+        return LAG_UNDEFINED;
+    begin_count(run);
+    if (run->derivatives.n) /* the time of a row is given */
+        lag_begin_first_jump(run);
+    return note_ends(run);
+}
+
 int lag_look_for_instant(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -154,8 +213,7 @@ int lag_look_for_instant(lag_run *run)
         }
         sw->located = 1;
     }
-    const double room = lag_ticks_at(run, sw->instant) ? lag_coincidence(sw->instant) : 0.0;
-    int status = lag_sample_until(run, nextafter(sw->instant - room, -INFINITY));
+    int status = lag_sample_until(run, nextafter(sw->instant - lag_coincidence(sw->instant), -INFINITY));
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, sw->instant, sw->before);
@@ -168,13 +226,15 @@ int lag_look_for_instant(lag_run *run)
         return status;
     if (begin_instant(run) != LAG_RUNNING)
         return LAG_UNDEFINED;
-    if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
-        sw->rounds = sw->impacts = 0;
-        sw->interval = fmax(sw->instant - sw->last, RETAINED * sw->interval);
-    }
-    sw->last = sw->instant;
+    begin_count(run);
     if (run->derivatives.n && lag_begin_jump(run))
         return LAG_UNDEFINED;
+    if (lag_at_break(run)) {
+        lag_breaks_start(run);
+        if (lag_watched_values(run, LAG_WATCHED, run->step.t, run->step.y, sw->values))
+            return LAG_UNDEFINED;
+        mark_jumps(run, sw->values);
+    }
     return note_ends(run);
 }
 

@@ -17,6 +17,10 @@ int lag_begin_change(lag_run *run);
  * Returns LAG_RUNNING; sw->due says whether an instant is to be done; or another status. */
 int lag_look_for_instant(lag_run *run);
 
+/* Pass a break (lag_pass_break). An instant begins there if a jump of an input ends a mode or makes a condition true, as
+ * sw->due says. Returns a lag_status. */
+int lag_pass_row(lag_run *run);
+
 /* Whether a contact force grows without bound at (run->step.t, run->step.y), while something slips: steps become small
  * there, or equations undefined in them. */
 int lag_jams(lag_run *run);

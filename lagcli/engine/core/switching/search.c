@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "breaks.h"
 #include "methods/method.h"
 #include "motion.h"
 #include "roots.h"
@@ -58,7 +59,8 @@ static double value_inside(void *context, double t)
 }
 
 /* The first time at which a function is negative, between one at which it counts as positive and one at
- * which it is negative. Functions of time alone are followed to the last digit. */
+ * which it is negative. Functions of time alone are followed to the last digit, and so is, within the accuracy of a root,
+ * what depends on time besides the state: times in compound conditions are exact. */
 static double locate(along_step *f, double low, double high, double b)
 {
     lag_run *run = f->run;
@@ -66,8 +68,13 @@ static double locate(along_step *f, double low, double high, double b)
         return high;
     if (lag_is_of_time(&run->switching, run->switching.watched + f->k))
         return lag_last_digit_root(value_inside, f, low, high);
-    const double a = fmax(value_inside(f, low), 0.0);
-    return lag_bracketed_root(value_inside, f, low, high, a == 0.0 ? -b : a, b, exact_in(run, high));
+    const lag_watched_function *w = run->switching.watched + f->k;
+    const double a = fmax(value_inside(f, low), 0.0), exact = exact_in(run, high);
+    const double root = lag_bracketed_root(value_inside, f, low, high, a == 0.0 ? -b : a, b, exact);
+    if (w->what != LAG_WATCH_CONDITION || run->switching.condition[w->which].time == LAG_NO_TIME)
+        return root;
+    const double before = fmax(low, root - 2.0 * exact);
+    return value_inside(f, before) > 0.0 ? lag_last_digit_root(value_inside, f, before, root) : root;
 }
 
 /*
@@ -444,8 +451,8 @@ static double first_of_all(lag_run *run, const double *nodes)
     return first;
 }
 
-/* Whether a condition happens at the end of the run, or at a tick where the step ends: so soon afterwards that both are
- * one instant. Marks those that do. */
+/* Whether a condition happens at the end of the run, or at a tick or a break where the step ends: so soon afterwards that
+ * both are one instant. Marks those that do. */
 static int happens_at_end(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -532,7 +539,7 @@ int lag_find_instant(lag_run *run)
         if (sampled) /* again: they were defined before */
             lag_watched_ends(run, LAG_SAMPLED, t, y, f, values, slopes);
     }
-    if ((t >= run->settings.t_end || lag_ticks_at(run, t)) && happens_at_end(run)) {
+    if ((t >= run->settings.t_end || lag_ticks_at(run, t) || lag_at_break(run)) && happens_at_end(run)) {
         sw->instant = t;
         return 1;
     }

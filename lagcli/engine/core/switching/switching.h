@@ -74,11 +74,14 @@ typedef struct {
     int64_t work;                      /* coefficients of jets that were evaluated: the cost of the search */
 } lag_enclosure;
 
+/* How a condition's function depends on t: not at all, besides the state, or alone. */
+enum lag_time_in { LAG_NO_TIME, LAG_TIME_AND_STATE, LAG_TIME_ALONE };
+
 /* A condition of events. */
 typedef struct {
     int holds;
     int either;                        /* whether it triggers in both directions */
-    int time;                          /* whether it depends only on t */
+    int time;                          /* how its function depends on t: a lag_time_in */
     int happened;                      /* at this instant: 1, and 2 once it has been reported */
     double largest;                    /* value so far */
     double value;                      /* at the beginning of the instant ... */

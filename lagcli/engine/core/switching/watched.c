@@ -249,14 +249,14 @@ static void list(lag_switching *sw)
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c)
         add(sw,
             c >= sw->conditions ? LAG_WATCH_FORCE_CONDITION
-            : sw->condition[c].time ? LAG_WATCH_TIME
-                                    : LAG_WATCH_CONDITION,
+            : sw->condition[c].time == LAG_TIME_ALONE ? LAG_WATCH_TIME
+                                                      : LAG_WATCH_CONDITION,
             c, sw->condition[c].holds ? 1.0 : -1.0);
 }
 
 double lag_condition_noise(const lag_condition *condition)
 {
-    return condition->time ? 0.0 : CONDITION_NOISE * condition->largest;
+    return condition->time == LAG_TIME_ALONE ? 0.0 : CONDITION_NOISE * condition->largest;
 }
 
 double lag_watched_noise(lag_run *run, const lag_watched_function *w)

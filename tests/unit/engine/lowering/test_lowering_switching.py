@@ -6,7 +6,7 @@ import pytest
 
 from lagcli.engine.lowering.lower import lower
 from lagcli.engine.lowering.switching import lower_switching
-from lagcli.engine.switching.switching import SwitchedRow, Switching
+from lagcli.engine.switching.switching import SwitchedRow, Switching, TimeIn
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import derive
@@ -102,7 +102,7 @@ def test_conditions_rise_as_they_become_true(system: System, switching: Switchin
     assert system.events is not None
     assert [e.condition for e in switching.events] == [0, 1, 2, 3, None, None]
     assert [e.either for e in switching.events] == [False, False, True, False, False, False]
-    assert switching.condition_times == (True, False, False)
+    assert switching.condition_times == (TimeIn.ALONE, TimeIn.NONE, TimeIn.NONE)
     t, x, y, v = 2.5, 0.5, 0.4, 3.5
     late, push, turn = ScalarTape(system.events)((t, x, y, 0.1, v, -1.5, 0.2, *P))
     assert (late, turn) == pytest.approx((0.5, 3.5))
