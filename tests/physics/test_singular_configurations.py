@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -115,7 +116,11 @@ def check_turning_velocity(seed: int, method: str) -> None:
     text, time = turning_velocity(rng, 0.0)
     found = lagcli.simulate(lagcli.load_text(text), t_end=time + 0.5, **options)
     assert found.status == "failed", (seed, method)
-    within = max(stated_accuracy(found.message), 5e-3)
+    within = stated_accuracy(found.message)
+    since = re.search(r"extrapolated from t = (\S+) s\)", found.message)
+    rounding = 2 * 10 ** np.floor(np.log10(within))  # of both numbers
+    assert since is None or within < stated_time(found.message) - float(since[1]) + rounding
+    within = max(within, 5e-3)
     assert within < 0.1
     assert stated_time(found.message) == pytest.approx(time, abs=within), (seed, method)
     rng.bit_generator.state = state
@@ -134,6 +139,11 @@ def test_constraints_that_lose_rank_stop_the_run(method: str) -> None:
 def test_constraints_on_velocities_that_lose_rank_stop_the_run(method: str) -> None:
     for seed in range(4):
         check_turning_velocity(seed, method)
+
+
+@pytest.mark.parametrize(("seed", "method"), [(368, "Radau"), (255, "Rodas5P")])
+def test_a_time_is_not_extrapolated_from_states_that_are_too_far(seed: int, method: str) -> None:
+    check_turning_velocity(seed, method)
 
 
 @pytest.mark.parametrize("seed", [4, 7, 15, 17])
