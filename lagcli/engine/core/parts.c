@@ -215,6 +215,40 @@ int lag_part_steps_over(lag_run *run, double h, double speed, const double *befo
     return lag_stepped_over(run);
 }
 
+int lag_part_path(lag_run *run, int count, const double *times, const double *states, double *path)
+{
+    const size_t size = lag_size(&run->system);
+    const double *last = states + (count - 1) * size;
+    for (int tried = 0; tried < 2; ++tried) { /* the step is repeated */
+        lag_watch_step(run);
+        for (int i = 1; i < count; ++i) {
+            if (lag_stage(run, times[i], states + i * size, run->step.f_new))
+                return -1;
+            lag_watch_determinant(run, times[i]);
+        }
+    }
+    memcpy(run->step.y_old, states, size * sizeof *states);
+    memcpy(run->step.y_new, last, size * sizeof *states);
+    run->step.t_old = times[0];
+    run->step.h_old = times[count - 1] - times[0];
+    const int over = lag_stepped_over(run);
+    path[0] = run->watch.path.length;
+    path[1] = run->watch.path.speed;
+    path[2] = run->watch.path.margin_at_end;
+    lag_watch_accept(run);
+    path[3] = lag_approaches(run);
+    run->step.t = times[count - 1];
+    return over;
+}
+
+int lag_part_is_smooth(int count, const double *times, const double *values, double t, double h)
+{
+    lag_determinant d = {.count = count};
+    memcpy(d.t, times, (size_t)count * sizeof *times);
+    memcpy(d.value, values, (size_t)count * sizeof *values);
+    return lag_is_smooth_in_step(&d, t, h);
+}
+
 int lag_part_approaches(lag_run *run, double t, const double *y)
 {
     run->watch.pivot_at_end = lag_least_pivot(run, t, y);

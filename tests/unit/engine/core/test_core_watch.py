@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from core_parts import parts
 from known_events import METHODS
+from numpy.polynomial import Polynomial
+from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import qr
 
 import lagcli
@@ -101,6 +103,14 @@ class Watched(Integration):
         ends = given.doubles(before), given.doubles(after)
         return bool(parts.lag_part_steps_over(self.core._run, h, speed, *ends))
 
+    def path(self, times: Array, states: Array) -> tuple[int, Array]:
+        """Return whether a step through states (q, v, W) passes a small minimum; the length and the
+        largest speed of its path, the margin at its end, and whether it approaches one.
+        """
+        given, found = Arguments(), np.zeros(4)
+        walk = given.doubles(times), given.doubles(states.ravel()), given.doubles(found)
+        return parts.lag_part_path(self.core._run, len(times), *walk), found
+
     def approaches(self, q: Array) -> bool:
         """Return whether a step to a state at rest approaches a singular configuration."""
         y = Arguments().doubles([*q, *np.zeros(len(q) + 1)])
@@ -158,13 +168,46 @@ def test_of_redundant_rows_the_least_pivot_is_that_of_their_rank(count: int) -> 
     assert pivot == pytest.approx(abs(expected[count, count]), rel=1e-9)
 
 
-def test_derivatives_do_not_change_the_least_pivot() -> None:
+class Seen(Exception):
+    """A run that is not to begin."""
+
+
+@pytest.mark.parametrize("rows", ["few", "many"])
+def test_derivatives_do_not_change_the_least_pivot(
+    rows: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     text = CHAIN.format(count=3).replace("N: 3}", "N: 3, k: 1}").replace("+ u\n", "+ k*u\n")
-    plain, watched = Watched(text, "unrolled"), Watched(text, "unrolled", ("k",))
+    if rows == "many":
+        text = AMONG_MANY + "parameters: {k: 1}\nV: k*x\n"
+    plain = Watched(text, "in a loop")
+    runs: list[Integration] = []
+
+    def see(run: Integration) -> None:
+        runs.append(run)
+        raise Seen
+
+    model = lagcli.load_text(text)
+    with monkeypatch.context() as patch:
+        patch.setattr(Integration, "run", see)
+        with pytest.raises(Seen):
+            lagcli.simulate(model, t_end=1, sensitivity=["k"], method="DOP853")
+    (run,) = runs
+    assert len(run.system.coordinates) == 2 * len(plain.system.coordinates)
+    run.core.start()
     state = plain.request.state
-    q = state.q + np.random.default_rng(3).normal(scale=0.3, size=len(state.q))
-    twice = np.append(q, 0 * q), np.append(state.v, 0 * state.v)
-    assert watched.measured(*twice)[1] == pytest.approx(plain.measured(q, state.v)[1], rel=1e-12)
+    for seed in range(3):
+        q = state.q + np.random.default_rng(seed).normal(scale=0.3, size=len(state.q))
+        twice = np.append(q, 0 * q), np.append(state.v, 0 * state.v)
+        expected = plain.measured(q, state.v)[1]
+        found = Watched.measured(run, *twice)[1]  # type: ignore[arg-type]
+        assert found == pytest.approx(expected, rel=1e-2 if rows == "many" else 1e-12)
+    walk = state.q + np.random.default_rng(3).normal(scale=0.1, size=(5, len(state.q)))
+    rest = np.zeros_like(walk)
+    alone = plain.path(np.arange(5.0), np.hstack([walk, rest, rest[:, :1]]))
+    beside = np.hstack([walk, rest, rest, rest, rest[:, :1]])
+    found_beside = Watched.path(run, np.arange(5.0), beside)  # type: ignore[arg-type]
+    assert found_beside[0] == alone[0]
+    np.testing.assert_allclose(found_beside[1], alone[1], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -219,6 +262,106 @@ def test_a_step_that_ends_next_to_a_singular_configuration_is_found(h: float, si
     assert watched.steps_over(angle(side, -rate), angle(1.2, -rate), h, 1.2 / h)
 
 
+def cubic(start: Array, rate: Array, end: Array, slope: Array, h: float, x: Array) -> Array:
+    """Return Hermite's polynomial at parts x of an interval, by SciPy."""
+    return np.asarray(CubicHermiteSpline([0, h], [start, end], [rate, slope])(h * np.asarray(x)))
+
+
+def test_the_path_of_b_is_measured_through_all_stages() -> None:
+    """Step by step; its margin is a bound of the least singular value."""
+    rng = np.random.default_rng(12)
+    for _ in range(12):
+        watched = Watched(TWO_ROWS, "unrolled")
+        sizes = watched.evaluator.sizes(0.0, watched.request.state.q, watched.request.state.v)
+        scale = sizes / watched.core.lengths[:, None]
+
+        def scaled(q: Array, watched: Watched = watched, scale: Array = scale) -> Array:
+            return watched.matrices(q, np.zeros(4))[1] * scale
+
+        t, last = 0.0, watched.request.state.q
+        step, usual = 10.0 ** rng.uniform(-4, -1), np.sin(1.0)
+        margin = usual / 2
+        for _ in range(30):
+            count = int(rng.integers(2, 6))
+            times = t + np.append(0, 10.0 ** rng.uniform(-2, 1) * np.sort(rng.random(count)))
+            walk = np.array([last, *(last + step * rng.normal(size=(count, 4)))])
+            b = np.array([scaled(q) for q in walk])
+            parts_of_it = np.linalg.norm(np.diff(b, axis=0), axis=(1, 2))
+            seen = watched.core.examined
+            over, found = watched.path(times, np.pad(walk, [(0, 0), (0, 5)]))
+            seen = watched.core.examined - seen
+            assert found[0] == pytest.approx(parts_of_it.sum(), rel=1e-9)
+            assert found[1] == pytest.approx((parts_of_it / np.diff(times)).max(), rel=1e-9)
+            least = [np.linalg.svd(x, compute_uv=False)[-1] for x in b]
+            if found[0] < margin - usual * 0.15:
+                assert not over
+                assert not seen  # nothing is computed
+                assert found[2] == pytest.approx(margin - found[0], rel=1e-9)
+            else:
+                pivot = watched.measured(walk[-1], np.zeros(4))[1]
+                usual = max(usual, pivot)
+                assert found[2] == pytest.approx(pivot / 2, rel=1e-12)
+                assert (seen == 1) == (found[0] < margin + found[2])
+                assert over or min(least) > 1e-4
+                assert not over or found[0] >= margin + found[2]
+            assert found[2] <= least[-1]
+            margin, t, last = found[2], times[-1], walk[-1]
+            if over:
+                break
+
+
+def test_long_paths_of_few_rows_are_watched_by_the_determinant_from_the_second_on() -> None:
+    """The angle sweeps to and fro, where ln |det| is nearly a parabola; then it passes π."""
+    watched = Watched(TWO_ROWS, "unrolled")
+
+    def sweep(t: float, start: float, end: float) -> tuple[int, int]:
+        seen, walk = watched.core.examined, np.zeros((9, 9))
+        walk[:, 2], walk[:, 3], walk[:, 6] = np.linspace(start, end, 9), 1, (end - start) / 2
+        over, _ = watched.path(t + np.linspace(0, 2, 9), walk)
+        return over, watched.core.examined - seen
+
+    over, examined = sweep(0, 0.6, 2.5)
+    assert not over
+    assert examined > 2
+    for k in (1, 2, 3):
+        # the end, and what a search would cost
+        assert sweep(2 * k, *((2.5, 0.6) if k % 2 else (0.6, 2.5))) == (0, 5)
+    assert sweep(8, 0.6, 4.0)[0] == 1
+
+
+def test_the_largest_lengths_of_rows_are_kept() -> None:
+    """The second row's is s, which grows and falls."""
+    watched = Watched(TWO_ROWS.replace("s': 0", "s': 3").replace("w': 1", "w': 0"), "unrolled")
+    before = watched.core.lengths.copy()
+    assert watched.run().counts["steps"] > 1
+    np.testing.assert_allclose(watched.core.lengths / before, [1, 4], rtol=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 6, 9, 16])
+def test_what_is_smooth_is_nearly_a_parabola(count: int) -> None:
+    """Beside NumPy's least squares, whatever the times, sizes and units."""
+    rng = np.random.default_rng(count)
+    limit = 0.02 if count == 5 else 0.1
+    seen = set()
+    for _ in range(60):
+        t, h = rng.normal(), 10.0 ** rng.uniform(-3, 2)
+        x = np.sort(rng.random(count))
+        values = rng.normal(size=3) @ [x**2, x, x**0] * 10.0 ** rng.uniform(-2, 2)
+        values += rng.normal(size=count) * 10.0 ** rng.uniform(-3, 0.5)
+        fit = Polynomial.fit(x, values, 2)
+        deviation = np.abs(values - fit(x)).max()
+        given = Arguments()
+        args = given.doubles(t + h * x), given.doubles(values), t, h
+        smooth = parts.lag_part_is_smooth(count, *args)
+        if abs(deviation - limit) > 1e-6:
+            assert smooth == (count >= 5 and deviation < limit)
+            seen.add(smooth)
+    assert seen == ({0, 1} if count > 4 else {0})
+    values[rng.integers(count)] = np.nan
+    args = given.doubles(t + h * x), given.doubles(values), t, h
+    assert not parts.lag_part_is_smooth(count, *args)
+
+
 #: The two rows among so many that ln |det| is watched.
 AMONG_MANY = """
 coordinates: [x, y, w, s, u[1..26]]
@@ -267,6 +410,116 @@ def test_among_many_rows_the_place_of_a_minimum_is_bracketed() -> None:
             assert not bracket(ends[0], ends[1], h)
 
 
+def test_states_within_a_step_lie_on_the_cubic_through_its_ends() -> None:
+    """Where it makes the angle zero is where B loses rank, with few rows and with many."""
+    rng = np.random.default_rng(5)
+    few, many = Watched(TWO_ROWS, "unrolled"), Watched(AMONG_MANY, "in a loop")
+    few.measured(np.array([0, 0, np.pi / 2, 1]), np.zeros(4))
+    x, shown = np.linspace(0, 1, 2001), set()
+    for _ in range(60):
+        h = 10.0 ** rng.uniform(-2, 1.5)
+        (a, b), rates = rng.uniform(-1.2, 1.2, 2), rng.uniform(-4, 4, 2) / h
+        w = cubic(a, rates[0], b, rates[1], h, x)
+        if np.abs(w).max() > 1.4 or min(abs(a), abs(b)) < 0.1:
+            continue
+        roots = x[1:][np.diff(np.sign(w)) != 0]
+        least = np.abs(w).min()
+        if not len(roots) and least < 0.1:
+            continue
+        shown.add(len(roots))
+        speed = np.abs(np.diff(w)).max() * len(x) / h
+        assert few.steps_over(angle(a, rates[0]), angle(b, rates[1]), h, speed) == bool(len(roots))
+        ends = [np.zeros(61) for _ in range(2)]
+        for end, place, rate in zip(ends, (a, b), rates, strict=True):
+            end[[2, 3, 32]] = place, 1.0, rate
+        found = many.steps_over(*ends, h, 1.0)
+        assert found == bool(len(roots))
+        if found:
+            since, _ = many.core.step
+            low, high = ((t - since) / h for t in many.core.suspect)
+            assert low - 1e-6 <= roots[0] <= roots[-1] <= high + 1e-6
+            assert roots[0] - low < 4 / 64
+            assert high - roots[-1] < 4 / 64
+    assert shown >= {0, 1, 2}
+
+
+#: Two rows that depend on v: parallel where y' is zero; with few others, or many.
+TURNING = """
+parameters: {{N: {count}}}
+coordinates: [x, y, u[1..N]]
+T: (x'^2 + y'^2 + sum(u[i]'^2, i = 1..N))/2
+constraints:
+  speed: x'^2 + y'^2 = 1
+  along: x' = 0.5
+  other[i = 1..N]: u[i] = 0
+initial: {{x: 0, y: 0, x': {{guess: 1}}, y': {{guess: 1}}, u[1..N]: 0, u[1..N]': 0}}
+"""
+
+
+@pytest.mark.parametrize("count", [1, 26])
+def test_velocities_within_a_step_are_the_slope_of_the_cubic(count: int) -> None:
+    rng = np.random.default_rng(6)
+    watched = Watched(TURNING.format(count=count), "unrolled")
+    n, x, shown = count + 2, np.linspace(0, 1, 2001), set()
+    assert watched.measured(np.zeros(n), np.array([0.5, 0.75**0.5, *np.zeros(count)]))[1] > 0.5
+    sizes = watched.evaluator.sizes(0.0, np.zeros(n), np.zeros(n))
+    change = 2 * sizes[1] / watched.core.lengths[0]
+    for _ in range(60):
+        h = 10.0 ** rng.uniform(-2, 1.5)
+        a, b, *rates = rng.uniform(-2, 2, 4) * np.array([h, h, 1, 1])
+        y = CubicHermiteSpline([0, h], [a, b], rates)(h * x, 1)
+        roots, least = x[1:][np.diff(np.sign(y)) != 0], np.abs(y).min()
+        if min(map(abs, rates)) < 0.1 or (not len(roots) and least < 0.15):
+            continue
+        shown.add(len(roots))
+        ends = np.zeros((2, 2 * n + 1))
+        ends[:, 1], ends[:, n + 1], ends[:, n] = (a, b), rates, 0.5
+        ends[1, 0] = 0.5 * h
+        speed = change * np.abs(np.diff(y)).max() * len(x) / h
+        over = watched.steps_over(*ends, h, speed)
+        assert over == bool(len(roots))
+        if over and count > 1:
+            since, _ = watched.core.step
+            low, high = ((t - since) / h for t in watched.core.suspect)
+            assert low - 1e-6 <= roots[0] <= roots[-1] <= high + 1e-6
+    assert shown >= {0, 1, 2}
+
+
+@pytest.mark.parametrize("w", [0.0, 1e-100, 1e-160])
+def test_a_matrix_that_cannot_be_factored_is_singular(w: float) -> None:
+    """And one that can be, thereafter, is not."""
+    watched = Watched(AMONG_MANY, "in a loop")
+    q = np.zeros(30)
+    q[3] = 1.0
+    for _ in range(2):
+        q[2] = w
+        assert watched.approaches(q)
+        q[2] = 0.5
+        assert watched.measured(q, 0 * q)[1] == pytest.approx((1 - np.cos(0.5)) ** 0.5, rel=0.05)
+        assert not watched.approaches(q)
+
+
+def test_among_many_rows_what_is_near_shows_where_steps_become_short() -> None:
+    """Relative to the largest value found there; until then, ln |det| is watched alone."""
+    watched = Watched(AMONG_MANY.replace("w: 1,", "w: 0.3,"), "in a loop")
+    last, t = 0.3, 0.0
+    seen = watched.core.examined
+    for h, w, computed, near in [
+        (1.0, 0.4, 0, 0), (3.0, 0.5, 0, 0), (1.6, 0.35, 0, 0), (1.4, 1.57, 1, 0),
+        (1.0, 0.2, 0, 0), (0.5, 0.3, 1, 1), (0.2, 0.28, 1, 1), (1.0, 0.25, 1, 1),
+        (1.0, 0.27, 1, 0), (1.0, 0.26, 0, 0),
+    ]:  # fmt: skip
+        walk = np.zeros((6, 61))
+        walk[:, 3], walk[:, 2], walk[:, 32] = 1, np.linspace(last, w, 6), (w - last) / h
+        over, found = watched.path(t + h * np.linspace(0, 1, 6), walk)
+        assert not over
+        assert found[2] == 0  # the path of B is no bound there
+        # the determinant is nearly a parabola at the stages: no state is examined but the end
+        assert watched.core.examined - seen == computed, (h, w)
+        assert found[3] == near, (h, w)
+        last, t, seen = w, t + h, watched.core.examined
+
+
 @pytest.mark.parametrize("h", [0.01, 1.0, 30.0])
 def test_a_small_minimum_counts_below_a_twentieth_of_the_largest(h: float) -> None:
     """A parabola through its least angle at some place of the step."""
@@ -293,17 +546,19 @@ def test_what_approaches_is_near_and_nearer_than_before(solution: str) -> None:
     assert found == [expected for _, expected in steps]
 
 
-@pytest.mark.parametrize("explicit", [False, True])
+@pytest.mark.parametrize("kind", ["", "explicit in t", "redundant"])
 @pytest.mark.parametrize("method", METHODS)
-def test_no_step_passes_a_singular_configuration_unseen(method: str, explicit: bool) -> None:
+def test_no_step_passes_a_singular_configuration_unseen(method: str, kind: str) -> None:
     """The angle grows evenly through π, at any place of a step that may be long: with the
     coordinate, or with t."""
     rng = np.random.default_rng(METHODS.index(method))
     for _ in range(4):
         start, largest = float(rng.uniform(0.3, 2.8)), float(rng.uniform(0.05, 3.0))
         text = TWO_ROWS.replace("w: 1,", f"w: {start!r},")
-        if explicit:
+        if kind == "explicit in t":
             text = text.replace("(w)", "(w + t)").replace("w': 1,", "w': 0,")
+        elif kind == "redundant":
+            text = text.replace("  two:", "  again: 2*x = 0\n  two:")
         model = lagcli.load_text(text)
         found = lagcli.simulate(model, t_end=4.0, samples=2, method=method, max_step=largest)
         assert found.status == "failed", (start, largest)
