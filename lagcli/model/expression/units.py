@@ -236,8 +236,8 @@ class _UnitReader:
             if not match or not self._token(match):
                 return None
             position = match.end()
-        level = self.stack[-1]
-        return None if level.expects or len(self.stack) > 1 else level.value
+        level, *unclosed = self.stack
+        return None if level.expects or unclosed else level.value
 
     def _token(self, match: re.Match[str]) -> bool:
         """Apply one token; return whether it is valid here."""

@@ -128,6 +128,32 @@ def test_coefficients_of_contacts_are_numbers() -> None:
             load_text(text("x: m", parameters, contact.replace("RATIO", ratio)))
 
 
+@pytest.mark.parametrize(
+    ("event", "said"),
+    [
+        ("when: x = tau, stop: true", "`x`, in m, and `tau`, in s, cannot be equal"),
+        ("when: x > tau, stop: true", "`x`, in m, and `tau`, in s, cannot be compared"),
+        (
+            "when: 'x > d and m < tau', stop: true",
+            "`m`, in kg, and `tau`, in s, cannot be compared",
+        ),
+        ("when: x = d, set: {x': d}", "the new value of `x'` must be in m/s, but `d` is in m"),
+        ("when: x = d, set: {x: x'}", "the new value of `x` must be in m, but `x'` is in m/s"),
+        ("when: x = d, impulse: {x: m*d}", "the impulse on `x` must be in kg*m/s, but `m*d`"),
+        ("when: 'x > d and tau < t', set: {x': d/tau, x: x + d}", ""),
+        ("when: x = d, impulse: {x: m*d/tau}", ""),
+    ],
+)
+def test_conditions_and_actions_of_events(event: str, said: str) -> None:
+    events = f"events: {{one: {{{event}}}}}\n"
+    model = text("x: m", "m: 1 kg, tau: 1 s, d: 2 m", events)
+    if not said:
+        load_text(model)
+        return
+    with pytest.raises(ModelError, match=re.escape(said)):
+        load_text(model)
+
+
 @pytest.mark.parametrize("field", ["every", "offset"])
 def test_clocks_are_in_seconds(field: str) -> None:
     clock = {"every": "every: {}, offset: 0", "offset": "every: 1, offset: {}"}[field]
@@ -206,6 +232,14 @@ def test_numbers_may_denote_quantities_where_units_are_missing() -> None:
         .replace("x': 0", "x': 0, y: 0, y': 0")
     )
     assert model.units.findings == ()
+
+
+@pytest.mark.parametrize("factor", ["2", "7", "100", "1/2", "0.5", "0.25", "0.125"])
+@pytest.mark.parametrize("measured", ["0.3", "0.2", "1.7", "0.0625", "0.1"])
+def test_which_numbers_are_pure_where_units_are_missing(factor: str, measured: str) -> None:
+    model = text("x: m, y: {}", "m: 1 kg").replace("x': 0", "x': 0, y: 0, y': 0")
+    for number, count in ((factor, 1), (measured, 0)):
+        assert len(load_text(model.replace("V: 0", f"V: {number}*x")).units.findings) == count
 
 
 @pytest.mark.parametrize(
@@ -315,6 +349,13 @@ def test_a_family_with_members_in_different_units() -> None:
         load_text(VARIED.replace("c[i]/2*q[i]^2", "c[i]/2*(q[i]^2 + q[1]^2)"))
 
 
+def test_a_member_that_is_a_number_takes_the_unit_of_the_others() -> None:
+    definitions = "definitions: {'a[1]': 0.3, 'a[2]': x, 'b[1]': phi, 'b[2]': sin(phi)}\n"
+    units = load_text(text("x: m", "m: 1 kg, phi: 1 rad", definitions)).units
+    assert [units.of(f"a[{i}]") for i in (1, 2)] == ["m", "m"]
+    assert [units.of(f"b[{i}]") for i in (1, 2)] == ["rad", "rad"]  # an angle is a number, too
+
+
 def test_members_that_need_later_ones_are_not_guessed() -> None:
     model = load_text(
         text("x: m", "m: 1 kg, N: 9", "definitions: {'a[N]': x, 'a[i = 1..N-1]': 'a[i+1]*x'}\n")
@@ -331,6 +372,32 @@ def test_symbolic_units_of_conserved_quantities() -> None:
     assert symbolic_unit(model, momentum) == "kg*m^2/s"
     assert symbolic_unit(model, se.sqrt(x**2 + y**2)) == "m"
     assert symbolic_unit(model, se.atan2(y, x)) == "rad"
+    cases = (se.Integer(0), x < 1), (x, x < 2), (2 * x, x < 3), (x * y, se.true)
+    for k in (2, 3):
+        assert symbolic_unit(model, se.Piecewise(*cases[:k])) == "m"
+
+
+def test_where_numbers_have_units_small_ones_are_pure_in_symbolic_expressions() -> None:
+    model = load_text(text("x: m", "m: 1 kg").replace("V: 0", "V: 9.81*m*x"))
+    assert model.units.numbers
+    x = se.Symbol("x")
+    for top, bottom, unit in [
+        (1, 1, "m"), (12, 1, "m"), (13, 1, None), (-12, 1, "m"), (-13, 1, None), (24, 1, None),
+        (1, 12, "m"), (12, 11, "m"), (1, 13, None), (13, 12, None), (12, 13, None),
+    ]:  # fmt: skip
+        assert symbolic_unit(model, se.Rational(top, bottom) * x) == unit
+    assert symbolic_unit(model, 0.3 * x) is None
+
+
+@pytest.mark.parametrize(("moment", "right"), [("N*m", True), ("N", False), ("kN*mm/rad", True)])
+def test_a_torque_on_a_body(moment: str, right: bool) -> None:
+    more = "definitions: {R: rot_z(x)}\nQ: {R: '[0, 0, M]'}\n"
+    model = text("x: rad", f"m: 1 kg*m^2, M: 1 {moment}", more)
+    if right:
+        load_text(model)
+        return
+    with pytest.raises(ModelError, match=r"the force on `R` must be in N\*m, but `M` is in N"):
+        load_text(model)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+import re
 from fractions import Fraction
+from typing import Any
 
 import pint
 import pytest
@@ -11,7 +13,12 @@ import sympy
 from random_cases import seeds
 
 from lagcli.errors import ModelError
-from lagcli.model.dimensions.evaluation import FreeNumbers, is_constant, is_small
+from lagcli.model.dimensions.evaluation import (
+    DimensionEvaluator,
+    FreeNumbers,
+    is_constant,
+    is_small,
+)
 from lagcli.model.expression.dimension import Dimension, unit_of
 from lagcli.model.expression.grammar import parse
 from lagcli.model.loader import load_text
@@ -260,6 +267,25 @@ def test_equations_between_unknown_dimensions_are_solved() -> None:
     assert numbers.agree(Dimension(numbers=((3, 2),)), Dimension(m=1))
     assert numbers.resolved(d) == Dimension(m=Fraction(1, 2))
     assert len(list(numbers.taken())) == 4
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_exponents_are_computed_exactly(seed: int) -> None:
+    """Beside Python's fractions; what divides by zero is no exponent."""
+    rng = random.Random(seed)
+
+    def expression(depth: int) -> str:
+        if not depth:
+            return rng.choice(["0", "1", "2", "3", "0.5", "1.5"])
+        return f"({expression(depth - 1)} {rng.choice('+-*/')} {expression(depth - 1)})"
+
+    text = expression(rng.randint(1, 3))
+    names: Any = None  # there are none
+    try:
+        expected = eval(re.sub(r"[\d.]+", r"Fraction('\g<0>')", text))
+    except ZeroDivisionError:
+        expected = None
+    assert DimensionEvaluator(names, strict=True).number(parse(text)) == expected
 
 
 @pytest.mark.parametrize(

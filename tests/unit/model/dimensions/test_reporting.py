@@ -278,6 +278,7 @@ outputs:
     [
         ("D: c/2*x'^2", "D: c/2*x^2", "`D` must be a power, in W, but", ["c/2*x^2"]),
         ("[0, k*l]", "[0, k]", "the force on `r` must be in N, but `k` is in N/m", ["k"]),
+        ("[0, k*l]", "k*r/l", "the force on `r` must be in N, but `k*r/l` is in N/m", ["k*r/l"]),
         ("expr: k*x,", "expr: k*x^2,", "the output `pull` must be in N, but", ["k*x^2"]),
         ("k*x*x", "x^phi", "`x` is in m, and its exponent must be a constant", ["x", "phi"]),
         ("k*x*x", "x^x", "an exponent must be a number or an angle, but `x`", ["x"]),
@@ -291,6 +292,7 @@ outputs:
         ("k*x*x", "lambda.rod + x", "`lambda.rod`, in N, and `x`, in m", ["lambda.rod", "x"]),
         ("k*x*x", "sum(x*i + m, i = 1..2)", "`x*i`, in m, and `m`, in kg", ["x*i", "m"]),
         ("k*x*x", "s*t + m", "`s*t`, in m*s, and `m`, in kg, cannot be added", ["s*t", "m"]),
+        ("k*x*x", "x + l + m", "`x`, in m, and `m`, in kg, cannot be added", ["x", "m"]),
         ("x = l*phi", "x - pi = l*phi", "`x`, in m, and `pi`, a number", ["x", "pi"]),
         ("l: 1 m", "l: {value: 2*m, unit: m}", "the unit of `l` must be in m", ["2*m"]),
         ("l: 1 m", "d: 1 m, l: {value: 2*d, unit: mm}", "is given another unit", ["2*d"]),
@@ -330,6 +332,12 @@ def test_the_message_as_a_whole() -> None:
 def test_a_zero_is_not_the_term_that_differs(zero: str) -> None:
     (found,) = errors(MODEL.replace("V: k/2*x^2", f"V: k*x*({zero} + x + m)"))
     assert "`x`, in m, and `m`, in kg, cannot be added" in found.message
+
+
+def test_what_is_made_of_an_error_is_no_second_one() -> None:
+    more = "u: '[x, l, x] + [m, m, m]', v: 'cross(u, [x, l, x])', w: 'dot(u, v)', z: 'v[3] + l'"
+    (found,) = errors(MODEL.replace("s: x + l", f"s: x + l, {more}"))
+    assert "cannot be added" in found.message
 
 
 def test_values_of_options() -> None:

@@ -202,3 +202,28 @@ def test_refused_names_are_no_units(name: str) -> None:
     assert name not in compounds()
     with pytest.raises(UnknownUnit, match="not accepted"):
         read_unit(name)
+
+
+def test_names_have_a_plural_but_hertz() -> None:
+    long = {"meter": "m", "metre": "m", "second": "s", "gram": "g", "newton": "N", "joule": "J"}
+    long |= {"watt": "W", "pascal": "Pa", "kelvin": "K", "volt": "V", "tesla": "T"}
+    for name, short in long.items():
+        assert to_si(name) == to_si(f"{name}s") == to_si(short)
+        assert to_si(f"milli{name}s") == to_si(f"milli{name}") == to_si(f"m{short}")
+    assert to_si("hertz") == to_si("Hz")
+    for name in ("hertzs", "kilohertzs", "kkg", "msr", "krad", "kcd", "Tm", "hN", "daPa"):
+        with pytest.raises(UnknownUnit):
+            read_unit(name)
+
+
+def test_what_stands_in_parentheses_is_a_unit_of_its_own() -> None:
+    for text, same_as in [
+        ("N/(m*(s*kg))", "N/(m*s*kg)"), ("(m/(s*(kg/A)))^2*V", "m^2*A^2*V/(s^2*kg^2)"),
+        ("1/(m/s)", "s/m"), ("(N*(m/(s)))/(kg)", "N*m/(s*kg)"),
+    ]:  # fmt: skip
+        one, other = read_unit(text), read_unit(same_as)
+        assert one.dimension[:7] == other.dimension[:7]
+        assert one.factor == other.factor
+    for text in ("(m", "m)", "(m))", "()", "(m*)", "m*()", "((m)", "m(s)"):
+        with pytest.raises(UnknownUnit, match="is not a unit"):
+            read_unit(text)
