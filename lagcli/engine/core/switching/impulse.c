@@ -138,7 +138,10 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     for (int j = 0; j < n; ++j) {
         const int row = p.rows[j];
         const double speed = sw->speed[row], inertia = p.matrix[j * n + j];
-        report->impulse[row] = result.impulse[j];
+        /* what changes the row's own velocity by no more than what counts as none is due to rounding */
+        const int counts = sw->law[row] != LAG_UNILATERAL
+                           || result.impulse[j] * inertia > (1.0 + restitution[j]) * lag_no_speed(sw, row);
+        report->impulse[row] = counts ? result.impulse[j] : 0.0;
         report->loss[row] = result.loss[j];
         lost += result.loss[j];
         terms += GAINED * fabs(result.impulse[j]) * (fabs(p.offset[j]) + fabs(result.after[j]));
