@@ -54,8 +54,26 @@ int lag_switch(lag_run *run, const lag_method *method)
     return lag_derivative(run, run->step.t, run->step.y, run->step.f) ? LAG_UNDEFINED : LAG_RUNNING;
 }
 
+/* Undo the last step; it is repeated in parts. */
+static void take_back(lag_run *run, double part)
+{
+    run->step.t = run->step.t_old;
+    run->step.h = part * run->step.h_old;
+    --run->step.steps;
+    ++run->step.rejected;
+    lag_restart(run);
+}
+
+void lag_repeat(lag_run *run)
+{
+    run->step.finishing = 0;
+    take_back(run, SHORTER);
+}
+
 int lag_start(lag_run *run)
 {
+    if (run->step.finishing) /* something is undefined in the last step */
+        lag_repeat(run);
     if (lag_projects(run)) {
         const int status = lag_project(run, run->step.t, run->step.y);
         if (status != LAG_RUNNING)
@@ -141,22 +159,6 @@ static int finish(lag_run *run)
         lag_sizes_update(run);
     }
     return LAG_RUNNING;
-}
-
-/* Undo the last step; it is repeated in parts. */
-static void take_back(lag_run *run, double part)
-{
-    run->step.t = run->step.t_old;
-    run->step.h = part * run->step.h_old;
-    --run->step.steps;
-    ++run->step.rejected;
-    lag_restart(run);
-}
-
-void lag_repeat(lag_run *run)
-{
-    run->step.finishing = 0;
-    take_back(run, SHORTER);
 }
 
 /* The largest residual whose error in the velocities is below their tolerances in the last step. */

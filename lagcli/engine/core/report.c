@@ -27,6 +27,7 @@ void lag_limit(lag_run *run, double step)
 void lag_move(lag_run *run, double t, const double *y, int64_t times_next)
 {
     run->step.t = t;
+    run->step.finishing = 0;
     memcpy(run->step.y, y, (2 * (size_t)run->system.nq + 1) * sizeof(double));
     run->samples.next = times_next;
 }

@@ -49,16 +49,20 @@ int lag_find_rows(lag_run *run, double t, const double *y)
     return !isfinite(sum);
 }
 
-void lag_measure_rows(lag_run *run, double t, const double *y)
+int lag_measure_rows(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
     const int speed = sw->nh + sw->nb + 2 * sw->rows, size = speed + sw->rows;
+    double sum = 0.0;
     lag_evaluate(&sw->functions, &run->system, t, y, LAG_ALL);
     for (int i = 0; i < sw->rows; ++i) {
         sw->speed[i] = fmax(sw->speed[i], OUT(&sw->functions, speed + i));
-        if (sw->place[i] >= 0)
-            sw->size[i] = fmax(sw->size[i], OUT(&sw->functions, size + sw->place[i]));
+        if (sw->place[i] < 0)
+            continue;
+        sw->size[i] = fmax(sw->size[i], OUT(&sw->functions, size + sw->place[i]));
+        sum += sw->active[i] ? OUT(&sw->functions, sw->place[i]) : 0.0;
     }
+    return !isfinite(sum);
 }
 
 void lag_forget_speeds(lag_run *run)

@@ -13,8 +13,8 @@ int lag_row_slips(const lag_switching *sw, int row);
 /* phi, psi, gamma and B of all rows. Returns 0, or 1 if they are not finite. */
 int lag_find_rows(lag_run *run, double t, const double *y);
 
-/* Update the scales of phi and psi at a state of the motion. */
-void lag_measure_rows(lag_run *run, double t, const double *y);
+/* Update the scales of phi and psi at a state of the motion. Returns 0, or 1 where phi of an active row is undefined. */
+int lag_measure_rows(lag_run *run, double t, const double *y);
 
 /* The scales of psi at the stages of a step: discard them, or keep them if the step is accepted. At rest, rounding
  * errors are relative to them; in a rejected step, they may be unbounded. */

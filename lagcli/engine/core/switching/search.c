@@ -543,6 +543,5 @@ int lag_find_instant(lag_run *run)
         sw->instant = t;
         return 1;
     }
-    lag_watch_on(run, t, y, values, slopes);
-    return 0;
+    return lag_watch_on(run, t, y, values, slopes) ? -1 : 0;
 }

@@ -169,20 +169,21 @@ int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *
 }
 
 /* Update the largest sizes of gaps and of functions of branches at a state of the motion, but not at a trial state
- * beyond an instant. */
-static void measure(lag_run *run, double t, const double *y)
+ * beyond an instant. Returns 0, or 1 where a gap is undefined. */
+static int measure(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
     int kinks = 0;
-    if (sw->rows)
-        lag_measure_rows(run, t, y);
+    if (sw->rows && lag_measure_rows(run, t, y))
+        return 1;
     for (int k = 0; k < sw->watched_count; ++k)
         kinks |= sw->watched[k].what == LAG_WATCH_KINK;
     if (!kinks)
-        return;
+        return 0;
     lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
     for (int k = 0; k < sw->kinks.count; ++k)
         sw->kinks.size[k] = fmax(sw->kinks.size[k], lag_kink_size(run, k));
+    return 0;
 }
 
 /* The rates of watched functions at (t, y), where y' is f; `values` are there. Those of gaps are their psi,
@@ -293,10 +294,11 @@ int lag_watched_ends(lag_run *run, enum lag_of which, double t, const double *y,
     return rates(run, which, t, y, f, values, slopes);
 }
 
-void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
+int lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
 {
     lag_switching *sw = &run->switching;
-    measure(run, t, y);
+    if (measure(run, t, y))
+        return 1;
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         if (lag_is_enclosed(w->what)) {
@@ -310,6 +312,7 @@ void lag_watch_on(lag_run *run, double t, const double *y, const double *values,
         w->rate = slopes[k];
     }
     sw->since = t;
+    return 0;
 }
 
 int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w)
@@ -394,9 +397,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     if (!sw->watched_count)
         return LAG_RUNNING;
     double *values = sw->values, *slopes = sw->node_values;
-    if (lag_watched_ends(run, LAG_WATCHED, t, y, f, values, slopes))
+    if (lag_watched_ends(run, LAG_WATCHED, t, y, f, values, slopes) || measure(run, t, y))
         return LAG_UNDEFINED;
-    measure(run, t, y);
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         const double off = w->what >= LAG_WATCH_CONDITION ? TWICE * sw->condition[w->which].off : 0.0;

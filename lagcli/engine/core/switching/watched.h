@@ -30,8 +30,9 @@ int lag_watched_ends(lag_run *run, enum lag_of which, double t, const double *y,
 /* The value of one function of (t, q, v) at a state. */
 double lag_watched_value(lag_run *run, const lag_watched_function *w, double t, const double *y);
 
-/* Continue after a step without an instant, with the values and rates of functions of a and lambda at its end. */
-void lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes);
+/* Continue after a step without an instant, with the values and rates of functions of a and lambda at its end. Returns 0,
+ * or 1 where a gap is undefined. */
+int lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes);
 
 /* The least value below zero of a function that is not a rounding error. */
 double lag_watched_noise(lag_run *run, const lag_watched_function *w);

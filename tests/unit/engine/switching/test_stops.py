@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import lagcli
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.core.status import Status
 from lagcli.engine.event_entries import NO_ENTRIES
@@ -223,3 +224,24 @@ def test_an_impact_without_a_solution_names_its_contacts() -> None:
         "no velocities after the impact at t = 0.25 s satisfy the law of impacts at `floor`; choose"
         " another one with `impacts`"
     )
+
+
+@pytest.mark.parametrize("when", ["x >= 9", "x'' >= 9", None])
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Radau", "Rodas5P"])
+def test_a_gap_without_a_value_ends_the_run(when: str | None, method: str) -> None:
+    """Also where only the step's end shows it; samples before that are those of the motion."""
+    event = f"events: {{e: {{when: {when}}}}}\n" if when else ""
+    run = lagcli.simulate(
+        lagcli.load_text(
+            "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\nV: 0.1*y\n"
+            "constraints: {floor: {expr: y >= -sqrt(1 - x)}}\n"
+            f"initial: {{x: 0, y: 1, x': 1, y': 0}}\n{event}"
+        ),
+        t_end=3,
+        samples=121,
+        method=method,  # type: ignore[arg-type]
+    )
+    assert run.status == "failed"
+    assert "`sqrt(1 - x)` in constraint `floor` has no finite value at x = 1." in run.message
+    assert run.time[-1] > 0.5
+    np.testing.assert_allclose(run.q[:, 0], run.time, rtol=0, atol=1e-12)
