@@ -179,6 +179,54 @@ def test_passages_of_a_pendulum_in_both_directions(method: str) -> None:
     np.testing.assert_allclose(run.events.time, expected, rtol=1e-8)
 
 
+def test_passages_of_a_pendulum_on_a_rope() -> None:
+    """The rope stays tight: within steps, states of the dense output are off it by its error."""
+    model = lagcli.load_text(
+        f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {{rope: x^2 + y^2 <= 1}}
+initial: {{x: {math.sin(0.6)!r}, y: {-math.cos(0.6)!r}, x': 0, y': 0}}
+events: {{passes: {{when: x = 0}}, right: {{when: x >= 0}}, turns: {{when: x' <= 0}}}}
+"""
+    )
+    half = 2 * ellipk(math.sin(0.3) ** 2) / math.sqrt(9.81)
+    run = lagcli.simulate(model, t_end=11 * half, rtol=1e-10)
+    assert run.events is not None
+    k = np.arange(11)
+    for name, expected in (("passes", k + 0.5), ("right", 2 * k[:5] + 1.5), ("turns", 2 * k[1:6])):
+        np.testing.assert_allclose(run.events.instants(name, "event"), expected * half, rtol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_redundant_friction_holds_up_to_the_sum_of_its_limits(seed: int) -> None:
+    """The forces of least norm reach each limit in turn; then the largest bears the rest."""
+    rng = np.random.default_rng(seed)
+    limits = np.sort(rng.uniform(0.5, 3.0, 2 + seed % 2))
+    total, last = limits.sum(), len(limits) - 1
+    level = limits[-2:].mean()  # beyond all limits but the largest
+    rows = "".join(
+        f"  s{i}: {{expr: x' = 0, limit: {x!r}}}\n" for i, x in enumerate(limits.tolist())
+    )
+    model = lagcli.load_text(
+        f"coordinates: [x]\nT: x'^2\nQ: {{x: t}}\nconstraints:\n{rows}"
+        f"events: {{e: {{when: abs(lambda.s{last}) >= {float(level)!r}}}}}\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    run = lagcli.simulate(model, t_end=1.2 * total, samples=31, max_steps=100)
+    assert run.status == "completed"
+    assert run.events is not None
+    for i in range(len(limits)):
+        assert run.events.instants(f"s{i}", "slips") == pytest.approx([total], rel=1e-9)
+    bears = limits[:-1].sum() + level
+    assert run.events.instants("e", "event") == pytest.approx([bears], rel=1e-9)
+    holds = run.time < total
+    forces = -run.multipliers[holds]
+    np.testing.assert_allclose(forces.sum(axis=1), run.time[holds], rtol=0, atol=1e-9)
+    assert (forces <= limits + 1e-9).all()
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("force", [1.01, 1.05, 1.1, 1.2])
 def test_a_block_slips_twice_per_period(force: float, method: str) -> None:

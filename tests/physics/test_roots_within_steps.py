@@ -67,6 +67,20 @@ def test_a_force_that_is_negative_for_a_part_of_a_step() -> None:
         np.testing.assert_allclose(events.time, falls, rtol=0, atol=1e-11)
 
 
+def test_a_force_that_is_zero_where_a_step_ends() -> None:
+    """It vanishes at a root within the step, and again at the step's end, exactly."""
+    for root in np.linspace(0.55, 0.95, 9).tolist():
+        model = load_text(
+            f"coordinates: [x]\nT: x'^2/2\nQ: {{x: (t - {root!r})*(t - 1)}}\n"
+            "events:\n  begins: {when: x'' <= 0}\n  zero: {when: x'' = 0, times: 1}\n"
+            "  c: {every: 0.5}\ninitial: {x: 0, x': 1}\nsimulation: {times: [0, 1]}\n"
+        )
+        found = run_contact(model)
+        for name in ("begins", "zero"):
+            times = [x.time for x in found.entries("event", name)]
+            np.testing.assert_allclose(times, [root], rtol=0, atol=1e-13, err_msg=name)
+
+
 def test_an_acceleration_is_watched_while_redundant_contacts_share_forces() -> None:
     """A plate on three supports in a line; it is pushed along them by a growing force."""
     model = load_text(

@@ -101,7 +101,7 @@ static int search(const double *b, double begin, double end, double from, double
             return 1;
         if (count <= 2 || end - begin < NARROW) /* it has been: now it may become positive, but not negative again */
             return 0;
-    } else if ((count == 1 && begin >= from) || end - begin < NARROW) {
+    } else if ((count == 1 && begin >= from && b[DEGREE] < 0.0) || end - begin < NARROW) {
         *low = fmax(begin, from);
         *high = end;
         return 1;

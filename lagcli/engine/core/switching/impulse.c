@@ -188,8 +188,8 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, doubl
     *lost = 0.0;
     if (motions == LAG_NO_MOTION)
         return motions;
-    for (int j = 0; j < n; ++j)
-        *lost -= first.force[j] * (p.offset[j] + first.motion[j]) / 2.0;
+    for (int j = 0; j < n; ++j) /* what has an impulse is at rest after it */
+        *lost -= first.force[j] * p.offset[j] / 2.0;
     apply(run, y, n, p.rows, first.force, p.extra);
     return motions;
 }

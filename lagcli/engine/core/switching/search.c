@@ -374,7 +374,7 @@ static int idle(const lag_watched_function *w, double value, double rate, double
         least = fmin(least, b[i]);
         most = fmax(most, b[i]);
     }
-    return least > CLEAR * (most - least) && least > 0.0;
+    return least > CLEAR * (most - least);
 }
 
 /* The first time after `from` at which function k is negative, by the values at the nodes of the step if they are

@@ -670,3 +670,89 @@ def test_the_modes_that_are_tried_first_change_nothing(present: tuple[int, ...])
     assert list(found) == modes
     np.testing.assert_allclose(again, force, rtol=1e-13)
     np.testing.assert_allclose(moves, motion, atol=1e-13)
+
+
+# --- units ----------------------------------------------------------------------------------------
+
+
+def any_problem(rng: np.random.Generator) -> ContactProblem:
+    """Return a problem with rows of all laws, which may be redundant."""
+    n = int(rng.integers(1, 7))
+    rows = rng.normal(size=(n, int(rng.integers(1, n + 3))))
+    if n > 2 and rng.random() < 0.4:
+        rows[1] = rows[0] * rng.choice([-1.0, 0.5, 2.0])
+    laws = rng.choice([UNILATERAL, UNILATERAL, LIMITED, LIMITED, FREE, FORWARD, BACKWARD], n)
+    rubs = ~np.isin(laws, (UNILATERAL, FREE))
+    kinetic = np.where(rubs & (rng.random(n) < 0.5), rng.uniform(0.1, 2.0, n), 0.0)
+    slopes = np.zeros((n, n))
+    for k, j in itertools.product(np.flatnonzero(rubs), np.flatnonzero(~rubs)):
+        slopes[k, j] = rng.choice([0.0, 0.0, 0.2, 0.7])
+    more = rng.choice([1.0, 1.0, 1.4])
+    offset = rows @ rng.normal(size=rows.shape[1])
+    matrix = rows @ rows.T
+    return ContactProblem(
+        (matrix + matrix.T) / 2, offset, laws, more * kinetic, kinetic, more * slopes, slopes
+    )
+
+
+def in_units(given: ContactProblem, force: float, motion: float) -> ContactProblem:
+    """Return the same problem with numbers of forces and of motions that are so much larger."""
+    return given._replace(
+        matrix=given.matrix * (motion / force),
+        offset=given.offset * motion,
+        static=given.static * force,
+        kinetic=given.kinetic * force,
+    )
+
+
+UNITS = [(2.0**-60, 1.0), (2.0**60, 1.0), (1.0, 2.0**40), (2.0**20, 2.0**-40)]
+
+
+def test_solutions_are_the_same_in_all_units() -> None:
+    """To the last bit, where units differ by powers of 2 and A by powers of 4."""
+    rng, counts = np.random.default_rng(0), np.zeros(3, dtype=int)
+    for _ in range(250):
+        given = any_problem(rng)
+        expected = solve_contacts(given)
+        counts[len(expected)] += 1
+        for force, motion in UNITS:
+            found = solve_contacts(in_units(given, force, motion))
+            assert len(found) == len(expected)
+            for (x, y, modes), (u, v, others) in zip(found, expected, strict=True):
+                np.testing.assert_array_equal(x, force * u)
+                np.testing.assert_array_equal(y, motion * v)
+                np.testing.assert_array_equal(modes, others)
+    assert (counts[1:] >= [100, 5]).all()
+
+
+@pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
+def test_impacts_are_the_same_in_all_units(law: int) -> None:
+    rng = np.random.default_rng(law)
+    for _ in range(40):
+        matrix, before, *laws = random_impact(rng)
+        count, *expected = solve_impact(matrix, before, *laws, law)
+        for force, motion in UNITS:
+            found = solve_impact(matrix * (motion / force), before * motion, *laws, law)
+            assert found[0] == count
+            if count:
+                units = (force, motion, force * motion)
+                for x, y, unit in zip(found[1:], expected, units, strict=True):
+                    np.testing.assert_array_equal(x, unit * y)
+
+
+def test_lemkes_method_solves_problems_of_friction_alone() -> None:
+    """Rows that move each other little stick or slip as each does alone."""
+    rng, modes = np.random.default_rng(3), set()
+    for _ in range(60):
+        n = int(rng.integers(1, 5))
+        scale = 10.0 ** rng.uniform(-3, 3, n)
+        matrix = (np.eye(n) + 1e-3 * rng.uniform(-1, 1)) * np.outer(scale, scale)
+        load = rng.choice([-1.5, -0.6, 0.6, 1.5], n)
+        given = problem(matrix, load * scale, [LIMITED] * n, limits=1.0 / scale)
+        expected = np.where(abs(load) < 1, HOLDS, np.where(load > 0, SLIPS_FORWARD, SLIPS_BACKWARD))
+        solved, right, found = lemke_modes(given)
+        assert solved
+        assert right
+        assert found.tolist() == expected.tolist()
+        modes.update(found.tolist())
+    assert modes == {HOLDS, SLIPS_FORWARD, SLIPS_BACKWARD}

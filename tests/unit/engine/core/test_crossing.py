@@ -114,6 +114,19 @@ def test_a_root_just_before_the_start_is_found_behind_it() -> None:
         assert start <= found[0] < found[1] < start + 1e-9
 
 
+@pytest.mark.parametrize("more", [[], [1.0], [1.4], [-0.5, 1.2]])
+def test_a_change_before_a_zero_at_the_end_is_found(more: list[float]) -> None:
+    """The function is negative at the end of the bracket, where the polynomial's end is not."""
+    for root in (0.1, 0.3, 0.45, 0.8, 0.95, 0.999):
+        p = Polynomial.fromroots([root, 1.0, *more])
+        b = bernstein(p / p(0.0))
+        b[-1] = 0.0
+        found = first_change(b)
+        assert found is not None
+        assert found[0] <= root <= found[1] < 1.0
+        assert p(found[1]) / p(0.0) < 0.0
+
+
 @pytest.mark.parametrize("touch", [0.5, 0.25, 0.75])
 def test_a_change_after_a_touch_that_rounding_makes_negative_is_found(touch: float) -> None:
     """The search goes on behind the touch, where a part of the halved interval begins."""

@@ -33,6 +33,8 @@ events:
   c: {{when: "2*x - 3*y' + 0.5*t <= -200"}}
   d: {{when: "x*y' <= -300"}}
   e: {{when: "t^2 - t >= 50"}}
+  f: {{when: y >= 100}}
+  g: {{when: "y' <= -100"}}
 simulation: {{t_end: 2, samples: 2}}
 """
 ROWS = """\
@@ -75,8 +77,12 @@ def written(p: Polynomial) -> str:
 
 def motions(rng: np.random.Generator, rows: bool, degree: int) -> tuple[str, list[Polynomial]]:
     """Return a model with a force of a degree, and x, y and z as functions of time."""
-    x, y = Polynomial(rng.uniform(-1, 1, degree + 1)), Polynomial(rng.uniform(-1, 1, 2))
-    v = float(rng.uniform(-2, 2))
+    x, y = Polynomial(rng.uniform(-3, 3, degree + 1)), Polynomial(rng.uniform(-3, 3, 2))
+    v, turns = float(rng.uniform(-2, 2)), float(rng.uniform(1.6, 2.0))
+    if rng.random() < 0.5:  # x or x' has an extremum, often in the last step
+        v = -float(x.integ()(turns))
+    else:
+        x = x - x(turns)
     text = MODEL.format(x=written(x), y=written(y), v=v, rows=ROWS if rows else "")
     # friction slows z' = 100 by 0.5 and takes x along
     drag, push = (0.05, 0.0) if rows else (0.0, 0.5)
@@ -107,6 +113,8 @@ def functions(x: Polynomial, y: Polynomial, z: Polynomial, rows: bool) -> list[W
         Watched(2 * x - 3 * v + 0.5 * t + 200, (2 * x, 3 * v, 0.5 * t)),
         Watched(x * v + 300),
         Watched(50 + t - t**2, (t, t**2)),
+        Watched(100 - y, (y,)),
+        Watched(v + 100, (v,)),
     ]
 
 
@@ -127,7 +135,7 @@ def test_enclosures(method: str, cores: list[SwitchingIntegrator]) -> None:
     """They contain the function, and are no wider than a sum of intervals."""
     rng = np.random.default_rng(METHODS.index(method))
     explicit = method in ("DOP853", "Taylor")
-    for rows in (False, True)[: 1 + (method == "DOP853")] * 3:
+    for rows in (False, True)[: 1 + (method == "DOP853")] * (9 if method == "DOP853" else 3):
         text, (x, y, z) = motions(rng, rows, 2 if explicit else 1)
         run = lagcli.simulate(lagcli.load_text(text), method=method, rtol=1e-10)
         assert run.q[-1] == pytest.approx([p(2.0) for p in (x, y, z)], abs=1e-9)
@@ -152,7 +160,12 @@ def test_enclosures(method: str, cores: list[SwitchingIntegrator]) -> None:
                 if width < 1.0 and of.terms:
                     assert np.ptp(bounds) <= 1.1 * size(of.terms, m, t) + slack
         if method == "DOP853":
-            of_x = over(x, low, length)
-            for k, expected in ((-5, 100 - of_x[0][::-1]), (-4, 100 + of_x[1])):
+            of_x, of_y = over(x, low, length), over(y, low, length)
+            for k, expected in (
+                (-7, 100 - of_x[0][::-1]),
+                (-6, 100 + of_x[1]),
+                (-2, 100 - of_y[0][::-1]),
+                (-1, 100 + of_y[1]),
+            ):
                 bounds = enclosed(core, len(watched) + k, 0.0, 1.0, 0).over
                 np.testing.assert_allclose(bounds, expected, rtol=0, atol=1e-8)
