@@ -13,7 +13,7 @@ from typing import Any
 
 from lagcli.column_units import NOT_STATED
 from lagcli.engine.contract import Interrupted
-from lagcli.errors import FileError
+from lagcli.errors import FileError, UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.reading import read_text
@@ -164,6 +164,7 @@ def sweep(
     """
     began = time.monotonic()
     path = os.fspath(output)
+    _check_arguments(vary, measures, {"set": set, "set_initial": set_initial})
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     text, name = (model.text, model.path) if isinstance(model, Model) else read_text(model)
@@ -191,6 +192,33 @@ def sweep(
             progress or (lambda done, rows: None),
             executor or partial(run_here, jobs=jobs),
         )
+
+
+def _check_arguments(
+    vary: object, measures: object, replaced: Mapping[str, Mapping[str, object] | None]
+) -> None:
+    """Reject arguments whose Python types are wrong, by their names.
+
+    Raises
+    ------
+    UsageError
+    """
+    if not _are_texts(vary):
+        raise UsageError(f"`vary` must be a list of texts such as ['m=1:2:0.1'], not {vary!r}")
+    texts = [*measures, *measures.values()] if isinstance(measures, Mapping) else measures
+    if not _are_texts(texts):
+        raise UsageError(
+            "`measures` must be a list of texts such as ['peak=max(x)'], or a dict such as"
+            f" {{'peak': 'max(x)'}}, not {measures!r}"
+        )
+    for argument, values in replaced.items():
+        if values is not None and not (isinstance(values, Mapping) and _are_texts([*values])):
+            raise UsageError(f"`{argument}` must be a dict such as {{'m': 2}}, not {values!r}")
+
+
+def _are_texts(values: object) -> bool:
+    listed = isinstance(values, Sequence) and not isinstance(values, str)
+    return listed and all(isinstance(x, str) for x in values)
 
 
 class _Sweep:

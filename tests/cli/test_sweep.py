@@ -6,11 +6,13 @@ import csv
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -20,6 +22,7 @@ from patience import PATIENCE, wait_until
 
 import lagcli
 from lagcli.cli.app import run as run_here
+from lagcli.errors import UsageError
 from lagcli.sweeps.file.journal import Journal
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -207,6 +210,23 @@ def test_usage_errors(here: Here, arguments: tuple[str, ...], status: int, said:
     assert here("sweep", CRANK, *arguments, "-o", "s.h5", *SHORT) == status
     assert said in here.err
     assert os.listdir() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"vary": {"l": [0.2, 0.3]}}, "list of texts such as ['m=1:2:0.1'], not {"),
+        ({"vary": "l=0.2,0.3"}, "`vary` must be a list of texts"),
+        ({"measures": {"peak": None}}, "`measures` must be a list of texts such as ["),
+        ({"set": ["m=2"]}, "`set` must be a dict such as {'m': 2}, not ['m=2']"),
+        ({"set_initial": {1: 2}}, "`set_initial` must be a dict"),
+    ],
+)
+def test_arguments_of_wrong_types_are_named(
+    here: Here, arguments: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(UsageError, match=re.escape(said)):
+        lagcli.sweep("slider_crank", output="a.h5", **{"vary": ["l=0.2"], **arguments})
 
 
 def test_targets(here: Here) -> None:

@@ -11,6 +11,7 @@ from lagcli.analysis.check.integrability import VelocityConstraint, check_integr
 from lagcli.analysis.check.rank import RankCheck, check_rank
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
 from lagcli.analysis.check.units import UnitReport, report_units
+from lagcli.analysis.check.unused import unused_parameters
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.constraints.random_states import random_states
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
@@ -54,6 +55,8 @@ class Check:
         to singular configurations, where they change over a small distance.
     units : UnitReport
         Units as given and derived, and what disagrees.
+    unused_parameters : mapping of str to list of str
+        Parameters that nothing in the model file uses, with a similar name that is used, if any.
     """
 
     equations: Equations
@@ -66,6 +69,7 @@ class Check:
     conserved_units: Mapping[str, str]
     time_scales: TimeScales | None
     units: UnitReport
+    unused_parameters: Mapping[str, list[str]]
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -126,6 +130,7 @@ def check(model: Model) -> Check:
         },
         time_scales=scales,
         units=report_units(model),
+        unused_parameters=unused_parameters(model),
     )
 
 

@@ -94,6 +94,7 @@ def to_mapping(checked: Check) -> dict[str, Any]:
             "stiffness": scales.stiffness,
         },
         "units": checked.units.to_mapping(),
+        "unused_parameters": {name: list(x) for name, x in checked.unused_parameters.items()},
     }
 
 
@@ -207,6 +208,7 @@ def _steps(checked: Check) -> list[Step]:
         _start(checked),
         _time_scales(checked),
         Step("Units", (), " ".join(checked.units.sentences())),
+        _unused(checked),
     ]
     model = checked.equations.model
     indexed = IndexForm(model).steps([step for step in steps if step is not None])
@@ -363,6 +365,18 @@ def _time_scales(checked: Check) -> Step | None:
         said.append(f"The fastest decay is {x.stiffness:.3g} times as fast as the slowest motion.")
     said.append("These values describe small motions about the initial state.")
     return Step("Time scales", (), " ".join(said))
+
+
+def _unused(checked: Check) -> Step | None:
+    unused = checked.unused_parameters
+    if not unused:
+        return None
+    shown = [
+        f"`{name}`" + (f" (did you mean `{similar[0]}`?)" if similar else "")
+        for name, similar in islice(unused.items(), _LISTED)
+    ]
+    more = f" and {len(unused) - _LISTED} more" if len(unused) > _LISTED else ""
+    return Step("Unused parameters", (), f"Nothing uses {', '.join(shown)}{more}.")
 
 
 def _names(names: Iterable[str]) -> str:
