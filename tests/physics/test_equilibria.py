@@ -572,3 +572,15 @@ def test_all_five_points_of_lagrange_are_found(mu: float, x: float, y: float) ->
         away = abs(one.operating_point.point.q[1]) > 0.1
         stable = away and 27 * mu * (1 - mu) < 1
         assert one.stability.verdict == ("linearly stable" if stable else "unstable")
+
+
+def test_multipliers_without_forces_are_zero() -> None:
+    # springs at rest, whose constraint is not along a coordinate: λ was −1.9e-32
+    text = (
+        "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\nV: 3/2*x^2 + 5/2*y^2\n"
+        "constraints: {line: x + 2*y + x^3 = 0}\n"
+        "initial: {x: 0.4, y: {guess: 0}, x': 0, y': {guess: 0}}\n"
+    )
+    (found,) = lagcli.equilibrium(lagcli.load_text(text)).equilibria
+    point = found.operating_point.point
+    assert [*point.q.tolist(), *point.multipliers.tolist()] == [0, 0, 0]

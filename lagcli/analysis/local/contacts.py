@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any, Literal
 
-from lagcli.analysis.output.text import entry, listed
+from lagcli.analysis.output.text import entry, listed, without_rounding
 from lagcli.errors import Diagnostic, NumericalError
 from lagcli.model.model import Model
 from lagcli.named_tuples import NamedTuple
@@ -93,16 +93,19 @@ def contact_lines(contacts: Sequence[Mapping[str, Any]], indent: int) -> list[st
     """Return lines on the statuses of contacts, from `describe_contacts`."""
     if not contacts:
         return []
-    return entry("contacts", listed([_text(contact) for contact in contacts], _SHOWN), indent)
+    limits = {f"limit of {c['name']}": c["limit"] or 0.0 for c in contacts}
+    forces = without_rounding({**{c["name"]: c["multiplier"] for c in contacts}, **limits})
+    texts = [_text(contact, forces[contact["name"]]) for contact in contacts]
+    return entry("contacts", listed(texts, _SHOWN), indent)
 
 
-def _text(contact: Mapping[str, Any]) -> str:
+def _text(contact: Mapping[str, Any], force: float) -> str:
     text = f"{contact['name']} {contact['state']}"
     if contact["state"] == "open" and contact["gap"] is not None:
         return f"{text} (gap {contact['gap']:.6g})"
     if contact["state"] in ("open", "released", "touches"):
         return text
-    text += f" (λ = {contact['multiplier']:.6g}"
+    text += f" (λ = {force:.6g}"
     if contact["limit"] is not None and contact["state"] != "slips":
         text += f", limit {contact['limit']:.6g}"
     return text + ")"

@@ -460,7 +460,14 @@ class SteadyProblem:
         if root is None or self._strained(root):
             return None
         q = np.where(np.abs(root.point.q) > _ROUNDING * self.local.lengths, root.point.q, 0.0)
-        return self.residual(q, self.multipliers(root), root.point.p, root.independent, root.speeds)
+        multipliers = self._without_rounding(self.multipliers(root), root)
+        return self.residual(q, multipliers, root.point.p, root.independent, root.speeds)
+
+    def _without_rounding(self, multipliers: Array, root: Residual) -> Array:
+        """Return λ with zeros where λ b is within rounding of the forces at large changes of q."""
+        forces = shared_scale(self.local.least_forces, root.decomposition.sizes) / LEAST_PART
+        work = np.abs(root.dynamics.jacobian) * np.abs(multipliers)[:, None]
+        return np.where((work > _ROUNDING * forces).any(axis=1), multipliers, 0.0)
 
     def _strained(self, root: Residual) -> bool:
         """Whether constraint forces are extremely large, as near singular configurations."""
