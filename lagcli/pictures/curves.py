@@ -407,14 +407,14 @@ def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
     pieces: dict[str, list[Array]] = {name: [] for name in wanted}
     for block in run.blocks(list(dict.fromkeys(c.field for c in wanted.values()))):
         for name, curve in wanted.items():
-            pieces[name].append(_magnitudes(run, curve, block))
+            pieces[name].append(magnitudes(run, curve, block))
     return {
         name: drawable(np.concatenate(values)) if values else np.empty(0)
         for name, values in pieces.items()
     }
 
 
-def _magnitudes(run: RunFile, curve: Curve, block: Mapping[str, Array]) -> Array:
+def magnitudes(run: RunFile, curve: Curve, block: Mapping[str, Array]) -> Array:
     """Return the values of a curve, or their magnitudes on a logarithmic axis."""
     if curve.largest:
         values, scale = block[curve.field], getattr(run.record, BY_NAME[curve.field].scale)

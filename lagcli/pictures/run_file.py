@@ -92,6 +92,8 @@ class RunFile:
         dict of str to (m, …) array
         """
         wanted = list(dict.fromkeys(names))
+        if not wanted:
+            return {}
         pieces: dict[str, list[Array]] = {name: [] for name in wanted}
         start = 0
         for block in self.blocks(wanted):

@@ -217,8 +217,9 @@ def _check_arguments(
 
 
 def _are_texts(values: object) -> bool:
-    listed = isinstance(values, Sequence) and not isinstance(values, str)
-    return listed and all(isinstance(x, str) for x in values)
+    if not isinstance(values, Sequence) or isinstance(values, str):
+        return False
+    return all(isinstance(x, str) for x in values)
 
 
 class _Sweep:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from svg_labels import with_whole_labels
@@ -317,7 +318,47 @@ def test_resolutions_out_of_range(
         assert "out of range" in capsys.readouterr().err
 
 
-def test_sweeps_have_no_bands(sweeps: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [str(sweeps / "grid.h5"), "m:l:peak", "-o", str(sweeps / "band.svg")]
-    assert run(["plot", *arguments, "--band", "l=5%"]) == 2
-    assert "--band is for runs that were simulated with --sensitivity" in capsys.readouterr().err
+def test_bands_of_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("phi", "slider", "phi:phi_dot", "lambda.guide")
+    figure = figure_of(monkeypatch, tmp_path, "both.h5", *names, "--band", "80%")
+    assert "central 80 % of 10 rows" in figure.axes[0].get_title(loc="right")
+    with h5py.File("both.h5") as file:
+        stored = {
+            "\\varphi": file["q"][:, :, 0],
+            "\\lambda": file["multipliers"][:, :, 0],
+            "slider": file["outputs/slider"][:],
+        }
+    for label, values in stored.items():
+        (ax,) = (
+            x
+            for x in panels(figure)
+            if label in x.get_ylabel() and x.lines[0].get_xdata()[-1] == 0.3
+        )
+        drawn = ax.collections[0].get_paths()[0].vertices
+        low, middle, high = np.percentile(values, (10, 50, 90), axis=0)
+        np.testing.assert_allclose(ax.lines[0].get_ydata(), middle, rtol=1e-12)
+        assert drawn[:, 1].min() == pytest.approx(low.min())
+        assert drawn[:, 1].max() == pytest.approx(high.max())
+
+
+def test_bands_of_measures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "both.h5", "l:peak", "--band", "80%"))
+    table = PlottedTable("both.h5")
+    (l,), peak = table.varied[:1], table.find("peak").values
+    for at, median in zip(*ax.lines[0].get_data(), strict=True):
+        assert median == pytest.approx(np.median(peak[np.isclose(l.values, at)]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("grid.h5", "m:l:peak", "--band", "90%"), "--band is not for maps; draw `peak` over one"),
+        (("grid.h5", "tornado:peak", "--band", "90%"), "--band is not for tornado charts"),
+        (("grid.h5", "l:peak", "--band", "l=5%"), "give it once, as in --band 90%"),
+    ],
+)
+def test_mistakes_in_bands(
+    sweeps: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
+) -> None:
+    assert run(["plot", *arguments, "-o", str(sweeps / "band.svg")]) == 2
+    assert said in capsys.readouterr().err

@@ -40,7 +40,8 @@ def plot(
         Option(
             metavar="NAME=SPREAD",
             help="Draw the uncertainty bands that follow from the spread of a parameter, l=0.01 or"
-            " l=5%; needs a run simulated with --sensitivity. Repeatable.",
+            " l=5%, of a run simulated with --sensitivity; repeatable. For a sweep, the band that"
+            " contains a part of the rows at each time: 90%.",
         ),
     ] = None,
     force: Force = False,

@@ -54,7 +54,7 @@ def plot(
         A model file instead of the text in the result.
     bands : sequence of str
         Spreads of parameters, ``l=0.01`` or ``l=5%``, for bands around the curves of runs with
-        derivatives.
+        derivatives; for a sweep, the part of the rows between the ends of bands, ``90%``.
     force : bool
         Replace an existing file.
 
@@ -113,7 +113,7 @@ def _model_of(file: str) -> Model | None:
 def _no_band(file: str, kind: str) -> UsageError:
     """Return the error of bands in a plot of an analysis."""
     return UsageError(
-        f"--band is for runs that were simulated with --sensitivity; {file} is the file of"
+        f"--band is for sweeps and for runs with --sensitivity; {file} is the file of"
         f" {'an' if kind[0] in 'aeiou' else 'a'} {kind}"
     )
 
@@ -121,16 +121,18 @@ def _no_band(file: str, kind: str) -> UsageError:
 def _plot_sweep(
     file: str, names: Sequence[str], target: FigureFile, model: str | None, bands: Sequence[str]
 ) -> tuple[str, ...]:
-    from lagcli.pictures.plots.sweep_plot import PlottedTable, Rows, plot_table
+    from lagcli.pictures.plots.bands import read_part
+    from lagcli.pictures.plots.sweep_plot import PlottedTable, Rows, plot_row_bands, plot_table
 
     table = PlottedTable(file)
+    part = read_part(bands) if bands else None
     if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
-        if bands:
-            raise _no_band(file, "sweep")
-        plot_table(table, names, target)
+        plot_table(table, names, target, part)
         return ()
+    if part is not None:
+        return plot_row_bands(file, model, names, target, part)
     rows = Rows(file, model)
-    notes = plot_runs(rows.runs, names, target, bands)
+    notes = plot_runs(rows.runs, names, target)
     drawn = len(rows.runs)
     return (*notes, f"{drawn} of {rows.good} rows drawn") if drawn < rows.good else notes
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import DERIVATIVES, ColumnName
+from lagcli.columns import ColumnName
 from lagcli.errors import UsageError
 from lagcli.model.names.members import family_of, split_names
 from lagcli.named_tuples import NamedTuple
@@ -26,6 +26,7 @@ from lagcli.pictures.curves import (
     read_curves,
 )
 from lagcli.pictures.jumps import Jumps
+from lagcli.pictures.plots.bands import Bands, LinearBands, RowBands, linear_bands, read_bands
 from lagcli.pictures.plots.figure import FigureTarget, decades, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import by_family, drawable, scale_groups, thin
@@ -251,28 +252,76 @@ def plot_runs(
         {curve for p in own if not p.from_log for curve in (*p.curves, *p.over)} for own in panels
     ]
     values = [read_curves(run, curves) for run, curves in zip(runs, drawn, strict=True)]
-    over_time = [
-        {curve for p in own if not (p.over or p.impulses) for curve in p.curves} for own in panels
+    around = [
+        linear_bands(run, curves, known, read_bands(run, bands))
+        for run, curves, known in zip(runs, drawn, values, strict=True)
     ]
-    widths = [
-        half_widths(run, curves, read_bands(run, bands))
-        for run, curves in zip(runs, over_time, strict=True)
-    ]
+    _draw(runs, panels, values, target, around)
+    return _without(drawn[0], around[0]) if bands and names else ()
+
+
+def plot_bands(
+    run: RunFile,
+    names: Sequence[str],
+    target: FigureTarget,
+    bands_of: Callable[[Sequence[Curve]], RowBands],
+    label: str,
+) -> None:
+    """Plot the medians of many runs of one model, with the bands around them.
+
+    Parameters
+    ----------
+    run : RunFile
+        One of the runs.
+    names, target
+        As for `plot_runs`.
+    bands_of : callable
+        Returns the bands of curves, including the time's.
+    label : str
+        What the bands are.
+
+    Raises
+    ------
+    UsageError, FileError
+        As `plot_runs`.
+    """
+    catalogue = Catalogue(run, tex=True)
+    panels = asked(catalogue, names) if names else usual(catalogue, impulses=False)
+    _check([run], [panels])
+    curves = {curve for panel in panels for curve in (*panel.curves, *panel.over)}
+    bands = bands_of(list(curves))
+    _draw([run], [panels], [bands.medians], target, [bands], label)
+
+
+def _draw(
+    runs: Sequence[RunFile],
+    panels: Sequence[Sequence[Panel]],
+    values: Sequence[Values],
+    target: FigureTarget,
+    bands: Sequence[Bands],
+    label: str = "",
+) -> None:
+    """Draw panels of runs to a target."""
     largest = _largest(values)
-    panels = [split_by_scale(own, largest) for own in panels]
-    heights = [_PHASE if panel.over else _TIME for panel in panels[0]]
+    split = [split_by_scale(own, largest) for own in panels]
+    heights = [_PHASE if panel.over else _TIME for panel in split[0]]
     with target.figure((WIDTH, sum(heights) + 0.6), _title(runs)) as figure:
         dpi = target.dpi if target.kind == "png" else _PRINTED
         columns = int(figure.get_figwidth() * dpi)
-        PanelDrawing(figure, runs, values, columns, widths).draw(panels, heights)
-    without = {curve.name for curve in drawn[0]} - widths[0].keys()
-    if not bands or not names or not without:
+        PanelDrawing(figure, runs, values, columns, bands).draw(split, heights)
+        if label:
+            figure.axes[0].set_title(label, loc="right", fontsize=8, color=style.GREY)
+
+
+def _without(drawn: Iterable[Curve], bands: LinearBands) -> tuple[str, ...]:
+    """Return a note on the curves without a band."""
+    without = sorted({curve.name for curve in drawn} - bands.changes.keys())
+    if not without:
         return ()
-    shown = ", ".join(f"`{name}`" for name in sorted(without)[:_NAMED])
+    shown = ", ".join(f"`{name}`" for name in without[:_NAMED])
     more = f" and {len(without) - _NAMED} more" if len(without) > _NAMED else ""
     return (
-        f"no bands around {shown}{more}: they are drawn around coordinates, velocities and"
-        " multipliers over time",
+        f"no bands around {shown}{more}: they are drawn around functions of the state at one time",
     )
 
 
@@ -325,8 +374,8 @@ class PanelDrawing:
         The curves of each run, by name.
     columns : int
         Number of pixels, or their equivalent, along the axis of time.
-    widths : sequence of mappings of str to (nt,) array
-        Half-widths of the bands around curves of each run, by name; others have none.
+    bands : sequence of Bands
+        The bands around curves of each run.
     """
 
     def __init__(
@@ -335,9 +384,9 @@ class PanelDrawing:
         runs: Sequence[RunFile],
         values: Sequence[Values],
         columns: int,
-        widths: Sequence[Values] = (),
+        bands: Sequence[Bands] = (),
     ):
-        self.widths = widths or [{}] * len(runs)
+        self.bands = bands or [LinearBands({}, {})] * len(runs)
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
         self.jumps = [Jumps(run) for run in runs]
         self.constraints = style.constraint_colors(runs[0].constraints)
@@ -402,11 +451,7 @@ class PanelDrawing:
                     look["marker"] = "o"
                 ax.plot(x, y, **look)
                 shown.append(y)
-                width = self.widths[number].get(curve.name)
-                if width is not None and not panel.over and not panel.log:
-                    middle, color = drawable(values[curve.name]), look["color"]
-                    ends = middle - width, middle + width
-                    ax.fill_between(values["t"], *ends, color=color, alpha=0.25, linewidth=0)
+                self.band(ax, number, curve, over, look["color"])
         if len(self.runs) == 1 and not first.over:
             draw_marks(ax, self.runs[0], _span(self.values), self.columns)
         plain_ticks(ax.xaxis)
@@ -427,6 +472,30 @@ class PanelDrawing:
             ax.margins(0.05)
             ax.set_xlabel(_axis(first.over, place.width * self.figure.get_figwidth()))
         ax.set_ylabel(_axis(first.curves, place.height * self.figure.get_figheight()))
+
+    def band(self, ax: Any, run: int, curve: Curve, over: Curve | None, color: Any) -> None:
+        """Draw the band around a curve of a run, if it has one."""
+        time = self.values[run]["t"]
+        if over is None:
+            ends = self.bands[run].over_time(curve.name)
+            if ends is not None:
+                low, high = map(drawable, ends)
+                shown = low > 0 if curve.log else None
+                ax.fill_between(time, low, high, shown, color=color, alpha=0.25, linewidth=0)
+            return
+        ends = self.bands[run].portrait(over.name, curve.name)
+        if ends is None:
+            return
+        from matplotlib.collections import PolyCollection
+        from matplotlib.colors import to_rgb
+
+        kept = thin(time, np.concatenate(ends, axis=1), _PORTRAIT)
+        one, other = (drawable(end[kept]) for end in ends)
+        strips = np.stack((one[:-1], one[1:], other[1:], other[:-1]), axis=1)
+        # opaque, because strips overlap where the curve bends
+        light = 0.75 + 0.25 * np.array(to_rgb(color))
+        ax.add_collection(PolyCollection(list(strips), facecolors=[light], linewidths=0, zorder=0.4))
+        ax.update_datalim(strips.reshape(-1, 2))
 
     def stems(self, ax: Any, run: int, curve: Curve, color: Any) -> None:
         """Draw the impulses of a constraint at their instants."""
@@ -689,84 +758,6 @@ def at_event(run: RunFile, curve: Curve, event: str) -> Array:
             f"{run.name}: `{event}` does not record `{curve.name}`; add it to `record` of the event"
         )
     return log.recorded(curve.name)[1][places]
-
-
-#: The fields with derivatives, and the fields of these.
-_DERIVED = dict(zip(("q", "v", "multipliers"), (x.name for x in DERIVATIVES), strict=True))
-
-
-def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
-    """Return the spreads of parameters by name, in SI.
-
-    Parameters
-    ----------
-    run : RunFile
-    given : sequence of str
-        ``l=0.01`` (in SI) or ``l=5%`` of the parameter's value.
-
-    Raises
-    ------
-    UsageError
-        An entry has another form, or the result has no derivatives with respect to the name.
-    """
-    spreads: dict[str, float] = {}
-    for text in given:
-        name, equals, spread = (x.strip() for x in text.partition("="))
-        percent = spread.endswith("%")
-        try:
-            value = float(spread.removesuffix("%"))
-        except ValueError:
-            value = -1.0
-        if not equals or not 0 <= value < np.inf:
-            raise UsageError(
-                f"--band {text!r} is not of the form NAME=SPREAD, as in l=0.01 or l=5%"
-            )
-        if name not in run.sensitivity:
-            has = (
-                f"it has those by {', '.join(run.sensitivity)}"
-                if run.sensitivity
-                else (f"simulate with --sensitivity {name or 'NAME'}")
-            )
-            raise UsageError(f"--band {text}: {run.name} has no derivatives by `{name}`; {has}")
-        if percent:
-            known = {**run.record.parameters, **run.initial}
-            if name not in known:
-                raise UsageError(
-                    f"--band {text}: {run.name} lacks the value of `{name}`, which a CSV file"
-                    " without its sidecar (--meta) does not contain; give the spread in SI, as in"
-                    f" {name}=0.01"
-                )
-            value *= abs(known[name]) / 100
-        spreads[name] = value
-    return spreads
-
-
-def half_widths(
-    run: RunFile, curves: Iterable[Curve], spreads: Mapping[str, float]
-) -> dict[str, Array]:
-    """Return the half-widths of the bands of curves, by name; others have none.
-
-    Raises
-    ------
-    UsageError
-        None of the curves has derivatives.
-    """
-    if not spreads:
-        return {}
-    wanted = {
-        c.name: (_DERIVED[c.field], c.place[0]) for c in curves if c.field in _DERIVED and c.place
-    }
-    if not wanted:
-        raise UsageError(
-            "--band: bands are drawn around coordinates, velocities and multipliers over time, and"
-            " none of the curves is one; name some of these, or omit --band"
-        )
-    fields = run.columns({field for field, _ in wanted.values()})
-    weights = np.array([spreads.get(name, 0.0) for name in run.sensitivity])
-    return {
-        name: np.linalg.norm(fields[field][:, place] * weights, axis=1)
-        for name, (field, place) in wanted.items()
-    }
 
 
 #: Size of the names of marks, points, and the width of a letter and of the space between names,

@@ -19,7 +19,7 @@ from lagcli.model.result_units import GivenUnit, result_units, stored_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
-from lagcli.pictures.curves import look_of_value, pretty_unit
+from lagcli.pictures.curves import Curve, look_of_value, magnitudes, pretty_unit
 from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, evenly
@@ -171,7 +171,9 @@ class _Panel(NamedTuple):
         return _MAP if len(self.over) == 2 else _CURVE
 
 
-def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) -> None:
+def plot_table(
+    table: PlottedTable, names: Sequence[str], target: FigureTarget, part: float | None = None
+) -> None:
     """Plot measures of a sweep.
 
     Parameters
@@ -184,6 +186,9 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) 
         default all measures, if they are few. A map contains rows with one value of the other
         varied quantities; if these have few values, there is a map for each.
     target : FigureTarget
+    part : float, optional
+        The part of the rows, of 1, between the ends of bands, which curves then have instead of
+        those for each value of the other quantities, and between the quantiles of histograms.
 
     Raises
     ------
@@ -202,7 +207,16 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureTarget) 
         for place, panel in enumerate(panels):
             ax = figure.add_subplot(grid[place])
             if panel.histogram:
-                draw_histogram(ax, panel.value)
+                outer = () if part is None else ((1 - part) / 2, 0.5, (1 + part) / 2)
+                draw_histogram(ax, panel.value, outer or HISTOGRAM_QUANTILES)
+            elif part is not None and len(panel.over) != 1:
+                raise UsageError(
+                    f"--band is not for {'maps' if panel.over else 'tornado charts'}; draw"
+                    f" `{panel.value.name}` over one quantity, as in"
+                    f" {table.varied[0].name}:{panel.value.name}, or {HISTOGRAM}{panel.value.name}"
+                )
+            elif part is not None:
+                _draw_spread(ax, panel, part)
             elif not panel.over:
                 varied = {q.label: q.values for q in table.varied}
                 draw_tornado(ax, effects(varied, panel.value.values), panel.value.label)
@@ -280,6 +294,44 @@ def _draw_curve(ax: Any, panel: _Panel, table: PlottedTable) -> None:
     plain_ticks(ax.yaxis)
     ax.set_xlabel(over.label)
     ax.set_ylabel(value.label)
+
+
+def _draw_spread(ax: Any, panel: _Panel, part: float) -> None:
+    """Draw the median of a measure over one quantity, and the band that contains a part of rows.
+
+    Rows are taken together by the value of the quantity; where each row has its own, in groups of
+    equal numbers of rows.
+    """
+    (over,), value = panel.over, panel.value
+    groups = spread_groups(over.values)
+    ends = (1 - part) / 2, 0.5, (1 + part) / 2
+    listed = [value.values[group][np.isfinite(value.values[group])] for group in groups]
+    x = np.array([np.median(over.values[group]) for group in groups])
+    low, middle, high = (
+        np.array([np.quantile(y, end) if len(y) else np.nan for y in listed]) for end in ends
+    )
+    color = style.PALETTE[0]
+    ax.fill_between(x, low, high, color=color, alpha=0.25, linewidth=0)
+    ax.plot(x, middle, color=color, marker="." if len(x) <= _MARKED else None)
+    ax.set_title(band_label(part, len(value.values)), loc="right", fontsize=8, color=_NOTE)
+    ax.margins(x=0.02)
+    _scale(ax, "x", over)
+    plain_ticks(ax.yaxis)
+    ax.set_xlabel(over.label)
+    ax.set_ylabel(value.label)
+
+
+def spread_groups(values: Array) -> list[Indices]:
+    """Return the rows of each value, or, if most values occur once, groups of similar values."""
+    unique, places = np.unique(values, return_inverse=True)
+    if 2 * len(unique) <= len(values):
+        return [np.flatnonzero(places == k) for k in range(len(unique))]
+    return np.array_split(np.argsort(values, kind="stable"), max(1, round(len(values) ** 0.5)))
+
+
+def band_label(part: float, count: int) -> str:
+    """Return what a band is."""
+    return f"median and central {100 * part:g} % of {count} rows"
 
 
 def _draw_family(
@@ -553,7 +605,9 @@ def draw_tornado(ax: Any, effects: list[Effect], label: str) -> None:
     style.legend_beside(ax, handles, ["lowest value", "highest value"])
 
 
-def draw_histogram(ax: Any, quantity: PlottedQuantity) -> None:
+def draw_histogram(
+    ax: Any, quantity: PlottedQuantity, quantiles: Sequence[float] = HISTOGRAM_QUANTILES
+) -> None:
     """Draw the distribution of a quantity over the rows, with its median and outer quantiles.
 
     Raises
@@ -568,7 +622,7 @@ def draw_histogram(ax: Any, quantity: PlottedQuantity) -> None:
     edges = np.histogram_bin_edges(values, bins="fd" if np.ptp(values) > 0 else 1)
     bins = min(_BINS, max(len(edges) - 1, 1))
     ax.hist(values, bins=bins, color=style.PALETTE[0], alpha=0.75, edgecolor="white", lw=0.4)
-    for part in HISTOGRAM_QUANTILES:
+    for part, side in zip(quantiles, ("right", "center", "left"), strict=True):
         at = float(np.quantile(values, part))
         ax.axvline(at, color=style.PALETTE[1], lw=1.2, ls="-" if part == 0.5 else (0, (4, 2)))
         ax.annotate(
@@ -577,7 +631,7 @@ def draw_histogram(ax: Any, quantity: PlottedQuantity) -> None:
             (0, 3),
             xycoords=ax.get_xaxis_transform(),
             textcoords="offset points",
-            ha={0.05: "right", 0.5: "center", 0.95: "left"}[part],
+            ha=side,
             fontsize=8,
             color=_NOTE,
         )
@@ -609,6 +663,8 @@ class Rows:
         The completed rows, at most `MOST`, evenly selected.
     good : int
         Number of completed rows.
+    numbers : (good,) array of int
+        Their places in the file.
 
     Raises
     ------
@@ -641,7 +697,7 @@ class Rows:
             self.display = facts["display"]
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
-        self.good = len(good)
+        self.good, self.numbers = len(good), good
         if model is not None:
             self.units, self.notation = result_units(self.model), Notation(self.model)
         self.units = self.units | {c.name: c.unit for c in columns if c.unit != NOT_STATED}
@@ -708,3 +764,48 @@ class SweepRow(RunFile):
     def notation(self) -> Notation | None:
         """The notation of the model's names."""
         return self._rows.notation
+
+
+#: Largest number of values of a curve in all rows that is held at once: 240 MB.
+_HELD = 30_000_000
+
+
+def plot_row_bands(
+    path: str, model: str | None, names: Sequence[str], target: FigureTarget, part: float
+) -> tuple[str, ...]:
+    """Plot the median of the rows of a sweep at each time, with the band of a part of them.
+
+    Parameters
+    ----------
+    path, model
+        As for `Rows`.
+    names, target
+        As for `lagcli.pictures.plots.run_plot.plot_runs`.
+    part : float
+        The part of the rows between the ends of the bands, of 1.
+
+    Returns
+    -------
+    tuple of str
+        Notes for the reader of the picture.
+    """
+    from lagcli.pictures.plots.bands import RowBands
+    from lagcli.pictures.plots.run_plot import plot_bands
+    from lagcli.sweeps.file.store import open_sweep
+
+    rows = Rows(path, model)
+    numbers = rows.numbers[evenly(rows.good, max(2, _HELD // max(1, rows.count)))]
+
+    def bands_of(curves: Sequence[Curve]) -> RowBands:
+        values = {c.name: np.empty((len(numbers), rows.count)) for c in curves}
+        fields = list(dict.fromkeys(c.field for c in curves))
+        with open_sweep(path) as file:
+            for i, number in enumerate(numbers.tolist()):
+                block = {name: file.read(name, number) for name in fields}
+                for c in curves:
+                    values[c.name][i] = magnitudes(rows.runs[0], c, block)
+        values["t"] = rows.runs[0].columns(["time"])["time"][None]
+        return RowBands(values, part)
+
+    plot_bands(rows.runs[0], names, target, bands_of, band_label(part, len(numbers)))
+    return (f"{len(numbers)} of {rows.good} rows used",) if len(numbers) < rows.good else ()
