@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import symengine as se
-from symengine import Basic
 
 from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES
-from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import UsageError
-from lagcli.model.model import Model
 from lagcli.pictures.curves import Curve
 from lagcli.pictures.run_file import RunFile
+
+if TYPE_CHECKING:
+    from symengine import Basic
+
+    from lagcli.equations.derivation.lagrange import Equations
+    from lagcli.model.model import Model
 
 #: The fields with derivatives, and the fields of these.
 _DERIVED = dict(zip(("q", "v", "multipliers"), (x.name for x in DERIVATIVES), strict=True))
@@ -291,6 +293,8 @@ def _with_dependence(model: Model) -> Model:
 
 def _expression(equations: Equations, curve: Curve) -> Basic | None:
     """Return a curve as a function of t, q, v, a, λ and parameters; None if it is none."""
+    import symengine as se
+
     from lagcli.equations.derivation.column_expressions import column_expression
     from lagcli.equations.derivation.lagrange import with_forces
 

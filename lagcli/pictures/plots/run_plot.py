@@ -494,7 +494,8 @@ class PanelDrawing:
         strips = np.stack((one[:-1], one[1:], other[1:], other[:-1]), axis=1)
         # opaque, because strips overlap where the curve bends
         light = 0.75 + 0.25 * np.array(to_rgb(color))
-        ax.add_collection(PolyCollection(list(strips), facecolors=[light], linewidths=0, zorder=0.4))
+        look: dict[str, Any] = {"facecolors": [light], "linewidths": 0, "zorder": 0.4}
+        ax.add_collection(PolyCollection(list(strips), **look))
         ax.update_datalim(strips.reshape(-1, 2))
 
     def stems(self, ax: Any, run: int, curve: Curve, color: Any) -> None:
