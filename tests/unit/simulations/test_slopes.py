@@ -11,6 +11,8 @@ import lagcli
 from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.plots.bands import linear_bands
 from lagcli.pictures.run_file import RunFile
+from lagcli.simulations.directions import Directions
+from lagcli.simulations.slopes import slopes_along
 
 #: J depends on m.
 BEAM = """
@@ -60,3 +62,15 @@ def test_a_replaced_parameter_does_not_depend_on_others() -> None:
     found = linear_bands(run, [curve], read_curves(run, [curve]), {"m": 1.0})
     v = run.columns(["v"])["v"][0]
     assert found.changes["energy_kinetic"][0, 0] == pytest.approx((v[0] ** 2 + v[1] ** 2) / 2)
+
+
+def test_accelerations_have_no_slope_where_constraints_switch() -> None:
+    model = lagcli.load("bouncing_ball")
+    run = lagcli.simulate(model, t_end=0.1, samples=2, sensitivity=["h"])
+    equations = lagcli.derive(model)
+    columns = {name: getattr(run, name) for name in ("time", "q", "v", "a", "multipliers")}
+    columns |= {name: getattr(run, name) for name in ("dq", "dv", "dmultipliers")}
+    expressions = {"a": equations.a[0], "double": 2 * equations.q[0]}
+    found = slopes_along(equations, Directions(model, ("h",)), columns, expressions)
+    assert set(found) == {"double"}
+    np.testing.assert_allclose(found["double"], 2 * columns["dq"][:, 0])
