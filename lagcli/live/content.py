@@ -17,9 +17,11 @@ from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
 from lagcli.model.reading import shipped_models
 from lagcli.named_tuples import NamedTuple
+from lagcli.pictures.curves import Catalogue
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.curve_picture import curve_picture, spoken
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import (
     LEAST,
@@ -225,8 +227,13 @@ class _Contents:
         return evaluator.scene(vars(self.samples), self.samples.terms, values)
 
     def _still(self) -> str:
-        """Return an image of the model's own run; nothing for a model that has no view."""
-        return "" if self.model.view is None else still_image(self._nominal, self.model.title)
+        """Return an image of the model's own run: of its coordinates, if it has no view."""
+        if self.model.view is not None:
+            return still_image(self._nominal, self.model.title)
+        run = RunFile(complete(self.samples, self.record))
+        labels = [curve.label for curve in Catalogue(run).of("q")]
+        drawn = curve_picture(self.samples.time, self.samples.q, labels, "")
+        return drawn.element(spoken(labels))
 
     def _scene(self) -> dict[str, Any] | None:
         """Return the scene with places of its numbers, as `answers.js` reads it."""

@@ -192,6 +192,8 @@ def test_values_have_the_units_of_the_file(tmp_path, opened, until):
     )
     target = tmp_path / "page.html"
     target.write_text(lagcli.live_page(model), encoding="utf-8")
+    # without a view and without scripts, its curves are shown
+    assert '<figure class="still"><img alt="φ over time"' in target.read_text("utf-8")
     page = opened(target)
     enter(page, until, "phi", "60")
     enter(page, until, "omega", "120")

@@ -52,7 +52,7 @@ def test_the_html_of_a_run(run):
     assert html.unescape(page).startswith("<!doctype html>")
     assert "Plot of the run" in text
     still, plot = re.findall(r'<img [^>]*alt="([^"]*)"', text)
-    assert (still, plot) == ("Last frame of the animation", "Plot of the run")
+    assert (still, plot) == ("The mechanism at one moment of the run", "Plot of the run")
 
 
 def test_a_model_is_a_card():

@@ -193,6 +193,7 @@ def address(kinds):
 def sheet(browser):
     """A tab for all kinds, whose reader prefers that nothing moves."""
     context = browser.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    context.add_init_script(PRINTING)
     yield context.new_page()
     context.close()
 
@@ -205,6 +206,13 @@ def plain(browser):
     context.close()
 
 
+#: On paper, nothing follows the sizes of what contains it.
+PRINTING = """
+  const Observer = window.ResizeObserver;
+  window.ResizeObserver = class extends Observer {
+    constructor(call) { super((...changes) => window.printing || call(...changes)); }
+  };
+"""
 #: Whether a page shows what it has at first: a live one has drawn its first run.
 SHOWN = "typeof page !== 'object' || (page.number > 0 && page.drawn === page.number)"
 
@@ -218,7 +226,14 @@ def settle(page):
 
 
 def unfolded(page):
-    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    closed = "document.querySelectorAll('details:not([open])')"
+    page.evaluate(f"{closed}.forEach((d) => {{ d.open = true; d.dataset.was = 'closed'; }})")
+    settle(page)
+
+
+def folded(page):
+    closed = "document.querySelectorAll('[data-was=closed]')"
+    page.evaluate(f"{closed}.forEach((d) => {{ d.open = false; }})")
     settle(page)
 
 
@@ -302,14 +317,14 @@ def narrow(page):
 
 def paper(page):
     """Return what should not be on paper."""
-    page.set_viewport_size({"width": PAPER_WIDTH, "height": 960})
     page.emulate_media(media="null", color_scheme="dark")
     settle(page)
+    page.evaluate("window.printing = true; dispatchEvent(new Event('beforeprint'))")
+    page.set_viewport_size({"width": PAPER_WIDTH, "height": 960})
     page.emulate_media(media="print", color_scheme="dark")
-    page.evaluate("dispatchEvent(new Event('beforeprint'))")
     settle(page)
     found = [*page.evaluate(PAPER), *page.evaluate(CONTRAST)]
-    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.evaluate("window.printing = false; dispatchEvent(new Event('afterprint'))")
     page.emulate_media(media="null", color_scheme="light")
     return found
 
@@ -337,7 +352,7 @@ def test_what_every_page_keeps(kind, address, sheet, plain, until):
     page.goto(place)
     until(page, SHOWN)
     settle(page)
-    wrong["moves"] = page.evaluate(MOVING)
+    wrong["moves"] = [x for frame in page.frames for x in frame.evaluate(MOVING)]
     wrong["keys"] = played(page)
     wrong["keyboard"] = keyboard(page)
     page.set_viewport_size({"width": 390, "height": 844})
@@ -347,6 +362,7 @@ def test_what_every_page_keeps(kind, address, sheet, plain, until):
     wrong["phone"] = narrow(page)
     page.set_viewport_size({"width": 1280, "height": 720})
     wrong["contrast"] = contrast(page)
+    folded(page)
     wrong["paper"] = paper(page)
     page.goto("about:blank")
     plain.goto(place)

@@ -667,6 +667,17 @@ def test_an_address_that_holds_no_scenarios_is_as_good_as_none(opened, served):
         assert p.page.locator(".scenario-name").count() == 0
 
 
+#: Notes the heights of the dots in phase planes.
+DOTS = """() => {
+  window.dots = [];
+  const { arc } = CanvasRenderingContext2D.prototype;
+  CanvasRenderingContext2D.prototype.arc = function (x, y, ...rest) {
+    if (this.canvas.closest(".phase")) dots.push(y);
+    return arc.call(this, x, y, ...rest);
+  };
+}"""
+
+
 def test_contacts_are_listed_marked_and_moved(browser, opened):
     for address in serving("bouncing_ball"):
         p = opened(address)
@@ -683,6 +694,13 @@ def test_contacts_are_listed_marked_and_moved(browser, opened):
         assert now == time[time >= second][0]
         marks = "Array.from(page.pictures.slots[1].plots[0].data.marks)"
         assert second in p.page.evaluate(marks)
+        # the dot of the phase plane too: it moves up again
+        p.page.evaluate(DOTS)
+        find(".phase summary").click()
+        p.settled()
+        find(".phase canvas[aria-label]").wait_for()
+        entries.nth(1).locator("button").click()
+        assert p.page.evaluate("dots.at(-1)") < 130  # the middle of the picture
         # e from 0.8 to 0.6: fewer impacts, sooner
         p.enter("e", "0.6")
         assert entries.count() < count

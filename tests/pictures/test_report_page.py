@@ -305,6 +305,19 @@ def test_other_pages_open_without_a_word(reports, visit, name):
     opened.wait_for_selector(".uplot")
     drawn = opened.locator(".place canvas").count()
     assert drawn == opened.locator(".place").count() > 3
+    # a large family has a colour bar, and its legend is folded
+    scales = opened.locator(".plot-family").count()
+    assert bool(scales) == (name == "chain")
+    assert opened.locator("details.plot-values:not([open])").count() == scales
+
+
+def test_no_arm_is_said_where_a_multiplier_is_zero(reports, visit):
+    """At first, the bird's upper contact is open."""
+    opened = visit(reports("woodpecker"))
+    opened.wait_for_selector(".uplot")
+    assert [x.split()[0] for x in opened.locator("#arms li:visible").all_inner_texts()] == [
+        "|lower|"
+    ]
 
 
 READ = """() => {

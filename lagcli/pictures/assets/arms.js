@@ -62,7 +62,7 @@ class LeverArms {
   #show(time) {
     for (const { name, series, unit, arm, item } of this.lines) {
       const now = arm(time);
-      // a dash where λ is 0
+      item.hidden = Number.isNaN(now); // where λ is 0
       const value = PlotNumbers.value(Number(now.toPrecision(4)));
       const shown = unit && unit !== "1" ? `${value} ${unit}` : value;
       item.replaceChildren(`|${name}| = ${shown} · |`, TimePlot.named(series.label), "|");

@@ -9,6 +9,9 @@
  */
 
 class Histories {
+  static LEAST = 220; // height of a plot, CSS pixels
+  static BESIDE = 44; // of its legend and margins
+  static PAPER = 640; // width of a plot
   /**
    * @param {HTMLElement} element  is filled
    * @param {object} data
@@ -18,6 +21,7 @@ class Histories {
     this.subject = "Coordinates over time";
     element.classList.add("player-plots");
     element.setAttribute("role", "group");
+    new ResizeObserver(() => this.#fill()).observe(element);
     this.link = new TimeLink();
     this.link.free = false; // the player moves the time, or a click
     this.link.onTime((time, source) => source !== this && this.onSeek?.(time));
@@ -40,6 +44,21 @@ class Histories {
   /** Take the page's colours again. */
   restyle() {
     for (const plot of this.plots) plot.recolour();
+  }
+
+  /** Take the width of paper, or fill the stage again. */
+  print(printing) {
+    this.printing = printing;
+    this.#fill();
+  }
+
+  #fill() {
+    const { target, plots } = this;
+    const room = target.clientHeight / plots.length - Histories.BESIDE;
+    for (const plot of plots) {
+      plot.height = this.printing ? Histories.LEAST : Math.max(Histories.LEAST, room);
+      plot.resize(this.printing ? Histories.PAPER : plot.container.clientWidth);
+    }
   }
 
   /** Show where the coordinates are at a time, s. */

@@ -20,7 +20,7 @@
  *
  * The stage is a Scene on a canvas, or what `options.stage(element, data)` returns, which fills the
  * element: draw(time), setScene(data), `motion` with start and end, and the `target` that is labelled;
- * what else a Scene has, only if it is there. It may call its onSeek(time).
+ * print(printing), and what else a Scene has, only if it is there. It may call its onSeek(time).
  */
 
 class Player {
@@ -59,8 +59,9 @@ class Player {
     if (options.forces === false) this.show("force", false);
     this.#take(data);
     this.#go(this.start);
-    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    if (options.autoplay && !still) this.play();
+    const still = matchMedia("(prefers-reduced-motion: reduce)");
+    still.addEventListener("change", () => still.matches && this.pause());
+    if (options.autoplay && !still.matches) this.play();
   }
 
   get start() {
@@ -270,6 +271,7 @@ class Player {
   #print(printing) {
     this.element.classList.toggle("player-printing", printing);
     this.stage.restyle?.();
+    this.stage.print?.(printing);
   }
 
   #buildSpeeds(select) {

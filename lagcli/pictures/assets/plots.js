@@ -398,6 +398,7 @@ class TimePlot {
     const caption = document.createElement("figcaption");
     const words = (data.title ?? "").split(/([ ,]+)/);
     caption.append(...words.map((word) => TimePlot.named(word)));
+    caption.normalize(); // for translations of whole texts
     caption.hidden = !data.title;
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";
@@ -407,7 +408,8 @@ class TimePlot {
     this.upright.append(this.#quantity(this.height));
     const legend = this.#legend();
     this.container.classList.add("plot");
-    this.container.append(caption, drawing, legend);
+    const scale = this.#scaleOfFamily();
+    this.container.append(caption, drawing, ...(scale ? [scale, this.#folded(legend)] : [legend]));
 
     const text = () => this.#style("--plot-text", "#333");
     const grid = { stroke: () => this.#style("--plot-grid", "#ddd"), width: 1 };
@@ -668,6 +670,36 @@ class TimePlot {
       this.values.push(value);
     }
     return list;
+  }
+
+  /** Return the colours of a family from its first to its last member; null for few curves, or others. */
+  #scaleOfFamily() {
+    const { series } = this.data;
+    const own = series.filter((s) => !("ghostOf" in s));
+    const graded = own.every(({ name, color }) => color && name.includes("["));
+    if (own.length <= CurveEnds.MOST || !graded) return null;
+    const scale = document.createElement("div");
+    scale.className = "plot-family";
+    scale.style.setProperty("--colours", own.map(({ color }) => color).join(", "));
+    const bar = document.createElement("span");
+    bar.className = "plot-colours";
+    const end = ({ label, name }) => {
+      const text = document.createElement("span");
+      text.append(TimePlot.named(label ?? name));
+      return text;
+    };
+    scale.append(end(own[0]), bar, end(own.at(-1)));
+    return scale;
+  }
+
+  /** Return a long legend behind a summary. */
+  #folded(legend) {
+    const details = document.createElement("details");
+    details.className = "plot-values";
+    const summary = document.createElement("summary");
+    summary.textContent = "Values of the curves";
+    details.append(summary, legend);
+    return details;
   }
 
   #toggle(i) {

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _HEIGHT = 560  # pixels of an animation
-_STILL = 0.04  # duration of a film of the first and the last frame, s
+_SIZE = (640, 420)  # of a still picture, pixels
 #: Largest numbers of constraints, and of rows of a table, that are shown without folding, and of
 #: rows at all.
 _LISTED, _ROWS = 12, 200
@@ -205,20 +205,19 @@ def _animation(trajectory: Trajectory, folder: Path) -> str:
 
 
 def _still(trajectory: Trajectory, folder: Path) -> str:
-    """Return the last frame of the animation; nothing if there is no animation."""
-    from lagcli.pictures.animation.animate import animate
+    """Return a picture of the mechanism in the run; nothing if it cannot be drawn."""
+    from lagcli.pictures.run_file import RunFile
+    from lagcli.pictures.scene.still import still_picture
+    from lagcli.pictures.scene.view_evaluator import scene_of
 
-    film, target = folder / "still.gif", folder / "still.png"
-    try:
-        animate(trajectory, film, duration=_STILL, fps=1 / _STILL)
-    except LagcliError:
+    run = RunFile(trajectory)
+    scene = scene_of(run) if run.knows_model and run.count else None
+    picture = None if scene is None else still_picture(scene, _SIZE, "")
+    if picture is None:
         return ""
-    from PIL import Image
-
-    with Image.open(film) as frames:
-        frames.seek(frames.n_frames - 1)  # type: ignore[attr-defined]
-        frames.convert("RGB").save(target)
-    return _image(target, "Last frame of the animation")
+    target = folder / "still.png"
+    target.write_bytes(picture)
+    return _image(target, "The mechanism at one moment of the run")
 
 
 def _plot(trajectory: Trajectory, folder: Path) -> str:

@@ -234,7 +234,7 @@ class Page {
   /** On paper: light, with the equations and all values; then as before. */
   #print(printing) {
     if (printing === Boolean(this.folded) || !this.pictures) return;
-    this.folded ??= [...document.querySelectorAll("#equations, #controls > details")].filter(({ open }) => !open);
+    this.folded ??= [...document.querySelectorAll("#equations, #events, #controls > details")].filter(({ open }) => !open);
     for (const part of this.folded) part.open = printing;
     if (!printing) this.folded = undefined;
     document.documentElement.classList.toggle("printing", printing);
