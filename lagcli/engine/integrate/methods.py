@@ -53,7 +53,8 @@ _STABLE = 8.0
 #: A method replaces another only if it is expected to cost less than this part.
 _CHEAPER = 0.9
 #: What an implicit method must save at least, in preparations: whether it suits is not known yet.
-_WORTH = 1.5
+#: Where it may save more than the second number, it is tried without looking at the path first.
+_WORTH, _CLEARLY_WORTH = 1.5, 10.0
 _EXPLICIT = ("DOP853", "Taylor")
 
 
@@ -150,6 +151,7 @@ class Methods:
         self._ratio = _SMOOTH  # of steps of Taylor's method to those of DOP853
         self._why = _TOO_SHORT
         self._trial: tuple[int, float, float] | None = None  # steps, time, least useful step
+        self._suspected = False  # whether stability seems to limit the steps
         self._path: list[tuple[float, Array]] = []  # points that show whether the motion is smooth
         self._vain: set[str] = set()
         self.refused = ""
@@ -174,24 +176,34 @@ class Methods:
         if new or not self.steps:
             self.steps[self.running] = self.steps.get(self.running, 0) + new
 
-    def stiff(self, *, forced: bool = False, longer: float = _LONGER) -> None:
-        """Switch to a method for stiff motion, unless one failed recently or does not pay.
+    def stiff(self, *, forced: bool = False) -> None:
+        """Try a method for stiff motion, unless one failed recently or does not pay.
 
         Parameters
         ----------
         forced : bool
             Whether the running method cannot continue.
-        longer : float
-            How many times as long implicit steps must be.
         """
         steps = self.core.counts[0]
-        if not forced and (self._reaches_farther() or steps < self._deaf_until or not self._pays()):
-            return
+        if forced:
+            self._trial = None
+            self._go_on_implicitly()
+        elif not self._reaches_farther() and steps >= self._deaf_until and self._pays():
+            if self._prepared or self._pays(_CLEARLY_WORTH):
+                self._try(_LONGER)
+            else:
+                self._suspected, self._path, self._next_look = True, [], steps
+
+    def _try(self, longer: float) -> None:
+        """Continue with an implicit method if its steps are so many times as long."""
         before, now = self.core.step
-        self._trial = None if forced else (steps, now, longer * (now - before))
+        self._trial = self.core.counts[0], now, longer * (now - before)
+        self._go_on_implicitly()
+
+    def _go_on_implicitly(self) -> None:
         loose = self.settings.rtol >= _LOOSE and self._jacobians.exact
         method = "Rodas5P" if loose else "Radau"
-        self.changes.append(Change(now, method, "stiff motion"))
+        self.changes.append(Change(self.core.t, method, "stiff motion"))
         self._go_on(method)
 
     def most_steps(self) -> int:
@@ -234,9 +246,12 @@ class Methods:
             self._next_look = steps + _STRETCH
             return
         smooth = len(self._path) == 3 and self._smooth()
-        self._path, self._next_look = [], 2 * steps
-        if smooth:
-            self.stiff(longer=_MUCH_LONGER if self.running == "DOP853" else _LONGER)
+        suspected = self._suspected
+        self._suspected, self._path, self._next_look = False, [], max(_PATIENCE, 2 * steps)
+        if smooth and not self._reaches_farther():
+            self._try(_LONGER if suspected or self.running == "Taylor" else _MUCH_LONGER)
+        elif suspected:
+            self._deaf_until = 2 * steps
 
     def _compare(self, steps: int) -> None:
         """Compare the explicit methods, by the last steps of the one that runs."""
@@ -321,12 +336,12 @@ class Methods:
         self._next_review = self._next_look = self.core.counts[0] + _TRIAL
         return True
 
-    def _pays(self) -> bool:
-        """Return whether the remaining steps cost more than the Jacobians of an implicit method,
-        and its trial."""
+    def _pays(self, worth: float = _WORTH) -> bool:
+        """Return whether the remaining steps cost so many times as much as the Jacobians of an
+        implicit method, and its trial."""
         prices = self._prices()
         step = prices.taylor if self.running == "Taylor" else prices.explicit
-        return self._left() * step > _WORTH * (prices.differentiating + _TRIAL * prices.implicit)
+        return self._left() * step > worth * (prices.differentiating + _TRIAL * prices.implicit)
 
     @property
     def used(self) -> tuple[str, ...]:

@@ -132,6 +132,31 @@ def test_an_implicit_method_without_longer_steps_was_in_vain() -> None:
     assert core.prepared == 1
 
 
+@pytest.mark.parametrize(("rough", "expected"), [(0.0, "Radau"), (1e-3, "DOP853")])
+def test_a_path_is_looked_at_before_dear_derivatives(rough: float, expected: str) -> None:
+    core = Core()
+    found = methods(core, t_end=20.0)
+    core.go(100, 1e-3)
+    found.count()
+    found.stiff()
+    assert (found.running, core.prepared, found.most_steps()) == ("DOP853", 0, 1)
+    for k in range(3):
+        t = core.t - 0.1
+        core.state = np.array([t**3, 1.0, 3 * t * t, 0.0, 0.0])
+        core.state[0] += rough if k == 1 else 0.0
+        found.review()
+        if k < 2:
+            assert (found.running, found.most_steps()) == ("DOP853", 3)
+            core.go(3, 1e-3)
+    assert (found.running, core.prepared) == (expected, int(not rough))
+    if rough:  # and is not looked at again at once
+        found.stiff()
+        assert found.most_steps() > 1000
+        core.go(106, 1e-3)
+        found.stiff()
+        assert found.most_steps() == 1
+
+
 def test_derivatives_are_not_worth_it_for_a_few_steps() -> None:
     core = Core()
     found = methods(core, t_end=1.0)
