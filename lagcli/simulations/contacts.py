@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from lagcli.engine.scales import least_scales
 from lagcli.engine.switching.switching import SwitchedRow, Switching, clocks_of
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.degrees_of_freedom import RedundantSet
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.locations import ExpressionLocations
@@ -21,8 +23,55 @@ from lagcli.model.model import Model, multiplier
 from lagcli.model.yaml.source import Scalar
 from lagcli.settings.settings import DEFAULTS, Settings
 
+#: Of the largest product: changes of forces that are rounding errors.
+_ROUNDING = 1e-9
 #: Of the duration of a run: how long velocities and accelerations act in the scale of a gap.
 _HORIZON = 1e-3
+
+
+def ambiguous_forces(
+    system: System, state: State, redundant: Sequence[RedundantSet]
+) -> tuple[str, ...]:
+    """Return a warning if forces depend on multipliers that are not unique.
+
+    Parameters
+    ----------
+    system : System
+        With ``switching``.
+    state : State
+        On the constraints.
+    redundant : sequence of RedundantSet
+    """
+    assert system.switching is not None
+    forces, pattern = system.switching.forces, system.switching.force_pattern
+    used = {system.constraints[constraint] for _, constraint in pattern}
+    sets = [x for x in redundant if used.intersection(x.constraints)]
+    if forces is None or not sets:
+        return ()
+    # the dependence at velocities and forces that are not zero
+    random = np.random.default_rng(8)
+    others = random.normal(size=2 * len(state.q) + len(system.constraints))
+    inputs = (state.t, *state.q, *others, *state.p)
+    values = np.array(ScalarTape(forces)(inputs)[len(system.switching.force_coordinates) :])
+    slopes = np.zeros((len(system.switching.force_coordinates), len(system.constraints)))
+    slopes[tuple(np.transpose(pattern))] = values
+    jacobian = Evaluator(system, state.p).constraints(state.t, state.q, state.v).jacobian
+    for found in sets:
+        rows = [system.constraints.index(name) for name in found.constraints]
+        lengths = np.linalg.norm(jacobian[rows], axis=1)
+        lengths[lengths == 0.0] = 1.0
+        left, _, _ = np.linalg.svd(jacobian[rows] / lengths[:, None])
+        free = left[:, len(rows) - found.surplus :] / lengths[:, None]
+        largest = np.abs(slopes[:, rows]) @ np.abs(free)
+        if (np.abs(slopes[:, rows] @ free) > _ROUNDING * largest).any():
+            names = [f"`lambda.{name}`" for name in found.constraints if name in used]
+            listed = ", ".join(f"`{name}`" for name in found.constraints)
+            return (
+                f"`Q` depends on {', '.join(names)}, which {'is' if len(names) == 1 else 'are'} not"
+                f" unique, because {listed} are redundant: the motion follows from multipliers of"
+                " least norm; remove redundant constraints",
+            )
+    return ()
 
 
 def check_contacts(model: Model, system: System, state: State, closed: float) -> None:

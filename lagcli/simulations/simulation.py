@@ -354,12 +354,15 @@ class Simulation:
         tables: dict[str, InputTable] = {}
         warnings: tuple[str, ...] = ()
         if self.system.switching is not None:
-            from lagcli.simulations.contacts import true_at_start
+            from lagcli.simulations.contacts import ambiguous_forces, true_at_start
             from lagcli.simulations.event_logs import event_log
 
             names = () if self.sensitivity is None else self.sensitivity.names
             log = event_log(self.system, run, columns, names)
-            warnings = true_at_start(self.system, self.start.state)
+            warnings = (
+                *true_at_start(self.system, self.start.state),
+                *ambiguous_forces(self.system, self.start.state, self.freedom.redundant),
+            )
         if self.model.inputs:
             from lagcli.simulations.inputs import input_tables
 

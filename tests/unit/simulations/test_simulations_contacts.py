@@ -192,3 +192,29 @@ def test_a_period_below_rounding_errors() -> None:
     text = TEXT.replace("T - 0.02", "T/1e6")
     with pytest.raises(ModelError, match="below the rounding errors of times near 1e\\+09 s"):
         prepare(load_text(text), SettingsOverrides(t_start=1e9, t_end=1e9 + 1))
+
+
+@pytest.mark.parametrize(
+    ("friction", "ambiguous"),
+    [
+        ("lambda.a", "`lambda.a`, which is not unique"),
+        ("(lambda.a + lambda.b)", "`lambda.a`, `lambda.b`, which are not unique"),
+        ("(lambda.a + 2*lambda.b)", ""),  # the force of both, which is unique
+        ("1", ""),
+    ],
+)
+def test_forces_that_depend_on_the_share_of_redundant_constraints(
+    friction: str, ambiguous: str
+) -> None:
+    """The motion differs by the way in which one and the same guide is written."""
+    text = f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 10*y
+Q: {{x: -0.2*{friction}*tanh(x')}}
+constraints: {{a: y = 0, b: 2*y = 0}}
+initial: {{x: 0, x': 0, y: 0, y': 0}}
+"""
+    run = lagcli.simulate(lagcli.load_text(text), t_end=0.1, samples=2)
+    assert len(run.warnings) == bool(ambiguous)
+    assert ambiguous in "".join(run.warnings)
