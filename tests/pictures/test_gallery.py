@@ -9,6 +9,7 @@ from PIL import Image
 from programs import program
 
 import lagcli
+from lagcli.pictures import style
 from lagcli.pictures.run_file import RunFile
 
 ROOT = Path(__file__).parents[2]
@@ -73,3 +74,13 @@ def test_the_first_picture_is_what_the_program_derives_and_computes():
     values = [np.array(number.findall(text), dtype=float) for text in both]
     # pixels, rounded to tenths
     np.testing.assert_allclose(*values, atol=0.15)
+
+
+@pytest.mark.parametrize("name", ["plot", "fit"])
+def test_pictures_beside_commands_have_the_colours_of_curves(name):
+    # they are drawn by `make gallery`; a rule of colours that changes is noticed here
+    with Image.open(ROOT / "docs" / "images" / f"{name}.png") as stored:
+        pixels = np.unique(np.asarray(stored.convert("RGB")).reshape(-1, 3), axis=0).astype(int)
+    for color in (style.PALETTE[0], style.constraint_colors(["guide"])["guide"]):
+        wanted = [int(color[i : i + 2], 16) for i in (1, 3, 5)]
+        assert np.abs(pixels - wanted).max(axis=1).min() < 8, color

@@ -20,7 +20,7 @@ from lagcli.equations.presentation.conserved import conserved_step, title_of
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.index_form import IndexForm
-from lagcli.equations.presentation.overview import constraints_step, freedom_step
+from lagcli.equations.presentation.overview import freedom_step, short_constraints_step
 from lagcli.equations.symmetry.conserved import ConservedQuantity, Proof
 from lagcli.equations.typesetting.latex import LatexFormula
 from lagcli.equations.typesetting.markdown import render_markdown
@@ -199,7 +199,7 @@ def markdown(checked: Check) -> str:
 def _steps(checked: Check) -> list[Step]:
     f = Formulas(checked.equations, freedom=checked.rank.freedom)
     steps = [
-        constraints_step(f),
+        short_constraints_step(f),
         *_integrability(f, checked),
         _freedom(f, checked),
         _singular(checked),

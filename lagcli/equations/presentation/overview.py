@@ -298,6 +298,17 @@ def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
     return Step(f"Constraints: {count} = {number}", tuple(lines), remark)
 
 
+def short_constraints_step(f: Formulas) -> Step | None:
+    """Return the constraints, without virtual displacements that are too long to be read."""
+    step = constraints_step(f)
+    if step is None or Extent(f).longest([step]) <= _READABLE:
+        return step
+    step = constraints_step(f, variations=False)
+    assert step is not None
+    said = "The virtual displacements are long; lagcli derive --full writes them out."
+    return replace(step, remark=" ".join(x for x in (step.remark, said) if x))
+
+
 def freedom_step(f: Formulas) -> Step:
     """Return the degrees of freedom with the redundant constraints."""
     freedom = f.freedom

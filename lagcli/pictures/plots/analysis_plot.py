@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.columns import ColumnName
 from lagcli.columns import unit_quotient
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import LagcliError, UsageError
@@ -393,6 +394,11 @@ def draw_fit(
     model = _fitted_model(result)
     look = _observed_names(model)
     units = {**({} if model is None else result_units(model)), **result.units}
+    constraints = () if model is None else model.constraint_names
+    colors = {
+        str(ColumnName("multipliers", name)): color
+        for name, color in style.constraint_colors(constraints).items()
+    }
     axes = []
     for number, panel in enumerate(panels):
         above = figure.add_subplot(grid[2 * number])
@@ -407,7 +413,8 @@ def draw_fit(
         # the curve is seen below many points
         size = 4 if there.sum() <= _FEW_POINTS else 1.5
         points = {"linestyle": "none", "marker": ".", "markersize": size, "color": _POINTS}
-        above.plot(*curve, **style.line(0), linewidth=2, label="fitted")
+        color = colors.get(panel.name, style.PALETTE[0])
+        above.plot(*curve, color=color, linewidth=2, label="fitted")
         above.plot(time[there], measured[there], **points, label="measured")
         if not number:
             style.legend_beside(above)
