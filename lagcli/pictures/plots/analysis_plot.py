@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import ColumnName
-from lagcli.columns import unit_quotient
+from lagcli.columns import ColumnName, unit_quotient
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.loader import load_text
