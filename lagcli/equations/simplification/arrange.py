@@ -335,6 +335,7 @@ class Arranger:
         self._whole = MonomialExpansion(model, order, values)
         self._opened = MonomialExpansion(model, order, values, open_sums=True)
         self._inputs = bool(model.inputs)
+        self._sums: dict[str, Node] = {}  # by the symbols that stand for them
         self._own: Basic | None = None
         self._follows = False
         self._known: dict[tuple[Basic, Basic | None, bool], Node] = {}
@@ -368,6 +369,61 @@ class Arranger:
         return known
 
     def _best(self, e: Basic) -> Node:
+        """Return the shorter of the arrangements with and without differences as y − R opened."""
+        arranged = self._arranged(e)
+        shifted = self._shifted(e)
+        if shifted is None:
+            return arranged
+        kept = self._arranged(shifted)
+        return kept if weight(kept) <= weight(arranged) else arranged
+
+    def _shifted(self, e: Basic) -> Basic | None:
+        """Return an expression in which a symbol stands for each sum of coordinates and parameters.
+
+        y is replaced by s + R, where s stands for y − R; only if y has no other such sum. None
+        without such sums.
+        """
+        if self._whole.values or not isinstance(e, se.Add | se.Mul):
+            return None
+        found: dict[Basic, set[Basic]] = {}
+        for part in e.atoms(se.Add):
+            shift = self._shift(part)
+            if shift is not None and part != e:
+                found.setdefault(shift[0], set()).add(shift[1])
+        opened: dict[Basic, Basic] = {}
+        for y, sums in found.items():
+            if len(sums) == 1:
+                (whole,) = sums
+                symbol = se.Symbol(f"({whole})")
+                if symbol.name not in self._sums:
+                    self._sums[symbol.name] = self.arrange(whole)
+                    self._whole.stand_for(symbol.name, y.name)
+                    self._opened.stand_for(symbol.name, y.name)
+                opened[y] = se.expand(symbol + y - whole)
+        return e.subs(opened) if opened else None
+
+    def _shift(self, e: Basic) -> tuple[Basic, Basic] | None:
+        """Return the first coordinate of a sum of coordinates and parameters, and the sum in which
+        its factor is 1; None for other sums."""
+        factors = {}
+        constant = False
+        for term, factor in e.as_coefficients_dict().items():
+            if all(map(self._whole.is_parameter, term.free_symbols)):
+                constant |= bool(term.free_symbols)
+            elif self._is_coordinate(term):
+                factors[term] = factor
+            else:
+                return None
+        if not constant or not factors:
+            return None
+        y = min(factors, key=lambda x: self._whole.ranks([x]))
+        return y, se.expand(e / factors[y])
+
+    def _is_coordinate(self, e: Basic) -> bool:
+        symbol = isinstance(e, se.Symbol) and e.name not in self._sums
+        return symbol and self._whole.class_of(e) == "function"
+
+    def _arranged(self, e: Basic) -> Node:
         whole = self._expanded(e, self._whole)
         operations = se.count_ops(e)
         if whole is not None and operations > _LARGE and weight(whole) < _SHORTER * operations:
@@ -582,11 +638,15 @@ class Arranger:
         power = Fraction(exponent, generator.degree)
         first, *rest = generator.arguments or (None,)
         match generator.head:
+            case "symbol" if generator.name in self._sums:
+                node: Node = self._sums[generator.name]
+                key = position.BRACKET if power == 1 else position.SQUARE
+                return TermFactor(node, power, (key, ((expansion.places[g], 0),)))
             case "symbol":
                 rank = ((expansion.places[g], 0),)
                 return TermFactor(_symbol(generator.name), power, (_SYMBOL_PLACES[kind], rank))
             case "function":
-                node: Node = Call(generator.name, tuple(map(self.arrange, generator.arguments)))
+                node = Call(generator.name, tuple(map(self.arrange, generator.arguments)))
             case "cases":
                 node = cases_node(first, self.arrange)
             case "power":

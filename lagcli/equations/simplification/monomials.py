@@ -154,6 +154,12 @@ class MonomialExpansion:
             self.places[number] = self._place(generator, number)
         return number
 
+    def stand_for(self, name: str, coordinate: str) -> None:
+        """Give a symbol that stands for a sum the place of its first coordinate."""
+        self._class_of[name] = "function"
+        number = self.index(Generator("symbol", name))
+        self.places[number] = self.places[self.index(Generator("symbol", coordinate))]
+
     def order(self, monomial: Monomial) -> tuple[tuple[Place, int], ...]:
         """Return a key that sorts x² before x y before y², sin before cos, in the order of
         writing."""

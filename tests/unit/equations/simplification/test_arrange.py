@@ -357,3 +357,21 @@ def test_joined_conditions_come_in_one_order() -> None:
     one, other = se.Lt(X, 0), se.Lt(Y, 0)
     found = condition_node(se.Or(other, one), arrange)
     assert found == Logical("or", tuple(Relation(arrange(s), "<", Number(0)) for s in (X, Y)))
+
+
+def test_differences_from_parameters_are_kept_as_those_of_coordinates() -> None:
+    model = load_text(
+        "coordinates: [x, y, X]\nparameters: {m: 1, l: 1, R: 0.3, g: 9.81, k: 3}\n"
+        "T: m/2*(x'^2 + y'^2 + X'^2)\nV: m*g*y + k/2*(y - R)^2 + k/2*(x - X - R)^2\n"
+        "constraints: {rod: (x - X)^2 + (y - R)^2 = l^2}\n"
+        "initial: {x: 1, y: {guess: 0.3}, X: 0, x': 0, y': {guess: 0}, X': 0}\n"
+    )
+    equations = derive(model)
+    x, y, base, v, w, u = map(se.Symbol, ("x", "y", "X", "x'", "y'", "X'"))
+    assert text(equations, equations.gradient[1]) == "−m g − k (y − R)"
+    assert text(equations, equations.gradient[0]) == "−k (x − X − R)"
+    velocity = 2 * (x - base) * (v - u) + 2 * (y - se.Symbol("R")) * w
+    assert text(equations, velocity) == "2 [(x − X) (ẋ − Ẋ) + (y − R) ẏ]"
+    # but not where y is alone too
+    assert text(equations, (y - se.Symbol("R")) * w - y * w) == "−R ẏ"
+    assert_equal_values(equations)

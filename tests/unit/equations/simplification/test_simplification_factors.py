@@ -136,7 +136,7 @@ def test_differences_with_and_without_a_square_are_treated_alike():
         "initial: {x: 0.2, y: 0, x': 0, y': 0}\n"
     )
     text = render(derive(disk), steps=True)
-    assert "2 (x − X) ẍ + 2 (y − R) ÿ + 2 (ẋ² + ẏ²) = 0" in text
+    assert "2 [(x − X) ẍ + (y − R) ÿ + ẋ² + ẏ²] = 0" in text
 
 
 def test_unilateral_constraints_stay_inequalities_in_the_derivation():
