@@ -13,7 +13,7 @@ from lagcli.arrays import Array, Indices
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
 from lagcli.engine.switching.switching import RowMode
 
-UNILATERAL, LIMITED = ContactLaw.UNILATERAL, ContactLaw.LIMITED
+UNILATERAL, LIMITED, FREE = ContactLaw.UNILATERAL, ContactLaw.LIMITED, ContactLaw.FREE
 HOLDS = RowMode.HOLDS
 
 
@@ -27,24 +27,27 @@ def held(jacobian: Array, force: Array, friction: Array) -> ContactProblem:
     return ContactProblem(matrix, -matrix @ force, laws, nothing, nothing, friction, friction)
 
 
-def laws_of(problem: ContactProblem) -> tuple[Array, Array, Indices]:
-    """Return rows, constants and owners of the laws rows x + constants ≥ 0."""
+def laws_of(problem: ContactProblem, given: Array) -> tuple[Array, Array, Indices]:
+    """Return rows, constants and owners of the laws rows x + constants ≥ 0.
+
+    Forces of bilateral rows, which limit others, keep their given sign.
+    """
     rows, constants, owners = [], [], []
-    unit = np.eye(len(problem.offset))
+    unit, sign = np.eye(len(problem.offset)), np.where(given < 0, -1.0, 1.0)
     for k, law in enumerate(problem.laws):
-        sides = [unit[k]] if law == UNILATERAL else [unit[k], -unit[k]]
-        rows += [problem.static_slopes[k] + side for side in sides]
+        sides = [unit[k], -unit[k]] if law == LIMITED else [sign[k] * unit[k]]
+        rows += [sign * problem.static_slopes[k] + side for side in sides]
         constants += [problem.static[k]] * len(sides)
         owners += [k] * len(sides)
     return np.array(rows), np.array(constants), np.array(owners)
 
 
-def common_slack(problem: ContactProblem, force: Array) -> tuple[float, Indices]:
+def common_slack(problem: ContactProblem, force: Array, given: Array) -> tuple[float, Indices]:
     """Return the largest common slack of the laws that shares change, and the owners of these.
 
     It is not larger than the largest of the forces.
     """
-    rows, constants, owners = laws_of(problem)
+    rows, constants, owners = laws_of(problem, given)
     free = null_space(problem.matrix, rcond=1e-9)
     along = rows @ free
     some = np.abs(along).max(axis=1) > 1e-9
@@ -59,7 +62,7 @@ def common_slack(problem: ContactProblem, force: Array) -> tuple[float, Indices]
 
 
 def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
-    """Return contacts with friction, some of which depend on others, and forces of them."""
+    """Return contacts and guides with friction, some of which depend on others, and forces."""
     contacts = int(rng.integers(2, 6))
     freedom = int(rng.integers(1, contacts + 2))
     jacobian = rng.standard_normal((2 * contacts, freedom))
@@ -68,8 +71,10 @@ def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
     friction = np.zeros((2 * contacts, 2 * contacts))
     friction[contacts + np.arange(contacts), np.arange(contacts)] = mu
     tangent = mu * normal * rng.uniform(-1.0, 1.0, contacts)
-    force = np.concatenate([normal, tangent])
-    return held(jacobian, force, friction), force
+    guides = np.concatenate([rng.random(contacts) < 0.4, np.zeros(contacts, dtype=bool)])
+    force = np.concatenate([normal, tangent]) * np.where(guides, rng.choice([-1.0, 1.0]), 1.0)
+    problem = held(jacobian, force, friction)
+    return problem._replace(laws=np.where(guides, int(FREE), problem.laws)), force
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -83,14 +88,14 @@ def test_random_shares(seed: int) -> None:
     if not free.shape[1]:
         assert np.isinf(slack).all()
         return
-    expected, owners = common_slack(problem, force)
+    expected, owners = common_slack(problem, force, given)
     shared = np.isfinite(slack)
     np.testing.assert_array_equal(np.flatnonzero(shared), owners)
     np.testing.assert_allclose(slack[shared], expected, atol=1e-9 * size)
     assert tight.any() == (expected < (1 - 1e-9) * np.abs(force).max())
     assert not tight[~shared].any()
     assert (force[problem.laws == UNILATERAL] >= 0.0).all()
-    rows, constants, _ = laws_of(problem)
+    rows, constants, _ = laws_of(problem, given)
     assert (rows @ force + constants >= -1e-9 * size).all()
     least = least_norm_within(given, free, rows @ free, -(rows @ given + constants))
     assert least is not None
