@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "methods/method.h"
 #include "motion.h"
@@ -41,8 +40,7 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     if (lag_accelerate(run, t, y, 0, &power))
         return 1;
     --run->step.evaluations;
-    if (!sw->acting) {
-        memset(sw->force, 0, (size_t)(sw->rows + sw->nf) * sizeof(double));
+    if (!sw->acting) { /* and all forces are zero */
         sw->redundant = 0;
         lag_gather_multipliers(run, run->solver.multipliers, sw->force, sw->multipliers);
     } else if (sw->redundant) {
