@@ -468,3 +468,13 @@ def test_flat_contacts_rest_at_one_time_wherever_impacts_count_as_ended(make, se
     assert coarse
     assert [x.name for x in coarse] == [x.name for x in fine]
     assert [x.time for x in coarse] == pytest.approx([x.time for x in fine], rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", [9, 12])
+def test_balls_above_each_other_rest_near_where_a_finer_tolerance_finds_it(seed: int) -> None:
+    """While one strikes, another falls: what is left of a sequence begins with a gap of its own."""
+    text, *_ = stack(seed)
+    coarse, fine = (simulate(text, closed=closed)[1].rests() for closed in (1e-5, 1e-9))
+    assert [x.name for x in coarse] == [x.name for x in fine]
+    # what is left is 1e-2 of the time, of which the gap is another such part
+    assert [x.time for x in coarse] == pytest.approx([x.time for x in fine], rel=2e-4)

@@ -199,6 +199,33 @@ events: {{passes: {{when: x = 0}}, right: {{when: x >= 0}}, turns: {{when: x' <=
         np.testing.assert_allclose(run.events.instants(name, "event"), expected * half, rtol=1e-8)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_conditions_of_forces_beside_those_of_time_and_of_states(method: str) -> None:
+    """A block is kicked up from the floor, which bears it again when it has fallen."""
+    model = lagcli.load_text(
+        """
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+Q: {x: 2*t}
+constraints: {floor: {expr: y >= 0, restitution: 0}}
+initial: {x: 0, y: 0, x': 0, y': 0}
+events:
+  kick: {when: t >= 1, impulse: {y: 3}}
+  free: {when: lambda.floor <= 1}
+  high: {when: y' <= 0}
+  bears: {when: lambda.floor >= 1}
+  fast: {when: x'' >= 2.5}
+"""
+    )
+    run = lagcli.simulate(model, method=method, t_end=2)
+    assert run.events is not None
+    flight = 3 / 9.81
+    expected = {"kick": 1, "free": 1, "high": 1 + flight, "bears": 1 + 2 * flight, "fast": 1.25}
+    for name, time in expected.items():
+        assert run.events.instants(name, "event") == pytest.approx([time], rel=1e-9), name
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_redundant_friction_holds_up_to_the_sum_of_its_limits(seed: int) -> None:
     """The forces of least norm reach each limit in turn; then the largest bears the rest."""
