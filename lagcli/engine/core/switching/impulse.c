@@ -105,7 +105,6 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     lag_matrix_of(run, n, p.rows, p.matrix);
     memset(friction, 0, (size_t)n * n * sizeof(double));
     double least = INFINITY, most = -INFINITY;
-    report->with_friction = 0;
     for (int i = 0; i < n; ++i) {
         const int row = p.rows[i];
         p.law[i] = sw->law[row];

@@ -13,7 +13,7 @@ typedef struct {
     double *all;            /* of all constraints */
     double supplied;        /* by moving constraints */
     double gained;          /* gain of energy beyond rounding; else 0 */
-    int with_friction;      /* whether there was friction */
+    int with_friction;      /* whether there was friction; 0 before */
     int equal_restitution;  /* whether all contacts have the same coefficient of restitution */
 } lag_impact_report;
 

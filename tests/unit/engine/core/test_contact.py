@@ -709,12 +709,20 @@ UNITS = [(2.0**-60, 1.0), (2.0**60, 1.0), (1.0, 2.0**40), (2.0**20, 2.0**-40)]
 
 
 def test_solutions_are_the_same_in_all_units() -> None:
-    """To the last bit, where units differ by powers of 2 and A by powers of 4."""
+    """To the last bit, where units differ by powers of 2 and A by powers of 4.
+
+    What is zero by the mode of its row is exactly zero.
+    """
     rng, counts = np.random.default_rng(0), np.zeros(3, dtype=int)
     for _ in range(250):
         given = any_problem(rng)
         expected = solve_contacts(given)
         counts[len(expected)] += 1
+        for force, motion, modes in expected:
+            pushes = given.laws == UNILATERAL
+            assert (motion[modes == HOLDS] == 0.0).all()
+            assert (force[modes == OPEN] == 0.0).all()
+            assert (np.concatenate([force[pushes], motion[pushes]]) >= 0.0).all()
         for force, motion in UNITS:
             found = solve_contacts(in_units(given, force, motion))
             assert len(found) == len(expected)
