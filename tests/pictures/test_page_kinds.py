@@ -51,7 +51,7 @@ class Kinds:
         return page
 
     def run(self):
-        return self.reports("woodpecker")
+        return self.reports("bouncing_ball")
 
     def sensitivities(self):
         page = self.folder / "sensitivities.html"
@@ -168,6 +168,16 @@ KINDS = {
 TEXT_ALONE = ("course", "fmu", "linear")
 
 
+PHONE = {"width": 390, "height": 844}
+#: On paper, nothing follows the sizes of what contains it.
+PRINTING = """
+  const Observer = window.ResizeObserver;
+  window.ResizeObserver = class extends Observer {
+    constructor(call) { super((...changes) => window.printing || call(...changes)); }
+  };
+"""
+
+
 @pytest.fixture(scope="module")
 def kinds(tmp_path_factory, result, reports):
     return Kinds(tmp_path_factory.mktemp("kinds"), result, reports)
@@ -190,29 +200,30 @@ def address(kinds):
 
 
 @pytest.fixture(scope="module")
-def sheet(browser):
+def tab(browser):
     """A tab for all kinds, whose reader prefers that nothing moves."""
-    context = browser.new_context(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    context = browser.new_context(viewport=PHONE, reduced_motion="reduce")
     context.add_init_script(PRINTING)
     yield context.new_page()
     context.close()
 
 
+@pytest.fixture
+def sheet(tab):
+    """The tab, light and narrow: there all is in one column."""
+    tab.set_viewport_size(PHONE)
+    tab.emulate_media(media="null", color_scheme="light")
+    return tab
+
+
 @pytest.fixture(scope="module")
 def plain(browser):
     """A tab without JavaScript."""
-    context = browser.new_context(viewport={"width": 390, "height": 800}, java_script_enabled=False)
+    context = browser.new_context(viewport=PHONE, java_script_enabled=False)
     yield context.new_page()
     context.close()
 
 
-#: On paper, nothing follows the sizes of what contains it.
-PRINTING = """
-  const Observer = window.ResizeObserver;
-  window.ResizeObserver = class extends Observer {
-    constructor(call) { super((...changes) => window.printing || call(...changes)); }
-  };
-"""
 #: Whether a page shows what it has at first: a live one has drawn its first run.
 SHOWN = "typeof page !== 'object' || (page.number > 0 && page.drawn === page.number)"
 
@@ -249,41 +260,36 @@ def contrast(page):
 
 
 def focused(page):
-    """Return what the Tab key reaches, from the beginning of a page, and how it ends."""
-    page.evaluate(FIRST)
-    found, most = [], page.evaluate(REACHABLE) + 60
-    while len(found) < most:
+    """Return what the Tab key reaches in each frame, from the beginning of a page, and its end."""
+    for frame in reversed(page.frames):  # the page itself last: it keeps the focus
+        frame.evaluate(FIRST)
+    for _ in range(sum(frame.evaluate(REACHABLE) for frame in page.frames)):
         page.keyboard.press("Tab")
-        at = page.evaluate(FOCUSED)
-        if at is not None and at["tag"] == "IFRAME":
-            inner = page.frames[-1].evaluate(FOCUSED)
-            if inner is None:  # in the frame, and nowhere in it
-                continue
-            at = {
-                **inner,
-                "place": at["place"] + inner["place"] / 1e6,
-                "top": at["top"] + inner["top"],
-            }
-        if at is None or (found and at["place"] == found[0]["place"] != found[-1]["place"]):
-            return found, True
-        found.append(at)
-    return found, False
+    for _ in range(40):  # what scrolls is reached, too
+        page.keyboard.press("Tab")
+        found = [frame.evaluate(FOCUSED) for frame in page.frames]
+        if found[0]["ended"]:
+            break
+    return [x["reached"] for x in found], found[0]["ended"]
 
 
 def keyboard(page):
     """Return what the keyboard does not reach in order, what is unnamed or has no visible focus."""
-    found, ended = focused(page)
-    wrong = [] if ended else ["trap", found[-1]]
-    wrong += [("unnamed", x["tag"], x["place"]) for x in found if not x["name"]]
-    wrong += [("focus not seen", x["tag"], x["name"]) for x in found if not x["outlined"]]
-    wrong += [("no size", x["tag"], x["name"]) for x in found if not x["width"]]
-    one_column = page.viewport_size["width"] < 400
-    for before, at in pairwise(found):
-        above = one_column and at["top"] < before["top"] - 60
-        wrong += [("order", at["name"])] * (above or at["place"] <= before["place"])
-    reachable = page.evaluate(REACHABLE)
-    if len(found) < reachable:
-        wrong.append(("not reached", reachable - len(found)))
+    frames, ended = focused(page)
+    wrong = [] if ended else ["trap"]
+    for frame, found in zip(page.frames, frames, strict=True):
+        for x in found:
+            said = x["tag"], x["name"]
+            wrong += [("unnamed", *said, x["place"])] * (not x["name"])
+            wrong += [("no size", *said)] * (not x["width"])
+            # within a frame, an element of it has the focus
+            wrong += [("focus not seen", *said)] * (not x["outlined"] and x["tag"] != "IFRAME")
+        for before, at in pairwise(found):
+            above = at["top"] < before["top"] - 60
+            wrong += [("order", at["name"])] * (above or at["place"] <= before["place"])
+        reachable = frame.evaluate(REACHABLE)
+        if len(found) < reachable:
+            wrong.append(("not reached", reachable - len(found)))
     return wrong
 
 
@@ -305,14 +311,13 @@ def played(page):
 def narrow(page):
     """Return what is wider than a phone, overlaps or is cut off."""
     found = []
-    for width in (390, 320):
+    for width in (320, 390):
         page.set_viewport_size({"width": width, "height": 844})
         page.evaluate("scrollTo(0, 0)")
         settle(page)
         scrolled = page.evaluate("document.documentElement.scrollWidth")
         found += [("wide", width, scrolled)] * (scrolled > width)
-        found += [(width, *x) for x in page.evaluate(TEXTS)]
-    return found
+    return found + page.evaluate(TEXTS)
 
 
 def paper(page):
@@ -338,29 +343,29 @@ def without_script(page, scripted, text_alone):
     found = [] if shown or text_alone else ["no picture"]
     if scripted and "JavaScript" not in text:
         found.append("no sentence")
-    if page.evaluate("document.documentElement.scrollWidth") > 390:
+    if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
         found.append("wide")
     return found
 
 
-@pytest.mark.parametrize("kind", KINDS)
+#: Kinds that have the parts of others.
+ALIKE = ("modes", "linear", "spatial_animation")
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(x, marks=[pytest.mark.slow] * (x in ALIKE)) for x in KINDS]
+)
 def test_what_every_page_keeps(kind, address, sheet, plain, until):
     place = address(kind)
     page, wrong = sheet, {}
-    page.set_viewport_size({"width": 1280, "height": 720})
-    page.emulate_media(media="null", color_scheme="light")
     page.goto(place)
     until(page, SHOWN)
     settle(page)
     wrong["moves"] = [x for frame in page.frames for x in frame.evaluate(MOVING)]
     wrong["keys"] = played(page)
     wrong["keyboard"] = keyboard(page)
-    page.set_viewport_size({"width": 390, "height": 844})
-    settle(page)
-    wrong["keyboard on a phone"] = keyboard(page)
     unfolded(page)
     wrong["phone"] = narrow(page)
-    page.set_viewport_size({"width": 1280, "height": 720})
     wrong["contrast"] = contrast(page)
     folded(page)
     wrong["paper"] = paper(page)
@@ -447,10 +452,13 @@ BROKEN = {
 @pytest.mark.parametrize("defect", BROKEN)
 def test_a_defect_is_found(defect, sheet):
     check, body, found = BROKEN[defect]
-    sheet.set_viewport_size({"width": 390, "height": 800})
-    sheet.emulate_media(media="null", color_scheme="light")
     style = "<style>:root { color-scheme: light dark }</style>" if defect == "dark text" else ""
     sheet.set_content(HEAD + style + body)
     assert found in str(check(sheet))
+
+
+def test_a_page_without_defects_passes(sheet):
     sheet.set_content(STILL)
-    assert not check(sheet)
+    checks = (contrast, keyboard, played, narrow, paper, lambda page: page.evaluate(MOVING))
+    assert not any(check(sheet) for check in checks)
+    assert not without_script(sheet, True, False)

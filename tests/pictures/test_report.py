@@ -212,6 +212,9 @@ def test_powers_that_are_rounding_are_left_out(crank, reports):
     names = [s["name"] for p in data_of(crank)["plots"] for s in p["series"]]
     assert "power_constraint" not in names
     assert "power_applied" not in names
+    # where no power is more than rounding, next to a joule in three seconds
+    sleigh = data_of(reports("chaplygin_sleigh"))["plots"]
+    assert not [s["name"] for p in sleigh for s in p["series"] if s["name"].startswith("power")]
     names = [
         s["name"] for p in data_of(reports("driven_slider_crank"))["plots"] for s in p["series"]
     ]

@@ -185,32 +185,44 @@ function graphics() {
   return [...wrong];
 }
 
-/** Returns what has the focus: its name, its place, whether one sees that it has it, and where it is. */
-function focused() {
-  const at = document.activeElement;
-  if (at === document.body) return null;
+/** Return what one knows of an element with the focus. */
+function described(at) {
   const { left, top, width, height } = at.getBoundingClientRect();
   const style = getComputedStyle(at);
   // only these are named by what they contain
-  const content = at.closest("a, button, summary") === at ? at.textContent + (at.querySelector("img")?.alt ?? "") : "";
+  const named = at.matches("a, button, summary");
+  const content = named ? at.textContent + (at.querySelector("img")?.alt ?? "") : "";
   const words = [at.ariaLabel, content, at.labels?.[0]?.textContent, at.title];
   const name = (words.find((text) => text?.trim()) ?? "").trim();
   const ring = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0;
   const auto = style.outlineStyle === "auto"; // the browser's own, of two colours
-  const colour = ratio(style.outlineColor, behind(at.parentElement)) >= 3;
-  const outlined = ring && (auto || colour);
+  const outlined = ring && (auto || ratio(style.outlineColor, behind(at.parentElement)) >= 3);
   const place = [...document.querySelectorAll("*")].indexOf(at);
   return { name, place, tag: at.tagName, top: top + scrollY, left, width, height, outlined };
 }
 
-/** Goes to the beginning of a page, from which the Tab key starts. */
+/**
+ * Goes to the beginning of a page, from which the Tab key starts, and notes what gets the focus: its
+ * name, its place, whether one sees that it has it, and where it is.
+ */
 function first() {
+  window.reached = [];
+  document.addEventListener("focusin", ({ target }) => window.reached.push(described(target)));
   const start = document.createElement("span");
   start.tabIndex = -1;
   document.body.prepend(start);
   start.focus();
   start.remove();
+  window.reached.length = 0;
   scrollTo(0, 0);
+}
+
+/** Returns what got the focus, and whether it has left the page, or begun again. */
+function focused() {
+  const { reached } = window;
+  const again = reached.findIndex(({ place }, i) => i && place === reached[0].place);
+  const ended = again > 1 || document.activeElement === document.body || !reached.length;
+  return { reached: again > 0 ? reached.slice(0, again) : reached, ended };
 }
 
 /** Returns how many elements the keyboard should reach. */

@@ -248,6 +248,10 @@ def without_errors(plots: Sequence[Plot]) -> list[Plot]:
     sizes: dict[str, float] = {}
     for plot in plots:
         sizes[plot.unit] = max(sizes.get(plot.unit, 0.0), *plot.largest().tolist(), 0.0)
+    # powers belong to the energies that a run changes in its time
+    spans = [float(np.ptp(plot.time)) for plot in plots if len(plot.time)]
+    if "J" in sizes and max(spans, default=0.0) > 0:
+        sizes["W"] = max(sizes.get("W", 0.0), sizes["J"] / max(spans))
     for plot in plots:
         if plot.least is not None:
             plot.least = max(plot.least, ROUNDING * sizes[plot.unit])
