@@ -136,3 +136,39 @@ events:
     assert run.events is not None
     assert run.events.time.tolist() == [time, time]
     assert run.outputs["count"].tolist() == [11, 11]
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        ("u >= 1", [1, 3]),
+        ("u > 0", [1, 3]),
+        ("not (u < 1)", [1, 3]),
+        ("u >= 1 and x >= -5", [1, 3]),
+        ("u <= 0", [2]),
+        ("u < 1 or x >= 100", [2]),
+        ("u = 1", [1, 2, 3]),
+        ("n >= 2", [2]),
+        ("n > 2", [3]),
+        ("n >= 2 and x <= 100", [2]),
+        ("not (n <= 2)", [3]),
+        ("n = 2", [2]),
+        ("n <= -3", []),
+    ],
+)
+def test_conditions_that_jump_to_their_bound(condition: str, expected: list[float]) -> None:
+    """Those of inputs that step, and of counters: with `>` they differ from `>=`."""
+    text = f"""\
+coordinates: [x]
+parameters: {{n: 0}}
+inputs: {{u: {{times: [0, 1, 2, 3], values: [0, 1, 0, 1], interpolation: step, extend: hold}}}}
+T: x'^2/2
+initial: {{x: 1, x': 0.1}}
+events:
+  count: {{every: 1, offset: 1, times: 3, set: {{n: n + 1}}}}
+  found: {{when: "{condition}", record: false}}
+"""
+    run = lagcli.simulate(lagcli.load_text(text), t_end=5, samples=2)
+    assert run.events is not None
+    log = zip(run.events.time, run.events.names, strict=True)
+    assert [t for t, name in log if name == "found"] == expected

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from typing import get_args
 
 import symengine as se
@@ -21,6 +21,7 @@ from lagcli.model.model import (
     EventAction,
     EventClock,
     ModelEvent,
+    as_symbols,
 )
 from lagcli.model.names.draft import Draft, Formula, Indices, Parsed, QuantityValue, read_quantity
 from lagcli.model.names.expansion import expand
@@ -166,8 +167,11 @@ class ConditionReader:
 
     # of one member
 
-    def built(self, indices: Indices) -> ReadCondition | None:
-        """Return the condition for an index; None if it has an error."""
+    def built(self, indices: Indices, changing: Set[str]) -> ReadCondition | None:
+        """Return the condition for an index; None if it has an error.
+
+        `changing`: what events set.
+        """
         if not self.good:
             return None
         if self.change is not None:
@@ -175,27 +179,28 @@ class ConditionReader:
         try:
             if self.sides is not None:
                 left, right = map(self._value, self.sides, [indices] * 2)
-                condition = ReadCondition(left - right, either=True)
+                condition = ReadCondition(self._rises(left - right, strict=False), either=True)
             else:
                 assert self.tree is not None
                 condition = ReadCondition(self._function(self.tree, indices, 1))
         except _Wrong:
             self.good = False
             return None
-        if condition.function is not None and not self._varies(condition.function):
+        if condition.function is not None and not self._varies(condition.function, changing):
             self.good = False
             self.draft.report.add(
                 "not-a-condition",
-                f"`when` of {self.what} does not depend on time or on the motion",
+                f"`when` of {self.what} does not depend on time, on the motion or on what events"
+                " set",
                 self.node.location,
                 _HELP,
             )
             return None
         return condition
 
-    def _varies(self, function: Basic) -> bool:
-        parameters = self.draft.names.parameters
-        return any(s.name not in parameters for s in function.free_symbols)
+    def _varies(self, function: Basic, changing: Set[str]) -> bool:
+        constant = self.draft.names.parameters.keys() - changing
+        return any(s.name not in constant for s in function.free_symbols)
 
     def _function(self, tree: Tree, indices: Indices, sign: int) -> Basic:
         """Return a function that is positive if a condition holds, or if it does not (sign −1)."""
@@ -208,10 +213,22 @@ class ConditionReader:
         assert isinstance(tree, Comparison)
         values = [self._value(part, indices) for part in tree.operands]
         parts = [
-            sign * (b - a if operator in ("<", "<=") else a - b)
+            sign * self._rises(b - a if operator in ("<", "<=") else a - b, operator in ("<", ">"))
             for a, b, operator in zip(values, values[1:], tree.operators, strict=False)
         ]
         return apply("min" if sign > 0 else "max", *parts)
+
+    def _rises(self, difference: Basic, strict: bool) -> Basic:
+        """Return a function that is positive where a difference is, or is zero unless strict.
+
+        A function of counters and of inputs that step jumps to values, also to zero: it is ±1.
+        """
+        names = self.draft.names
+        stepped = names.parameters.keys() | {x for x, n in names.inputs.items() if not n}
+        used = {x.name for x in as_symbols(difference).free_symbols}
+        if not used or not used <= stepped:
+            return difference
+        return 1 - 2 * apply("step", -difference) if strict else 2 * apply("step", difference) - 1
 
     def _value(self, tree: Tree, indices: Indices) -> Basic:
         value = self.formulas[id(tree)].scalar(indices)
@@ -329,9 +346,10 @@ def read_events(draft: Draft) -> tuple[ModelEvent, ...]:
     declared = declarations(draft, draft.entries("events") or [], "event")
     members = by_name(draft, expanded(draft, declared))
     readers = {id(d): _EventReader(draft, d) for d in declared}
+    changing = frozenset(x for reader in readers.values() for x in reader.set)
     events = []
     for name, member in members.items():
-        event = readers[id(member.declaration)].event(name, member.indices)
+        event = readers[id(member.declaration)].event(name, member.indices, changing)
         if event is not None:
             events.append(event)
     if all(reader.good for reader in readers.values()):
@@ -379,6 +397,7 @@ class _EventReader:
         self.draft, self.declaration = draft, d
         self.what = f"event `{d.title}`"
         self.good = False
+        self.set: dict[str, Formula] = {}
         help_ = f"say when it happens and what it does, as in `{_EXAMPLE}`"
         node = draft.mapping(d.node, self.what, help_)
         if node is None:
@@ -573,11 +592,13 @@ class _EventReader:
 
     # of one member
 
-    def event(self, name: str, indices: Indices) -> ModelEvent | None:
-        """Return the event of a member; None if it has an error."""
+    def event(self, name: str, indices: Indices, changing: Set[str]) -> ModelEvent | None:
+        """Return the event of a member; None if it has an error. `changing`: what events set."""
         if not self.good:
             return None
-        condition = ReadCondition(None) if self.condition is None else self.condition.built(indices)
+        condition: ReadCondition | None = ReadCondition(None)
+        if self.condition is not None:
+            condition = self.condition.built(indices, changing)
         clock = None if self.clock is None else self.clock.built(indices)
         values = {target: formula.scalar(indices) for target, formula in self.set.items()}
         release, engage = (tuple(self._rows(x)) for x in ("release", "engage"))
