@@ -92,6 +92,20 @@ def test_events_that_rounding_nearly_hides(kind: str, seed: int) -> None:
     assert verdict.right, f"{verdict}: {case}"
 
 
+@pytest.mark.slow
+def test_a_condition_whose_sign_cannot_be_determined_is_named() -> None:
+    """It touches zero more often in a step than the search divides it."""
+    run = lagcli.simulate(
+        lagcli.load_text(
+            "coordinates: [x]\nT: x'^2/2\ninitial: {x: 0, x': 1}\nevents:\n"
+            "  first: {when: x >= 5}\n  second: {when: cos(1e6*x) >= 1}\n  third: {when: x >= 7}\n"
+        ),
+        t_end=3,
+    )
+    assert run.status == "failed"
+    assert run.message.startswith("the sign of the condition of `second` cannot be determined")
+
+
 @pytest.mark.parametrize("mass", [1.0, 3.7, 0.0071])
 def test_a_body_at_rest_under_a_load_has_no_event(mass: float) -> None:
     """Its velocity is zero but for rounding errors, which grow with the forces."""

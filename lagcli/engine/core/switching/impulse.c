@@ -175,10 +175,7 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, doubl
         p.rows[n++] = i;
     }
     lag_matrix_of(run, n, p.rows, p.matrix);
-    for (int part = 0; part < 2; ++part) {
-        memset(p.slope[part], 0, (size_t)n * n * sizeof(double));
-        memset(p.limit[part], 0, (size_t)n * sizeof(double));
-    }
+    /* no row has a limit */
     const lag_contacts problem = {n,          p.matrix,   p.offset,   p.law,     p.limit[0],
                                   p.slope[0], p.limit[1], p.slope[1], p.rounding};
     lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
