@@ -76,13 +76,17 @@ def test_block_on_an_incline(slope: float, mode: int, acceleration: float) -> No
     assert motion[1] == pytest.approx(acceleration, rel=1e-13)
 
 
-def test_a_block_without_weight_leaves() -> None:
-    force, motion, modes = solve(
-        problem(np.eye(2), [1.0, -3.0], [UNILATERAL, LIMITED], {(1, 0): 0.4})
-    )
-    assert modes == [OPEN, OPEN]
-    assert list(force) == [0.0, 0.0]
-    assert list(motion) == [1.0, -3.0]
+@pytest.mark.parametrize(("kinetic", "static"), [(0.4, 0.4), (0.0, 0.4), (0.4, 0.5)])
+def test_a_block_without_weight_leaves(kinetic: float, static: float) -> None:
+    place = (1, 0)
+    for present in (None, [HOLDS, HOLDS], [OPEN, SLIPS_BACKWARD]):
+        given = problem(
+            np.eye(2), [1.0, -3.0], [UNILATERAL, LIMITED], {place: kinetic}, {place: static}
+        )
+        [(force, motion, modes)] = solve_contacts(given, present)
+        assert list(modes) == [OPEN, OPEN]
+        assert list(force) == [0.0, 0.0]
+        assert list(motion) == [1.0, -3.0]
 
 
 def test_a_contact_that_no_force_moves() -> None:
