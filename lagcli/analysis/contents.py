@@ -8,6 +8,7 @@ from typing import Any
 
 from lagcli.analysis.output.tables import ResultSection
 from lagcli.named_tuples import NamedTuple
+from lagcli.results.metadata import model_title
 
 
 class _Outputs(NamedTuple):
@@ -40,11 +41,12 @@ def result_sections(result: object) -> list[ResultSection]:
 
     Parameters
     ----------
-    result : LinearModel, ModalAnalysis, Equilibria, BifurcationDiagram, FormulationComparison or \
-            FitResult
+    result : LinearModel, ModalAnalysis, Equilibria, BifurcationDiagram, FormulationComparison, \
+            ModelComparison or FitResult
     """
     from lagcli.analysis.compare.comparison import FormulationComparison
-    from lagcli.analysis.compare.description import describe_comparison
+    from lagcli.analysis.compare.description import describe_comparison, describe_models
+    from lagcli.analysis.compare.two_models import ModelComparison
     from lagcli.analysis.equilibria.description import describe_diagram, describe_equilibria
     from lagcli.analysis.equilibria.diagram import BifurcationDiagram
     from lagcli.analysis.equilibria.equilibrium import Equilibria
@@ -66,6 +68,9 @@ def result_sections(result: object) -> list[ResultSection]:
             return content_sections(describe_diagram(result), {})
         case FormulationComparison():
             return content_sections(describe_comparison(result), {})
+        case ModelComparison():
+            titles = (model_title(x.model) or "" for x in (result.first, result.second))
+            return content_sections(describe_models(result, *titles), result.first.units)
     raise TypeError(f"there are no sections of {type(result).__name__}")
 
 

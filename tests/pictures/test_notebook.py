@@ -98,6 +98,7 @@ def test_results_of_analyses_are_tables():
         "matrices": lagcli.linearize(crank, inputs=["tau"]),
         "equilibria": lagcli.equilibrium(hoop),
         "branches": lagcli.follow_equilibria(hoop, "Omega", 3.0, 3.2),
+        "models": lagcli.compare_models(crank, lagcli.load("slider_crank_textbook")),
         "runs": lagcli.compare(crank, SettingsOverrides(t_end=0.01), ["projection"]),
     }
     shown = {name: analysis_html(x) for name, x in results.items()}
@@ -106,6 +107,7 @@ def test_results_of_analyses_are_tables():
     assert "Potential energy" in shown["equilibria"]
     assert re.search(r"branch point.*>3\.13209195", shown["branches"])
     assert "DOP853" in shown["runs"]
+    assert "Models Slider-crank and " in shown["models"]
     assert not any("<img" in text for text in shown.values())
     known = {(f"lagcli.analysis.{module}", type_) for module, type_ in _RESULTS}
     assert {(type(x).__module__, type(x).__name__) for x in results.values()} <= known

@@ -25,7 +25,6 @@ from lagcli.analysis.output.tables import (
 )
 from lagcli.analysis.output.text import width
 from lagcli.arrays import Array, Indices
-from lagcli.model.model import Model
 from lagcli.prose import wrapped
 from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory
@@ -96,12 +95,12 @@ def _curves(run: ComparedRun, exact: Samples) -> dict[str, list[float]]:
     return {name: x[chosen].tolist() for name, x in values.items()}
 
 
-def describe_models(comparison: ModelComparison, first: Model, second: Model) -> dict[str, Any]:
-    """Return the content of a comparison of two models."""
+def describe_models(comparison: ModelComparison, first: str, second: str) -> dict[str, Any]:
+    """Return the content of a comparison of two models with these names."""
     return {
         "command": "compare",
-        "model": first.name,
-        "other": second.name,
+        "model": first,
+        "other": second,
         "status": [comparison.first.status, comparison.second.status],
         "coordinates": [_difference(x) for x in comparison.coordinates],
         "multipliers": [

@@ -92,7 +92,8 @@ def compare(
         )
     else:
         second = load(other, parameters, initial, preset=preset)
-        content = describe_models(compare_models(loaded, second, settings), loaded, second)
+        found = compare_models(loaded, second, settings)
+        content = describe_models(found, loaded.name, second.name)
     if output is not None:
         write_content(content, {}, loaded, output, force)
     print_analysis(content, lambda: format_comparison(content), output, json, quiet)

@@ -28,6 +28,7 @@ _LISTED, _ROWS = 12, 200
 #: Results of analyses: their modules in `lagcli.analysis` and their types.
 _RESULTS = (
     ("compare.comparison", "FormulationComparison"),
+    ("compare.two_models", "ModelComparison"),
     ("equilibria.diagram", "BifurcationDiagram"),
     ("equilibria.equilibrium", "Equilibria"),
     ("fit.result", "FitResult"),
