@@ -501,7 +501,14 @@ class IndexForm:
         return first, last
 
     def _alone(self, line: Line) -> Line:
-        """Return a line in which the last members are named by the number of members: x[N]."""
+        """Return a line in which the last members are named by the number of members: x[N].
+
+        Members have numbers if others of the line do, but the first: not 3 x[2] − x[N−2].
+        """
+        names = [self._bound(x) for x in _indices([line])]
+        if any(x.isdigit() and int(x) > 1 for x in names):
+            sides = tuple(self._named(side, members=False) for side in line.sides)
+            return replace(line, sides=sides)
         label = line.label
         if isinstance(label, str):
             shown = self._named(Symbol(label, kind="constraint"))
@@ -510,16 +517,17 @@ class IndexForm:
             label = self._named(label)
         return replace(line, sides=tuple(map(self._named, line.sides)), label=label)
 
-    def _named(self, node: Node) -> Node:
+    def _named(self, node: Node, members: bool = True) -> Node:
+        """Return a formula with bounds, and members if wanted, in terms of the number of members."""
         if isinstance(node, Symbol):
             member = MEMBER.fullmatch(node.name)
-            if member is None:
+            if member is None or not members:
                 return node
             return replace(node, name=f"{member[1]}{self._bound(int(member[2]))}{member[3]}")
         if isinstance(node, IndexedSum):
             bounds = (self._shown_bound(x, "") for x in (node.first, node.last))
-            return IndexedSum(self._named(node.term), node.index, *bounds)
-        return rebuilt(node, self._named)
+            return IndexedSum(self._named(node.term, members), node.index, *bounds)
+        return rebuilt(node, lambda x: self._named(x, members))
 
     def _general(self, run: Run, item: list[Line]) -> list[Line]:
         """Return the lines of one item for all members."""
@@ -567,14 +575,18 @@ class IndexForm:
                 continue
             sign, inner = terms[at]
             template = run.template[0][1]
+            first, last = run.first, run.first + run.length - 1
             at += run.length
-            last = run.first + run.length - 1
+            # a factor 1 is not written: x₁ + 2 x₂ + 3 x₃
+            while indexed and indexed[-1] == (sign, at_index(template, first - 1)):
+                indexed.pop()
+                first -= 1
             while count := self._continued(terms[at:], sign, at_index(template, last + 1)):
                 at += count
                 last += 1
             letter = self._letter_for(inner)
             term = self._shown(template, letter)
-            bounds = (Number(Fraction(x)) for x in (run.first, last))
+            bounds = (Number(Fraction(x)) for x in (first, last))
             factor: Node = ONE
             if isinstance(term, Product) and isinstance(term.factors[0], Number):
                 factor, *rest = term.factors

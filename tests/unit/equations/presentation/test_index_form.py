@@ -228,3 +228,27 @@ def test_a_number_stands_before_a_sum_and_a_term_that_have_it() -> None:
         (1, product_of([three, A])),
         (1, product_of([three, X])),
     ]
+
+
+def test_a_sum_begins_where_its_factor_is_one() -> None:
+    form = IndexForm(FAMILY)
+    terms = [(1, member("x", 1))]
+    terms += [(1, product_of([whole(k), member("x", k)])) for k in range(2, 8)]
+    written = TextFormula(Notation(FAMILY)).text(form.sums(sum_of(terms)))
+    assert written == "Σ(j=1..N) j xⱼ"
+    # not before another term, and not with another sign
+    others = [(-1, member("x", 1)), *terms[1:]]
+    written = TextFormula(Notation(FAMILY)).text(form.sums(sum_of(others)))
+    assert written == "−x₁ + Σ(j=2..N) j xⱼ"
+
+
+@pytest.mark.parametrize(
+    ("indices", "written"),
+    [((1, 7), "x₁ + x_N"), ((2, 6), "x₂ + x₆"), ((3, 7), "x₃ + x₇"), ((5, 6), "x_(N−2) + x_(N−1)")],
+)
+def test_members_of_one_line_have_numbers_or_distances_from_the_last(
+    indices: tuple[int, int], written: str
+) -> None:
+    line = Line((sum_of((1, member("x", k)) for k in indices),))
+    (shown,) = IndexForm(FAMILY).step(Step("", (line,))).lines
+    assert TextFormula(Notation(FAMILY)).text(shown.sides[0]) == written
