@@ -518,7 +518,7 @@ class IndexForm:
         return replace(line, sides=tuple(map(self._named, line.sides)), label=label)
 
     def _named(self, node: Node, members: bool = True) -> Node:
-        """Return a formula with bounds, and members if wanted, in terms of the number of members."""
+        """Return a formula with bounds, and if wanted members, as distances from the last."""
         if isinstance(node, Symbol):
             member = MEMBER.fullmatch(node.name)
             if member is None or not members:
