@@ -372,14 +372,19 @@ initial: {{x: 0, x': 0}}
 
 
 def test_numbers_that_take_a_unit_are_located_themselves() -> None:
-    model = load_text("""\
+    text = """\
 coordinates: {x: m}
 parameters: {m: 1 kg, k: 3 N/m}
 T: m*x'^2/2
 V: k*(x - 2)^2/2
 initial: {x: 0, x': 0}
-""")
+"""
+    model = load_text(text)
     (taken,) = taken_units(model)
     assert (taken.text, taken.unit) == ("2", "m")
+    assert model.units.warnings == ("a number took a unit (lagcli check)",)
+    model = load_text(text.replace("(x - 2)", "(x - 2 + 0.1)"))
+    assert [(x.text, x.unit) for x in taken_units(model)] == [("2", "m"), ("0.1", "m")]
+    assert model.units.warnings == ("2 numbers took a unit (lagcli check)",)
     assert taken.location is not None
     assert (taken.location.line, taken.location.column, taken.location.length) == (4, 11, 1)
