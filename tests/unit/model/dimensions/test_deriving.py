@@ -356,6 +356,25 @@ def test_a_member_that_is_a_number_takes_the_unit_of_the_others() -> None:
     assert [units.of(f"b[{i}]") for i in (1, 2)] == ["rad", "rad"]  # an angle is a number, too
 
 
+@pytest.mark.parametrize("first", ["x", "3", "0", "[x, x]", "rot_z(x/l)", "x + 2"])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_members_may_have_different_shapes(first: str, swapped: bool) -> None:
+    a, b = (2, 1) if swapped else (1, 2)
+    definitions = f"definitions: {{'p[{a}]': '{first}', 'p[{b}]': '[x, x, x]'}}\n"
+    more = f"outputs: {{o: 'p[{b}].x'}}\n"
+    model = load_text(text("x: m", "m: 1 kg, l: 1 m", definitions + more))
+    assert model.units.findings == ()
+    assert model.units.of_output("o") in ("m", None)
+
+
+def test_definitions_may_use_later_ones() -> None:
+    more = "definitions: {a: b*c, b: c/tau, c: x}\n"
+    units = load_text(text("x: m", "m: 1 kg, tau: 1 s", more)).units
+    assert [units.of(name) for name in "abc"] == ["m^2/s", "m/s", "m"]
+    with pytest.raises(ModelError, match=r"`b`, in m/s, and `c`, in m, cannot be added"):
+        load_text(text("x: m", "m: 1 kg, tau: 1 s", more.replace("b*c", "b + c")))
+
+
 def test_members_that_need_later_ones_are_not_guessed() -> None:
     model = load_text(
         text("x: m", "m: 1 kg, N: 9", "definitions: {'a[N]': x, 'a[i = 1..N-1]': 'a[i+1]*x'}\n")

@@ -248,6 +248,18 @@ def test_a_wrong_unit_is_found(case: Wrong) -> None:
     assert case.count == 1 or more == [str(case.count - 1)]
 
 
+def test_what_has_its_own_reason_is_reported_by_itself() -> None:
+    """One more is named only if there is one, and only if one unit mends all."""
+    (found,) = errors(MODEL.replace("k: 1 N/m", "k: 1 N"))
+    assert "more for the same reason" in found.render()
+    (found,) = errors(MODEL.replace("J: 1 kg*m^2", "J: 1 kg*m"))
+    assert "more for the same reason" not in found.render()
+    assert "or all units fit with `J` in kg*m^2" in found.render()
+    both = errors(MODEL.replace("V: k/2*x^2", "V: k/2*x").replace("D: c/2*x'^2", "D: m/2*x'"))
+    assert ["`V` must be" in both[0].message, "`D` must be" in both[1].message] == [True, True]
+    assert not any("more for the same reason" in x.render() for x in both)
+
+
 def test_a_coordinate_in_place_of_its_velocity() -> None:
     pendulum = (MODELS / "pendulum_cartesian.yaml").read_text(encoding="utf-8")
     (found,) = errors(pendulum.replace("x'^2 + y'^2", "x^2 + y^2"))
