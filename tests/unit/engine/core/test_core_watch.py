@@ -446,7 +446,7 @@ def test_states_within_a_step_lie_on_the_cubic_through_its_ends() -> None:
 #: Two rows that depend on v: parallel where y' is zero; with few others, or many.
 TURNING = """
 parameters: {{N: {count}}}
-coordinates: [x, y, u[1..N]]
+coordinates: [y, x, u[1..N]]
 T: (x'^2 + y'^2 + sum(u[i]'^2, i = 1..N))/2
 constraints:
   speed: x'^2 + y'^2 = 1
@@ -461,9 +461,9 @@ def test_velocities_within_a_step_are_the_slope_of_the_cubic(count: int) -> None
     rng = np.random.default_rng(6)
     watched = Watched(TURNING.format(count=count), "unrolled")
     n, x, shown = count + 2, np.linspace(0, 1, 2001), set()
-    assert watched.measured(np.zeros(n), np.array([0.5, 0.75**0.5, *np.zeros(count)]))[1] > 0.5
+    assert watched.measured(np.zeros(n), np.array([0.75**0.5, 0.5, *np.zeros(count)]))[1] > 0.5
     sizes = watched.evaluator.sizes(0.0, np.zeros(n), np.zeros(n))
-    change = 2 * sizes[1] / watched.core.lengths[0]
+    change = 2 * sizes[0] / watched.core.lengths[0]
     for _ in range(60):
         h = 10.0 ** rng.uniform(-2, 1.5)
         a, b, *rates = rng.uniform(-2, 2, 4) * np.array([h, h, 1, 1])
@@ -473,8 +473,8 @@ def test_velocities_within_a_step_are_the_slope_of_the_cubic(count: int) -> None
             continue
         shown.add(len(roots))
         ends = np.zeros((2, 2 * n + 1))
-        ends[:, 1], ends[:, n + 1], ends[:, n] = (a, b), rates, 0.5
-        ends[1, 0] = 0.5 * h
+        ends[:, 0], ends[:, n], ends[:, n + 1] = (a, b), rates, 0.5
+        ends[1, 1] = 0.5 * h
         speed = change * np.abs(np.diff(y)).max() * len(x) / h
         over = watched.steps_over(*ends, h, speed)
         assert over == bool(len(roots))
