@@ -401,7 +401,6 @@ static double first_of(lag_run *run, int k, const double *nodes)
     lag_switching *sw = &run->switching;
     lag_watched_function *w = sw->watched + k;
     const double time = first_after(run, k, sw->since, nodes);
-    w->ended = INFINITY;
     if (!lag_ends_silently(sw, w) || !(time < INFINITY))
         return time;
     w->ended = time;
