@@ -10,7 +10,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import SLIP, read_column_name
-from lagcli.model.expression.functions import apply
+from lagcli.model.expression.functions import apply, derivative, kinks_of
 from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Comparison, LogicalExpr, Tree
@@ -221,14 +221,21 @@ class ConditionReader:
     def _rises(self, difference: Basic, strict: bool) -> Basic:
         """Return a function that is positive where a difference is, or is zero unless strict.
 
-        A function of counters and of inputs that step jumps to values, also to zero: it is ±1.
+        A difference that changes only by jumps may jump to zero: the function is ±1.
         """
-        names = self.draft.names
-        stepped = names.parameters.keys() | {x for x, n in names.inputs.items() if not n}
-        used = {x.name for x in as_symbols(difference).free_symbols}
-        if not used or not used <= stepped:
+        if not self._jumps(difference):
             return difference
         return 1 - 2 * apply("step", -difference) if strict else 2 * apply("step", difference) - 1
+
+    def _jumps(self, difference: Basic) -> bool:
+        """Return whether a function changes, and only where it jumps."""
+        names = self.draft.names
+        stepped = names.parameters.keys() | {x for x, n in names.inputs.items() if not n}
+        function = as_symbols(difference)
+        moving = [s for s in function.free_symbols if s.name not in stepped]
+        if moving and not kinks_of(function):
+            return False
+        return bool(function.free_symbols) and all(derivative(function, s) == 0 for s in moving)
 
     def _value(self, tree: Tree, indices: Indices) -> Basic:
         value = self.formulas[id(tree)].scalar(indices)

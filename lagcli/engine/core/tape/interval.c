@@ -37,12 +37,28 @@ static inline lag_interval hull(lag_interval a, lag_interval b)
     return (lag_interval){fmin(a.low, b.low), fmax(a.high, b.high)};
 }
 
+/* Whether the sum of two numbers is exact (Knuth, The Art of Computer Programming, 4.2.2). */
+static inline int is_exact_sum(double a, double b, double sum)
+{
+    const double rest = sum - a;
+    return a - (sum - rest) == 0.0 && b - rest == 0.0;
+}
+
+/* The same of a product. */
+static inline int is_exact_product(double a, double b, double product)
+{
+    return fma(a, b, -product) == 0.0 && fabs(product) > LEAST;
+}
+
 lag_interval lag_interval_add(lag_interval a, lag_interval b)
 {
     if (is_zero(a))
         return b;
     if (is_zero(b))
         return a;
+    /* values of functions that jump: whether they meet a bound is no matter of rounding */
+    if (is_point(a) && is_point(b) && is_exact_sum(a.low, b.low, a.low + b.low))
+        return POINT(a.low + b.low);
     return outwards(a.low + b.low, a.high + b.high, ROUNDING);
 }
 
@@ -56,6 +72,8 @@ lag_interval lag_interval_multiply(lag_interval a, lag_interval b)
     if (is_zero(a) || is_zero(b))
         return POINT(0.0);
     const double p = a.low * b.low, q = a.low * b.high, r = a.high * b.low, s = a.high * b.high;
+    if (is_point(a) && is_point(b) && is_exact_product(a.low, b.low, p))
+        return POINT(p);
     if (isnan(p) || isnan(q) || isnan(r) || isnan(s))
         return LAG_ANYTHING;
     const double l = p < q ? p : q, m = r < s ? r : s, h = p > q ? p : q, g = r > s ? r : s;
@@ -74,6 +92,8 @@ static lag_interval square(lag_interval a)
     if (is_zero(a))
         return a;
     const double low = a.low * a.low, high = a.high * a.high;
+    if (is_point(a) && is_exact_product(a.low, a.low, low))
+        return POINT(low);
     if (a.low > 0.0)
         return outwards(low, high, ROUNDING);
     if (a.high < 0.0)
