@@ -311,7 +311,7 @@ def test_the_path_of_b_is_measured_through_all_stages() -> None:
 
 
 def test_long_paths_of_few_rows_are_watched_by_the_determinant_from_the_second_on() -> None:
-    """The angle sweeps to and fro, where ln |det| is nearly a parabola; then it passes π."""
+    """The angle swings back and forth, where ln |det| is nearly a parabola; then it passes π."""
     watched = Watched(TWO_ROWS, "unrolled")
 
     def sweep(t: float, start: float, end: float) -> tuple[int, int]:
