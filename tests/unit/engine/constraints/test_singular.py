@@ -99,13 +99,33 @@ def test_a_path_off_the_constraints_is_not_certain(watch: RankWatch) -> None:
     assert not found.certain
 
 
+@pytest.mark.parametrize("length", [0.1, 1.0, 30.0])
+def test_how_far_a_state_is_off_the_constraints_counts_by_the_length_of_their_rows(
+    length: float,
+) -> None:
+    found = motion()
+    found.lengths[:] = length
+    watch = RankWatch(found)
+    state = np.array([0.5, 0.6, SPEED, SPEED, 0.0])
+    residual = (math.sin(0.6) - math.sin(0.5)) / length
+    point = watch._at(lambda t: state, 0.0)
+    assert point.weakest - point.least == pytest.approx(math.sqrt(2 * residual), rel=1e-12)
+
+
+def test_where_b_is_undefined_or_has_no_rows_nothing_is_near(watch: RankWatch) -> None:
+    assert watch.weakest(0.0, np.full(5, math.nan)) == 1.0
+    watch.rank = 0
+    assert watch.weakest(0.0, y(SINGULAR_TIME)) == 1.0
+
+
 def test_the_error_of_a_path_is_its_difference_from_another(watch: RankWatch) -> None:
     ends = SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2
-    for late in (1e-3, -1e-5):
+    for late in (1e-3, -1e-5, *(1e-4 * 1.3**k for k in range(1, 6))):
         for search in (watch.singular_time, watch.time_of_least):
             found = search(y, *ends, lambda t, late=late: y(t - late))
             assert found is not None
-            assert abs(late) < found.within < 10 * abs(late)
+            # three times the error, and at most twice that
+            assert 2.9 * abs(late) < found.within < 6.1 * abs(late)
 
 
 def test_states_inside_a_step_are_as_near_as_ahead_of_it(watch: RankWatch) -> None:

@@ -327,6 +327,14 @@ def test_long_paths_of_few_rows_are_watched_by_the_determinant_from_the_second_o
         # the end, and what a search would cost
         assert sweep(2 * k, *((2.5, 0.6) if k % 2 else (0.6, 2.5))) == (0, 5)
     assert sweep(8, 0.6, 4.0)[0] == 1
+    with np.errstate(invalid="ignore"):
+        assert watched.path(np.arange(3.0), np.full((3, 9), np.nan))[0] == -1  # undefined
+    # the factors of redundant rows tell nothing
+    text = TWO_ROWS.replace("  two:", "  again: 2*x = 0\n  two:")
+    watched = Watched(text, "densely")
+    assert not sweep(0, 0.6, 2.5)[0]
+    assert not sweep(2, 2.5, 0.6)[0]
+    assert sweep(4, 0.6, 4.0)[0] == 1
 
 
 def test_the_largest_lengths_of_rows_are_kept() -> None:
