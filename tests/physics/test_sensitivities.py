@@ -128,6 +128,20 @@ initial: {x: 2*a, x': 0}
     np.testing.assert_allclose(found.dq[:, 0, 0], expected, atol=1e-7)
 
 
+@pytest.mark.parametrize("mass", [1.0, 1.3, 1e-3, 1e6])
+def test_a_parameter_that_does_not_matter_costs_no_steps(mass: float) -> None:
+    """The mass of a skate: its motion has no derivative but rounding errors, λ has λ/m."""
+    model = lagcli.load(MODELS / "knife_edge_incline.yaml", set={"m": mass})
+    found = lagcli.simulate(model, sensitivity=("m",), max_steps=1000)
+    assert found.dq is not None
+    assert found.dv is not None
+    assert found.dmultipliers is not None
+    assert np.abs(found.dq * mass).max() < 1e-10
+    assert np.abs(found.dv * mass).max() < 1e-10
+    slope, size = found.dmultipliers[:, :, 0] * mass, np.abs(found.multipliers).max()
+    np.testing.assert_allclose(slope, found.multipliers, atol=1e-9 * size)
+
+
 def test_derivatives_lie_on_the_linearized_constraints() -> None:
     model = lagcli.load(MODELS / "slider_crank.yaml")
     found = lagcli.simulate(model, sensitivity=("l",))

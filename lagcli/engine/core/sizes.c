@@ -183,6 +183,11 @@ void lag_sizes_start(lag_run *run)
     for (int i = 0; i < nq; ++i)
         run->tolerances.acceleration_terms[i] = run->tolerances.largest[run->tolerances.kind[i]];
     look_ahead(run);
+    /* derivatives are those by theta over its scale, in the units of the motion: what cancels in them is as large */
+    for (int i = 0, motion = nq / run->system.blocks; i < nq; ++i) {
+        double *a = run->tolerances.acceleration_terms;
+        a[i] = fmax(a[i], a[i % motion]);
+    }
 }
 
 int lag_sizes_again(lag_run *run)
