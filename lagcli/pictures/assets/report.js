@@ -12,15 +12,13 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const find = (selector) => document.querySelector(selector);
-  const root = document.documentElement;
 
   const arrays = data.arrays.map((text) => {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
     return new Float64Array(bytes.buffer);
   });
 
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  root.dataset.theme = dark.matches ? "dark" : "light";
+  const theme = new PageTheme(); // before the plots, which read its colours
 
   const instants = arrays[data.instants];
   const link = new TimeLink(instants);
@@ -93,23 +91,11 @@
   link.onRange((range) => (zoomOut.hidden = range === null));
   zoomOut.addEventListener("click", () => link.setRange(null));
 
-  const theme = find("#theme");
-  let before = null; // what printing has changed
-  const paint = (name) => {
-    root.dataset.theme = name;
-    theme.textContent = name === "dark" ? "Light" : "Dark";
+  theme.onPaint = () => {
     for (const plot of [...plots, ...balances]) plot.recolour();
     player?.stage.restyle();
   };
-  const next = () => (root.dataset.theme === "dark" ? "light" : "dark");
-  theme.hidden = false;
-  theme.addEventListener("click", () => paint(next()));
-  dark.addEventListener("change", () => {
-    const name = dark.matches ? "dark" : "light";
-    if (before) before.theme = name;
-    else paint(name);
-  });
-  paint(root.dataset.theme);
+  theme.onPaint();
 
   // On paper: light, plots two in a row, four pictures in place of the animation.
   const strip = find(".strip");
@@ -152,22 +138,11 @@
       stills[i].draw(time);
     }
   };
-  addEventListener("beforeprint", () => {
-    if (before) return;
-    const folded = [...document.querySelectorAll("details:not([open])")];
-    before = { theme: root.dataset.theme, folded };
-    root.classList.add("printing");
-    for (const part of folded) part.open = true;
-    paint("light");
-    for (const plot of plots) plot.resize(330, plot.data.log ? 110 : 165);
-    drawStrip();
-  });
-  addEventListener("afterprint", () => {
-    if (!before) return;
-    root.classList.remove("printing");
-    for (const part of before.folded) part.open = false;
-    paint(before.theme);
-    for (const plot of plots) plot.resize();
-    before = null;
-  });
+  theme.onPrint = (printing) => {
+    for (const plot of plots) {
+      if (printing) plot.resize(330, plot.data.log ? 110 : 165);
+      else plot.resize();
+    }
+    if (printing) drawStrip();
+  };
 })();

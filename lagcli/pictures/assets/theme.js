@@ -1,36 +1,50 @@
 "use strict";
 
-/* Light and dark of a page that has pictures alone: as the system has it, until the button changes it. */
+/* Light and dark of a page: as the system has it, until the button changes it. Paper is light, and nothing is folded. */
 
-(() => {
-  const root = document.documentElement;
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  const button = document.querySelector("#theme");
-  let before = null; // what printing has changed
-  const paint = (name) => {
-    root.dataset.theme = name;
-    button.textContent = name === "dark" ? "Light" : "Dark";
-  };
-  button.hidden = false;
-  button.addEventListener("click", () => paint(root.dataset.theme === "dark" ? "light" : "dark"));
-  dark.addEventListener("change", () => {
-    const name = dark.matches ? "dark" : "light";
-    if (before) before.theme = name;
-    else paint(name);
-  });
-  paint(dark.matches ? "dark" : "light");
+class PageTheme {
+  constructor() {
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    this.root = document.documentElement;
+    this.button = document.querySelector("#theme");
+    this.onPaint = () => {}; // the colours have changed
+    this.onPrint = () => {}; // on paper, or as before again
+    this.before = null; // what printing has changed
+    this.button.hidden = false;
+    this.button.addEventListener("click", () => this.paint(this.root.dataset.theme === "dark" ? "light" : "dark"));
+    dark.addEventListener("change", () => this.#follow(dark.matches));
+    this.paint(dark.matches ? "dark" : "light");
+    addEventListener("beforeprint", () => this.before || this.#print());
+    addEventListener("afterprint", () => this.before && this.#restore());
+  }
 
-  addEventListener("beforeprint", () => {
-    if (before) return;
+  /** Take a theme: "light" or "dark". */
+  paint(name) {
+    this.root.dataset.theme = name;
+    this.button.textContent = name === "dark" ? "Light" : "Dark";
+    this.onPaint();
+  }
+
+  #follow(dark) {
+    const name = dark ? "dark" : "light";
+    if (this.before) this.before.theme = name;
+    else this.paint(name);
+  }
+
+  #print() {
     const folded = [...document.querySelectorAll("details:not([open])")];
-    before = { theme: root.dataset.theme, folded };
+    this.before = { theme: this.root.dataset.theme, folded };
+    this.root.classList.add("printing");
     for (const part of folded) part.open = true;
-    paint("light");
-  });
-  addEventListener("afterprint", () => {
-    if (!before) return;
-    for (const part of before.folded) part.open = false;
-    paint(before.theme);
-    before = null;
-  });
-})();
+    this.paint("light");
+    this.onPrint(true);
+  }
+
+  #restore() {
+    this.root.classList.remove("printing");
+    for (const part of this.before.folded) part.open = false;
+    this.paint(this.before.theme);
+    this.before = null;
+    this.onPrint(false);
+  }
+}

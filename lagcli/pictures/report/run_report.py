@@ -73,6 +73,7 @@ _SCRIPTS = (
     "plots.js",
     "arms.js",
     "balance.js",
+    "theme.js",
     "report.js",
 )
 _STYLES = (_UPLOT + "uPlot.min.css", *PLAYER_STYLES, "plots.css", "balance.css", "report.css")
