@@ -21,7 +21,7 @@ from lagcli.pictures.curves import Catalogue
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
-from lagcli.pictures.scene.curve_picture import curve_picture, spoken
+from lagcli.pictures.scene.curve_picture import curve_image
 from lagcli.pictures.scene.drag import places, with_rims
 from lagcli.pictures.scene.scene import (
     LEAST,
@@ -232,8 +232,7 @@ class _Contents:
             return still_image(self._nominal, self.model.title)
         run = RunFile(complete(self.samples, self.record))
         labels = [curve.label for curve in Catalogue(run).of("q")]
-        drawn = curve_picture(self.samples.time, self.samples.q, labels, "")
-        return drawn.element(spoken(labels))
+        return curve_image(self.samples.time, self.samples.q, labels, "")
 
     def _scene(self) -> dict[str, Any] | None:
         """Return the scene with places of its numbers, as `answers.js` reads it."""

@@ -372,10 +372,8 @@ class RankWatch:
         )
         if singular is None or not singular.certain:
             return None
-        if (
-            singular.within > singular.time - now.t
-        ):  # it is known better from a state that is nearer
-            return None
+        if singular.within > singular.time - now.t:
+            return None  # a state that is nearer will tell the time better
         before = tuple((node.t, node.y) for node in self._nodes)
         return Ahead(singular, before, path)
 

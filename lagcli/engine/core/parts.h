@@ -64,8 +64,9 @@ void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *st
 
 /* The watch of a run, see watch.c: at a state, ln |det| of the factors and the least pivot; whether a step between two
  * states, in which B moves at a speed, passes a small minimum; the same of a step with stages, from the first state to
- * the last, the length and the largest speed of its path, the margin at its end, and whether it approaches one; whether ln |det| at some times
- * of a step from t of size h is smooth; whether a step to a state approaches a singular configuration. */
+ * the last, the length and the largest speed of its path, the margin at its end, and whether it approaches one; whether
+ * ln |det| at some times of a step from t of size h is smooth; whether a step to a state approaches a singular
+ * configuration. */
 int lag_part_watch(lag_run *run, double t, const double *y, double *determinant, double *pivot);
 int lag_part_steps_over(lag_run *run, double h, double speed, const double *before, const double *after);
 int lag_part_path(lag_run *run, int count, const double *times, const double *states, double *path);

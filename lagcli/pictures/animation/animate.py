@@ -22,7 +22,7 @@ from lagcli.pictures.plots.figure import new_figure
 from lagcli.pictures.plots.run_plot import Panel, PanelDrawing, asked
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.automatic_view import with_view
-from lagcli.pictures.scene.curve_picture import curve_picture, spoken
+from lagcli.pictures.scene.curve_picture import curve_image
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import Scene
@@ -418,7 +418,7 @@ class Histories:
         values = np.column_stack([self.values[curve.name] for curve in curves])
         labels = [curve.label for curve in curves]
         unit = pretty_unit(curves[0].unit)
-        return curve_picture(self.time, values, labels, unit).element(spoken(labels))
+        return curve_image(self.time, values, labels, unit)
 
     def to_json(self) -> dict[str, Any]:
         """Return the data for ``assets/histories.js``."""

@@ -83,8 +83,9 @@ class RowBands:
 
     def __init__(self, rows: Mapping[str, Array], part: float):
         self._rows = rows
-        self._ends = (1 - part) / 2, (1 + part) / 2
-        self.medians = {name: _quantiles(x, [0.5])[0] for name, x in rows.items()}
+        low, middle, high = band_quantiles(part)
+        self._ends = low, high
+        self.medians = {name: _quantiles(x, [middle])[0] for name, x in rows.items()}
 
     def over_time(self, name: str) -> tuple[Array, Array]:
         """See `Bands`."""
@@ -104,6 +105,12 @@ class RowBands:
             for x in _quantiles(distances, self._ends)
         )
         return low, high
+
+
+def band_quantiles(part: float) -> tuple[float, float, float]:
+    """Return the quantiles at the lower end, the middle and the upper end of a band that contains a
+    part of the rows, of 1."""
+    return (1 - part) / 2, 0.5, (1 + part) / 2
 
 
 def _normals(middle: Array) -> Array:

@@ -20,6 +20,7 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
 from lagcli.pictures.curves import Curve, look_of_value, magnitudes, pretty_unit
+from lagcli.pictures.plots.bands import RowBands, band_quantiles
 from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.selection import drawable, evenly
@@ -207,8 +208,8 @@ def plot_table(
         for place, panel in enumerate(panels):
             ax = figure.add_subplot(grid[place])
             if panel.histogram:
-                outer = () if part is None else ((1 - part) / 2, 0.5, (1 + part) / 2)
-                draw_histogram(ax, panel.value, outer or HISTOGRAM_QUANTILES)
+                chosen = HISTOGRAM_QUANTILES if part is None else band_quantiles(part)
+                draw_histogram(ax, panel.value, chosen)
             elif part is not None and len(panel.over) != 1:
                 raise UsageError(
                     f"--band is not for {'maps' if panel.over else 'tornado charts'}; draw"
@@ -304,11 +305,11 @@ def _draw_spread(ax: Any, panel: _Panel, part: float) -> None:
     """
     (over,), value = panel.over, panel.value
     groups = spread_groups(over.values)
-    ends = (1 - part) / 2, 0.5, (1 + part) / 2
     listed = [value.values[group][np.isfinite(value.values[group])] for group in groups]
     x = np.array([np.median(over.values[group]) for group in groups])
     low, middle, high = (
-        np.array([np.quantile(y, end) if len(y) else np.nan for y in listed]) for end in ends
+        np.array([np.quantile(y, end) if len(y) else np.nan for y in listed])
+        for end in band_quantiles(part)
     )
     color = style.PALETTE[0]
     ax.fill_between(x, low, high, color=color, alpha=0.25, linewidth=0)
@@ -789,7 +790,6 @@ def plot_row_bands(
     tuple of str
         Notes for the reader of the picture.
     """
-    from lagcli.pictures.plots.bands import RowBands
     from lagcli.pictures.plots.run_plot import plot_bands
     from lagcli.sweeps.file.store import open_sweep
 

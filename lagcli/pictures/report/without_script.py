@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lagcli.pictures.report.run_plots import Plot
-from lagcli.pictures.scene.curve_picture import curve_picture, spoken
+from lagcli.pictures.scene.curve_picture import curve_image
 from lagcli.pictures.scene.scene import Scene
 from lagcli.pictures.scene.still import still_image
 
@@ -30,8 +30,7 @@ def without_script(
     if plot is not None and len(plot.time) > 1:
         labels = [curve.label for curve in plot.curves]
         own = [colors.get(curve.constraint) for curve in plot.curves]
-        drawn = curve_picture(plot.time, plot.values, labels, plot.unit, own)
-        images.append(drawn.element(spoken(labels)))
+        images.append(curve_image(plot.time, plot.values, labels, plot.unit, own))
     said = "The animation, the plots and the values of terms need JavaScript, which is switched off"
     said += " here; equations, tables and the model are complete."
     return (

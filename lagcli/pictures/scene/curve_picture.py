@@ -74,9 +74,16 @@ def curve_picture(
     return picture
 
 
-def spoken(labels: Sequence[str]) -> str:
-    """Return what a picture of curves shows, in words."""
-    return f"{', '.join(x.replace('_', ' ') for x in labels[:_NAMED])} over time"
+def curve_image(
+    time: Array,
+    values: Array,
+    labels: Sequence[str],
+    unit: str,
+    colors: Sequence[str | None] = (),
+) -> str:
+    """Return the picture of `curve_picture` as an image in HTML, with what it shows in words."""
+    said = f"{', '.join(x.replace('_', ' ') for x in labels[:_NAMED])} over time"
+    return curve_picture(time, values, labels, unit, colors).element(said)
 
 
 def _ticks(low: float, high: float) -> list[float]:

@@ -249,7 +249,7 @@ def test_a_wrong_unit_is_found(case: Wrong) -> None:
 
 
 def test_what_has_its_own_reason_is_reported_by_itself() -> None:
-    """One more is named only if there is one, and only if one unit mends all."""
+    """One more is named only if there is one, and only if one unit corrects all."""
     (found,) = errors(MODEL.replace("k: 1 N/m", "k: 1 N"))
     assert "more for the same reason" in found.render()
     (found,) = errors(MODEL.replace("J: 1 kg*m^2", "J: 1 kg*m"))
