@@ -347,78 +347,66 @@ class Integrator:
         core.lag_begin_again(self._run, byref(self._problem(given, problem)))
 
     @property
-    def _report(self) -> Any:
+    def report(self) -> lag_report:
+        """The state of the run now, in a record that is overwritten by the next call."""
         core.lag_report_of(self._run, self._written_to)
         return self._written
 
     @property
     def t(self) -> float:
         """Time reached, s."""
-        t: float = self._report.t
+        t: float = self.report.t
         return t
 
     @property
     def state(self) -> Array:
         """(q, v, W) there."""
-        return copied(self._report.y, self._n)
+        return copied(self.report.y, self._n)
 
     @property
     def absolute_tolerances(self) -> Array:
         """The absolute tolerances of q, v and W now."""
-        return copied(self._report.atol, self._n)
+        return copied(self.report.atol, self._n)
 
     @property
     def step(self) -> tuple[float, float]:
         """Start and end of the last step, s."""
-        report = self._report
+        report = self.report
         return report.t_old, report.t
 
     @property
     def suspect(self) -> tuple[float, float]:
         """Start and end of the part of the last step in which B may lose rank, s."""
-        report = self._report
+        report = self.report
         return report.suspect_from, report.suspect_to
 
     @property
     def counts(self) -> tuple[int, int, int]:
         """Steps, rejected steps, evaluations."""
-        report = self._report
+        report = self.report
         return report.steps, report.rejected, report.evaluations
-
-    @property
-    def rate(self) -> float:
-        """About the magnitude of the largest eigenvalue at the last step of DOP853, 1/s; 0 if it is
-        not known."""
-        rate: float = self._report.rate
-        return rate
-
-    @property
-    def examined(self) -> int:
-        """Number of states whose distance from singular configurations was computed."""
-        count: int = self._report.examined
-        return count
 
     @property
     def lengths(self) -> Array:
         """The largest lengths that the rows of B times sizes have had, (nc,)."""
-        return copied(self._report.lengths, self._nc)
+        return copied(self.report.lengths, self._nc)
 
     @property
     def times_next(self) -> int:
         """Index of the next sample time."""
-        index: int = self._report.times_next
+        index: int = self.report.times_next
         return index
 
     @property
     def t_bad(self) -> float:
         """Time at which the equations had no finite value."""
-        t: float = self._report.t_bad
+        t: float = self.report.t_bad
         return t
 
     @property
     def y_bad(self) -> Array:
         """The state there."""
-        return copied(self._report.y_bad, self._n)
+        return copied(self.report.y_bad, self._n)
 
     @property
     def sample_width(self) -> int:

@@ -25,6 +25,7 @@ from lagcli.named_tuples import NamedTuple
 from lagcli.settings.methods import METHODS
 
 if TYPE_CHECKING:
+    from lagcli.engine.core.structures import lag_report
     from lagcli.engine.integrate.prices import Prices
 
 #: Relative tolerance from which Rodas5P takes less time than Radau for the same error.
@@ -46,6 +47,9 @@ _STRETCH = 3
 _ROUGH = 2.0
 #: Steps after which DOP853 is reviewed first. Those before half of them may be shorter than usual.
 _REVIEW = 32
+#: Number of remaining steps of DOP853 from which Taylor's method is considered: its program costs as
+#: much as some hundreds of them, and on small models as thousands.
+_FEWEST = 200
 #: How many times as long as those of DOP853 Taylor's steps are in smooth motion.
 _SMOOTH = 2.0
 #: The largest step of Taylor's method times the largest eigenvalue, at the boundary of stability.
@@ -170,9 +174,9 @@ class Methods:
         differentiable = self.free and self.system.variation is not None
         return differentiable and self.running in _EXPLICIT
 
-    def count(self) -> None:
-        """Count the steps since the last call."""
-        new = self.core.counts[0] - sum(self.steps.values())
+    def count(self, steps: int) -> None:
+        """Count the steps since the last call, given those of the run."""
+        new = steps - sum(self.steps.values())
         if new or not self.steps:
             self.steps[self.running] = self.steps.get(self.running, 0) + new
 
@@ -184,31 +188,33 @@ class Methods:
         forced : bool
             Whether the running method cannot continue.
         """
-        steps = self.core.counts[0]
+        report = self.core.report
+        steps: int = report.steps
         if forced:
             self._trial = None
-            self._go_on_implicitly()
-        elif not self._reaches_farther() and steps >= self._deaf_until and self._pays():
-            if self._prepared or self._pays(_CLEARLY_WORTH):
-                self._try(_LONGER)
+            self._go_on_implicitly(report)
+        elif (
+            not self._reaches_farther(report) and steps >= self._deaf_until and self._pays(report)
+        ):
+            if self._prepared or self._pays(report, _CLEARLY_WORTH):
+                self._try(report, _LONGER)
             else:
                 self._suspected, self._path, self._next_look = True, [], steps
 
-    def _try(self, longer: float) -> None:
+    def _try(self, report: lag_report, longer: float) -> None:
         """Continue with an implicit method if its steps are so many times as long."""
-        before, now = self.core.step
-        self._trial = self.core.counts[0], now, longer * (now - before)
-        self._go_on_implicitly()
+        self._trial = report.steps, report.t, longer * (report.t - report.t_old)
+        self._go_on_implicitly(report)
 
-    def _go_on_implicitly(self) -> None:
+    def _go_on_implicitly(self, report: lag_report) -> None:
         loose = self.settings.rtol >= _LOOSE and self._jacobians.exact
         method = "Rodas5P" if loose else "Radau"
-        self.changes.append(Change(self.core.t, method, "stiff motion"))
+        self.changes.append(Change(report.t, method, "stiff motion"))
         self._go_on(method)
 
-    def most_steps(self) -> int:
-        """Return the number of steps until the next review."""
-        steps, due = self.core.counts[0], [self.settings.max_steps]
+    def most_steps(self, steps: int) -> int:
+        """Return the number of steps until the next review, after those of the run so far."""
+        due = [self.settings.max_steps]
         if self._trial is not None:
             due.append(self._trial[0] + _TRIAL - steps)
         elif self.may_help():
@@ -217,18 +223,18 @@ class Methods:
             due.append(self._next_review - steps)
         return max(1, min(due))
 
-    def review(self) -> None:
+    def review(self, report: lag_report) -> None:
         """Change the method if another one pays, or if the running one does not."""
-        steps = self.core.counts[0]
+        steps: int = report.steps
         if self._expand is not None and self.running in _EXPLICIT and steps >= self._next_review:
-            self._compare(steps)
+            self._compare(report)
         if self.may_help() and steps >= self._next_look:
-            self._look(steps)
+            self._look(report)
         if self._trial is None or steps < self._trial[0] + _TRIAL:
             return
         before, since, enough = self._trial
         self._trial = None
-        if (self.core.t - since) / (steps - before) > enough:
+        if (report.t - since) / (steps - before) > enough:
             self._vain.discard(self.running)
             return
         self._vain.add(self.running)
@@ -238,27 +244,28 @@ class Methods:
         self.changes.pop()
         self._go_on(self._explicit)
 
-    def _look(self, steps: int) -> None:
+    def _look(self, report: lag_report) -> None:
         """Try an implicit method if some steps are left and their path is smooth."""
-        if self._path or self._pays():
-            self._path.append((self.core.t, self.core.state))
+        steps: int = report.steps
+        if self._path or self._pays(report):
+            self._path.append((report.t, self.core.state))
         if len(self._path) in (1, 2):
             self._next_look = steps + _STRETCH
             return
         smooth = len(self._path) == 3 and self._smooth()
         suspected = self._suspected
         self._suspected, self._path, self._next_look = False, [], max(_PATIENCE, 2 * steps)
-        if smooth and not self._reaches_farther():
-            self._try(_LONGER if suspected or self.running == "Taylor" else _MUCH_LONGER)
+        if smooth and not self._reaches_farther(report):
+            self._try(report, _LONGER if suspected or self.running == "Taylor" else _MUCH_LONGER)
         elif suspected:
             self._deaf_until = 2 * steps
 
-    def _compare(self, steps: int) -> None:
+    def _compare(self, report: lag_report) -> None:
         """Compare the explicit methods, by the last steps of the one that runs."""
-        mark, t = self._mark, self.core.t
-        taken, evaluations, examined = self._taken()
-        self._note_place()
-        self._next_review = 2 * steps
+        mark, t = self._mark, report.t
+        taken, evaluations, examined = self._taken(report)
+        self._note_place(report)
+        self._next_review = 2 * report.steps
         if self.running == "Taylor":
             prices = self._prices()
             price = prices.taylor + max(0.0, evaluations - prices.usual) * prices.evaluation
@@ -269,41 +276,44 @@ class Methods:
                 self._go_on("DOP853")
         elif mark.steps and t > mark.t:
             left = (self.settings.t_end - t) / (t - mark.t) * taken
-            self._consider(left, min(_SMOOTH, self._reach()), examined, "smooth motion")
+            self._consider(report, left, min(_SMOOTH, self._reach(report)), examined, "smooth motion")
 
-    def _reaches_farther(self) -> bool:
+    def _reaches_farther(self, report: lag_report) -> bool:
         """Change to Taylor's method if stiff forces limit the accuracy of DOP853, but not the
         stability of Taylor's method; return whether it has."""
         if self.running != "DOP853" or self._expand is None:
             return False
-        reach, examined = self._reach(), self._taken()[2]
-        return reach >= _SMOOTH and self._consider(self._left(), reach, examined, "stiff forces")
+        reach, examined = self._reach(report), self._taken(report)[2]
+        if reach < _SMOOTH:
+            return False
+        return self._consider(report, self._left(report), reach, examined, "stiff forces")
 
-    def _reach(self) -> float:
+    def _reach(self, report: lag_report) -> float:
         """Return how many times as long as the last step of DOP853 stable steps of Taylor's method
         may be."""
-        before, now = self.core.step
-        rate: float = self.core.rate * (now - before)
+        rate: float = report.rate * (report.t - report.t_old)
         return _STABLE / rate if rate > 0 else math.inf
 
-    def _taken(self) -> tuple[int, float, float]:
+    def _taken(self, report: lag_report) -> tuple[int, float, float]:
         """Return the number of steps since the last review, and the evaluations and examined states
         in each."""
-        steps, _, evaluations = self.core.counts
-        taken = max(1, steps - self._mark.steps)
-        examined = self.core.examined - self._mark.examined
-        return taken, (evaluations - self._mark.evaluations) / taken, examined / taken
+        mark = self._mark
+        taken = max(1, report.steps - mark.steps)
+        examined = report.examined - mark.examined
+        return taken, (report.evaluations - mark.evaluations) / taken, examined / taken
 
-    def _note_place(self) -> None:
+    def _note_place(self, report: lag_report) -> None:
         """Count from here to the next review."""
-        steps, _, evaluations = self.core.counts
-        self._mark = _Mark(steps, self.core.t, evaluations, self.core.examined)
+        self._mark = _Mark(report.steps, report.t, report.evaluations, report.examined)
 
-    def _consider(self, left: float, ratio: float, examined: float, motion: str) -> bool:
+    def _consider(
+        self, report: lag_report, left: float, ratio: float, examined: float, motion: str
+    ) -> bool:
         """Change to Taylor's method if it costs less; return whether it has.
 
         Parameters
         ----------
+        report : lag_report
         left : float
             Number of steps that DOP853 would take.
         ratio : float
@@ -312,6 +322,8 @@ class Methods:
             Number of states in a step that are examined for singular configurations.
         motion : str
         """
+        if left < _FEWEST:
+            return False
         prices = self._prices()
         cost = _CHEAPER * prices.steps(left)
         if cost <= prices.least_expanding:
@@ -330,18 +342,18 @@ class Methods:
             return False
         self._ratio, self._explicit = ratio, "Taylor"
         gain = f"about {_rounded(1 / relative)} times cheaper per second than DOP853"
-        self.changes.append(Change(self.core.t, "Taylor", f"{motion}: {gain}", prices.order))
+        self.changes.append(Change(report.t, "Taylor", f"{motion}: {gain}", prices.order))
         self._go_on("Taylor")
-        self._note_place()
-        self._next_review = self._next_look = self.core.counts[0] + _TRIAL
+        self._note_place(self.core.report)  # with the evaluation of the change
+        self._next_review = self._next_look = report.steps + _TRIAL
         return True
 
-    def _pays(self, worth: float = _WORTH) -> bool:
+    def _pays(self, report: lag_report, worth: float = _WORTH) -> bool:
         """Return whether the remaining steps cost so many times as much as the Jacobians of an
         implicit method, and its trial."""
         prices = self._prices()
         step = prices.taylor if self.running == "Taylor" else prices.explicit
-        return self._left() * step > worth * (prices.differentiating + _TRIAL * prices.implicit)
+        return self._left(report) * step > worth * (prices.differentiating + _TRIAL * prices.implicit)
 
     @property
     def used(self) -> tuple[str, ...]:
@@ -367,10 +379,10 @@ class Methods:
         allowed = looser * (self.core.absolute_tolerances[:-1] + rtol * np.abs(y))
         return bool(np.linalg.norm((np.concatenate([q, v]) - y) / allowed) <= _ROUGH)
 
-    def _left(self) -> float:
+    def _left(self, report: lag_report) -> float:
         """Return the number of remaining steps of the last size."""
-        before, now = self.core.step
-        return (self.settings.t_end - now) / (now - before)
+        left: float = (self.settings.t_end - report.t) / (report.t - report.t_old)
+        return left
 
     def order(self) -> None:
         """Choose an order of pivots for the implicit method's matrix."""

@@ -354,25 +354,29 @@ class Integration:
         # a step of a large model may take as long as a slice
         most_seconds = _MOST_SECONDS * (1 + len(self.system.dynamics.code))
         slice_ = min(max(1, int(_SLICE / most_seconds)), _GROWTH)
+        report = core.report
         while True:
-            steps = core.counts[0]
-            limits.check(core.t, steps)
+            steps = report.steps
+            limits.check(report.t, steps)
             started = time.monotonic()
             until = min(self.settings.max_steps, self.unroll_at) - steps
-            most = int(min(slice_, until, self.methods.most_steps()))
+            most = int(min(slice_, until, self.methods.most_steps(steps)))
             status = core.advance(most)
             taken = time.monotonic() - started
-            self.methods.count()
+            report = core.report
+            self.methods.count(report.steps)
             if self.handle_status(status):
                 return
             if status == Status.RUNNING:
                 slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
-                self.methods.review()
-                if core.counts[0] >= self.unroll_at:
+                self.methods.review(report)
+                if report.steps >= self.unroll_at:
                     self.use(unrolled(self.system, self.in_use))
-            elif status == Status.NEAR:
-                slice_ = 1
-            self.progress(core.t)
+            else:
+                report = core.report
+                if status == Status.NEAR:
+                    slice_ = 1
+            self.progress(report.t)
 
     def handle_status(self, status: int) -> bool:
         """Handle a status of the core; return whether the run is complete."""
