@@ -50,14 +50,7 @@ static void look_for_stiffness(lag_run *run, double h, const double *before, int
 /* y = base + h times a sum of stages, n numbers. */
 static void add_stages(const lag_run *run, int n, const double *base, const dop_sum *sum, double h, double *y)
 {
-    const int s = apart(run);
-    const double *used[DOP_TERMS];
-    double w[DOP_TERMS];
-    for (int j = 0; j < sum->terms; ++j) {
-        used[j] = run->step.stages + sum->stage[j] * s;
-        w[j] = h * sum->weight[j];
-    }
-    run->system.vectors->combine(n, base, sum->terms, used, w, y);
+    run->system.vectors->combine(n, base, sum->terms, run->step.stages, apart(run), sum->stage, sum->weight, h, y);
 }
 
 /* The sum of the squares of an error estimate over the tolerances. */

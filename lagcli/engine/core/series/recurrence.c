@@ -121,13 +121,14 @@ FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, con
     const int terms = s->order - from;
     if (s->layer > 1) { /* the state's families lie side by side, and W comes last */
         const int first = s->state[1 + m], size = s->state[m + count] + 1 - first;
-        const double *c = &COEFFICIENT(s, m, from), *x[LAG_SERIES_ORDER];
+        const double *c = &COEFFICIENT(s, m, from);
+        int number[LAG_SERIES_ORDER];
         double reversed[LAG_SERIES_ORDER], *side_by_side = &COEFFICIENT(s, m + count - 1, s->order) + 1;
         for (int k = 0; k < terms; ++k) { /* small terms first */
-            x[k] = c + (terms - k) * (ptrdiff_t)s->layer;
+            number[k] = terms - k;
             reversed[k] = weight[terms - k];
         }
-        s->values.vectors->combine(size, c, terms, x, reversed, side_by_side);
+        s->values.vectors->combine(size, c, terms, c, s->layer, number, reversed, 1.0, side_by_side);
         s->values.vectors->pick(count, side_by_side - first, s->state + 1 + m, sums);
         return;
     }

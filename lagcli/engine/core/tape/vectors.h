@@ -8,9 +8,10 @@ typedef struct {
     /* Run a stream on a register file. */
     void (*run)(const int32_t *stream, double *registers);
 
-    /* y = base + the sum of `terms` vectors x times weights, n elements each. */
-    void (*combine)(int n, const double *base, int terms, const double *const *x,
-                    const double *weight, double *y);
+    /* y = base + the sum of `terms` rows times weights and a factor, n elements each. Of rows that lie `apart` numbers
+     * from each other, those with the given numbers. */
+    void (*combine)(int n, const double *base, int terms, const double *rows, int apart, const int *number,
+                    const double *weight, double factor, double *y);
 
     /* y[i] = x[places[i]], n of them. Returns their sum: it is finite if they are. */
     double (*pick)(int n, const double *x, const int32_t *places, double *y);

@@ -4,14 +4,18 @@
 
 #include "tape/tape_run.h"
 
-static void combine(int n, const double *base, int terms, const double *const *x,
-                    const double *weight, double *y)
+/* Row number k of those that are combined, from element i on, and its weight. */
+#define ROW(k) (rows + (ptrdiff_t)number[k] * apart + i)
+#define WEIGHT(k) (factor * weight[k])
+
+static void combine(int n, const double *base, int terms, const double *rows, int apart, const int *number,
+                    const double *weight, double factor, double *y)
 {
     int i = 0;
     for (; i + 16 <= n; i += 16) { /* sums remain in registers */
         four p = {0.0}, q = p, r = p, s = p;
         for (int k = 0; k < terms; ++k) {
-            const double *a = x[k] + i, w = weight[k];
+            const double *a = ROW(k), w = WEIGHT(k);
             p += w * FOUR(a);
             q += w * FOUR(a + 4);
             r += w * FOUR(a + 8);
@@ -25,7 +29,7 @@ static void combine(int n, const double *base, int terms, const double *const *x
     for (; i + 8 <= n; i += 8) {
         four p = {0.0}, q = p;
         for (int k = 0; k < terms; ++k) {
-            const double *a = x[k] + i, w = weight[k];
+            const double *a = ROW(k), w = WEIGHT(k);
             p += w * FOUR(a);
             q += w * FOUR(a + 4);
         }
@@ -35,7 +39,7 @@ static void combine(int n, const double *base, int terms, const double *const *x
     if (i + 4 <= n) {
         four p = {0.0};
         for (int k = 0; k < terms; ++k)
-            p += weight[k] * FOUR(x[k] + i);
+            p += WEIGHT(k) * FOUR(ROW(k));
         *(four *)(y + i) = FOUR(base + i) + p;
         i += 4;
     }
@@ -44,7 +48,7 @@ static void combine(int n, const double *base, int terms, const double *const *x
     const int second = i + 1 < n, third = i + 2 < n ? 2 : 0; /* one pass for the last elements */
     double p = 0.0, q = 0.0, r = 0.0;
     for (int k = 0; k < terms; ++k) {
-        const double *a = x[k] + i, w = weight[k];
+        const double *a = ROW(k), w = WEIGHT(k);
         p += w * a[0];
         q += w * a[second];
         r += w * a[third];
@@ -55,6 +59,9 @@ static void combine(int n, const double *base, int terms, const double *const *x
     if (third)
         y[i + 2] = base[i + 2] + r;
 }
+
+#undef ROW
+#undef WEIGHT
 
 static double pick(int n, const double *x, const int32_t *places, double *y)
 {
