@@ -47,8 +47,8 @@ _STRETCH = 3
 _ROUGH = 2.0
 #: Steps after which DOP853 is reviewed first. Those before half of them may be shorter than usual.
 _REVIEW = 32
-#: Number of remaining steps of DOP853 from which Taylor's method is considered: its program costs as
-#: much as some hundreds of them, and on small models as thousands.
+#: Number of remaining steps of DOP853 from which Taylor's method is considered: its program costs
+#: as much as some hundreds of them, and on small models as thousands.
 _FEWEST = 200
 #: How many times as long as those of DOP853 Taylor's steps are in smooth motion.
 _SMOOTH = 2.0
@@ -193,9 +193,7 @@ class Methods:
         if forced:
             self._trial = None
             self._go_on_implicitly(report)
-        elif (
-            not self._reaches_farther(report) and steps >= self._deaf_until and self._pays(report)
-        ):
+        elif not self._reaches_farther(report) and steps >= self._deaf_until and self._pays(report):
             if self._prepared or self._pays(report, _CLEARLY_WORTH):
                 self._try(report, _LONGER)
             else:
@@ -276,7 +274,8 @@ class Methods:
                 self._go_on("DOP853")
         elif mark.steps and t > mark.t:
             left = (self.settings.t_end - t) / (t - mark.t) * taken
-            self._consider(report, left, min(_SMOOTH, self._reach(report)), examined, "smooth motion")
+            reach = min(_SMOOTH, self._reach(report))
+            self._consider(report, left, reach, examined, "smooth motion")
 
     def _reaches_farther(self, report: lag_report) -> bool:
         """Change to Taylor's method if stiff forces limit the accuracy of DOP853, but not the
@@ -353,7 +352,8 @@ class Methods:
         implicit method, and its trial."""
         prices = self._prices()
         step = prices.taylor if self.running == "Taylor" else prices.explicit
-        return self._left(report) * step > worth * (prices.differentiating + _TRIAL * prices.implicit)
+        trying = prices.differentiating + _TRIAL * prices.implicit
+        return self._left(report) * step > worth * trying
 
     @property
     def used(self) -> tuple[str, ...]:

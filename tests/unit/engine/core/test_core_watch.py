@@ -287,9 +287,9 @@ def test_the_path_of_b_is_measured_through_all_stages() -> None:
             walk = np.array([last, *(last + step * rng.normal(size=(count, 4)))])
             b = np.array([scaled(q) for q in walk])
             parts_of_it = np.linalg.norm(np.diff(b, axis=0), axis=(1, 2))
-            seen = watched.core.examined
+            seen = watched.core.report.examined
             over, found = watched.path(times, np.pad(walk, [(0, 0), (0, 5)]))
-            seen = watched.core.examined - seen
+            seen = watched.core.report.examined - seen
             assert found[0] == pytest.approx(parts_of_it.sum(), rel=1e-9)
             assert found[1] == pytest.approx((parts_of_it / np.diff(times)).max(), rel=1e-9)
             least = [np.linalg.svd(x, compute_uv=False)[-1] for x in b]
@@ -315,10 +315,10 @@ def test_long_paths_of_few_rows_are_watched_by_the_determinant_from_the_second_o
     watched = Watched(TWO_ROWS, "unrolled")
 
     def sweep(t: float, start: float, end: float) -> tuple[int, int]:
-        seen, walk = watched.core.examined, np.zeros((9, 9))
+        seen, walk = watched.core.report.examined, np.zeros((9, 9))
         walk[:, 2], walk[:, 3], walk[:, 6] = np.linspace(start, end, 9), 1, (end - start) / 2
         over, _ = watched.path(t + np.linspace(0, 2, 9), walk)
-        return over, watched.core.examined - seen
+        return over, watched.core.report.examined - seen
 
     over, examined = sweep(0, 0.6, 2.5)
     assert not over
@@ -511,7 +511,7 @@ def test_among_many_rows_what_is_near_shows_where_steps_become_short() -> None:
     """Relative to the largest value found there; until then, ln |det| is watched alone."""
     watched = Watched(AMONG_MANY.replace("w: 1,", "w: 0.3,"), "in a loop")
     last, t = 0.3, 0.0
-    seen = watched.core.examined
+    seen = watched.core.report.examined
     for h, w, computed, near in [
         (1.0, 0.4, 0, 0), (3.0, 0.5, 0, 0), (1.6, 0.35, 0, 0), (1.4, 1.57, 1, 0),
         (1.0, 0.2, 0, 0), (0.5, 0.3, 1, 1), (0.2, 0.28, 1, 1), (1.0, 0.25, 1, 1),
@@ -523,9 +523,9 @@ def test_among_many_rows_what_is_near_shows_where_steps_become_short() -> None:
         assert not over
         assert found[2] == 0  # the path of B is no bound there
         # the determinant is nearly a parabola at the stages: no state is examined but the end
-        assert watched.core.examined - seen == computed, (h, w)
+        assert watched.core.report.examined - seen == computed, (h, w)
         assert found[3] == near, (h, w)
-        last, t, seen = w, t + h, watched.core.examined
+        last, t, seen = w, t + h, watched.core.report.examined
 
 
 @pytest.mark.parametrize("h", [0.01, 1.0, 30.0])
