@@ -27,7 +27,7 @@
 #define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
 #define ACCURATE_STEPS 20   /* consecutive accurate steps after which solutions are no longer refined */
 #define CONTRADICTION 5e-7  /* of the terms of B a = gamma: residual that is examined more closely */
-#define FORESEEN 8          /* steps after which the calls of the others are estimated ... */
+#define FORESEEN 16         /* steps after which, and after twice as many again and again, later calls are estimated ... */
 #define SURE 0.5            /* ... and the part of them that is expected */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
@@ -111,10 +111,13 @@ int lag_start(lag_run *run)
 /* Expect the calls of the steps that are left, if they are as long as the last one. */
 static void foresee(const lag_run *run)
 {
+    const int64_t steps = run->step.steps;
+    if (steps < FORESEEN || steps & (steps - 1)) /* no power of two */
+        return;
     const double left = (run->settings.t_end - run->step.t) / run->step.h_old;
-    const double steps = SURE * fmin(left, 1e9), calls = (double)run->step.evaluations / (double)run->step.steps;
-    lag_expect(&run->system.dynamics, (int64_t)(steps * calls));
-    lag_expect(&run->system.constraint, (int64_t)steps);
+    const double last = (double)(steps == FORESEEN ? steps : steps / 2), times = SURE * left / last;
+    lag_foresee(&run->system.dynamics, times);
+    lag_foresee(&run->system.constraint, times);
 }
 
 /* Sample and project the last accepted step. */
@@ -126,8 +129,7 @@ static int finish(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     run->step.finishing = 0;
-    if (run->step.steps == FORESEEN)
-        foresee(run);
+    foresee(run);
     if (run->watch.mode)
         lag_watch_accept(run);
     run->rows.margin -= run->watch.path.length;

@@ -44,3 +44,12 @@ void lag_expect(const lag_tape *tape, int64_t calls)
     for (int i = 0; i < 2; ++i)
         lag_expect_calls(&tape->output_subsets[i], calls);
 }
+
+void lag_foresee(const lag_tape *tape, double times)
+{
+    lag_foresee_calls(&tape->stream, times);
+    for (int i = 0; i < 3; ++i)
+        lag_foresee_calls(&tape->deferred[i], times);
+    for (int i = 0; i < 2; ++i)
+        lag_foresee_calls(&tape->output_subsets[i], times);
+}

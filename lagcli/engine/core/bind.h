@@ -16,4 +16,7 @@ int lag_bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *pr
 /* Emit the code of a tape's outputs at the next call if so many calls, which will come, are worth it. */
 void lag_expect(const lag_tape *tape, int64_t calls);
 
+/* Expect so many times the calls of each of a tape's routines since the last time. */
+void lag_foresee(const lag_tape *tape, double times);
+
 #endif

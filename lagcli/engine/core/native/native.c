@@ -46,7 +46,7 @@ lag_routine lag_routine_of(lag_pool *pool, const int32_t *code, int64_t length, 
     emitted *own = code && kernel == LAG_NATIVE && length > 2 ? lag_own(pool, sizeof *own, end) : NULL;
     if (own) {
         own->from = pool->from;
-        own->native.wait = CALLS + FIXED / length;
+        own->native.wait = own->native.worth = CALLS + FIXED / length;
         made.native = &own->native;
     }
 #else
@@ -59,6 +59,15 @@ void lag_expect_calls(const lag_routine *routine, int64_t calls)
 {
     if (routine->native && calls >= routine->native->wait)
         routine->native->wait = 1;
+}
+
+void lag_foresee_calls(const lag_routine *routine, double times)
+{
+    lag_native *native = routine->native;
+    if (!native || !native->wait)
+        return;
+    const double calls = times * (double)(native->worth - native->wait);
+    native->wait = calls >= (double)native->worth ? 1 : native->worth;
 }
 
 void lag_native_emit(const lag_source *source, const lag_routine *routine, const lag_calls *calls)

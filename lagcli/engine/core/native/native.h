@@ -15,6 +15,10 @@ lag_routine lag_routine_of(lag_pool *pool, const int32_t *code, int64_t length, 
 /* Emit a routine at its next call if so many calls, which will come, are worth it. */
 void lag_expect_calls(const lag_routine *routine, int64_t calls);
 
+/* Expect so many times the calls since the last time: emit a routine at its next call if they are worth it; otherwise
+ * not before it has run as often again. */
+void lag_foresee_calls(const lag_routine *routine, double times);
+
 /* Count a call that was interpreted. Returns whether it is time to emit the routine. */
 static inline int lag_native_due(const lag_routine *routine)
 {

@@ -10,6 +10,7 @@ typedef void lag_emitted(double *registers, double *frame);
 typedef struct {
     lag_emitted *run;                  /* NULL until it is emitted */
     double *frame;                     /* its constants, and values for which there are no registers */
+    int64_t worth;                     /* calls whose interpretation takes as long as its emission */
     int64_t wait;                      /* calls until then; 0: never */
     size_t bytes;                      /* of the code */
 } lag_native;

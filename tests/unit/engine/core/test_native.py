@@ -242,9 +242,22 @@ def test_code_is_emitted_early_if_many_steps_are_left(
     before = executable()
     integration = pendulum(t_end)
     integration.core.start()
-    integration.core.advance(7)
+    integration.core.advance(15)
     assert executable() == before
     integration.core.advance(3)
+    assert (executable() > before) == emitted
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no list of mapped memory")
+@pytest.mark.parametrize(("t_end", "emitted"), [(8.0, False), (20.0, True)])
+def test_code_is_not_emitted_shortly_before_the_end(
+    t_end: float, *, emitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After 6 s, interpretation has taken as long as emission; what is left is not worth it."""
+    monkeypatch.setattr(run, "KERNEL", NATIVE)
+    before = executable()
+    integration = pendulum(t_end)
+    integration.run()
     assert (executable() > before) == emitted
 
 
