@@ -135,6 +135,7 @@ typedef struct {
  */
 typedef struct {
     double *begin, *last;              /* nb each: entries of B where the step began, and at its last stage */
+    double *weight;                    /* nb: sizes over lengths */
     const double *entries;             /* of the two, those from which the path continues */
     double t;                          /* of these */
     double length, speed;              /* of the path, and its largest speed between two stages */

@@ -133,6 +133,7 @@ static void allocate(lag_run *run)
     run->watch.combination = lag_doubles(pool, nc);
     run->watch.path.entries = run->watch.path.begin = lag_doubles(pool, run->system.nb);
     run->watch.path.last = lag_doubles(pool, run->system.nb);
+    run->watch.path.weight = lag_doubles(pool, run->system.nb);
     run->samples.y = lag_doubles(pool, n);
     run->failure.y = lag_doubles(pool, n);
     if (!pool->failed)

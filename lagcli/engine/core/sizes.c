@@ -224,6 +224,13 @@ static void sizes_of_changes(lag_run *run)
         }
 }
 
+/* Raise a size to a value. (fmax is a call.) */
+static inline void raise_to(double *size, double value)
+{
+    if (value > *size)
+        *size = value;
+}
+
 void lag_sizes_update(lag_run *run)
 {
     const int nq = run->system.nq, motion = nq / run->system.blocks;
@@ -234,10 +241,9 @@ void lag_sizes_update(lag_run *run)
         count_growth(run);
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
-            double *all = largest + part * run->tolerances.kinds + run->tolerances.kind[i];
             const int m = part * nq + i;
-            size[m] = fmax(size[m], fabs(run->step.y[m]));
-            *all = fmax(*all, size[m]);
+            raise_to(size + m, fabs(run->step.y[m]));
+            raise_to(largest + part * run->tolerances.kinds + run->tolerances.kind[i], size[m]);
         }
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
@@ -250,7 +256,7 @@ void lag_sizes_update(lag_run *run)
                                : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->settings.rtol * size[m]
                                          + ROUNDING * all + noise + NO_SIZE;
         }
-    size[2 * nq] = fmax(size[2 * nq], fabs(run->step.y[2 * nq]));
+    raise_to(size + 2 * nq, fabs(run->step.y[2 * nq]));
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
                                                  : FOLLOWING * run->settings.rtol * size[2 * nq] + NO_SIZE;
     if (run->derivatives.n)

@@ -131,6 +131,14 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
     return lag_pivot_of_products(products, nc, run->rows.rank / s->blocks, run->rows.order);
 }
 
+/* The weights of entries of B in the length of its path. */
+static void weigh_path(lag_run *run)
+{
+    const lag_system *s = &run->system;
+    for (int i = 0; i < s->nb / s->blocks; ++i)
+        run->watch.path.weight[i] = run->rows.sizes[s->jacobian_column[i]] / run->rows.lengths[s->jacobian_row[i]];
+}
+
 void lag_watch_restart(lag_run *run)
 {
     const lag_system *s = &run->system;
@@ -140,6 +148,7 @@ void lag_watch_restart(lag_run *run)
     lag_evaluate(&s->dynamics, s, run->step.t, run->step.y, LAG_ALL);
     for (int i = 0; i < s->nb / s->blocks; ++i)
         path->begin[i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
+    weigh_path(run);
     run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
     path->margin = CERTAIN * run->watch.pivot;
@@ -175,8 +184,7 @@ static void extend_path(lag_run *run, double t)
     double sum = 0.0;
     for (int i = 0; i < s->nb / s->blocks; ++i) {
         const double x = entries[places[i]];
-        const double part = (x - path->entries[i]) * run->rows.sizes[s->jacobian_column[i]]
-                            / run->rows.lengths[s->jacobian_row[i]];
+        const double part = (x - path->entries[i]) * path->weight[i];
         sum += part * part;
         path->last[i] = x;
     }
@@ -243,7 +251,11 @@ void lag_measure(lag_run *run)
 {
     if (lag_solving_by(run) != LAG_BY_LU)
         measure(run, NULL, run->rows.plain_lengths);
-    run->watch.path.margin *= measure(run, run->rows.sizes, run->rows.lengths);
+    const double ratio = measure(run, run->rows.sizes, run->rows.lengths);
+    if (ratio < 1.0) {
+        run->watch.path.margin *= ratio;
+        weigh_path(run);
+    }
 }
 
 /* A state inside the last step, on the cubic through its ends, with its slope: B depends on v, too, where constraints are
