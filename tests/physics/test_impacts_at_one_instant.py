@@ -51,7 +51,8 @@ def test_sequences_that_lose_energy_end_with_rest(e: tuple[float, float], order:
     loss = float(np.sum(run.events.loss))
     if max(e) < 1.0:
         assert 200 < impacts < 210
-        assert run.v[-1].tolist() == [0.0, 0.0]
+        # the light ball was √(M/m) times as fast
+        assert run.v[-1] == pytest.approx([0.0, 0.0], abs=1e-12 * RATIO**0.5)
         assert loss == pytest.approx(RATIO / 2 + 0.5**2 / 2, rel=1e-9)
         return
     assert impacts == count

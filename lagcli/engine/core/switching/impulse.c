@@ -24,6 +24,20 @@ int lag_meets(const lag_run *run, int row)
     return lag_is_closed(run, row) && sw->psi[row] <= lag_no_speed(sw, row);
 }
 
+/* Raise the scales of psi to what impulses of n listed rows do: their sum may be zero but for rounding. */
+static void measure_speeds(lag_run *run, int n, const int *rows, const double *impulse)
+{
+    lag_switching *sw = &run->switching;
+    const int nq = run->system.nq, size = nq + run->system.nc;
+    for (int i = 0; i < sw->rows; ++i) {
+        double terms = 0.0;
+        for (int k = 0; k < nq; ++k)
+            for (int j = 0; j < n && sw->jacobian[i * nq + k] != 0.0; ++j)
+                terms += fabs(sw->jacobian[i * nq + k] * sw->response[rows[j] * size + k] * impulse[j]);
+        sw->speed[i] = fmax(sw->speed[i], terms);
+    }
+}
+
 /* Apply impulses of n listed rows, whose responses are known, to the velocities and the work in y; `added` (nq + nc)
  * are the changes of the velocities and the impulses of the system's constraints. Returns the energy supplied by
  * moving constraints: the power of an impulse is that of the mean velocity. */
@@ -33,6 +47,7 @@ static double apply(lag_run *run, double *y, int n, const int *rows, const doubl
     const lag_system *s = &run->system;
     const int nq = s->nq, size = nq + s->nc;
     double supplied = 0.0, work = 0.0;
+    measure_speeds(run, n, rows, impulse);
     memset(added, 0, (size_t)size * sizeof(double));
     for (int j = 0; j < n; ++j) {
         const double *u = sw->response + rows[j] * size;

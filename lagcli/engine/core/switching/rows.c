@@ -6,6 +6,7 @@
 #include "solution.h"
 
 #define RANK 1e-10          /* of the largest pivot: rows below it are linearly dependent */
+#define WAY 1e-6            /* of the duration of the run: gaps that may all be zero are as large as what a contact moves in it */
 
 int lag_row_acts(const lag_switching *sw, int row)
 {
@@ -59,7 +60,8 @@ int lag_measure_rows(lag_run *run, double t, const double *y)
         sw->speed[i] = fmax(sw->speed[i], OUT(&sw->functions, speed + i));
         if (sw->place[i] < 0)
             continue;
-        sw->size[i] = fmax(sw->size[i], OUT(&sw->functions, size + sw->place[i]));
+        const double moved = WAY * (run->settings.t_end - run->step.t_start) * sw->speed[i];
+        sw->size[i] = fmax(fmax(sw->size[i], OUT(&sw->functions, size + sw->place[i])), moved);
         sum += sw->active[i] ? OUT(&sw->functions, sw->place[i]) : 0.0;
     }
     return !isfinite(sum);
