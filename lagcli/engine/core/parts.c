@@ -241,12 +241,12 @@ int lag_part_path(lag_run *run, int count, const double *times, const double *st
     return over;
 }
 
-int lag_part_is_smooth(int count, const double *times, const double *values, double t, double h)
+int lag_part_is_smooth(int count, const double *times, const double *values)
 {
     lag_determinant d = {.count = count};
     memcpy(d.t, times, (size_t)count * sizeof *times);
     memcpy(d.value, values, (size_t)count * sizeof *values);
-    return lag_is_smooth_in_step(&d, t, h);
+    return lag_is_smooth_in_step(&d);
 }
 
 int lag_part_approaches(lag_run *run, double t, const double *y)

@@ -50,7 +50,7 @@ static double least_singular(lag_run *run)
     const int nc = run->system.nc / run->system.blocks;
     double *x = run->watch.combination, value = INFINITY;
     for (int i = 0; i < nc; ++i)
-        x[i] += ASIDE * cos(1.0 + 1.7 * i) / sqrt(nc);
+        x[i] += ASIDE * cos(i) / sqrt(nc);
     normalize(x, nc);
     for (int k = 0; k < ITERATIONS; ++k) {
         const double before = value;
@@ -319,14 +319,11 @@ static int is_smooth(int n, const double *x, double *values, int degree, double 
     return far < rough; /* not if it is NaN */
 }
 
-int lag_is_smooth_in_step(const lag_determinant *d, double t, double h)
+int lag_is_smooth_in_step(const lag_determinant *d)
 {
-    double values[LAG_DETERMINANTS], x[LAG_DETERMINANTS];
-    for (int i = 0; i < d->count; ++i) {
-        x[i] = (d->t[i] - t) / h;
-        values[i] = d->value[i];
-    }
-    return d->count >= FEW && is_smooth(d->count, x, values, 2, d->count > FEW ? ROUGH : ROUGH_OF_FEW);
+    double values[LAG_DETERMINANTS];
+    memcpy(values, d->value, sizeof values);
+    return d->count >= FEW && is_smooth(d->count, d->t, values, 2, d->count > FEW ? ROUGH : ROUGH_OF_FEW);
 }
 
 int lag_slows(double largest_step, double h)
@@ -350,7 +347,7 @@ static int is_smooth_at_stages(lag_run *run)
         d.t[d.count] = run->step.t_old + x * run->step.h_old;
         d.value[d.count++] = determinant_inside(run, x);
     }
-    return lag_is_smooth_in_step(&d, run->step.t_old, run->step.h_old);
+    return lag_is_smooth_in_step(&d);
 }
 
 /*

@@ -26,9 +26,8 @@ void lag_watch_stage(lag_run *run, double t);
 /* Keep ln |det| of the last factors at a stage of a step, at time t, if there are many rows. */
 void lag_watch_determinant(lag_run *run, double t);
 
-/* Whether ln |det| is nearly a parabola at the stages of a step from t of size h, which 2 ln |t - s| is not: whether B
- * keeps its rank. */
-int lag_is_smooth_in_step(const lag_determinant *determinant, double t, double h);
+/* Whether ln |det| is nearly a parabola at the stages of a step, which 2 ln |t - s| is not: whether B keeps its rank. */
+int lag_is_smooth_in_step(const lag_determinant *determinant);
 
 /* Whether a step is much shorter than the largest one before it. */
 int lag_slows(double largest_step, double h);

@@ -70,7 +70,7 @@ static int batch_alarmed(lag_batch *s, int l, double h)
     }
     const lag_determinant d = batch_determinant(s, l, h);
     s->largest_step[l] = fmax(s->largest_step[l], h);
-    return lag_slows(s->largest_step[l], h) || !lag_is_smooth_in_step(&d, s->t[l], h);
+    return lag_slows(s->largest_step[l], h) || !lag_is_smooth_in_step(&d);
 }
 
 /* Set the parameters of a lane in the tapes of a single run. */

@@ -101,22 +101,23 @@ static int sign_of(const along_step *f, lag_interval value)
     return value.low > 0.0 ? 1 : value.high < -f->noise ? -1 : 0;
 }
 
-static int sign_at(const along_step *f, double t)
+static lag_interval enclosed_at(const along_step *f, double t)
 {
     lag_interval value;
     lag_enclose(f->run, f->k, t, t, 0, &value);
-    return sign_of(f, value);
+    return value;
+}
+
+static int sign_at(const along_step *f, double t)
+{
+    return sign_of(f, enclosed_at(f, t));
 }
 
 /* The function is positive until t: what it was at the beginning does not matter any longer. */
 static double positive_until(along_step *f, double t)
 {
-    lag_interval value;
-    if (f->noise > f->rounding) {
-        lag_enclose(f->run, f->k, t, t, 0, &value);
-        if (value.low > f->noise)
-            f->noise = f->rounding;
-    }
+    if (f->noise > f->rounding && enclosed_at(f, t).low > f->noise)
+        f->noise = f->rounding;
     return t;
 }
 

@@ -128,7 +128,35 @@ def test_the_error_of_a_path_is_its_difference_from_another(watch: RankWatch) ->
             assert 2.9 * abs(late) < found.within < 6.1 * abs(late)
 
 
-def test_states_inside_a_step_are_as_near_as_ahead_of_it(watch: RankWatch) -> None:
+def test_a_time_is_located_to_where_both_sides_are_clearly_not_zero(watch: RankWatch) -> None:
+    """The value rises slowly before the time, and fast after it."""
+
+    def path(t: float) -> np.ndarray:
+        away = 1e-3 + (1.0 if t > 0.5 else 0.01) * abs(t - 0.5)
+        return np.array([math.pi / 2 - away, math.pi / 2 - away, SPEED, SPEED, 0.0])
+
+    found = watch.time_of_least(path, 0.0, 1.0)
+    assert found.time == pytest.approx(0.5, abs=1e-6)
+    assert 0.2 <= found.within <= 0.5
+
+
+@pytest.mark.parametrize("start", [-3.0, 0.0, 1e3])
+def test_a_path_that_jumps_over_a_singular_configuration_is_examined_to_an_end(
+    watch: RankWatch, start: float
+) -> None:
+    def path(t: float) -> np.ndarray:
+        angle = math.pi / 2 + (0.5 if t > start + 0.3 else -0.5)
+        return np.array([angle, angle, SPEED, SPEED, 0.0])
+
+    assert watch.singular_time(path, start, start + 1.0) is None
+
+
+@pytest.mark.parametrize("part", [1.0, 0.1])
+def test_states_inside_a_step_are_as_near_as_ahead_of_it(part: float) -> None:
+    """Whatever the largest value was, in parts of the rows' largest lengths."""
+    found = motion()
+    found.lengths /= part
+    watch = RankWatch(found)
     watch.add(0.0, y(0.0))
     singular = SingularTime(SINGULAR_TIME, 1e-9, True)
     project = Projection(watch.motion.evaluator, 1)
@@ -152,9 +180,47 @@ def test_nonzero_entries_are_scaled_as_an_array() -> None:
     assert watch._scaled(np.asarray(rows)).tolist() == [pytest.approx([11 * 2 / 5, 7 * 3 / 5])]
 
 
+@pytest.mark.parametrize("again", ["", "again: 3*u[1] = 0"])
+def test_a_large_system_is_watched_by_its_nonzero_entries(
+    again: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two rows whose angle w passes π, among orthonormal ones."""
+    monkeypatch.setattr("lagcli.engine.evaluator._LARGE", 0)
+    system, p = lowered(
+        lagcli.load_text(f"""
+coordinates: [x, y, w, u[1..40]]
+T: (x'^2 + y'^2 + w'^2 + sum(u[i]'^2, i = 1..40))/2
+constraints:
+  one: x = 0
+  two: x*cos(w) + y*sin(w) = 0
+  other[i = 1..40]: 2*u[i] = 0
+  {again}
+initial: {{x: 0, y: 0, w: 1, x': 0, y': 0, w': 1, u[1..40]: 0, u[1..40]': 0}}
+""")
+    )
+    found = Index1(Evaluator(system, p), 42)
+
+    def path(t: float) -> np.ndarray:
+        state = np.zeros(87)
+        state[[2, 45]] = 1 + t, 1
+        return state
+
+    found.measure(0.0, *np.split(path(math.pi / 2 - 1)[:-1], 2))
+    watch = RankWatch(found)
+    assert isinstance(watch._rows(0.0, path(0.0)).jacobian, SparseRows)
+    for w in (math.pi / 2, 1.0, 3.0, 3.3):
+        assert watch.weakest(0.0, path(w - 1)) == pytest.approx((1 - abs(math.cos(w))) ** 0.5)
+    assert watch.weakest(0.0, np.full(87, np.nan)) == 1.0
+    for search in (watch.singular_time, watch.time_of_least):
+        at = search(path, 1.0, 3.0)
+        assert at is not None
+        assert at.certain
+        assert abs(at.time + 1 - math.pi) <= at.within < 1e-5
+
+
 def test_steps_become_short_next_to_it(watch: RankWatch) -> None:
-    assert watch.largest_step() == math.inf
     for distance in (0.4, 0.2, 0.06, 0.05):
+        assert (watch.largest_step() == math.inf) == (distance > 0.05)
         t = SINGULAR_TIME - distance
         watch.add(t, y(t))
     # cosines of 0.717 and 0.1
@@ -286,6 +352,7 @@ def test_a_singular_start_is_distinguished_from_redundant_constraints(
     project = Projection(found.evaluator, 0)
     with pytest.raises(Stop, match=r"the start is a singular configuration: .*`guide`"):
         RankWatch(found).check_start(0.0, q, v, project)
+    RankWatch(found).check_start(0.0, q * math.nan, v, project)  # another message says so
     system, p = lowered(
         lagcli.load_text("""
 coordinates: [x, y]
@@ -297,6 +364,26 @@ initial: {x: 0, y: 0, x': 0, y': 0}
     found = Index1(Evaluator(system, p), 1)
     found.measure(0.0, 0 * q, v)
     RankWatch(found).check_start(0.0, 0 * q, 0 * v, Projection(found.evaluator, 1))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_singular_start_at_the_origin_is_found_by_the_size_of_the_constraints(
+    size: float,
+) -> None:
+    """A circle and a saddle that touch: apart from the origin, they meet on an axis."""
+    system, p = lowered(
+        lagcli.load_text(f"""
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+constraints: {{circle: x^2 + (y - {size})^2 = {size}^2, saddle: y = x*z/{size}}}
+initial: {{x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}}
+""")
+    )
+    found = Index1(Evaluator(system, p), 1)
+    origin = np.zeros(3)
+    found.measure(0.0, origin, origin)
+    with pytest.raises(Stop, match=r"the start is a singular configuration: .*`saddle`"):
+        RankWatch(found).check_start(0.0, origin, origin, Projection(found.evaluator, 1))
 
 
 G = 9.81

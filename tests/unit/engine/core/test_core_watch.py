@@ -233,6 +233,13 @@ def test_the_least_singular_value_of_many_rows(solution: str, unit: str) -> None
         assert least * (1 - 1e-9) <= pivot <= least * (1.2 if near > 0.05 else 1.02)
 
 
+def test_the_least_singular_value_of_orthonormal_rows_is_one() -> None:
+    watched = Watched(AMONG_MANY, "in a loop")
+    q = np.zeros(30)
+    q[2:4] = np.pi / 2, 1
+    assert watched.measured(q, 0 * q)[1] == pytest.approx(1.0, rel=1e-12)
+
+
 def angle(w: float, rate: float) -> Array:
     """Return the state (q, v, W) of the two rows."""
     return np.array([0, 0, w, 1, 0, 0, rate, 0, 0])
@@ -359,14 +366,14 @@ def test_what_is_smooth_is_nearly_a_parabola(count: int) -> None:
         fit = Polynomial.fit(x, values, 2)
         deviation = np.abs(values - fit(x)).max()
         given = Arguments()
-        args = given.doubles(t + h * x), given.doubles(values), t, h
+        args = given.doubles(t + h * x), given.doubles(values)
         smooth = parts.lag_part_is_smooth(count, *args)
         if abs(deviation - limit) > 1e-6:
             assert smooth == (count >= 5 and deviation < limit)
             seen.add(smooth)
     assert seen == ({0, 1} if count > 4 else {0})
     values[rng.integers(count)] = np.nan
-    args = given.doubles(t + h * x), given.doubles(values), t, h
+    args = given.doubles(t + h * x), given.doubles(values)
     assert not parts.lag_part_is_smooth(count, *args)
 
 
@@ -552,6 +559,19 @@ def test_what_approaches_is_near_and_nearer_than_before(solution: str) -> None:
     ]  # fmt: skip
     found = [watched.approaches(np.array([0, 0, w, 1])) for w, _ in steps]
     assert found == [expected for _, expected in steps]
+
+
+def test_what_is_near_is_so_beside_the_largest_value_of_all_steps() -> None:
+    """The sine of the angle grows from 0.295 to 1 and falls again."""
+    watched = Watched(TWO_ROWS.replace("w: 1,", "w: 0.3,"), "unrolled")
+    near = []
+    for k, (since, until) in enumerate([(0.3, 1.57), (1.57, 0.31), (0.31, 0.295), (0.295, 0.1)]):
+        walk = np.zeros((6, 9))
+        walk[:, 2], walk[:, 3], walk[:, 6] = np.linspace(since, until, 6), 1, until - since
+        over, found = watched.path(k + np.linspace(0, 1, 6), walk)
+        assert not over
+        near.append(found[3])
+    assert near == [0, 0, 1, 1]
 
 
 @pytest.mark.parametrize("kind", ["", "explicit in t", "redundant"])
