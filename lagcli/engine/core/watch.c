@@ -174,8 +174,7 @@ void lag_watch_step(lag_run *run)
     d->kept = by_factors(run) && (lag_many_rows(run) || (path->exceeded && !run->method->uses_series));
 }
 
-/* Keep B of the dynamics tape at time t, and its distance from the stage before. */
-static void extend_path(lag_run *run, double t)
+void lag_watch_stage(lag_run *run, double t)
 {
     const lag_system *s = &run->system;
     const double *entries = s->dynamics.registers;
@@ -194,11 +193,6 @@ static void extend_path(lag_run *run, double t)
     if (t != path->t)
         path->speed = fmax(path->speed, speed);
     path->t = t;
-}
-
-void lag_watch_stage(lag_run *run, double t)
-{
-    extend_path(run, t);
 }
 
 void lag_watch_determinant(lag_run *run, double t)
@@ -287,7 +281,7 @@ static double least_pivot_inside(lag_run *run, double x)
  * ln |det| does where B keeps its rank. The deviations replace the values. */
 static int is_smooth(int n, const double *x, double *values, int degree, double rough)
 {
-    double before[LAG_DETERMINANTS] = {0.0}, now[LAG_DETERMINANTS], norm = sqrt(n), middle = 0.0, far = 0.0;
+    double before[LAG_DETERMINANTS] = {0.0}, now[LAG_DETERMINANTS], norm = sqrt(n), far = 0.0;
     for (int i = 0; i < n; ++i)
         now[i] = 1.0 / norm;
     for (int k = 0;; ++k) { /* polynomials that are orthogonal at these places, by Stieltjes' recurrence */
@@ -298,11 +292,10 @@ static int is_smooth(int n, const double *x, double *values, int degree, double 
             values[i] -= part * now[i];
         if (k == degree)
             break;
-        double next[LAG_DETERMINANTS];
-        middle = 0.0;
+        double next[LAG_DETERMINANTS], middle = 0.0;
         for (int i = 0; i < n; ++i)
             middle += x[i] * now[i] * now[i];
-        const double last = k ? norm : 0.0;
+        const double last = norm;
         norm = 0.0;
         for (int i = 0; i < n; ++i) {
             next[i] = (x[i] - middle) * now[i] - last * before[i];

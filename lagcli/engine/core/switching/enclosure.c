@@ -60,7 +60,6 @@ void lag_enclosure_bind(lag_run *run, const lag_switching_rules *rules)
             e->state[e->count++] = i;
     e->used = used;
     e->place = lag_get(&run->pool, (size_t)moving, sizeof *e->place);
-    e->range = lag_get(&run->pool, (size_t)e->count, sizeof *e->range);
     e->error = lag_doubles(&run->pool, e->count);
     e->ready = lag_get(&run->pool, (size_t)e->count, sizeof *e->ready);
     e->jets = lag_get(&run->pool, (size_t)e->count * JET, sizeof *e->jets);
@@ -254,19 +253,16 @@ void lag_enclosure_begin(lag_run *run, const double *f)
     for (int i = 0; i < sw->rows && e->watched >> CONDITIONS & 1; ++i)
         if (sw->mode[i] == LAG_HOLDS)
             add_rounding(run, i);
-    for (int i = 0; i < LAG_ENCLOSED_TAPES; ++i)
-        if (e->watched >> i & 1)
-            lag_jets_refresh(e->tapes + i);
     for (int i = 0; i < e->count; ++i) {
         if (!(e->used[e->state[i]] & e->watched))
             continue;
+        lag_interval *range = e->jets + (int64_t)JET * i;
         if (run->stepped->uses_slope) {
-            e->range[i] = enclose_between_ends(run, e->state[i], f);
+            *range = enclose_between_ends(run, e->state[i], f);
         } else { /* its dense output costs nothing */
             const double *b = points_of(run, i, 0);
-            e->range[i] = range_within(b, e->degree, 0.0, 1.0);
+            *range = range_within(b, e->degree, 0.0, 1.0);
         }
-        e->jets[(int64_t)JET * i] = e->range[i];
     }
 }
 
@@ -318,6 +314,7 @@ static void evaluate(lag_run *run, lag_jet_tape *tape, double a, double b, int o
 {
     lag_enclosure *e = &run->switching.enclosure;
     lag_interval *t = lag_jet_input(tape, 0);
+    lag_jets_refresh(tape);
     e->work += order + 1;
     t[0] = (lag_interval){a, b};
     for (int k = 1; k <= order; ++k)
@@ -353,7 +350,7 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
     lag_enclosure *e = &sw->enclosure;
     const double start = run->step.t_old, h = run->step.h_old;
     const int tape = tape_of(sw->watched[k].what);
-    if (!lag_is_of_time(sw, sw->watched + k)) {
+    if (!lag_is_of_time(sw, sw->watched + k)) { /* otherwise, whatever the states are does not matter */
         const double u = fmin(fmax((a - start) / h - DBL_EPSILON, 0.0), 1.0);
         const double v = fmin(fmax((b - start) / h + DBL_EPSILON, 0.0), 1.0);
         for (int i = 0; i < e->count; ++i)
@@ -362,12 +359,6 @@ void lag_enclose(lag_run *run, int k, double a, double b, int order, lag_interva
                 e->jets[(int64_t)JET * i + m] = m <= e->degree ? range_within(b, e->degree - m, u, v)
                                                             : (lag_interval){0.0, 0.0};
             }
-    } else { /* the ranges of states, whose derivatives do not matter */
-        for (int i = 0; i < e->count; ++i) {
-            e->jets[(int64_t)JET * i] = e->range[i];
-            for (int m = 1; m <= order; ++m)
-                e->jets[(int64_t)JET * i + m] = LAG_ANYTHING;
-        }
     }
     evaluate(run, e->tapes + tape, a, b, order);
     take_output(run, k, order, out);
@@ -377,7 +368,6 @@ void lag_enclose_at(lag_run *run, int k, double t, const double *y, const double
 {
     lag_enclosure *e = &run->switching.enclosure;
     const int tape = tape_of(run->switching.watched[k].what);
-    lag_jets_refresh(e->tapes + tape);
     for (int i = 0; i < e->count; ++i) {
         const int state = e->state[i];
         e->jets[(int64_t)JET * i] = (lag_interval){y[state], y[state]};
@@ -393,7 +383,6 @@ double lag_held_error(lag_run *run, int which, double t, const double *y)
     lag_jet_tape *tape = e->tapes + CONDITIONS;
     if (!e->held || which >= run->switching.conditions)
         return 0.0;
-    lag_jets_refresh(tape);
     for (int i = 0; i < e->count; ++i)
         e->jets[(int64_t)JET * i] = (lag_interval){y[e->state[i]], y[e->state[i]]};
     evaluate(run, tape, t, t, 0);

@@ -65,7 +65,6 @@ typedef struct {
     int count;                         /* states that occur in them */
     int *state, *place;                /* count: their indices in y; 2 nq: the inverse */
     int *used;                         /* 2 nq: bits of the tapes that read it */
-    lag_interval *range;               /* count: over the last step */
     lag_interval *jets;                /* count jets: on the interval that is looked at */
     double *error;                     /* count: rounding errors of states that rows hold; of conditions alone */
     int held;                          /* whether there are any */

@@ -86,6 +86,18 @@ def test_of_several_weak_states_the_weakest_is_located(watch: RankWatch) -> None
     assert watch.singular_time(path, 0.0, 1.0) is None
 
 
+def test_the_weakest_state_is_located_between_its_neighbors(watch: RankWatch) -> None:
+    """Of many minima the least, not one beyond the next of 17 states."""
+    least = 0.23 + math.pi / 15
+
+    def path(t: float) -> np.ndarray:
+        away = 0.01 + abs(math.sin(15 * (t - least))) / 30 + 0.1 * abs(t - least)
+        return np.array([math.pi / 2 - away, math.pi / 2 - away, SPEED, SPEED, 0.0])
+
+    for low, high in ((0.0, 0.9), (0.02, 0.95), (0.1, 1.2), (-0.3, 0.5)):
+        assert watch.time_of_least(path, low, high).time == pytest.approx(least, abs=1e-7)
+
+
 def test_a_path_off_the_constraints_is_not_certain(watch: RankWatch) -> None:
     """Two branches that miss each other by its residual: one is turned away, one is not."""
 

@@ -277,8 +277,16 @@ def cubic(start: Array, rate: Array, end: Array, slope: Array, h: float, x: Arra
 def test_the_path_of_b_is_measured_through_all_stages() -> None:
     """Step by step; its margin is a bound of the least singular value."""
     rng = np.random.default_rng(12)
-    for _ in range(12):
-        watched = Watched(TWO_ROWS, "unrolled")
+    # the first entry of B changes, or is constant
+    first = "  one: x = 0\n"
+    rows = (
+        TWO_ROWS,
+        TWO_ROWS.replace(first, "")
+        .replace("two: ", "two: 3*")
+        .replace("initial", f"{first}initial"),
+    )
+    for k in range(12):
+        watched = Watched(rows[k % 2], "unrolled")
         sizes = watched.evaluator.sizes(0.0, watched.request.state.q, watched.request.state.v)
         scale = sizes / watched.core.lengths[:, None]
 
@@ -344,12 +352,14 @@ def test_long_paths_of_few_rows_are_watched_by_the_determinant_from_the_second_o
     assert sweep(4, 0.6, 4.0)[0] == 1
 
 
-def test_the_largest_lengths_of_rows_are_kept() -> None:
-    """The second row's is s, which grows and falls."""
-    watched = Watched(TWO_ROWS.replace("s': 0", "s': 3").replace("w': 1", "w': 0"), "unrolled")
+@pytest.mark.parametrize(("start", "speed", "largest"), [(1, 3, 4), (4, -1, 1)])
+def test_the_largest_lengths_of_rows_are_kept(start: int, speed: int, largest: int) -> None:
+    """The second row's is s, which grows or falls."""
+    text = TWO_ROWS.replace("s: 1", f"s: {start}").replace("s': 0", f"s': {speed}")
+    watched = Watched(text.replace("w': 1", "w': 0"), "unrolled")
     before = watched.core.lengths.copy()
     assert watched.run().counts["steps"] > 1
-    np.testing.assert_allclose(watched.core.lengths / before, [1, 4], rtol=1e-9)
+    np.testing.assert_allclose(watched.core.lengths / before, [1, largest], rtol=1e-9)
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 6, 9, 16])
@@ -414,6 +424,9 @@ def test_among_many_rows_the_place_of_a_minimum_is_bracketed() -> None:
             assert found is not None
             assert max(0.0, place - 4 / 64) <= found[0] + 1e-8
             assert found[0] <= place <= found[1] <= min(1.0, place + 4 / 64) + 1e-8
+            # a part more on both sides: the motion is not quite on the cubic
+            assert found[0] <= max(0.0, place - 1 / 64)
+            assert found[1] >= min(1.0, place + 1 / 64)
             assert not bracket((a + 0.4, 1.2 / h), (a + 1.2, 1.2 / h), h)
             ends = [((x - place) ** 2 - 0.04, 2 * (x - place) / h) for x in (0.0, 1.0)]
             found = bracket(ends[0], ends[1], h)
@@ -423,6 +436,48 @@ def test_among_many_rows_the_place_of_a_minimum_is_bracketed() -> None:
             assert found[1] - found[0] < max(inside) - min(inside) + 8 / 64
             ends = [((x - place) ** 2 + 0.04, 2 * (x - place) / h) for x in (0.0, 1.0)]
             assert not bracket(ends[0], ends[1], h)
+
+
+def test_the_least_singular_value_of_orthogonal_rows_is_that_of_all() -> None:
+    watched = Watched(AMONG_MANY, "in a loop")
+    q = np.zeros(30)
+    q[2:4] = np.pi / 2, 1.0
+    assert watched.measured(q, 0 * q)[1] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_the_largest_value_may_be_found_at_the_end_of_a_step() -> None:
+    """What is near is below 0.3 of it."""
+    watched, ends = Watched(TWO_ROWS.replace("w: 1,", "w: 0.3,"), "unrolled"), (0.3, 1.57, 0.25)
+    for k, near in enumerate((0, 1)):
+        walk = np.zeros((9, 9))
+        walk[:, 2], walk[:, 3] = np.linspace(*ends[k : k + 2], 9), 1
+        walk[:, 6] = ends[k + 1] - ends[k]
+        over, found = watched.path(k + np.linspace(0, 1, 9), walk)
+        assert (over, found[3]) == (0, near)
+
+
+#: A row whose length swings from 0.5 to 2.5 with w, among so many that ln |det| is watched.
+SWINGING = AMONG_MANY.replace("s*(x*cos(w) + y*sin(w))", "s*(1.5 + cos(w))*y")
+
+
+@pytest.mark.parametrize("turns", [60.0, 76.0, 92.0, 128.0])
+def test_where_a_step_has_too_many_parts_the_rest_of_it_is_suspect(turns: float) -> None:
+    """Beside NumPy's least squares, in halves of halves: 40 parts."""
+    places = 0.5 - 0.5 * np.cos(np.arange(8) * np.pi / 7)
+    parts_left = [(0.0, 1.0)]
+    for _ in range(40):
+        low, length = parts_left.pop()
+        values = 2 * np.log(1.5 + np.cos(turns * (low + length * places)))
+        if np.abs(values - Polynomial.fit(places, values, 3)(places)).max() > 0.1:
+            assert length > 1 / 64
+            parts_left += [(low + length / 2, length / 2), (low, length / 2)]
+    watched = Watched(SWINGING, "in a loop")
+    ends = np.zeros((2, 61))
+    ends[:, 3], ends[:, 32] = 1.0, turns
+    ends[1, 2] = turns
+    assert watched.steps_over(*ends, 1.0, 1.0)
+    since, _ = watched.core.step
+    assert np.array(watched.core.suspect) - since == pytest.approx([parts_left[-1][0], 1.0])
 
 
 def test_states_within_a_step_lie_on_the_cubic_through_its_ends() -> None:
@@ -542,10 +597,12 @@ def test_a_small_minimum_counts_below_a_twentieth_of_the_largest(h: float) -> No
     assert not watched.approaches(np.array([0, 0, 1.0, 1]))  # the largest value: of the start
     largest = np.sin(1.0)
     for place in np.linspace(0.05, 0.95, 19):
-        for least, expected in ((0.0495, True), (0.15, False)):
+        for least, bend, expected in ((0.0495, 1.0, True), (0.09, 0.3, False)):
             w = np.arcsin(least * largest)
-            ends = [angle(w + (x - place) ** 2, 2 * (x - place) / h) for x in (0.0, 1.0)]
-            assert watched.steps_over(*ends, h, 2 / h) == expected
+            ends = [
+                angle(w + bend * (x - place) ** 2, 2 * bend * (x - place) / h) for x in (0.0, 1.0)
+            ]
+            assert watched.steps_over(*ends, h, 2 * bend / h) == expected
 
 
 @pytest.mark.parametrize("solution", SOLUTIONS[:2])
