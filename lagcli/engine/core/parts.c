@@ -241,6 +241,12 @@ int lag_part_path(lag_run *run, int count, const double *times, const double *st
     return over;
 }
 
+void lag_part_measure(lag_run *run, double t, const double *y)
+{
+    lag_evaluate(&run->system.constraint, &run->system, t, y, LAG_ALL);
+    lag_measure(run);
+}
+
 int lag_part_is_smooth(int count, const double *times, const double *values)
 {
     lag_determinant d = {.count = count};

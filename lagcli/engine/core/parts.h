@@ -70,6 +70,7 @@ void lag_part_search_cost(const lag_run *run, int64_t *coefficients, int64_t *st
 int lag_part_watch(lag_run *run, double t, const double *y, double *determinant, double *pivot);
 int lag_part_steps_over(lag_run *run, double h, double speed, const double *before, const double *after);
 int lag_part_path(lag_run *run, int count, const double *times, const double *states, double *path);
+void lag_part_measure(lag_run *run, double t, const double *y);
 int lag_part_is_smooth(int count, const double *times, const double *values);
 int lag_part_approaches(lag_run *run, double t, const double *y);
 

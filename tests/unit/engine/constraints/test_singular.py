@@ -13,7 +13,13 @@ from scipy.optimize import brentq
 import lagcli
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.projection import Projection
-from lagcli.engine.constraints.singular import Crossing, RankWatch, SingularTime, _distance
+from lagcli.engine.constraints.singular import (
+    Crossing,
+    RankWatch,
+    SingularTime,
+    _distance,
+    _resolution,
+)
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.sparse_rows import SparseRows
@@ -94,8 +100,26 @@ def test_the_weakest_state_is_located_between_its_neighbors(watch: RankWatch) ->
         away = 0.01 + abs(math.sin(15 * (t - least))) / 30 + 0.1 * abs(t - least)
         return np.array([math.pi / 2 - away, math.pi / 2 - away, SPEED, SPEED, 0.0])
 
-    for low, high in ((0.0, 0.9), (0.02, 0.95), (0.1, 1.2), (-0.3, 0.5)):
+    first = least - 0.035, least + 0.765  # the second of 17 states is the nearest
+    for low, high in ((0.0, 0.9), (0.02, 0.95), (0.1, 1.2), (-0.3, 0.5), (0.0, least), first):
         assert watch.time_of_least(path, low, high).time == pytest.approx(least, abs=1e-7)
+
+
+def test_the_first_of_several_singular_times_is_found(watch: RankWatch) -> None:
+    def path(t: float) -> np.ndarray:
+        angle = math.pi / 2 - math.sin(15 * (t - 0.23)) / 30
+        return np.array([angle, angle, SPEED, SPEED, 0.0])
+
+    found = watch.singular_time(path, 0.1, 0.95)
+    assert found is not None
+    assert found.time == pytest.approx(0.23, abs=1e-9)
+
+
+def test_times_are_resolved_relative_to_the_larger_of_time_and_duration() -> None:
+    assert _resolution(-1.0, 0.0) == 1e-12
+    assert _resolution(0.0, 3.0) == 3e-12
+    assert _resolution(1e6, 1e6 + 1.0) == pytest.approx(1e-6, rel=1e-5)
+    assert _resolution(-5.0, -4.0) == 4e-12
 
 
 def test_a_path_off_the_constraints_is_not_certain(watch: RankWatch) -> None:
@@ -268,6 +292,11 @@ def test_what_is_near_and_how_long_steps_are_is_relative_to_the_largest_value() 
     # away from it, no step is limited
     watch.add(times[3], y(times[3]))
     assert watch.largest_step() == math.inf
+    # a larger value counts from its state on
+    watch.add(1.0, y(SINGULAR_TIME - math.pi / 4))  # where the sine is 1
+    between = y(SINGULAR_TIME - math.asin(0.193) / SPEED)
+    assert watch.weakest(0.0, between) > 0.2 * usual
+    assert watch.near(0.0, between)
 
 
 @pytest.mark.parametrize("scale", [1, 1e5])
@@ -307,6 +336,8 @@ def test_what_the_path_leads_to_is_found_before(watch: RankWatch) -> None:
     for distance in (0.03, 0.02, 0.015, 0.01):
         t = SINGULAR_TIME - distance
         watch.add(t, y(t))
+        # a slope takes two states besides the first
+        assert (watch.largest_step() < math.inf) == (distance < 0.03)
     ahead = watch.ahead()
     assert ahead is not None
     assert ahead.singular.time == pytest.approx(SINGULAR_TIME, abs=1e-7)
@@ -322,6 +353,7 @@ def test_what_the_path_leads_to_is_found_before(watch: RankWatch) -> None:
         (0.123456789012, 3e-10, None, "t = 0.123456789 s"),
         (0.123456789012, 3e-9, None, "t = 0.12345679 s"),
         (0.123456789012, 1.2e-7, None, "t = 0.123457 s"),
+        (0.123456789012, 1.8e-7, None, "t = 0.1234568 s (to within 2e-07 s)"),
         (0.05185076, 4.1e-6, None, "t = 0.051851 s (to within 5e-06 s)"),
         (1.23e-3, 3e-8, 1e-3, "t = 0.00123 s (to within 3e-08 s, extrapolated from t = 0.001 s)"),
         (1234.567, 2.0, 1200.0, "t = 1235 s (to within 2 s, extrapolated from t = 1200 s)"),
@@ -451,6 +483,13 @@ def test_the_motion_continues_as_one_pendulum() -> None:
         np.testing.assert_allclose([*q, *v, work], crank_state(t), rtol=0, atol=1e-9)
         np.testing.assert_allclose(a, -G * math.cos(EXACT(t)[0]), rtol=0, atol=1e-6)
         np.testing.assert_allclose(multipliers, [G], rtol=1e-6)
+
+
+def test_the_states_beyond_are_iterated_until_they_settle() -> None:
+    found = crank_motion()
+    before = [(t, crank_state(t)) for t in SINGULAR - np.array([0.06, 0.04, 0.03, 0.02])]
+    crossing = Crossing(found, Projection(found.evaluator, 1), before, SINGULAR, guess)
+    np.testing.assert_allclose(crossing.state, crank_state(crossing.end), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("last", [0.004, 1e-6, 1e-8])

@@ -325,6 +325,29 @@ def test_the_path_of_b_is_measured_through_all_stages() -> None:
                 break
 
 
+def test_where_rows_become_longer_the_margin_shrinks_as_much() -> None:
+    """The second row's length is s."""
+    watched = Watched(TWO_ROWS, "unrolled")
+    margin = np.sin(1.0) / 2
+
+    def step(t: float, s: float) -> Array:
+        walk = np.zeros((3, 9))
+        walk[:, 2], walk[:, 3] = 1.0, np.linspace(s, s + 0.02, 3)
+        over, found = watched.path(t + np.arange(3.0), walk)
+        assert not over
+        return found
+
+    found = step(0, 1.0)
+    assert found[0] == pytest.approx(0.02)
+    assert found[2] == pytest.approx(margin - 0.02)
+    y = Arguments().doubles([0, 0, 1.0, 2.0, 0, 0, 0, 0, 0])
+    parts.lag_part_measure(watched.core._run, 2.0, y)
+    assert watched.core.lengths == pytest.approx([1, 2])
+    found = step(2, 1.02)
+    assert found[0] == pytest.approx(0.01)
+    assert found[2] == pytest.approx((margin - 0.02) / 2 - 0.01)
+
+
 def test_long_paths_of_few_rows_are_watched_by_the_determinant_from_the_second_on() -> None:
     """The angle swings back and forth, where ln |det| is nearly a parabola; then it passes π."""
     watched = Watched(TWO_ROWS, "unrolled")
@@ -436,24 +459,6 @@ def test_among_many_rows_the_place_of_a_minimum_is_bracketed() -> None:
             assert found[1] - found[0] < max(inside) - min(inside) + 8 / 64
             ends = [((x - place) ** 2 + 0.04, 2 * (x - place) / h) for x in (0.0, 1.0)]
             assert not bracket(ends[0], ends[1], h)
-
-
-def test_the_least_singular_value_of_orthogonal_rows_is_that_of_all() -> None:
-    watched = Watched(AMONG_MANY, "in a loop")
-    q = np.zeros(30)
-    q[2:4] = np.pi / 2, 1.0
-    assert watched.measured(q, 0 * q)[1] == pytest.approx(1.0, rel=1e-12)
-
-
-def test_the_largest_value_may_be_found_at_the_end_of_a_step() -> None:
-    """What is near is below 0.3 of it."""
-    watched, ends = Watched(TWO_ROWS.replace("w: 1,", "w: 0.3,"), "unrolled"), (0.3, 1.57, 0.25)
-    for k, near in enumerate((0, 1)):
-        walk = np.zeros((9, 9))
-        walk[:, 2], walk[:, 3] = np.linspace(*ends[k : k + 2], 9), 1
-        walk[:, 6] = ends[k + 1] - ends[k]
-        over, found = watched.path(k + np.linspace(0, 1, 9), walk)
-        assert (over, found[3]) == (0, near)
 
 
 #: A row whose length swings from 0.5 to 2.5 with w, among so many that ln |det| is watched.
@@ -569,9 +574,11 @@ def test_a_matrix_that_cannot_be_factored_is_singular(w: float) -> None:
         assert not watched.approaches(q)
 
 
-def test_among_many_rows_what_is_near_shows_where_steps_become_short() -> None:
+@pytest.mark.parametrize("turn", ["w", "w + t"])
+def test_among_many_rows_what_is_near_shows_where_steps_become_short(turn: str) -> None:
     """Relative to the largest value found there; until then, ln |det| is watched alone."""
-    watched = Watched(AMONG_MANY.replace("w: 1,", "w: 0.3,"), "in a loop")
+    text = AMONG_MANY.replace("w: 1,", "w: 0.3,").replace("(w)", f"({turn})")
+    watched = Watched(text, "in a loop")
     last, t = 0.3, 0.0
     seen = watched.core.report.examined
     for h, w, computed, near in [
@@ -581,6 +588,9 @@ def test_among_many_rows_what_is_near_shows_where_steps_become_short() -> None:
     ]:  # fmt: skip
         walk = np.zeros((6, 61))
         walk[:, 3], walk[:, 2], walk[:, 32] = 1, np.linspace(last, w, 6), (w - last) / h
+        if turn != "w":
+            walk[:, 2] -= t + h * np.linspace(0, 1, 6)
+            walk[:, 32] -= 1
         over, found = watched.path(t + h * np.linspace(0, 1, 6), walk)
         assert not over
         assert found[2] == 0  # the path of B is no bound there
