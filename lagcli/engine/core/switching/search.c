@@ -491,7 +491,6 @@ int lag_find_instant(lag_run *run)
         if (!lag_is_enclosed(w->what))
             continue;
         const lag_interval value = lag_enclose_step(run, k);
-        w->noise += w->drift * h;
         enclosed_busy |= w->hit = !(value.low > 0.0);
         w->clear = value.low > w->noise;
         if (w->what == LAG_WATCH_CONDITION)

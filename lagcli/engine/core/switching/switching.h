@@ -48,8 +48,7 @@ typedef struct {
     double sign;                       /* of a function whose initial sign may be either */
     double shift;                      /* value below zero at the beginning of the mode, due to rounding */
     double noise;                      /* the function is negative below this, less; else it may be rounding */
-    double drift;                      /* growth of the noise: what counts as no velocity of a gap that opens at zero */
-    int clear;                         /* whether it has been positive beyond the noise in the step */
+    int clear;                         /* whether it has been positive beyond that in the step */
     double value, rate;                /* at the beginning of the step; of functions of a and lambda alone */
     int hit;                           /* whether it may cross zero in the step; whether it does at the instant */
     double resolved;                   /* until then it counts as positive: it has just changed its sign */

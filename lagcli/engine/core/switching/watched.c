@@ -6,7 +6,6 @@
 #include "methods/method.h"
 #include "motion.h"
 #include "switching/enclosure.h"
-#include "switching/impulse.h"
 #include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
@@ -302,7 +301,7 @@ int lag_watch_on(lag_run *run, double t, const double *y, const double *values, 
         lag_watched_function *w = sw->watched + k;
         if (lag_is_enclosed(w->what)) {
             if (w->clear)
-                w->noise = w->drift = 0.0;
+                w->noise = 0.0;
             continue;
         }
         if (w->what == LAG_WATCH_FORCE_CONDITION)
@@ -416,7 +415,6 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         w->noise = values[k] < rounding ? fmax(rounding, -values[k]) : 0.0;
         if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
             w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
-        w->drift = w->what == LAG_WATCH_GAP && lag_meets(run, w->which) ? lag_no_speed(sw, w->which) : 0.0;
         if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > wrong)
             w->noise = rounding; /* it jumps at the instant */
         w->value = fmax(values[k] + w->shift, 0.0);
