@@ -60,3 +60,33 @@ def test_sequences_that_lose_energy_end_with_rest(e: tuple[float, float], order:
     assert loss == pytest.approx(
         RATIO / 2 * (1 - z * z) + (0.25 - y * y) / 2, rel=1e-9, abs=1e-9 * RATIO
     )
+
+
+@pytest.mark.parametrize(
+    ("e", "law", "unique"),
+    [
+        ((0.2, 0.6, 0.2), "poisson", False),
+        ((0.0, 0.6, 0.6), "poisson", False),
+        ((0.2, 0.2, 0.9), "poisson", True),
+        ((0.2, 0.6, 0.2), "newton", True),
+    ],
+)
+def test_redundant_contacts_that_return_different_parts(
+    e: tuple[float, float, float], law: str, *, unique: bool
+) -> None:
+    """Two stops of one slider share its impulse in any way; another slider has its own stop."""
+    text = f"""
+coordinates: [x, y]
+T: x'^2/2 + y'^2/2
+constraints:
+  left: {{expr: x >= 0, restitution: {e[0]}}}
+  right: {{expr: 2*x >= 0, restitution: {e[1]}}}
+  other: {{expr: y >= 0, restitution: {e[2]}}}
+initial: {{x: 0, y: 0, x': -1, y': -1}}
+simulation: {{t_end: 0.5, samples: 2, impacts: {law}}}
+"""
+    run = lagcli.simulate(lagcli.load_text(text))
+    assert run.events is not None
+    assert ("not unique" not in run.events.kinds) == unique
+    assert e[0] - 1e-12 <= run.v[-1, 0] <= e[1] + 1e-12
+    assert run.v[-1, 1] == pytest.approx(e[2])

@@ -6,6 +6,7 @@
 
 #define APPROACH 1e-12 /* of the first approach: slower ones end a sequence */
 #define ROUNDING 1e-14 /* of the terms of a velocity */
+#define SHARED 1e-9    /* of the terms of a velocity: a smaller one, which another share of the impulses gives, is none */
 #define SEQUENCE 200   /* impacts of a sequence per contact, after which the remaining ones occur together */
 
 typedef struct phases {
@@ -16,20 +17,21 @@ typedef struct phases {
     double *before, *restitution;   /* n each, likewise */
     double *error;                  /* n, likewise: of `before` */
     double *taken, *changed;        /* n each, likewise */
+    double *shared, *share;         /* n * n, n: of redundant rows */
     lag_contact_motion first, second;
     void *memory;
-    int *law, *row;
+    int *law, *row, *tied;
     int contacts;                   /* unilateral rows */
 } phases;
 
 static size_t reals(int n)
 {
-    return 13 * (size_t)n + 2 * (size_t)n * n;
+    return 14 * (size_t)n + 3 * (size_t)n * n;
 }
 
 size_t lag_impact_memory(int n)
 {
-    const size_t whole = 4 * (size_t)n * sizeof(int);
+    const size_t whole = 5 * (size_t)n * sizeof(int);
     return lag_contact_memory(n) + reals(n) * sizeof(double) + whole;
 }
 
@@ -40,14 +42,15 @@ static phases prepare(const lag_impact *impact, void *memory)
     double *next = memory;
     double **const parts[] = {
         &p.offset, &p.limit, &p.none, &p.before, &p.restitution, &p.taken, &p.changed,
-        &p.rounding, &p.error, &p.first.force, &p.first.motion, &p.second.force, &p.second.motion};
+        &p.rounding, &p.error, &p.share, &p.first.force, &p.first.motion, &p.second.force, &p.second.motion};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
         *parts[i] = next;
     p.matrix = next;
     p.slope = p.matrix + n * n;
-    p.memory = p.slope + n * n;
+    p.shared = p.slope + n * n;
+    p.memory = p.shared + n * n;
     int *whole = (int *)((char *)p.memory + lag_contact_memory(n));
-    int **const lists[] = {&p.first.mode, &p.second.mode, &p.law, &p.row};
+    int **const lists[] = {&p.first.mode, &p.second.mode, &p.law, &p.row, &p.tied};
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i, whole += n)
         *lists[i] = whole;
     memset(p.none, 0, n * sizeof *p.none);
@@ -102,6 +105,89 @@ static int newton(phases *p, const lag_impact *of, double *impulse, double *afte
     return motions;
 }
 
+/* The velocity of row i by impulses of listed rows, or of their returned parts, if it is not zero but for rounding. */
+static double velocity(const lag_impact *of, int i, int count, const int *rows, const double *impulse, int returned)
+{
+    double sum = 0.0, terms = 0.0;
+    for (int k = 0; k < count; ++k) {
+        const int j = rows[k];
+        const double part = of->law[j] == LAG_UNILATERAL ? of->restitution[j] : 0.0;
+        const double x = of->matrix[i * of->n + j] * impulse[k] * (returned ? part : 1.0);
+        sum += x;
+        terms += fabs(x);
+    }
+    return fabs(sum) > SHARED * terms ? sum : 0.0;
+}
+
+/* Eliminate the redundant rows' matrix, m * m, from those that depend least on others. Marks the pivots in `done`. */
+static void eliminate(double *a, int m, const double *whole, int n, const int *rows, int *done)
+{
+    memset(done, 0, (size_t)m * sizeof *done);
+    for (;;) {
+        double most = SHARED;
+        int at = -1;
+        for (int k = 0; k < m; ++k) {
+            const double part = a[k * m + k] / whole[rows[k] * n + rows[k]];
+            if (!done[k] && part > most)
+                most = part, at = k;
+        }
+        if (at < 0)
+            return;
+        done[at] = 1;
+        for (int j = 0, pivot = at * m + at; j < m; ++j)
+            if (j != at)
+                a[at * m + j] /= a[pivot];
+        for (int i = 0; i < m; ++i)
+            for (int j = 0; i != at && j < m; ++j)
+                if (j != at)
+                    a[i * m + j] -= a[i * m + at] * a[at * m + j];
+    }
+}
+
+/* Whether the velocities after the expansion depend on how redundant contacts share the impulses of the compression:
+ * z with A z = 0, by which they may change, but A (e z) is not 0. */
+static int depends_on_shares(phases *p, const lag_impact *of, const double *impulse)
+{
+    const int n = of->n;
+    int m = 0, differ = 0, *rows = p->tied, first = -1;
+    for (int i = 0; i < n; ++i) {
+        if (of->law[i] == LAG_LIMITED || p->first.mode[i] == LAG_OPEN || !(of->matrix[i * n + i] > 0.0))
+            continue;
+        rows[m++] = i;
+        if (of->law[i] == LAG_UNILATERAL) {
+            first = first < 0 ? i : first;
+            differ |= of->restitution[i] != of->restitution[first];
+        }
+    }
+    if (!differ)
+        return 0;
+    for (int i = 0; i < m; ++i)
+        for (int j = 0; j < m; ++j)
+            p->shared[i * m + j] = of->matrix[rows[i] * n + rows[j]];
+    int *done = p->first.mode; /* which the expansion writes next */
+    eliminate(p->shared, m, of->matrix, n, rows, done);
+    for (int f = 0; f < m; ++f) {
+        int moves = 0, changes = 0, up = 1, down = 1;
+        if (done[f])
+            continue;
+        for (int k = 0; k < m; ++k)
+            p->share[k] = k == f ? 1.0 : done[k] ? -p->shared[k * m + f] : 0.0;
+        for (int i = 0; i < n; ++i) {
+            moves |= velocity(of, i, m, rows, p->share, 0) != 0.0;
+            changes |= velocity(of, i, m, rows, p->share, 1) != 0.0;
+        }
+        for (int k = 0; k < m; ++k) {
+            if (of->law[rows[k]] != LAG_UNILATERAL || impulse[rows[k]] > 0.0)
+                continue;
+            up &= p->share[k] >= 0.0;
+            down &= p->share[k] <= 0.0;
+        }
+        if (!moves && changes && (up || down))
+            return 1;
+    }
+    return 0;
+}
+
 /* Poisson's law: compression; then expansion, a problem of x - e x_C. */
 static int poisson(phases *p, const lag_impact *of, double *impulse, double *after)
 {
@@ -113,6 +199,8 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
     pass_on(p, of, LAG_COMPRESSION);
     memcpy(impulse, p->first.force, n * sizeof *impulse);
     memcpy(after, p->first.motion, n * sizeof *after);
+    if (depends_on_shares(p, of, impulse))
+        motions = LAG_TWO_MOTIONS;
     memcpy(p->offset, after, n * sizeof *after);
     memset(p->limit, 0, n * sizeof *p->limit);
     for (int j = 0; j < n; ++j) {
