@@ -113,6 +113,23 @@ def test_times_are_landed_on_exactly() -> None:
     assert event.q[0] == pytest.approx((0.7 - 1) * (0.7 - 2) * (0.7 - 3), abs=1e-13)
 
 
+@pytest.mark.parametrize("end", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(
+    ("late", "happens"), [(0.0, True), (0.6, True), (0.95, True), (1.05, False), (3.0, False)]
+)
+def test_a_root_within_1e_12_of_the_run_beyond_its_end_is_at_the_end(
+    late: float, end: float, *, happens: bool
+) -> None:
+    model = load_text(f"""
+coordinates: [x]
+T: x'^2/2
+initial: {{x: 0, x': 1}}
+events: {{hit: {{when: x >= {end * (1 + late * 1e-12)!r}}}}}
+simulation: {{times: [0, {end}]}}
+""")
+    assert len(run_contact(model).outcome.events) == happens
+
+
 def test_a_model_without_contacts_is_not_switched() -> None:
     plain = run(CUBIC.split("events:")[0] + "initial: {x: -6, x': 11}\nsimulation: {times: [0, 4]}")
     assert plain.system.switching is None
