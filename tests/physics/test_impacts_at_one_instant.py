@@ -90,3 +90,21 @@ simulation: {{t_end: 0.5, samples: 2, impacts: {law}}}
     assert ("not unique" not in run.events.kinds) == unique
     assert e[0] - 1e-12 <= run.v[-1, 0] <= e[1] + 1e-12
     assert run.v[-1, 1] == pytest.approx(e[2])
+
+
+@pytest.mark.parametrize(("e", "why"), [(0.8, "with different coefficients of"), (0.1, "")])
+def test_an_impact_that_gains_energy_names_the_coefficients(e: float, why: str) -> None:
+    """With one coefficient for both contacts, Poisson's law gains none."""
+    run = lagcli.simulate(
+        lagcli.load_text(f"""
+coordinates: [x, y, z]
+T: 0.77*x'^2 + 0.7*x'*y' - 0.98*x'*z' + 1.81*y'^2 - 1.89*y'*z' + 0.725*z'^2
+constraints:
+  left: {{expr: x >= 0, restitution: 0.1, friction: 1, slip: z'}}
+  right: {{expr: y >= 0, restitution: {e}}}
+initial: {{x: 0, y: 0, z: 0, x': -0.4, y': -0.4, z': -0.4}}
+simulation: {{t_end: 0.1, samples: 2}}
+""")
+    )
+    assert run.status == ("failed" if why else "completed")
+    assert why in run.message

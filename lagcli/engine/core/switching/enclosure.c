@@ -293,7 +293,6 @@ static void take_output(lag_run *run, int k, int order, lag_interval *out)
     double sign = w->sign;
     if (w->what == LAG_WATCH_SLIP) {
         slip_jet(run, tape, w->which, order, out);
-        sign *= sw->sign[w->which];
     } else if (w->what == LAG_WATCH_GAP) {
         memcpy(out, lag_jet_output(tape, sw->place[w->which]), size);
         sign *= sw->sign[w->which];
