@@ -104,7 +104,14 @@ def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
         The text is not YAML, is empty, has another kind of root, or exceeds a bound.
     """
     try:
-        return _Composer(source).document()
+        try:
+            return _Composer(source, getattr(yaml, "CSafeLoader", yaml.SafeLoader)).document()
+        except yaml.YAMLError as error:
+            if "nesting depth" not in str(error):
+                raise
+        # libyaml scans ahead and stops at its own bound of 1000 levels: the parser in Python
+        # reaches the level where the composer stops
+        return _Composer(source, yaml.SafeLoader).document()
     except yaml.YAMLError as error:
         raise ModelError([explain(source, error)]) from None
 
@@ -118,9 +125,8 @@ class _ComposedEntry(NamedTuple):
 class _Composer:
     """Builds nodes from events, with bounds on depth, size and aliases."""
 
-    def __init__(self, source: Source):
+    def __init__(self, source: Source, loader: type[yaml.SafeLoader]):
         self.source = source
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         self.events = yaml.parse(_with_hidden_brackets(source.text), Loader=loader)
         self.anchors: dict[str, tuple[YamlNode, int]] = {}
         self.open: set[str] = set()

@@ -227,8 +227,19 @@ def test_braces_for_parentheses_are_text() -> None:
     assert value("a: {m*g}").value == "{m*g}"
 
 
-def test_depth_is_bounded() -> None:
-    assert "nested deeper" in errors("a: " + "[" * 10_000)
+@pytest.mark.parametrize("levels", [MAX_DEPTH + 1, 999, 1001, 10_000])
+@pytest.mark.parametrize(
+    "text", ["[", "{", "{a: ", "- ", "? ", "[{", "a:\n"], ids=["[", "{", "{a:", "-", "?", "[{", "a:"]
+)
+def test_depth_is_bounded(text: str, levels: int) -> None:
+    if text == "a:\n":
+        nested = "\n".join(" " * level + "a:" for level in range(min(levels, 2000)))
+    else:
+        nested = text * levels if text in "- ? " else "a: " + text * levels
+    assert f"nested deeper than {MAX_DEPTH} levels" in errors(nested)
+
+
+def test_depth_up_to_the_bound_is_read() -> None:
     deep = "a: " + "[" * (MAX_DEPTH - 1) + "]" * (MAX_DEPTH - 1)
     assert isinstance(compose(Source(deep, "f"))[0].entries["a"][1], Sequence)
 
