@@ -15,7 +15,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Int32
 from lagcli.engine.program.nodes import INDEXED, VECTOR, Node
-from lagcli.engine.program.vectorize import LONG, WORTH, Packing
+from lagcli.engine.program.vectorize import LONG, REPEATED, WORTH, Packing, repeated
 from lagcli.engine.tape.operations import ARITY, PLACES, Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.named_tuples import NamedTuple
@@ -193,7 +193,7 @@ def _arranged(
     there are; complete ``place``.
     """
     count, operations = len(place), sum(map(len, parts))
-    if operations >= long:
+    if operations >= long and repeated(parts) >= REPEATED * operations:
         packing = Packing(dict(place), count, families, isomorphic)
         streams = packing.streams(parts, needed)
         if packing.packed >= WORTH * operations:
