@@ -98,7 +98,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
         main=streams[0],
         deferred=tuple(streams[1:]),
         output_subsets=tuple(
-            excerpt(streams[0], count, [place[x] for x in _asked_of_main(tape, some, of, parts)])
+            excerpt(streams[0], [place[x] for x in _asked_of_main(tape, some, of, parts)])
             for some in tape.output_subsets
         ),
         registers=registers,
@@ -355,38 +355,24 @@ def stream(nodes: Sequence[Node], end: int = Op.END) -> Int32:
     return np.array([*numbers, end, 0], dtype=np.int32)
 
 
-Registers = slice | list[int]
-
-
 class _Step(NamedTuple):
     """A scalar or vector operation of a stream, and its registers."""
 
     op: int
     size: int
     numbers: list[int]
-    results: Registers
-    operands: list[Registers]
+    results: Sequence[int]
+    operands: list[Sequence[int]]
 
 
-def excerpt(stream: Int32, registers: int, results: Iterable[int]) -> Int32:
-    """Return the operations of a stream on which some final registers depend.
-
-    Parameters
-    ----------
-    stream : int32 array
-    registers : int
-        Size of the register file.
-    results : iterable of int
-        The registers.
-    """
-    live = np.zeros(registers, dtype=bool)
-    live[list(results)] = True
+def excerpt(stream: Int32, registers: Iterable[int]) -> Int32:
+    """Return the operations of a stream on which the final values of some registers depend."""
+    live = set(registers)
     kept = []
     for step in reversed(list(_steps(stream.tolist()))):
-        if live[step.results].any():
-            live[step.results] = False
-            for operand in step.operands:
-                live[operand] = True
+        if not live.isdisjoint(step.results):
+            live.difference_update(step.results)
+            live.update(*step.operands)
             kept.append(step)
     return _joined((step.op, step.size, step.numbers) for step in reversed(kept))
 
@@ -432,7 +418,7 @@ def _steps(numbers: list[int]) -> Iterator[_Step]:
                 yield _Step(op, 1, own, own[:first], [own[first:]])
             continue
         begin, at = at, at + 1
-        operands: list[Registers] = []
+        operands: list[Sequence[int]] = []
         for _ in range(PLACES[op - VECTOR] - 1):
             first, step = numbers[at : at + 2]
             at += 2
@@ -442,4 +428,4 @@ def _steps(numbers: list[int]) -> Iterator[_Step]:
             else:
                 operands.append([first + i * step for i in range(n)])
         to = numbers[begin]
-        yield _Step(op, n, numbers[begin:at], slice(to, to + n), operands)
+        yield _Step(op, n, numbers[begin:at], range(to, to + n), operands)
