@@ -33,6 +33,7 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.algebra import count_terms, expand_terms
+from lagcli.model.expression.functions import parts_of
 from lagcli.model.model import TIME
 from lagcli.named_tuples import NamedTuple
 
@@ -76,10 +77,10 @@ class Monomials:
 
     def exponential(self, expression: Basic) -> Basic:
         """Return an expression with the parameters' values, and exponentials for sin and cos."""
-        for x in expression.atoms(se.RealDouble):
+        for x in parts_of(expression, se.RealDouble):
             expression = expression.xreplace({x: symbolic(rational(float(x)))})
         put_in = expression.xreplace(self._values)
-        waves = {f: self._wave(f) for f in put_in.atoms(se.sin, se.cos)}
+        waves = {f: self._wave(f) for f in parts_of(put_in, se.sin, se.cos)}
         return put_in.xreplace(waves) if waves else put_in
 
     def terms(self, exponential: Basic) -> Iterator[Term]:

@@ -9,7 +9,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.expression.constants import number
-from lagcli.model.expression.functions import KINKS, derivative, pieces
+from lagcli.model.expression.functions import KINKS, derivative, kinks_of, parts_of, pieces
 
 _LARGEST = 20_000  # maximum number of terms of an expansion
 
@@ -41,7 +41,9 @@ def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
 
     The derivative does not show it: that of floor(v) and of if(v > 0, 1, 2) is zero.
     """
-    for kink in expression.atoms(*KINKS):
+    for kink in kinks_of(expression):
+        if not isinstance(kink, KINKS):
+            continue
         deciding = kink.args[1::2] if isinstance(kink, se.Piecewise) else kink.args
         for symbol in symbols:
             if any(symbol in part.free_symbols for part in deciding):
@@ -52,8 +54,8 @@ def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
 def expand_terms(expression: Basic) -> Basic:
     """Expand products and powers of sums, also inside piecewise expressions."""
     # SymEngine expands only some denominators, which then differ from equal ones
-    atoms = expression.atoms(se.Pow, se.Piecewise)
-    apart = {x if isinstance(x, se.Piecewise) else x.args[0] for x in atoms if _is_apart(x)}
+    parts = parts_of(expression, se.Pow, se.Piecewise)
+    apart = {x if isinstance(x, se.Piecewise) else x.args[0] for x in parts if _is_apart(x)}
     if not apart:
         return se.expand(expression)
     held = {part: se.Symbol(f"\ufdd0{i}") for i, part in enumerate(apart)}
@@ -120,7 +122,7 @@ def is_zero(expression: Basic) -> bool:
 
     A piecewise expression may vanish at the points and not elsewhere; it is expanded instead.
     """
-    if expression.atoms(*KINKS):
+    if any(isinstance(x, KINKS) for x in kinks_of(expression)):
         return count_terms(expression) <= _LARGEST and bool(expand_terms(expression) == 0)
     symbols = sorted(expression.free_symbols, key=str)
     for k in range(1, 4):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import symengine as se
@@ -108,12 +109,26 @@ def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> 
     return se.Add(*slopes).xreplace({name: kink for kink, name in held.items()})
 
 
-def kinks_of(expression: Basic) -> set[Basic]:
+# one expression is differentiated with respect to several symbols
+@lru_cache(maxsize=8)
+def kinks_of(expression: Basic) -> frozenset[Basic]:
     """Return the parts that SymEngine does not differentiate."""
-    kinks: set[Basic] = expression.atoms(*KINKS)
-    if _OPAQUE:
-        kinks |= {x for x in expression.atoms(se.FunctionSymbol) if is_opaque(x)}
-    return kinks
+    found = parts_of(expression, *KINKS, se.FunctionSymbol)
+    return frozenset(x for x in found if isinstance(x, KINKS) or is_opaque(x))
+
+
+def parts_of(expression: Basic, *kinds: type[Basic]) -> set[Basic]:
+    """Return the parts of an expression that are of some kinds.
+
+    Each part is visited once, however often it occurs; SymEngine's `atoms` visits it each time.
+    """
+    seen, left = {expression}, [expression]
+    while left:
+        # conditions of cases may be Python's True
+        new = {x for x in getattr(left.pop(), "args", ()) if x not in seen}
+        seen |= new
+        left += new
+    return {x for x in seen if isinstance(x, kinds)}
 
 
 def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:

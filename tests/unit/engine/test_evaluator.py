@@ -103,3 +103,40 @@ def test_many_states_are_evaluated_as_one_by_one() -> None:
         potential = 9.81 * M * q[i, 1]
         expected = [kinetic, potential, kinetic + potential, -0.5 * v[i, 0] ** 2, 0.0]
         np.testing.assert_allclose(report[:, i], expected, rtol=1e-12, atol=1e-14)
+
+
+def test_successive_calls_at_one_state_and_at_others() -> None:
+    """Outputs are those of the state, the values of parameters and the sign of zero."""
+    system, p = lowered(
+        lagcli.load_text("""
+coordinates: [x]
+parameters: {m: 2.0}
+T: m*x'^2/2
+Q: {x: m*atan2(x, -1)}
+initial: {x: 0, x': 0}
+""")
+    )
+    evaluator, zero = Evaluator(system, p), np.zeros(1)
+    other = evaluator.with_parameters((3.0,))
+    for _ in range(2):
+        for of, m in ((evaluator, 2.0), (other, 3.0)):
+            for x, angle in ((0.0, math.pi), (-0.0, -math.pi), (1.0, 0.75 * math.pi)):
+                d = of.dynamics(0.0, np.array([x]), zero)
+                np.testing.assert_allclose(d.forcing, [m * angle], rtol=1e-15)
+                np.testing.assert_array_equal(d.mass_matrix, [[m]])
+                d.forcing[:] = np.nan  # its own numbers
+
+
+def test_successive_calls_beside_a_jump_of_an_input() -> None:
+    text = """
+coordinates: [x]
+T: x'^2/2
+Q: {x: u}
+inputs: {u: {times: [0, 1, 2], values: [0, 5, 7], interpolation: step}}
+initial: {x: 0, x': 0}
+"""
+    system, p = lowered(lagcli.load_text(text))
+    evaluator, zero = Evaluator(system, p), np.zeros(1)
+    assert evaluator.dynamics(1.0, zero, zero).forcing == [5.0]
+    evaluator.hold(0.5)
+    assert evaluator.dynamics(1.0, zero, zero).forcing == [0.0]

@@ -15,7 +15,15 @@ from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.program.nodes import INDEXED, VECTOR
 from lagcli.engine.program.program import assemble, unpacked
-from lagcli.engine.program.vectorize import LONGEST, SHORTEST, Packing, pieces, progressions, steps
+from lagcli.engine.program.vectorize import (
+    LONGEST,
+    SHORTEST,
+    Packing,
+    pieces,
+    progressions,
+    repeated,
+    steps,
+)
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import PLACES, Op
 from lagcli.engine.tape.tape import Builder, Tape
@@ -280,3 +288,28 @@ def test_places_are_written_by_first_and_step_or_one_by_one(
     places: list[int], expected: tuple[int, ...]
 ) -> None:
     assert tuple(steps(places)) == expected
+
+
+@pytest.mark.parametrize("copies", [1, SHORTEST - 1, SHORTEST, 40])
+def test_repeated_operations(copies: int) -> None:
+    """Those of one function of inputs, whichever inputs these are; a result counts as its use."""
+    own = [(Op.MUL, (1000 + i,), (i, i + 1)) for i in range(copies)]
+    sums = [(Op.ADD, (2000 + i,), (1000 + i, 7)) for i in range(copies)]
+    both = [(Op.SINCOS, (3000 + 2 * i, 3001 + 2 * i), (2000 + i,)) for i in range(copies)]
+    sine = (Op.ADD, (5000,), (3000, 3000))
+    cosines = [(Op.ADD, (6000 + i,), (3001 + 2 * i, 3001 + 2 * i)) for i in range(copies)]
+    expected = 4 * copies if copies >= SHORTEST else 0
+    assert repeated([own + sums, [*both, sine, *cosines]]) == expected
+
+
+def test_programs_of_operations_that_do_not_repeat_have_no_vectors() -> None:
+    """Equal ones or not: results are those of single operations, and vectors are where they pay."""
+    rng = random.Random(5)
+    symbols = [se.Symbol(f"x_{i}") for i in range(40)]
+    values = list(symbols)
+    for _ in range(1800):
+        values.append(rng.choice([se.sin, se.exp, se.sqrt])(rng.choice(values[-60:])) * symbols[1])
+    diverse = assemble(compile_tape(values[-60:], symbols, []), ["x"] * 40)
+    assert operations(diverse.main)[0] == 0
+    tape, families = chain(BODIES)
+    assert operations(assemble(tape, [*families, None]).main)[0] > 0

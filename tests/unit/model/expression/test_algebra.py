@@ -16,7 +16,7 @@ from lagcli.model.expression.algebra import (
     kinked_in,
     nonlinear_in,
 )
-from lagcli.model.expression.functions import apply
+from lagcli.model.expression.functions import apply, parts_of
 
 X, Y, V, W = se.symbols("x y v w")
 CASES = se.Piecewise((V, se.Lt(X, 0)), (2 * V, se.true))
@@ -111,3 +111,24 @@ def test_large_terms_cancel_without_overflow() -> None:
     assert cancel([0.0, 0.0], 1e-12)
     assert cancel([], 1e-12)
     assert not is_zero(1e308 * X + 1.1e308 * X**2)
+
+
+def test_parts_of_expressions() -> None:
+    x, y = se.symbols("x y")
+    case = se.Piecewise((se.sin(x), x > se.floor(y)), (se.sin(se.cos(x)), True))
+    expression = se.exp(case) * se.sin(x) + 2.5 * y**3
+    assert parts_of(expression, se.sin) == {se.sin(x), se.sin(se.cos(x))}
+    assert parts_of(expression, se.cos, se.floor) == {se.cos(x), se.floor(y)}
+    assert parts_of(expression, se.Piecewise) == {case}
+    assert parts_of(expression, se.RealDouble) == {se.RealDouble(2.5)}
+    assert parts_of(x, se.Symbol) == {x}
+    assert parts_of(x, se.sin) == set()
+
+
+def test_parts_of_an_expression_that_repeats_itself() -> None:
+    """2^200 parts, of which 400 are different."""
+    x = expression = se.Symbol("x")
+    for _ in range(200):
+        expression = se.sin(expression) + se.cos(expression)
+    assert len(parts_of(expression, se.sin, se.cos)) == 400
+    assert parts_of(expression, se.Symbol) == {x}

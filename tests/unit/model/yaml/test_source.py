@@ -229,7 +229,9 @@ def test_braces_for_parentheses_are_text() -> None:
 
 @pytest.mark.parametrize("levels", [MAX_DEPTH + 1, 999, 1001, 10_000])
 @pytest.mark.parametrize(
-    "text", ["[", "{", "{a: ", "- ", "? ", "[{", "a:\n"], ids=["[", "{", "{a:", "-", "?", "[{", "a:"]
+    "text",
+    ["[", "{", "{a: ", "- ", "? ", "[{", "a:\n"],
+    ids=["[", "{", "{a:", "-", "?", "[{", "a:"],
 )
 def test_depth_is_bounded(text: str, levels: int) -> None:
     if text == "a:\n":
