@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+import lagcli
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, run_contact
 from tests.support.switching_models import BLOCK
@@ -123,3 +124,89 @@ def test_events_that_do_not_end() -> None:
     )
     assert found.outcome.status == "failed"
     assert found.outcome.message == "events do not end at t = 0.125 s: `up`, `down`"
+
+
+FREE: dict[str, Any] = {
+    "coordinates": ["x"],
+    "T": "x'^2/2",
+    "initial": {"x": 0, "x'": 1},
+    "simulation": {"t_end": 12, "samples": 13},
+}
+
+
+def at(time: float, **values: str | float) -> dict[str, Any]:
+    """Return an event at one time that sets values."""
+    return {
+        "every": 100,
+        "offset": time,
+        "set": {k.replace("_dot", "'"): v for k, v in values.items()},
+    }
+
+
+def happened(events: dict[str, Any], **changes: Any) -> list[tuple[float, str]]:
+    """Return the log of a free body, rounded."""
+    found = lagcli.simulate(
+        load_text(yaml.safe_dump({**FREE, **changes, "events": events}, sort_keys=False))
+    )
+    assert found.status == "completed"
+    assert found.events is not None
+    return [
+        (round(float(t), 6), name)
+        for t, name in zip(found.events.time, found.events.names, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("sign", [">=", "<=", "="])
+def test_a_body_that_its_event_stops_at_the_bound_may_leave_it(
+    side: int, way: int, sign: str
+) -> None:
+    if sign != "=":
+        sign = ">=" if side > 0 else "<="
+    stop = {"when": f"x {sign} {5 * side}", "set": {"x": 5 * side, "x'": 0}}
+    found = happened({"stop": stop, "go": at(7.0, x_dot=way)}, initial={"x": 0, "x'": side})
+    assert found == [(5.0, "stop"), (7.0, "go")]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("force", ["1", "t", "t^3"])
+def test_a_body_that_starts_at_rest_at_the_bound_leaves_it_without_an_event(
+    way: int, force: str
+) -> None:
+    changes = {"initial": {"x": 5, "x'": 0}, "Q": {"x": f"{way}*{force}"}}
+    assert happened({"there": {"when": "x = 5"}, "fast": {"when": "x' = 0"}}, **changes) == []
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_body_that_left_a_bound_may_return_to_it(way: int) -> None:
+    events = {"there": {"when": "x = 5"}, "go": at(2.0, x_dot=way), "back": at(4.0, x_dot=-way)}
+    changes = {"initial": {"x": 5, "x'": 0}}
+    assert happened(events, **changes) == [(2.0, "go"), (4.0, "back"), (6.0, "there")]
+
+
+@pytest.mark.parametrize("kind", ["linear", "step"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_body_that_rests_at_a_bound_may_be_pushed_off_it(kind: str, way: int) -> None:
+    u = {"times": [0, 7, 8], "values": [0, 0, way], "interpolation": kind, "extend": "hold"}
+    stop = {"when": "x = 5", "set": {"x": 5, "x'": 0}}
+    assert happened({"stop": stop}, inputs={"u": u}, Q={"x": "u"}) == [(5.0, "stop")]
+
+
+@pytest.mark.parametrize(("force", "expected"), [(0.5, True), (0.0, False), (-0.5, False)])
+@pytest.mark.parametrize("sign", [">=", "="])
+def test_an_action_onto_the_bound_of_another_event(force: float, expected: bool, sign: str) -> None:
+    events = {"put": at(1.0, x=7.0, x_dot=0), "there": {"when": f"x {sign} 7"}}
+    found = happened(events, Q={"x": force}, simulation={"t_end": 2})
+    assert found == [(1.0, "put")] + [(1.0, "there")] * expected
+
+
+def test_a_body_that_an_action_left_on_a_bound_passes_it_later() -> None:
+    for way in (1, -1):
+        events = {
+            "put": at(1.0, x=7.0, x_dot=0),
+            "there": {"when": "x >= 7"},
+            "go": at(2.0, x_dot=way),
+        }
+        found = happened(events, simulation={"t_end": 3})
+        assert found == [(1.0, "put"), (2.0, "go")] + [(2.0, "there")] * (way > 0)

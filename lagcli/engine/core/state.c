@@ -219,6 +219,7 @@ static void watched(lag_archive *a, lag_switching *sw)
         lag_condition *x = sw->condition + c;
         flag(a, &x->holds);
         lag_archive_int(a, &x->happened, 0, 2);
+        lag_archive_int(a, &x->rests, LAG_OFF_ZERO, LAG_LEAVES_ZERO);
         real(a, &x->largest);
         real(a, &x->value);
         real(a, &x->off);

@@ -121,6 +121,8 @@ static int begin_instant(lag_run *run)
         lag_condition *condition = sw->condition + c;
         condition->happened = 0;
         condition->value = lag_condition_value(run, c, sw->instant, sw->before);
+        if (condition->rests)
+            condition->rests = fabs(condition->value) <= lag_condition_noise(condition) ? LAG_AT_ZERO : LAG_OFF_ZERO;
         const int root = c < sw->conditions && fabs(condition->off) <= WRONG * lag_condition_noise(condition);
         condition->off = root ? fabs(condition->value - condition->off) : 0.0;
     }
@@ -323,6 +325,10 @@ static int update_conditions(lag_run *run)
             continue;
         const int holds = value >= 0.0, changes = holds != condition->holds;
         condition->holds = holds;
+        if (condition->rests) { /* it leaves zero */
+            condition->rests = LAG_OFF_ZERO;
+            continue;
+        }
         if (sw->begun && changes && (condition->either ? !condition->happened : holds)) {
             condition->happened = 1;
             sw->report = 1;

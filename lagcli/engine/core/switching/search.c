@@ -28,6 +28,7 @@
 #define EARLY 0.25          /* of an interval: where a concave function is looked for above zero; after an impact, steps
                                are twice a flight */
 #define SHARP 60            /* halvings in the location of a minimum */
+#define EARLIEST 0x1p-40    /* of a step: where it is asked first to which side a function leaves zero */
 
 /* Accuracy of a root before t, in the last step. */
 static double exact_in(const lag_run *run, double t)
@@ -414,6 +415,31 @@ static double first_of(lag_run *run, int k, const double *nodes)
     return again;
 }
 
+/* Find the sides to which conditions that rest at zero leave it in the last step: where they are first beyond rounding. */
+static void find_sides(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    for (int k = 0; k < sw->watched_count; ++k) {
+        lag_watched_function *w = sw->watched + k;
+        if (!w->hit || !lag_is_enclosed(w->what) || w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].rests)
+            continue;
+        lag_condition *condition = sw->condition + w->which;
+        const double low = sw->since, h = run->step.t - low, noise = fmax(w->noise, lag_condition_noise(condition));
+        double part = EARLIEST;
+        int side = 0;
+        for (; part <= 1.0 && !side; part *= 2.0) {
+            lag_interval value;
+            lag_enclose(run, k, low + part * h, low + part * h, 0, &value);
+            side = value.low > noise ? 1 : value.high < -noise ? -1 : 0;
+        }
+        condition->rests = side ? LAG_LEAVES_ZERO : LAG_AT_ZERO;
+        if (side < 0) {
+            condition->holds = !condition->holds;
+            w->sign = -w->sign;
+        }
+    }
+}
+
 /* Record conditions that have ended before t. */
 static void end_conditions(lag_run *run, double t)
 {
@@ -525,8 +551,10 @@ int lag_find_instant(lag_run *run)
         if (run->step.dense_inaccurate)
             return 0; /* the caller repeats the step */
     }
-    if (enclosed_busy)
+    if (enclosed_busy) {
         lag_enclosure_stray(run);
+        find_sides(run);
+    }
     if (busy || enclosed_busy) {
         sw->instant = first_of_all(run, nodes);
         if (run->step.dense_inaccurate)

@@ -76,12 +76,16 @@ typedef struct {
 /* How a condition's function depends on t: not at all, besides the state, or alone. */
 enum lag_time_in { LAG_NO_TIME, LAG_TIME_AND_STATE, LAG_TIME_ALONE };
 
+/* A condition that triggers in both directions has no side while it is zero. */
+enum lag_at_zero { LAG_OFF_ZERO, LAG_AT_ZERO, LAG_LEAVES_ZERO /* in the last step */ };
+
 /* A condition of events. */
 typedef struct {
     int holds;
     int either;                        /* whether it triggers in both directions */
     int time;                          /* how its function depends on t: a lag_time_in */
     int happened;                      /* at this instant: 1, and 2 once it has been reported */
+    int rests;                         /* whether it triggers in both directions and has no side: a lag_at_zero */
     double largest;                    /* value so far */
     double value;                      /* at the beginning of the instant ... */
     double off;                        /* ... by how much the projection has moved it off zero there */

@@ -302,6 +302,8 @@ int lag_watch_on(lag_run *run, double t, const double *y, const double *values, 
         if (lag_is_enclosed(w->what)) {
             if (w->clear)
                 w->noise = 0.0;
+            if (w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].rests == LAG_LEAVES_ZERO)
+                sw->condition[w->which].rests = LAG_OFF_ZERO;
             continue;
         }
         if (w->what == LAG_WATCH_FORCE_CONDITION)
@@ -349,10 +351,11 @@ static double error_of_gap(const lag_run *run, int row, const double *y)
     return LOOSE * sum;
 }
 
-/* Whether a condition begins at its value: it has just happened, or the run starts. */
+/* Whether a condition begins at its value: it has just happened, or rests there, or the run starts. */
 static int begins(const lag_run *run, const lag_watched_function *w, double t)
 {
-    return run->switching.condition[w->which].happened || !(t > run->step.t_start);
+    const lag_condition *condition = run->switching.condition + w->which;
+    return condition->happened || condition->rests || !(t > run->step.t_start);
 }
 
 /* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
@@ -373,6 +376,17 @@ static int turns_back(lag_run *run, int k, double value, double slope, const dou
     if (!(slope < 0.0))
         return 0;
     return fabs(value) <= -slope * (w->resolved - run->step.t) + lag_condition_noise(sw->condition + w->which);
+}
+
+/* Whether a condition that happens either way is zero at the beginning and remains so at first: one that begins so, or
+ * that an action has put there. One that a row brings to zero and holds there has been positive or negative. */
+static int rests_at_zero(lag_run *run, const lag_watched_function *w, double value, double slope, double rounding)
+{
+    const lag_condition *condition = run->switching.condition + w->which;
+    const double t = run->step.t;
+    if (!condition->either || !begins(run, w, t) || fabs(value) + fabs(SOON * slope * run->step.h) > rounding)
+        return 0;
+    return condition->rests || !(t > run->step.t_start) || !(lag_held_error(run, w->which, t, run->step.y) > 0.0);
 }
 
 /* The rounding error of function k at the beginning: that of a condition by its enclosure, unless it jumps there. */
@@ -409,6 +423,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
             values[k] = -values[k];
             slopes[k] = -slopes[k];
         }
+        if (w->what >= LAG_WATCH_CONDITION)
+            sw->condition[w->which].rests = rests_at_zero(run, w, values[k], slopes[k], rounding);
         const int other = w->what >= LAG_WATCH_CONDITION && !begins(run, w, t); /* the instant of others */
         if (!other && values[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(values[k], 0.0);
