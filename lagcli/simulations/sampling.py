@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.tape.ticks import counted, simplest
 from lagcli.model.expression.units import si_notation
 from lagcli.settings.settings import Settings
 
@@ -20,9 +21,29 @@ def sample_times(settings: Settings) -> Array:
     if settings.times is not None:
         return np.array(settings.times)
     start, end, count = settings.t_start, settings.t_end, settings.sample_count
+    if count == 1:
+        return np.array([start if settings.dt is not None else end])
+    exact = _counted(settings) if start else None
+    if exact is not None:
+        return np.minimum(exact, end)
     if settings.dt is not None:
         return np.minimum(start + settings.dt * np.arange(count), end)
-    return np.array([end]) if count == 1 else np.linspace(start, end, count)
+    return np.linspace(start, end, count)
+
+
+def _counted(settings: Settings) -> Array | None:
+    """Return equally spaced times, each rounded once; None if they are not simple fractions.
+
+    A sum of a start and multiples of a step would be off zero, and off rows of inputs next to
+    zero, by rounding errors of the start.
+    """
+    first, count = simplest(settings.t_start), settings.sample_count
+    if settings.dt is not None:
+        step = simplest(settings.dt)
+    else:
+        step = (simplest(settings.t_end) - first) / (count - 1)
+    ticks = counted(first, step)
+    return None if ticks is None else ticks.times(np.arange(count, dtype=float))
 
 
 def absolute_tolerances(

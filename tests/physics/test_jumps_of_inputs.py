@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -172,3 +174,46 @@ events:
     assert run.events is not None
     log = zip(run.events.time, run.events.names, strict=True)
     assert [t for t, name in log if name == "found"] == expected
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rows_of_later_periods_are_at_their_decimal_times(seed: int) -> None:
+    """Samples and events at rows of tables far from the run, whose period is no binary fraction."""
+    rng = np.random.default_rng(seed)
+    h = Fraction(int(rng.integers(1, 100)), int(rng.choice([10, 100, 1000])))
+    rows, first, end = (
+        int(rng.integers(2, 5)),
+        int(rng.integers(-30, 30)),
+        int(rng.integers(-200, 200)),
+    )
+    end = 0 if seed % 2 else end
+    start = end - int(rng.integers(3, 40))
+    values = [k % 2 for k in range(rows)]
+
+    def value(k: int) -> int:
+        return values[(k - first) % rows]
+
+    text = f"""\
+coordinates: [x]
+inputs:
+  u:
+    times: {[float(k * h) for k in range(first, first + rows + 1)]}
+    values: {[*values, values[0]]}
+    interpolation: step
+    extend: periodic
+T: x'^2/2
+Q: {{x: u}}
+events: {{rises: {{when: u >= 1}}}}
+outputs: {{u: u}}
+initial: {{x: 0, x': 0}}
+simulation: {{t_start: {float(start * h)}, t_end: {float(end * h)}, dt: {float(h)}}}
+"""
+    run = lagcli.simulate(lagcli.load_text(text))
+    assert run.outputs["u"].tolist() == [value(k) for k in range(start, end + 1)]
+    assert run.time.tolist() == [float(k * h) for k in range(start, end + 1)]
+    assert run.events is not None
+    rises = [k for k in range(start + 1, end + 1) if value(k) > value(k - 1)]
+    scale = float(h) * max(abs(start), abs(end), abs(first))
+    np.testing.assert_allclose(
+        run.events.time, [float(k * h) for k in rises], rtol=0, atol=1e-15 * scale
+    )

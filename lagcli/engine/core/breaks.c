@@ -10,15 +10,18 @@
 #include "step.h"
 #include "switching/clock.h"
 
-/* The piece of a function from a time on: its origin and its coefficients. */
-static void take_piece(const lag_function *f, double t, double *piece)
+/* The piece of a function from a time on, or before it: its origin and its coefficients. */
+static void take_piece(const lag_function *f, double t, int before, double *piece)
 {
-    const double slack = lag_coincidence(t);
-    const double shift = f->period > 0.0 ? floor((t + slack - f->knots[0]) / f->period) * f->period : 0.0;
+    const int periodic = f->period > 0.0;
+    /* knots of later periods are rounded like sums */
+    const double slack = fmax(lag_coincidence(t), periodic ? lag_coincidence(t - f->knots[0]) : 0.0);
+    const double at = before ? t - 2.0 * slack - DBL_MIN : t + slack;
+    const double shift = periodic ? floor((at - f->knots[0]) / f->period) * f->period : 0.0;
     int64_t low = 0, high = f->count;  /* the piece is in [low, high) */
     while (high - low > 1) {
         const int64_t middle = low + (high - low) / 2;
-        if (f->knots[middle] <= t - shift + slack)
+        if (f->knots[middle] <= at - shift)
             low = middle;
         else
             high = middle;
@@ -27,24 +30,28 @@ static void take_piece(const lag_function *f, double t, double *piece)
     memcpy(piece + 1, f->coefficients + low * (f->degree + 1), (size_t)(f->degree + 1) * sizeof(double));
 }
 
-void lag_pieces_at(const lag_run *run, double t, double *parameters)
+static void pieces(const lag_run *run, double t, int before, double *parameters)
 {
     const lag_breaks *b = &run->breaks;
     for (int i = 0; i < b->function_count; ++i)
-        take_piece(b->functions + i, t, parameters + b->functions[i].first);
+        take_piece(b->functions + i, t, before, parameters + b->functions[i].first);
 }
 
-/* Set the pieces of the functions from a time on in all tapes. */
-static void take_pieces(lag_run *run, double t)
+void lag_pieces_at(const lag_run *run, double t, double *parameters)
 {
-    lag_pieces_at(run, t, run->parameters);
+    pieces(run, t, 0, parameters);
+}
+
+/* Set the pieces of the functions from the time on, or before it, in all tapes. */
+static void take_pieces(lag_run *run, int before)
+{
+    pieces(run, run->step.t, before, run->parameters);
     lag_renew_tapes(run);
 }
 
 void lag_pieces_before(lag_run *run)
 {
-    const double t = run->step.t;
-    take_pieces(run, t - 2.0 * lag_coincidence(t) - DBL_MIN);
+    take_pieces(run, 1);
 }
 
 void lag_breaks_start(lag_run *run)
@@ -56,7 +63,7 @@ void lag_breaks_start(lag_run *run)
         ++b->next;
     lag_set_stop(run);
     if (b->function_count)
-        take_pieces(run, run->step.t);
+        take_pieces(run, 0);
 }
 
 int lag_at_break(const lag_run *run)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from lagcli.engine.sensitivity.switched_run import DirectionalPrograms
     from lagcli.engine.switching.kinks import FrozenSystem
     from lagcli.engine.switching.splitting import SplitSystem
-    from lagcli.engine.switching.switching import Ticks
+    from lagcli.engine.tape.ticks import Ticks
 
 
 class lag_switching_rules(Structure):

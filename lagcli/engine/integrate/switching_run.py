@@ -49,12 +49,11 @@ from lagcli.engine.switching.stops import contradicting_values
 from lagcli.engine.switching.switching import (
     ContactChange,
     EventRule,
-    Ticks,
     clocks_of,
-    ticks_of,
 )
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.ticks import Ticks, ticks_of
 
 #: Capacity of the core's log.
 _LOG_ROWS = 512

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from enum import IntEnum
-from fractions import Fraction
 from typing import Literal
 
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -199,52 +198,6 @@ class Switching:
 #: Smallest period, relative to |t|: four times the difference of times that coincide
 #: (core/breaks.c).
 _LEAST_PERIOD = 64 * sys.float_info.epsilon
-#: Numerators and denominators of periods are below this, so that k ticks are counted exactly.
-_LARGEST = 2**31
-
-
-class Ticks(NamedTuple):
-    """The ticks of a clock: (first + k step) / per, for k = 0, 1, 2, …
-
-    For 10 ms, they are k/100, each rounded once: the numbers that tables and lists of samples have
-    for these times.
-    """
-
-    first: float
-    step: float
-    per: float
-
-
-def ticks_of(period: float, offset: float) -> Ticks:
-    """Return the ticks of a clock, in whole numbers if period and offset are simple fractions.
-
-    Parameters
-    ----------
-    period, offset : float
-        s.
-    """
-    step, first = _simplest(period), _simplest(offset)
-    per = math.lcm(step.denominator, first.denominator)
-    whole = (first * per, step * per, Fraction(per))
-    if max(map(abs, whole)) >= _LARGEST:
-        return Ticks(offset, period, 1.0)
-    return Ticks(*map(float, whole))
-
-
-def _simplest(value: float) -> Fraction:
-    """Return the fraction of the least denominator that rounds to a number."""
-    if value <= 0:
-        return -_simplest(-value) if value < 0 else Fraction(0)
-    neighbours = (math.nextafter(value, x) for x in (0.0, math.inf))
-    return _between(*((Fraction(value) + Fraction(x)) / 2 for x in neighbours))
-
-
-def _between(low: Fraction, high: Fraction) -> Fraction:
-    """Return the fraction of the least denominator between two, by continued fractions."""
-    whole = math.ceil(low)
-    if whole <= high:
-        return Fraction(whole)
-    return whole - 1 + 1 / _between(1 / (high - whole + 1), 1 / (low - whole + 1))
 
 
 class Clock(NamedTuple):

@@ -26,6 +26,7 @@ from typing import Literal
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.tape.ticks import simplest
 from lagcli.named_tuples import NamedTuple
 
 #: Times closer than this, relative to |t|, coincide; core/step.h has the same value.
@@ -70,7 +71,7 @@ class PiecewiseFunction(NamedTuple):
 
     def pieces(self, t: Array) -> Array:
         """Return the pieces at times, (len(t), size); NaN where the function is undefined."""
-        slack = RESOLUTION * np.abs(t)
+        slack = self._slack(t)
         shift = np.zeros(len(t))
         if self.period:
             shift = np.floor((t + slack - self.knots[0]) / self.period) * self.period
@@ -80,6 +81,13 @@ class PiecewiseFunction(NamedTuple):
         pieces[(t < self.first - slack) | (t > self.last + slack)] = np.nan
         return pieces
 
+    def _slack(self, t: Array) -> Array:
+        """Return how far from times knots coincide with them.
+
+        Knots of later periods are rounded like sums.
+        """
+        return RESOLUTION * np.maximum(np.abs(t), np.abs(t - self.knots[0]) if self.period else 0.0)
+
     def breaks(self, start: float, end: float) -> Array:
         """Return the knots after a time, up to another."""
         knots = self.knots
@@ -88,6 +96,9 @@ class PiecewiseFunction(NamedTuple):
             high = math.ceil((end - knots[0]) / self.period)
             shifts = np.arange(low, high + 1) * self.period
             knots = (shifts[:, None] + knots).reshape(-1)
+            at_end = np.abs(knots - end) <= self._slack(knots)
+            knots = np.where(at_end, end, knots)
+            return knots[(knots > start + self._slack(np.array([start]))) & (knots <= end)]
         return knots[(knots > start) & (knots <= end)]
 
 
@@ -131,7 +142,7 @@ def interpolated(
         knots = np.concatenate([[-math.inf], times])
         first, last = -math.inf, math.inf
     elif extend == "periodic":
-        first, last, period = -math.inf, math.inf, last - first
+        first, last, period = -math.inf, math.inf, float(simplest(last) - simplest(first))
     elif interpolation == "step":  # the last value holds at its time
         knots = origins = times
         coefficients = values[:, None]

@@ -23,6 +23,15 @@ def test_sample_times(settings: dict, times: list[float]) -> None:
     np.testing.assert_array_equal(sample_times(Settings(**settings)), times)
 
 
+def test_times_from_a_start_are_rounded_once() -> None:
+    by_step = sample_times(Settings(t_start=-61.2, t_end=10.8, dt=1.8))
+    by_number = sample_times(Settings(t_start=-61.2, t_end=10.8, samples=41))
+    expected = [round(1.8 * k, 1) for k in range(-34, 7)]
+    assert by_step.tolist() == by_number.tolist() == expected
+    odd = sample_times(Settings(t_start=-np.pi, t_end=np.pi, samples=3))
+    assert odd.tolist() == [-np.pi, 0.0, np.pi]
+
+
 @pytest.mark.parametrize(("dt", "end"), [(0.1, 0.3), (0.1, 0.7), (1 / 3, 1.0), (0.001, 2.002)])
 def test_steps_of_dt_never_pass_the_end(dt: float, end: float) -> None:
     # 3 · 0.1 is 0.30000000000000004 in doubles

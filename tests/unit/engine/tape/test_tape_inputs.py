@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -57,6 +59,17 @@ def test_a_period_that_is_no_binary_fraction() -> None:
     assert len(breaks) == 1999
     signs = square.pieces(breaks)[:, 1]
     np.testing.assert_array_equal(signs, np.resize([-1.0, 1.0], len(breaks)))
+
+
+def test_a_knot_within_rounding_of_the_end_is_there() -> None:
+    times = np.array([0.3, 0.4, 0.3 + 1 / 3])
+    f = interpolated("u", times, np.array([0.0, 1.0, 0.0]), "step", "periodic")
+    for k in range(-50, 50):
+        end = float(Fraction(3, 10) + Fraction(k, 3))
+        breaks = f.breaks(end - 0.5, end)
+        assert breaks[-1] == end
+        assert f.pieces(np.array([end]))[0, 1] == 0.0
+        assert f.pieces(np.array([end - 1e-12]))[0, 1] == 1.0
 
 
 def test_breaks_of_several_functions_are_merged() -> None:
