@@ -12,6 +12,7 @@ import lagcli
 from lagcli.analysis.linear.linear_model import LinearModel
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.engine.constraints.initial import consistent_state
+from lagcli.errors import NumericalError
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
@@ -199,3 +200,50 @@ def test_state_of_a_run_is_where_the_run_is() -> None:
     assert linear.operating_point.point.q == pytest.approx(run.q[-1], rel=1e-12)
     assert not linear.operating_point.steady
     assert "at this instant only" in linear.notes[0]
+
+
+#: Constraints that are dependent at the origin only: they touch there, or cross.
+TOUCHING = {
+    "a circle and its tangent": ("y = r - sqrt(r^2 - x^2)", "y = 0"),
+    "a bowl and a cylinder": ("y = x^2 + z^2", "y = z^2"),
+    "a saddle and its tangent plane": ("y = x^2 - z^2", "y = 0"),
+}
+
+
+@pytest.mark.parametrize("pair", TOUCHING)
+def test_constraints_that_touch_have_no_linear_model(pair: str) -> None:
+    first, second = TOUCHING[pair]
+    model = lagcli.load_text(f"""\
+coordinates: [x, y, z]
+parameters: {{r: 2, k: 3}}
+T: (x'^2 + y'^2 + z'^2)/2
+V: k/2*x^2 + y + 2*z^2
+constraints: {{first: "{first}", second: "{second}"}}
+initial: {{x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}}
+""")
+    for analysis in (lagcli.modes, lagcli.linearize):
+        with pytest.raises(NumericalError, match="singular configuration, where `first`, `second`"):
+            analysis(model)
+    (found,) = lagcli.equilibrium(model).equilibria
+    assert found.stability.verdict == "undecided"
+    assert not len(found.stability.eigenvalues)
+
+
+def test_constraints_that_are_dependent_everywhere_have_one() -> None:
+    """A bead in a bowl that is given twice, once by its square root; ω² = k + 2 and 4 + 2."""
+    model = lagcli.load_text("""\
+coordinates: [x, y, z]
+parameters: {k: 3}
+T: (x'^2 + y'^2 + z'^2)/2
+V: k/2*x^2 + y + 2*z^2
+constraints: {bowl: y = x^2 + z^2, again: exp(y) = exp(x^2 + z^2)}
+initial: {x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}
+""")
+    squares = [mode.natural_frequency**2 for mode in lagcli.modes(model).modes]
+    assert squares == pytest.approx([5, 6], rel=1e-12)
+    assert lagcli.equilibrium(model).equilibria[0].stability.verdict == "stable"
+
+
+def test_a_linear_model_next_to_a_singular_configuration_says_so() -> None:
+    model = lagcli.load(ROOT / "tests/found/singular_start.yaml")
+    assert any("next to a singular" in note for note in lagcli.linearize(model).notes)

@@ -133,6 +133,8 @@ def _verdict(x: Mapping[str, Any]) -> str:
 def _of_linear_terms(x: Mapping[str, Any]) -> str:
     verdict, stiffness = x["stability"], x["stiffness"]
     if not x["eigenvalues"]:
+        if verdict == "undecided":
+            return "stability not determined: a singular configuration, where the rank of B changes"
         return "determined by the constraints"
     if verdict == "unstable":
         growing = [complex(*s) for s in x["eigenvalues"] if s[0] > 0]

@@ -67,7 +67,7 @@ class Stability(NamedTuple):
     rounding: float = 0.0
 
 
-#: Where a contact changes its mode with the smallest deviation.
+#: Where a contact changes its mode with the smallest deviation, and at singular configurations.
 NO_LINEAR_MODEL = Stability("undecided", np.empty(0, complex), None)
 
 
@@ -94,6 +94,8 @@ def stability_of(
        doi:10.1007/978-1-4612-4046-4.
     """
     given = operating_point.tangent
+    if local.dependent_only_here(operating_point.point, given):
+        return NO_LINEAR_MODEL
     dimension = max(dimension, operating_point.neutral)
     reached = local.reached(operating_point.point, given)
     operating_point = replace(operating_point, tangent=reached)

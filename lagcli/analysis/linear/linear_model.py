@@ -17,6 +17,9 @@ from lagcli.analysis.local.steady import ignored_velocities
 from lagcli.analysis.local.steady_terms import Given
 from lagcli.arrays import Array
 from lagcli.columns import SCALARS, read_column_name
+from lagcli.engine.constraints.initial import almost_dependent
+from lagcli.engine.constraints.random_states import MOST_COORDINATES
+from lagcli.engine.system import State
 from lagcli.equations.derivation.column_expressions import REPORTED, column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import UsageError
@@ -460,6 +463,14 @@ def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -
             given = ", ".join(f"{q} = {x:.6g}" for q, x in list(ignored.items())[:6])
             notes.append(f"{name} does not have initial velocities of the file: {given}")
     nc, rank = len(point.multipliers), operating_point.tangent.decomposition.rank
+    if len(point.q) <= MOST_COORDINATES:
+        state = State(point.t, point.q, point.v, point.p)
+        near = almost_dependent(local.system, state, rank)
+        if near:
+            notes.append(
+                f"{name} is next to a singular configuration, in which {', '.join(near)} are"
+                " dependent: the matrices change much over a small distance"
+            )
     if rank < nc:
         notes.append(
             f"{nc - rank} of {nc} constraints are redundant: δλ is the one of least norm, only the"

@@ -16,10 +16,12 @@ from lagcli.arrays import Indices
 from lagcli.engine.contract import Block, Interrupted, Outcome
 from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.system import State
-from lagcli.errors import NumericalError, UsageError
+from lagcli.errors import Diagnostic, NumericalError, UsageError
 from lagcli.model.model import Model
 from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import SettingsOverrides
+
+_LISTED = 8
 
 
 class Located(NamedTuple):
@@ -65,7 +67,28 @@ def find_operating_point(
         located = _located(local, state, rank, at)
     point = located.operating_point
     check_determinate(model, point.contacts, f"linear model about {point.name}")
+    _check_regular(located)
     return located
+
+
+def _check_regular(located: Located) -> None:
+    """Raise NumericalError at a singular configuration, where deviations form no linear space."""
+    local, point = located
+    names = local.dependent_only_here(point.point, point.tangent)
+    if not names:
+        return
+    location = next(c.location for c in local.model.constraints if c.name == names[0])
+    listed = ", ".join(f"`{name}`" for name in names[:_LISTED])
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    raise NumericalError(
+        Diagnostic(
+            "no-linear-model",
+            f"{local.model.name} has no linear model about {point.name}: it is a singular"
+            f" configuration, where {listed}{more} depend on each other, but not beside it",
+            location,
+            "choose another point (--set, --set-initial, --at)",
+        )
+    )
 
 
 def equations_of(

@@ -43,6 +43,8 @@ _BALANCED = 1e-8
 _CONSTANT = 1e-9
 #: Newton's iteration for forces that depend on λ: ends where λ changes by less than this part.
 _ITERATIONS, _SETTLED = 30, 1e-14
+#: Changes of rows of B below this part of their terms are rounding errors; the rank takes 1e-8.
+_CHANGES = 1e-6
 
 
 class DerivedModel:
@@ -76,6 +78,40 @@ class LocalEquations(DerivedModel):
     def _velocity_gradients(self) -> Gradients:
         eq = self.equations
         return Gradients.of(eq, [c.velocity for c in eq.constraints], eq.q)
+
+    @cached_property
+    def _entry_gradients(self) -> tuple[list[tuple[int, int]], Gradients]:
+        """The places (β, i) of the entries b_βi of B, and their derivatives with respect to q."""
+        eq = self.equations
+        places = [(k, i) for k, c in enumerate(eq.constraints) for i in c.row]
+        entries = [eq.constraints[k].row[i] for k, i in places]
+        return places, Gradients.of(eq, entries, eq.q)
+
+    def dependent_only_here(self, point: Point, tangent: Tangent) -> tuple[str, ...]:
+        """Return constraints whose rows of B depend on each other at a point, but not beside it.
+
+        Such a point is a singular configuration: with wᵀB = 0 there, Σ w_β ∂b_β/∂q does not vanish
+        on the admissible deviations. Some of these are impossible, and the stiffness Σ λ_β ∂b_β/∂q
+        depends on which of the λ is taken. Rows that depend on each other everywhere satisfy it.
+        """
+        d = tangent.decomposition
+        if not d.dependent.shape[1]:
+            return ()
+        places, gradients = self._entry_gradients
+        changes = gradients.at(point)
+        names = self.system.constraints
+        found: set[int] = set()
+        for w in (d.dependent / d.scale[:, None]).T:
+            weights = w / np.abs(w).max()
+            change, size = np.zeros((2, len(point.q), len(point.q)))
+            for (k, i), row in zip(places, changes, strict=True):
+                change[i] += weights[k] * row
+                size[i] += np.abs(weights[k] * row)
+            left, right = tangent.velocity_basis, tangent.position_basis
+            bound = np.abs(left.T) @ size @ np.abs(right)
+            if (np.abs(left.T @ change @ right) > _CHANGES * bound).any():
+                found.update(np.flatnonzero(np.abs(weights) > _CHANGES).tolist())
+        return tuple(names[k] for k in sorted(found))
 
     def express(self, expression: Basic) -> Basic:
         """Return an expression of the whole model in the multipliers of these equations."""
