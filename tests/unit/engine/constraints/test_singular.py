@@ -344,7 +344,22 @@ def test_what_the_path_leads_to_is_found_before(watch: RankWatch) -> None:
     q, v = ahead.path(ahead.singular.time)
     np.testing.assert_allclose(q, math.pi / 2, atol=1e-7)
     np.testing.assert_allclose(v, SPEED, atol=1e-5)
-    assert [t for t, _ in ahead.before][-1] == SINGULAR_TIME - 0.01
+    # from the last four states
+    assert [t for t, _ in ahead.before] == [SINGULAR_TIME - d for d in (0.03, 0.02, 0.015, 0.01)]
+
+
+@pytest.mark.parametrize(("last", "known"), [(1e-8, True), (1e-9, False)])
+def test_a_path_that_is_nearer_than_its_time_is_known_is_not_examined(
+    watch: RankWatch, last: float, known: bool
+) -> None:
+    """Rounding errors of 1e-9 in the row's direction are 2e-9 s."""
+    for distance in (0.03, 0.02, 0.015, last):
+        t = SINGULAR_TIME - distance
+        watch.add(t, y(t))
+    ahead = watch.ahead()
+    assert (ahead is not None) == known
+    if ahead is not None:
+        assert last / 10 < ahead.singular.within < last
 
 
 @pytest.mark.parametrize(
