@@ -67,6 +67,30 @@ def test_a_force_that_is_negative_for_a_part_of_a_step() -> None:
         np.testing.assert_allclose(events.time, falls, rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("depth", [0.0, 1e-9])
+def test_a_force_that_touches_zero_within_rounding_does_not_change_its_sign(depth: float) -> None:
+    """c (t - a)^2, expanded, less a part of c: forces of 30 rails."""
+    rng, count = np.random.default_rng(7), 30
+    a, c = rng.uniform(0.1, 0.9, count), rng.uniform(0.5, 20, count)
+    terms = zip(c.tolist(), (-2 * a * c).tolist(), (c * (a**2 - depth)).tolist(), strict=True)
+    forces = ", ".join(
+        f"y[{i + 1}]: -({u!r}*t^2 + {v!r}*t + {w!r})" for i, (u, v, w) in enumerate(terms)
+    )
+    events = ", ".join(f"e{i}: {{when: 'lambda.rail[{i + 1}] < 0'}}" for i in range(count))
+    model = load_text(f"""
+coordinates: ["y[1..{count}]"]
+T: sum(y[i]'^2, i = 1..{count})/2
+constraints: {{"rail[i = 1..{count}]": "y[i] = 0"}}
+Q: {{{forces}}}
+events: {{{events}}}
+initial: {{"y[1..{count}]": 0, "y[1..{count}]'": 0}}
+simulation: {{times: [0, 1]}}
+""")
+    found = run_contact(model).outcome.events
+    falls = dict(enumerate((a - depth**0.5).tolist())) if depth else {}
+    assert {x.which: x.time for x in found} == pytest.approx(falls, rel=0, abs=1e-10)
+
+
 def test_a_force_that_is_zero_where_a_step_ends() -> None:
     """It vanishes at a root within the step, and again at the step's end, exactly."""
     for root in np.linspace(0.55, 0.95, 9).tolist():
@@ -128,6 +152,57 @@ events: {{hit: {{when: x >= {end * (1 + late * 1e-12)!r}}}}}
 simulation: {{times: [0, {end}]}}
 """)
     assert len(run_contact(model).outcome.events) == happens
+
+
+@pytest.mark.parametrize("held", ["x = 0", "x = t/2"])
+def test_a_closed_contact_that_nothing_moves_hides_no_event(held: str) -> None:
+    """Its inverse inertia is zero: x is given."""
+    model = load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+constraints: {{held: {held}, floor: x >= 0}}
+initial: {{x: 0, x': {{guess: 0}}, y: 0, y': 1}}
+events: {{hit: {{when: y >= 0.5}}}}
+simulation: {{times: [0, 1]}}
+""")
+    (hit,) = run_contact(model).outcome.events
+    assert hit.time == pytest.approx(0.5, rel=1e-14)
+
+
+def test_a_root_at_the_end_is_found_whatever_happens_just_before() -> None:
+    model = load_text("""
+coordinates: [x]
+T: x'^2/2
+initial: {x: 0, x': 1}
+events:
+  before: {when: x >= 0.9999999999995}
+  beyond: {when: x >= 1.0000000000005}
+simulation: {times: [0, 1]}
+""")
+    found = run_contact(model)
+    assert [len(found.entries("event", name)) for name in ("before", "beyond")] == [1, 1]
+
+
+def test_a_root_at_the_end_leaves_other_modes_as_they_are() -> None:
+    """x = 10 t - t^2 slips, u sticks, |w| is on one side, and `past` has happened before."""
+    found = run_contact(
+        load_text("""
+coordinates: [x, u, w]
+T: (x'^2 + u'^2 + w'^2)/2
+V: -u + abs(w)
+constraints:
+  slides: {expr: "x' = 0", limit: 2}
+  rests: {expr: "u' = 0", limit: 2}
+initial: {x: 0, x': 10, u: 0, u': 0, w: 8, w': 0}
+events: {past: {when: x >= 5}, hit: {when: x >= 9.000000000004}}
+simulation: {times: [0, 1]}
+""")
+    )
+    past, hit = found.outcome.events
+    assert (past.occurrence, hit.occurrence) == ("event", "event")
+    assert past.time == pytest.approx(5 - 20**0.5)
+    assert hit.time == 1.0
+    np.testing.assert_allclose(found.block.q[-1], [9, 0, 7.5], rtol=1e-12, atol=1e-12)
 
 
 def test_a_model_without_contacts_is_not_switched() -> None:

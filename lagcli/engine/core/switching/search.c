@@ -483,7 +483,7 @@ static int happens_at_end(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     const double t = run->step.t, *y = run->step.y_new;
-    const double late = lag_one_instant(run, t), before = t - fmin(late, run->step.h_old);
+    const double late = lag_one_instant(run, t);
     int happens = 0;
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
@@ -494,7 +494,7 @@ static int happens_at_end(lag_run *run)
         lag_enclose(run, k, t, t, 1, jet);
         const double value = lag_watched_value(run, w, t, y), slope = 0.5 * (jet[1].low + jet[1].high);
         const double error = lag_held_error(run, w->which, t, y);
-        happens |= w->hit = before > sw->since && late * slope < -error && value + late * slope <= 0.0;
+        happens |= w->hit = late * slope < -error && value + late * slope <= 0.0;
     }
     return happens;
 }
