@@ -18,6 +18,7 @@ from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from lagcli.equations.presentation.formulas import Formulas
     from lagcli.model.model import Model
 
 _NONE = np.empty(0)
@@ -193,6 +194,11 @@ class RunFile:
         return Notation.of_names(declared, len(self.constraints), display.get("latex", {}))
 
     @property
+    def values(self) -> dict[str, float]:
+        """Values of the parameters, and initial values by name, in SI."""
+        return {**self.record.parameters, **self.initial}
+
+    @property
     def initial(self) -> Mapping[str, float]:
         """The first sample as initial values by name (``phi'``); none without samples."""
         if not self.count:
@@ -201,6 +207,18 @@ class RunFile:
         names = self.coordinates
         positions = dict(zip(names, first["q"][0].tolist(), strict=True))
         return positions | dict(zip((f"{q}'" for q in names), first["v"][0].tolist(), strict=True))
+
+
+def formulas_of(run: RunFile, model: Model) -> Formulas:
+    """Return the formulas of a run's model, with the degrees of freedom that the run has."""
+    from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
+    from lagcli.equations.derivation.lagrange import derive
+    from lagcli.equations.presentation.formulas import Formulas
+
+    recorded = run.record.freedom
+    return Formulas(
+        derive(model), freedom=DegreesOfFreedom.from_mapping(recorded) if recorded else None
+    )
 
 
 def _field(trajectory: Trajectory, name: str) -> Array:

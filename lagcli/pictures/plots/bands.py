@@ -181,7 +181,7 @@ def read_bands(run: RunFile, given: Sequence[str]) -> dict[str, float]:
             )
             raise UsageError(f"--band {text}: {run.name} has no derivatives by `{name}`; {has}")
         if percent:
-            known = {**run.record.parameters, **run.initial}
+            known = run.values
             if name not in known:
                 raise UsageError(
                     f"--band {text}: {run.name} lacks the value of `{name}`, which a CSV file"

@@ -145,6 +145,33 @@ class FigureTarget(Protocol):
         """Create a figure, which is kept if the block succeeds."""
 
 
+class HeldFigure:
+    """A figure in memory, for a page or a document, which writes the title itself.
+
+    Parameters
+    ----------
+    kind : str
+        One of `FORMATS`.
+    dpi : float
+        Dots per inch.
+
+    Attributes
+    ----------
+    content : bytes
+        The figure, once it is drawn.
+    """
+
+    def __init__(self, kind: str, dpi: float = 150):
+        self.kind, self.dpi, self.content = kind, dpi, b""
+
+    @contextmanager
+    def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
+        """Create a figure, which is held if the block succeeds."""
+        with new_figure(size, self.dpi) as figure:
+            yield figure
+            self.content = _saved(figure, self.kind, title)
+
+
 class FigureFile(NamedTuple):
     """The file of a plot, and its appearance.
 
@@ -177,7 +204,7 @@ class FigureFile(NamedTuple):
         size : (float, float)
             Default width and height, inches.
         title : str
-            Default resolution.
+            Default title.
         """
         size = self.size or size
         title = title if self.title is None else self.title
@@ -197,12 +224,17 @@ def write_figure(figure: Any, path: str, kind: str, title: str, force: bool) -> 
     FileError
         As `whole_file`.
     """
-    when = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    metadata = {"Title": title, **when, **({"Software": None} if kind == "png" else {})}
-    held = io.BytesIO()
-    figure.savefig(held, format=kind, metadata=metadata)
+    content = _saved(figure, kind, title)
     with whole_file(path, force) as file:
-        file.write(held.getvalue())
+        file.write(content)
+
+
+def _saved(figure: Any, kind: str, title: str) -> bytes:
+    """Return a figure as a file, the same for the same figure: without a date."""
+    dated = {"svg": "Date", "pdf": "CreationDate", "png": "Software"}[kind]
+    held = io.BytesIO()
+    figure.savefig(held, format=kind, metadata={"Title": title, dated: None})
+    return held.getvalue()
 
 
 _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -117,7 +117,6 @@ def _assembled(
         contents=[*((x.anchor, x.title) for x in sections), *_CONTENTS],
         styles=map(asset, _STYLES),
         scripts=[asset("theme.js"), "new PageTheme();"],
-        images=True,
         sections="".join(map(section_html, sections)),
         provenance=table("Files and versions", ["", ""], [x for x in rows if x[1]], kind="facts"),
     )

@@ -2,50 +2,25 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 
 from lagcli.columns import ColumnName
-from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
-from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.overview import overview
 from lagcli.equations.typesetting.latex import LatexFormula, document, escape, render_latex
 from lagcli.equations.typesetting.notation import Notation
 from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.pictures.pdf import pdf_of
-from lagcli.pictures.plots.figure import new_figure
+from lagcli.pictures.plots.figure import HeldFigure
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.report.run_report import method_phrase
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, formulas_of
 from lagcli.pictures.selection import chosen
 
 _PACKAGES = "\\usepackage{graphicx}\n"
 #: Largest number of curves of one kind that are drawn.
 _CURVES = 24
-
-
-class _HeldPdf:
-    """The target of a plot that is held in memory."""
-
-    kind = "pdf"
-    dpi = 150.0
-
-    def __init__(self) -> None:
-        self.content = b""
-
-    @contextmanager
-    def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
-        """Create a figure, which is held if the block succeeds."""
-        with new_figure(size, self.dpi) as figure:
-            yield figure
-            held = io.BytesIO()
-            figure.savefig(held, format="pdf", metadata={"CreationDate": None})
-            self.content = held.getvalue()
 
 
 def assembled_pdf(run: RunFile, title: str | None = None) -> bytes:
@@ -63,16 +38,14 @@ def assembled_pdf(run: RunFile, title: str | None = None) -> bytes:
         See `lagcli.pictures.report.report`.
     """
     model = run.model
-    recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
-    formulas = Formulas(derive(model), freedom=recorded)
     latex = LatexFormula(Notation(model), written_decimals(model))
     equations = render_latex(
-        model, overview(formulas), latex, numbered=False, fragment=True, title=title
+        model, overview(formulas_of(run, model)), latex, numbered=False, fragment=True, title=title
     )
     parts = [equations, r"\section*{Run}", rf"\noindent {escape(_account(run))}"]
     pictures: dict[str, bytes] = {}
     for heading, names in _plots(run):
-        held = _HeldPdf()
+        held = HeldFigure("pdf")
         plot_runs([run], names, held)
         file = f"plot{len(pictures) + 1}.pdf"
         pictures[file] = held.content

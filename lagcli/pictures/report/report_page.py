@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import base64
-import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from string import Template
-from typing import Any
 
 from lagcli.arrays import Array
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.page import asset, page, paragraphs, script_data
-from lagcli.pictures.plots.figure import FigureTarget, new_figure
+from lagcli.pictures.plots.figure import FigureTarget, HeldFigure
 from lagcli.pictures.plots.mode_plot import DRAWN
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.words import Words, words_of
@@ -31,7 +28,6 @@ def report_page(
     styles: Iterable[str],
     scripts: Sequence[str],
     layout: str = "without-motion",
-    images: bool = False,
     lang: str = "en",
     status: str = "",
     start: Sequence[Array] = (),
@@ -52,7 +48,7 @@ def report_page(
         The sections, in the order of the page.
     styles, scripts : iterables of str
         Texts of the scripts.
-    layout, images
+    layout : str
         See `lagcli.pictures.page.page`.
     lang : str
         Language of the page's own words.
@@ -107,7 +103,7 @@ def report_page(
         styles=styles,
         scripts=scripts,
         layout=layout,
-        images=images,
+        images=True,
         lang=lang,
     )
 
@@ -165,22 +161,6 @@ _DARK = {
 }
 
 
-class _HeldFigure:
-    """A figure that is stored as SVG."""
-
-    kind, dpi = "svg", 100.0
-    svg = ""
-
-    @contextmanager
-    def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
-        """Create a figure; the page contains the title."""
-        with new_figure(size, 100) as figure:
-            yield figure
-            held = io.BytesIO()
-            figure.savefig(held, format="svg", metadata={"Date": None, "Title": title})
-            self.svg = held.getvalue().decode("utf-8")
-
-
 def picture(draw: Callable[[FigureTarget], object], caption: str) -> str:
     """Return a picture in HTML.
 
@@ -196,12 +176,13 @@ def picture(draw: Callable[[FigureTarget], object], caption: str) -> str:
     UsageError
         matplotlib is not installed.
     """
-    target = _HeldFigure()
+    target = HeldFigure("svg", dpi=100)
     draw(target)
+    svg = target.content.decode()
     images = "".join(
         f'<img class="{name}" alt="{escape(caption)}" src="data:image/svg+xml;base64,'
         f'{base64.b64encode(svg.encode()).decode()}">'
-        for name, svg in (("light", target.svg), ("dark", _darkened(target.svg)))
+        for name, svg in (("light", svg), ("dark", _darkened(svg)))
     )
     return f'<figure class="picture" aria-label="{escape(caption)}">{images}</figure>'
 

@@ -19,9 +19,6 @@ from lagcli.columns import (
     unit_of_column,
     unit_quotient,
 )
-from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
-from lagcli.equations.derivation.lagrange import derive
-from lagcli.equations.presentation.formulas import Formulas
 from lagcli.model.model import Model
 from lagcli.pictures.curves import Catalogue, Curve
 from lagcli.pictures.jumps import marks
@@ -38,7 +35,6 @@ from lagcli.pictures.page import (
     unit,
     with_code,
 )
-from lagcli.pictures.report import run_report as tables
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.report_page import AnalysisSection, report_page, section_html
 from lagcli.pictures.report.run_plots import (
@@ -54,7 +50,7 @@ from lagcli.pictures.report.run_plots import (
     without_errors,
 )
 from lagcli.pictures.report.without_script import without_script
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, formulas_of
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.scene import Scene
@@ -112,9 +108,9 @@ def assembled(
         from lagcli.pictures.report.analysis_report import modes_sections
 
         asked = modes_sections(run.model, modes)
-    recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
-    formulas = Formulas(derive(model), freedom=recorded)
-    system = EquationSystem(formulas, run.record.units, run.record.parameters, live=run.count > 0)
+    system = EquationSystem(
+        formulas_of(run, model), run.record.units, run.record.parameters, live=run.count > 0
+    )
     catalogue = Catalogue(run)
     every = sections(catalogue) if run.count else []
     plots = [plot for section in every for plot in section.plots]
@@ -159,7 +155,7 @@ def assembled(
         scripts=[f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)],
         layout="with-motion" if scene else "without-motion",
         lang=lang,
-        status=tables.status(run),
+        status=status(run),
         start=[x[0] for x in start.values()] if run.count else (),
         conserved=system.conserved(),
         steps=system.steps(),
@@ -170,12 +166,11 @@ def assembled(
         events=events_section(run),
         sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
-        images=True,
         without_script=without_script(_first_plot(every), colors, scene, title or model.title),
-        extremes=tables.extremes_table(extremes, system),
-        moved=tables.moved(run, system),
-        solver=tables.solver(run, _residuals(run)),
-        provenance=tables.provenance(run),
+        extremes=extremes_table(extremes, system),
+        moved=moved(run, system),
+        solver=solver(run, _residuals(run)),
+        provenance=provenance(run),
     )
 
 
@@ -555,7 +550,8 @@ def sensitivity_section(catalogue: Catalogue) -> str:
     run = catalogue.run
     if not run.sensitivity or not run.count:
         return ""
-    values = _values(run)
+    known = run.values
+    values = np.array([known[name] for name in run.sensitivity])
     charts = "".join(_tornado(catalogue, i, values) for i in chosen(run.constraints, _CHARTS))
     about = (
         '<p class="hint">To first order, and for each parameter alone. Of a parameter whose value'
@@ -570,12 +566,6 @@ def sensitivity_section(catalogue: Catalogue) -> str:
 def sensitivity_contents(run: RunFile) -> list[tuple[str, str]]:
     """Return the entry in the table of contents."""
     return [("sensitivities", "Sensitivities")] if run.sensitivity and run.count else []
-
-
-def _values(run: RunFile) -> Array:
-    """Return the values of the parameters and initial values of the derivatives, SI."""
-    known = {**run.record.parameters, **run.initial}
-    return np.array([known[name] for name in run.sensitivity])
 
 
 def _tornado(catalogue: Catalogue, constraint: int, values: Array) -> str:
