@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import base64
 import gzip
-import math
 from html import escape
 from importlib.resources import files
 from string import Template
 
 from lagcli.live.content import live_content
 from lagcli.live.module import module
-from lagcli.model.expression.units import to_si
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
-from lagcli.model.values import independent_parameters
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, in_unit, with_expressions
 from lagcli.pictures.words import words_of
 from lagcli.settings.settings import SettingsOverrides
 
-_PLAYER = ("lagcli.pictures", "assets")
 _PLAY = ("lagcli.play", "assets")
 _LIVE = ("lagcli.live", "assets")
 #: Scripts of the page that `lagcli play` has, too, after those of the player.
@@ -32,10 +28,6 @@ _SHARED = (
 _WORKER = ("words.js", "core.js", "answers.js", "runs.js", "worker.js")
 #: What the page may do besides running its own script and style: compile the core, start a worker.
 _POLICY = ("script-src 'wasm-unsafe-eval'", "worker-src blob:", "img-src data:")
-
-
-#: Rounding of a value that an expression gives, relative.
-_SAME = 1e-12
 #: The settings of a run that its page has.
 _OF_RUN = (
     *("t_start", "t_end", "samples", "dt", "times", "rtol", "atol", "method", "formulation"),
@@ -66,29 +58,12 @@ def live_page_of_run(run: RunFile, lang: str = "en") -> str:
 def _model_of(run: RunFile) -> Model:
     """Return the model of a run with its values: guesses remain guesses, and expressions follow."""
     model = run.model
-    sizes = {name: f"{model.parameters[name].value!r}*1" for name in model.structural_parameters}
-    written = load_text(model.text, model.path, sizes, {}, model.data)
-    own = independent_parameters(written)
-    values = {
-        name: _in_unit(x, written.parameters[name].unit)
-        for name, x in model.parameter_values.items()
-    }
-    given = {**sizes, **{name: values[name] for name in own}}
-    followed = load_text(model.text, model.path, given, {}, model.data)
-    for name, x in model.parameter_values.items():
-        if not math.isclose(followed.parameters[name].value, x, rel_tol=_SAME, abs_tol=0.0):
-            given[name] = values[name]
+    written, given = with_expressions(model)
     initial = {}
-    for name, start in followed.initial.items():
-        text = _in_unit(model.initial[name].value, start.unit)
+    for name, start in written.initial.items():
+        text = in_unit(model.initial[name].value, start.unit)
         initial[name] = text if start.fixed else f"{{guess: {text}}}"
     return load_text(model.text, model.path, given, initial, model.data)
-
-
-def _in_unit(value: float, unit: str | None) -> str:
-    """Return an SI value in the unit of the file, as the command line takes it."""
-    factor = float(to_si(unit)) if unit else 1.0
-    return f"{value!r}*1" if factor == 1.0 else f"{value / factor!r} {unit}"
 
 
 def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None = None) -> str:

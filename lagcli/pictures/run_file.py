@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
 
 _NONE = np.empty(0)
+#: Rounding of a value that an expression gives, relative.
+_SAME = 1e-12
 
 
 class RunFile:
@@ -207,6 +210,51 @@ class RunFile:
         names = self.coordinates
         positions = dict(zip(names, first["q"][0].tolist(), strict=True))
         return positions | dict(zip((f"{q}'" for q in names), first["v"][0].tolist(), strict=True))
+
+
+def with_expressions(model: Model) -> tuple[Model, dict[str, str]]:
+    """Return what the file of a run's model says, and the values to give it for the same run.
+
+    Parameters
+    ----------
+    model : Model
+        That of a run: all its values are given.
+
+    Returns
+    -------
+    written : Model
+        The model without these values, except for those that determine the number of members.
+    given : dict of str to str
+        Values of parameters, for `lagcli.load_text`. Those whose expressions have the value of the
+        run are omitted: they follow the others, as they did there.
+    """
+    import symengine as se
+
+    from lagcli.model.loader import load_text
+    from lagcli.model.values import dependent_values, independent_parameters
+
+    known = model.parameter_values
+    sizes = {name: f"{known[name]!r}*1" for name in model.structural_parameters}
+    written = load_text(model.text, model.path, sizes, data=model.data)
+    own = independent_parameters(written)
+    given = sizes | {name: in_unit(known[name], written.parameters[name].unit) for name in own}
+    following, values = dependent_values(written, own), {se.Symbol(n): known[n] for n in own}
+    for name in known:
+        if name in given:
+            continue
+        parameter = written.parameters[name]
+        value = float(following[name].subs(values)) if name in following else parameter.value
+        if not math.isclose(value, known[name], rel_tol=_SAME, abs_tol=0.0):
+            given[name] = in_unit(known[name], parameter.unit)
+    return written, given
+
+
+def in_unit(value: float, unit: str | None) -> str:
+    """Return an SI value in the unit of the file, as the command line takes it."""
+    from lagcli.model.expression.units import to_si
+
+    factor = float(to_si(unit)) if unit else 1.0
+    return f"{value!r}*1" if factor == 1.0 else f"{value / factor!r} {unit}"
 
 
 def formulas_of(run: RunFile, model: Model) -> Formulas:

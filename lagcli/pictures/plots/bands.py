@@ -12,13 +12,12 @@ from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES
 from lagcli.errors import UsageError
 from lagcli.pictures.curves import Curve
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, with_expressions
 
 if TYPE_CHECKING:
     from symengine import Basic
 
     from lagcli.equations.derivation.lagrange import Equations
-    from lagcli.model.model import Model
 
 #: The fields with derivatives, and the fields of these.
 _DERIVED = dict(zip(("q", "v", "multipliers"), (x.name for x in DERIVATIVES), strict=True))
@@ -258,6 +257,7 @@ def _slopes(run: RunFile, curves: Sequence[Curve]) -> dict[str, Array]:
     if not curves or not run.knows_model:
         return {}
     from lagcli.equations.derivation.lagrange import derive
+    from lagcli.model.loader import load_text
     from lagcli.simulations.directions import Directions
     from lagcli.simulations.slopes import slopes_along
 
@@ -267,35 +267,10 @@ def _slopes(run: RunFile, curves: Sequence[Curve]) -> dict[str, Array]:
         return {}
     motion = ("time", "q", "v", "a", "multipliers", *_DERIVED.values())
     columns = run.columns(motion)
-    directions = Directions(_with_dependence(run.model), run.sensitivity)
+    written, given = with_expressions(run.model)
+    model = load_text(written.text, written.path, given, data=written.data)
+    directions = Directions(model, run.sensitivity)
     return slopes_along(equations, directions, columns, expressions)
-
-
-def _with_dependence(model: Model) -> Model:
-    """Return a model whose parameters are expressions of others where they were in its run.
-
-    Those of the model of a run all have values. A parameter whose expression has the value of the
-    run was not replaced there.
-    """
-    from lagcli.model.expression.trees import Name, walk
-    from lagcli.model.loader import load_text
-
-    wanted = {name: f"{x!r}*1" for name, x in model.parameter_values.items()}
-    written = load_text(model.text, model.path, data=model.data).parameters
-    given = {
-        name: wanted[name]
-        for name, x in written.items()
-        if x.written is None or not any(isinstance(part, Name) for part in walk(x.written.tree))
-    }
-    found = load_text(model.text, model.path, given, data=model.data)
-    replaced = {
-        name: wanted[name]
-        for name, x in found.parameter_values.items()
-        if not np.isclose(x, model.parameters[name].value, rtol=1e-12, atol=0.0)
-    }
-    if not replaced:
-        return found
-    return load_text(model.text, model.path, given | replaced, data=model.data)
 
 
 def _expression(equations: Equations, curve: Curve) -> Basic | None:

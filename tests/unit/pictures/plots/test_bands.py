@@ -11,7 +11,7 @@ import lagcli
 from lagcli.errors import UsageError
 from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.plots.bands import RowBands, linear_bands, read_bands, read_part
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, with_expressions
 
 MODEL = Path(__file__).parents[4] / "models" / "slider_crank.yaml"
 RUN = lagcli.simulate(lagcli.load(MODEL), samples=5, sensitivity=["l", "phi'"])
@@ -120,3 +120,40 @@ def test_sums_over_time_and_residuals_have_no_band(name: str, tmp_path: Path) ->
 )
 def test_curves_with_derivatives_need_no_note(names: list[str], tmp_path: Path) -> None:
     assert lagcli.plot(RUN, tmp_path / "a.svg", names, bands=["l=2%"]) == ()
+
+
+def test_bands_of_a_run_with_fewer_members_than_the_file_has(tmp_path: Path) -> None:
+    text = (MODEL.parent / "chain.yaml").read_text().replace("{value: 1/N, unit: kg}", "0.1 kg")
+    model = lagcli.load_text(text, set={"N": 3})
+    run = RunFile(lagcli.simulate(model, t_end=0.1, samples=3, sensitivity=["l"]))
+    curves = Catalogue(run).find("energy_total")
+    values = read_curves(run, curves)
+    bands = linear_bands(run, curves, values, {"l": 0.05})
+    # released at rest, E = V is proportional to l = 1 m, and constant
+    np.testing.assert_allclose(
+        bands.changes["energy_total"][:, 0], 0.05 * values["energy_total"], rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("set", "given"),
+    [
+        ({"a": "2 cm"}, {"a": "2.0 cm"}),
+        ({"b": "7*1"}, {"a": "1.0 cm", "b": "7.0*1"}),
+        ({"N": 3, "c": "0.03*1"}, {"a": "1.0 cm", "c": "0.03*1"}),
+    ],
+)
+def test_parameters_follow_unless_replaced(set: dict[str, object], given: dict[str, str]) -> None:
+    text = """
+name: members
+coordinates: {"x[1..N]": }
+parameters: {N: 2, a: 1 cm, b: 2*a, c: a/N}
+T: sum(x[i]'^2/2, i = 1..N)
+V: sum((a + b + c)*x[i]^2, i = 1..N)
+initial: {"x[1..N]": 1, "x[1..N]'": 0}
+"""
+    run = RunFile(lagcli.simulate(lagcli.load_text(text, set=set), t_end=0.1, samples=2))
+    written, values = with_expressions(run.model)
+    assert values == {"N": f"{run.model.parameter_values['N']!r}*1", **given}
+    again = lagcli.load_text(written.text, set=values)
+    assert again.parameter_values == run.model.parameter_values
