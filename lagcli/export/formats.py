@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from lagcli.errors import UsageError
@@ -64,52 +65,17 @@ class ExportFormat(NamedTuple):
     write: Callable[[Model, ExportOptions], bytes]
 
 
-def _code(write: Callable[[Content], str]) -> Callable[[Model, ExportOptions], bytes]:
-    """Return the writer of a format that is code of a model's dynamics."""
+def _code(module: str, name: str) -> Callable[[Model, ExportOptions], bytes]:
+    """Return the writer of a format that is code of a model's dynamics, by its function."""
 
     def written(model: Model, options: ExportOptions) -> bytes:
         from lagcli.export.content import content_of
 
         options.check("code")
+        write: Callable[[Content], str] = getattr(import_module(f"lagcli.export.{module}"), name)
         return write(content_of(model)).encode()
 
     return written
-
-
-def _c(content: Content) -> str:
-    from lagcli.export.c import write_c
-
-    return write_c(content)
-
-
-def _numpy(content: Content) -> str:
-    from lagcli.export.python import write_numpy
-
-    return write_numpy(content)
-
-
-def _casadi(content: Content) -> str:
-    from lagcli.export.python import write_casadi
-
-    return write_casadi(content)
-
-
-def _jax(content: Content) -> str:
-    from lagcli.export.python import write_jax
-
-    return write_jax(content)
-
-
-def _matlab(content: Content) -> str:
-    from lagcli.export.matlab import write_matlab
-
-    return write_matlab(content)
-
-
-def _modelica(content: Content) -> str:
-    from lagcli.export.modelica import write_modelica
-
-    return write_modelica(content)
 
 
 def _fmu(model: Model, options: ExportOptions) -> bytes:
@@ -130,12 +96,12 @@ def _page(model: Model, options: ExportOptions) -> bytes:
 FORMATS = {
     row.name: row
     for row in (
-        ExportFormat("c", ".c", True, _code(_c)),
-        ExportFormat("python", ".py", True, _code(_numpy)),
-        ExportFormat("casadi", ".py", False, _code(_casadi)),
-        ExportFormat("jax", ".py", False, _code(_jax)),
-        ExportFormat("matlab", ".m", True, _code(_matlab)),
-        ExportFormat("modelica", ".mo", True, _code(_modelica)),
+        ExportFormat("c", ".c", True, _code("c", "write_c")),
+        ExportFormat("python", ".py", True, _code("python", "write_numpy")),
+        ExportFormat("casadi", ".py", False, _code("python", "write_casadi")),
+        ExportFormat("jax", ".py", False, _code("python", "write_jax")),
+        ExportFormat("matlab", ".m", True, _code("matlab", "write_matlab")),
+        ExportFormat("modelica", ".mo", True, _code("modelica", "write_modelica")),
         ExportFormat("fmu", ".fmu", True, _fmu),
         ExportFormat("page", ".html", True, _page),
     )

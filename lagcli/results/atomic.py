@@ -42,6 +42,12 @@ def check_writable(path: str, force: bool = False) -> None:
         raise write_failure(path, error) from error
 
 
+def write_file(path: str, content: bytes, force: bool) -> None:
+    """Write a file as a whole; for the parameters and errors see `whole_file`."""
+    with whole_file(path, force) as file:
+        file.write(content)
+
+
 @contextmanager
 def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     """Open a file that gets its name on success and is discarded on failure.

@@ -17,7 +17,7 @@ from lagcli.json_schema import check_json
 from lagcli.model.expression.units import to_si
 from lagcli.model.model import Model
 from lagcli.model.rewriting import rewrite
-from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.hdf5.analysis_file import new_analysis_file, opened_analysis
 from lagcli.results.hdf5.container import add_array, add_texts, attach_axes, make_axis, set_text
 from lagcli.results.hdf5.structure import group, read_arrays, read_texts, text_attribute
@@ -236,8 +236,7 @@ def write_model(
     for name, value in zip(result.names, result.values.tolist(), strict=True):
         (values if name in model.parameters else initial)[name] = _text(model, name, value)
     text = rewrite(model.text, model.path, values, initial)
-    with whole_file(os.fspath(path), force) as file:
-        file.write(text.encode())
+    write_file(os.fspath(path), text.encode(), force)
 
 
 def _text(model: Model, name: str, value: float) -> str:

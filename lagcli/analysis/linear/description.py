@@ -13,7 +13,7 @@ from lagcli.analysis.linear.linear_model import LinearModel
 from lagcli.analysis.linear.modes import ModalAnalysis, Mode
 from lagcli.analysis.local.contacts import contact_lines, describe_contacts
 from lagcli.analysis.local.operating_point import OperatingPoint
-from lagcli.analysis.output.files import check_analysis_target, write_bytes, write_content
+from lagcli.analysis.output.files import check_analysis_target, write_content
 from lagcli.analysis.output.tables import (
     Cell,
     ModelName,
@@ -34,6 +34,7 @@ from lagcli.analysis.output.tables import (
 from lagcli.analysis.output.text import entry, state_lines, width
 from lagcli.model.model import Model
 from lagcli.prose import counted, wrapped
+from lagcli.results.atomic import write_file
 
 _SHOWN = 6  # components of a shape that are listed
 _ENTRIES = 12  # largest number of rows and columns of a printed matrix
@@ -372,14 +373,14 @@ def write_linear(linear: LinearModel, model: Model, path: str, force: bool = Fal
     if suffix == ".npz":
         held = io.BytesIO()
         np.savez(held, allow_pickle=False, **arrays, **names)
-        write_bytes(path, held.getvalue(), force)
+        write_file(path, held.getvalue(), force)
     elif suffix == ".mat":
         from scipy.io import savemat
 
         held = io.BytesIO()
         lists: Mapping[str, Any] = {k: np.array(v, dtype=object) for k, v in names.items()}
         savemat(held, {**arrays, **lists, "model": linear.model}, oned_as="column")
-        write_bytes(path, held.getvalue(), force)
+        write_file(path, held.getvalue(), force)
     else:
         write_content(content, arrays, model, path, force)
 

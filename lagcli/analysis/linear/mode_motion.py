@@ -107,8 +107,8 @@ def stored_mode_motion(
     UsageError, ModelError, NumericalError
         As `mode_motion`.
     """
-    content, given = read_analysis(path, "modes"), read_model_text(path)
-    model = load_text(given.text, given.path, given.set, given.set_initial)
+    content = read_analysis(path, "modes")
+    model = load_text(*read_model_text(path))
     _check_number(number, _stored(content), model.name)
     stored = StoredModes(content, model, os.fspath(path))
     return stored.motion(number, amplitude)

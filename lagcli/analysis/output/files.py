@@ -9,7 +9,7 @@ from typing import Any
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
-from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.metadata import to_json
 from lagcli.version import __version__
 
@@ -60,17 +60,11 @@ def write_content(
     Raises
     ------
     FileError
-        As `whole_file`.
+        As `write_file`.
     """
     if path.lower().endswith(".json"):
-        write_bytes(path, (to_json(content, indent=1) + "\n").encode(), force)
+        write_file(path, (to_json(content, indent=1) + "\n").encode(), force)
         return
     from lagcli.results.hdf5.analysis_file import write_analysis
 
     write_analysis(path, content, arrays, facts_of(model), force)
-
-
-def write_bytes(path: str, data: bytes, force: bool) -> None:
-    """Write a file whole; for the errors see `whole_file`."""
-    with whole_file(path, force) as file:
-        file.write(data)

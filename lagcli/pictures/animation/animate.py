@@ -31,7 +31,7 @@ from lagcli.pictures.scene.timing import Timing, timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import evenly
 from lagcli.pictures.style import PALETTE, ROLES
-from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.atomic import check_writable, whole_file, write_file
 from lagcli.results.metadata import model_title
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -165,8 +165,7 @@ def animate(
         text, samples = animation_page(
             run, inside, when, viewed, title=title, forces=forces, notes=notes
         )
-        with whole_file(output, force) as file:
-            file.write(text.encode())
+        write_file(output, text.encode(), force)
         return Animation(output, *when, samples, notes)
     rate = FPS[suffix] if fps is None else fps
     wide, high = SIZE if size is None else size

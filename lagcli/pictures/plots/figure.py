@@ -17,7 +17,7 @@ from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
-from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.atomic import check_writable, write_file
 from lagcli.simulations.memory import check_fits
 
 FORMATS = ("png", "svg", "pdf")
@@ -222,11 +222,9 @@ def write_figure(figure: Any, path: str, kind: str, title: str, force: bool) -> 
     Raises
     ------
     FileError
-        As `whole_file`.
+        As `lagcli.results.atomic.whole_file`.
     """
-    content = _saved(figure, kind, title)
-    with whole_file(path, force) as file:
-        file.write(content)
+    write_file(path, _saved(figure, kind, title), force)
 
 
 def _saved(figure: Any, kind: str, title: str) -> bytes:

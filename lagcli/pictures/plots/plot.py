@@ -105,7 +105,7 @@ def _model_of(file: str) -> Model | None:
 
     given = read_model_text(file)
     try:
-        return load_text(given.text, given.path, given.set, given.set_initial)
+        return load_text(*given)
     except LagcliError:
         return None
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from lagcli.errors import UsageError
 from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted
-from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.metadata import KIND
 
 if TYPE_CHECKING:
@@ -133,8 +133,7 @@ def report(
         if modes is not None:
             raise UsageError(f"--modes is for runs; {os.fspath(source)} is a file of {kind}")  # type: ignore[arg-type]
         page = analysis_page(os.fspath(source), kind, title, lang).encode()  # type: ignore[arg-type]
-        with whole_file(output, force) as file:
-            file.write(page)
+        write_file(output, page, force)
         return Report(output, len(page), None, ())
     run = RunFile(source, model)
     if printed:
@@ -143,8 +142,7 @@ def report(
         page = assembled_pdf(run, title)
     else:
         page = assembled(run, title, modes, lang).encode()
-    with whole_file(output, force) as file:
-        file.write(page)
+    write_file(output, page, force)
     status, message = run.record.status, run.record.message
     ended = f"the run is marked {status}{f': {message}' if message else ''}; the report says so"
     notes = () if status in ("completed", "") else (ended,)

@@ -86,8 +86,7 @@ def analysis_page(path: str, kind: str, title: str | None = None, lang: str = "e
         return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
     from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 
-    content, given = read_analysis(path), read_model_text(path)
-    model = load_text(given.text, given.path, given.set, given.set_initial)
+    content, model = read_analysis(path), load_text(*read_model_text(path))
     sections = _sections(content, model)
     return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
 

@@ -81,7 +81,7 @@ def write_analysis(
 
 
 class ModelText(NamedTuple):
-    """The model of an analysis: its text and given values.
+    """The model of an analysis: its text and given values, as `lagcli.load_text` takes them.
 
     Parameters
     ----------
