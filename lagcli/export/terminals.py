@@ -15,8 +15,6 @@ from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.still import still_picture
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.simulations.simulation import Simulation
-from lagcli.trajectory.samples import Samples
-from lagcli.trajectory.trajectory import joined
 
 #: Size of the icon, pixels: so many that the names in the picture do not touch.
 SIZE = (640, 480)
@@ -73,11 +71,9 @@ def draw_icon(simulation: Simulation) -> bytes | None:
     model = with_view(simulation.model)
     if model.view is None:
         return None
-    blocks: list[Samples] = []
-    simulation.run(blocks.append)
-    samples = joined(blocks)
-    scene = ViewEvaluator(model).scene(vars(samples), samples.terms, model.parameter_values)
-    return still_picture(scene, SIZE, "")
+    run = simulation.trajectory()
+    scene = ViewEvaluator(model).scene(vars(run), run.terms, model.parameter_values)
+    return still_picture(scene, SIZE)
 
 
 def terminals_and_icons(found: Sequence[Terminal], icon: bool) -> bytes | None:

@@ -22,7 +22,7 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.curve_picture import curve_image
-from lagcli.pictures.scene.drag import places, with_rims
+from lagcli.pictures.scene.drag import draggable, with_rims
 from lagcli.pictures.scene.scene import (
     LEAST,
     LIFE,
@@ -40,14 +40,12 @@ from lagcli.pictures.style import PALETTE, constraint_colors
 from lagcli.play.controls import Control, controls
 from lagcli.play.equations import PlayEquations
 from lagcli.play.presets import presets
-from lagcli.play.runs import MOST_SAMPLES, live_plot, model_word, plot_groups
+from lagcli.play.runs import live_plot, model_word, plot_groups, resampled
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.resources import Resources, method_of, resources, settable_parameters
-from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.simulations.start import determined_values
-from lagcli.trajectory.samples import Record, Samples
-from lagcli.trajectory.trajectory import complete, joined
+from lagcli.trajectory.samples import Record
 
 #: Coordinates up to which bodies can be dragged: each step tries a change of every coordinate.
 _DRAGGED = 24
@@ -100,10 +98,8 @@ class _Contents:
     def __init__(self, model: Model, settings: SettingsOverrides | None):
         self.model = model = with_rims(with_view(model))
         self.simulation = _sampled(prepare(model, settings))
-        blocks: list[Samples] = []
-        self.record = self.simulation.run(blocks.append)
-        _check(self.record)
-        self.samples = joined(blocks)
+        self.run = self.simulation.trajectory()
+        _check(self.run)
         self.columns = LiveColumns(self.simulation)
         self.settable = settable_parameters(model)
 
@@ -157,10 +153,9 @@ class _Contents:
         return {name: control for name, control in every.items() if name not in structural}
 
     def _hello(self) -> dict[str, Any]:
-        model, view = self.model, self.model.view
+        model = self.model
         known = {*self.settable, *model.initial, "t_end"}
         groups = plot_groups(model)
-        drawn = self._draggable() if view is not None else []
         return {
             "name": model.title,
             "slug": model.name,
@@ -173,17 +168,11 @@ class _Contents:
             ],
             "presets": presets(model, self._controls(), known),
             "groups": {key: title for key, title in groups.items() if self._quantities(key)},
-            "draggable": drawn,
+            "draggable": draggable(model) if len(model.coordinates) <= _DRAGGED else [],
             "equations": self._equations.html,
             "colors": constraint_colors(model.constraint_names),
             "arms": arm_units(model),
         }
-
-    def _draggable(self) -> list[str]:
-        view = self.model.view
-        if view is None or len(self.model.coordinates) > _DRAGGED:
-            return []
-        return [name for name, moves in places(self.model, view).items() if moves]
 
     @cached_property
     def _equations(self) -> PlayEquations:
@@ -191,18 +180,14 @@ class _Contents:
 
     # plots
 
-    @cached_property
-    def _run(self) -> RunFile:
-        return RunFile(complete(self.samples, self.record))
-
     def _quantities(self, group: str) -> dict[str, Any] | None:
         """Return a plot with the places of its values; None if the page has none of them."""
-        plot = live_plot(self.model, self._run, group)
+        plot = live_plot(self.model, RunFile(self.run), group)
         series = [
             {
                 **{key: x for key, x in curve.items() if key not in ("values", "panel")},
                 "column": column,
-                "jumps": curve["name"] in self.record.display.get("jumping", ()),
+                "jumps": curve["name"] in self.run.display.get("jumping", ()),
             }
             for curve in plot["series"]
             if (column := self._column(curve["name"])) is not None
@@ -224,15 +209,14 @@ class _Contents:
     def _nominal(self) -> Scene:
         """The scene of the model's own run."""
         evaluator, values = ViewEvaluator(self.model), self.model.parameter_values
-        return evaluator.scene(vars(self.samples), self.samples.terms, values)
+        return evaluator.scene(vars(self.run), self.run.terms, values)
 
     def _still(self) -> str:
         """Return an image of the model's own run: of its coordinates, if it has no view."""
         if self.model.view is not None:
             return still_image(self._nominal, self.model.title)
-        run = RunFile(complete(self.samples, self.record))
-        labels = [curve.label for curve in Catalogue(run).of("q")]
-        return curve_image(self.samples.time, self.samples.q, labels, "")
+        labels = [curve.label for curve in Catalogue(RunFile(self.run)).of("q")]
+        return curve_image(self.run.time, self.run.q, labels, "")
 
     def _scene(self) -> dict[str, Any] | None:
         """Return the scene with places of its numbers, as `answers.js` reads it."""
@@ -310,11 +294,11 @@ class _Contents:
 
     def _balance(self) -> list[dict[str, Any]]:
         balance = self._equations.balance
-        return balance.described(self.record.units, self.columns.evaluate(balance.expressions))
+        return balance.described(self.run.units, self.columns.evaluate(balance.expressions))
 
     def _log(self) -> dict[str, Any] | None:
         """Return the names in the log; None of a model without contacts and events."""
-        log, switching = self.record.events, self.simulation.system.switching
+        log, switching = self.run.events, self.simulation.system.switching
         if log is None or switching is None:
             return None
         return {"kinds": [*OCCURRENCES], "rows": [*log.rows], "start": log.start.tolist()}
@@ -357,10 +341,7 @@ def _sampled(simulation: Simulation) -> Simulation:
     And never through a singular configuration: a run that needs that fails here.
     """
     settings = simulation.settings.replace(through_singular=False)
-    if settings.sample_count > MOST_SAMPLES:
-        last = float(sample_times(settings)[-1])
-        settings = settings.replace(t_end=last, samples=MOST_SAMPLES, dt=None, times=None)
-    return dataclasses.replace(simulation, settings=settings)
+    return dataclasses.replace(simulation, settings=resampled(settings))
 
 
 def _check(record: Record) -> None:

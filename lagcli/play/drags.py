@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.arrays import Array
 from lagcli.model.model import Model
 from lagcli.pictures.scene.drag import Drag, places
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.simulations.simulation import Simulation
 from lagcli.trajectory.samples import Samples
-from lagcli.trajectory.trajectory import joined
 
 #: Digits of initial values; fixed ones must satisfy the constraints within the accepted residual.
 _DIGITS = 13
@@ -162,19 +160,13 @@ class Drags:
     def _scene(self, moved: Simulation) -> dict[str, Any]:
         settings = moved.settings
         settings = settings.replace(times=(settings.t_start,), samples=None, dt=None)
-        blocks: list[Samples] = []
-        dataclasses.replace(moved, settings=settings).run(blocks.append)
-        s = joined(blocks)
+        run = dataclasses.replace(moved, settings=settings).trajectory()
         values = moved.model.parameter_values
-        return self._evaluator.scene(vars(s), s.terms, values).to_json(_same)
+        return self._evaluator.scene(vars(run), run.terms, values).to_json(lambda x: x)
 
 
 def _rounded(value: float, zero: float) -> float:
     return float(f"{value:.{_DIGITS}g}") if abs(value) > zero else 0.0
-
-
-def _same(values: Array) -> Array:
-    return values
 
 
 def _numbers(values: Any) -> bool:

@@ -30,7 +30,7 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.curve_picture import curve_picture
-from lagcli.pictures.scene.drag import places, with_rims
+from lagcli.pictures.scene.drag import draggable, with_rims
 from lagcli.pictures.scene.scene import with_contacts
 from lagcli.pictures.scene.still import still_drawing
 from lagcli.pictures.scene.timing import usual_speed
@@ -48,8 +48,7 @@ from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.start import determined_values
 from lagcli.simulations.variants import Variants
 from lagcli.trajectory.event_log import EventLog, event_sentences
-from lagcli.trajectory.samples import Record, Samples
-from lagcli.trajectory.trajectory import complete, joined
+from lagcli.trajectory.trajectory import Trajectory
 
 #: Largest number of samples that a page can draw quickly; runs with more are resampled.
 MOST_SAMPLES = 4001
@@ -192,16 +191,11 @@ class Played:
         request = self._fitting(request)
         simulation = self._variants.varied(request.set, request.set_initial)
         settings = resolve(self._settings(request.t_end), simulation.model.settings)
-        if settings.sample_count > MOST_SAMPLES:
-            last = float(sample_times(settings)[-1])
-            settings = settings.replace(t_end=last, samples=MOST_SAMPLES, dt=None, times=None)
-        simulation = dataclasses.replace(simulation, settings=settings)
-        blocks: list[Samples] = []
-        record = simulation.run(blocks.append, None, interruption)
-        samples = joined(blocks)
+        simulation = dataclasses.replace(simulation, settings=resampled(settings))
+        run = simulation.trajectory(None, interruption)
         if self._drags is not None:
-            self._drags.take(samples)
-        answer = self._answer(request, simulation, samples, record)
+            self._drags.take(run)
+        answer = self._answer(request, simulation, run)
         return answer if request.members == self.members else answer | self.description()
 
     def still(self) -> str:
@@ -213,15 +207,12 @@ class Played:
             As `check`, and where the run cannot start.
         """
         simulation = self._variants.varied()
-        blocks: list[Samples] = []
-        record = simulation.run(blocks.append)
-        samples = joined(blocks)
+        run = simulation.trajectory()
         if self._evaluator is not None:
             parameters = simulation.model.parameter_values
-            scene = self._evaluator.scene(vars(samples), samples.terms, parameters)
-            return still_drawing(scene).svg()
-        labels = [curve.label for curve in Catalogue(RunFile(complete(samples, record))).of("q")]
-        return curve_picture(samples.time, samples.q, labels, "").svg()
+            return still_drawing(self._evaluator.scene(vars(run), run.terms, parameters)).svg()
+        labels = [curve.label for curve in Catalogue(RunFile(run)).of("q")]
+        return curve_picture(run.time, run.q, labels, "").svg()
 
     def _dragged(self, request: PlayRequest, drag: DragRequest) -> dict[str, Any]:
         """Process a request to move a body."""
@@ -246,15 +237,12 @@ class Played:
 
     def description(self) -> dict[str, Any]:
         """Return the description of the model for the page."""
-        view = self.model.view
         return {
             "members": self.members,
             "controls": [c.to_json() for c in self.controls.values()],
             "presets": presets(self.model, self.controls),
             "groups": plot_groups(self.model),
-            "draggable": [name for name, moves in places(self.model, view).items() if moves]
-            if view is not None
-            else [],
+            "draggable": draggable(self.model),
             "equations": self._equations.html,
             "colors": constraint_colors(self.model.constraint_names),
             "arms": arm_units(self.model),
@@ -304,7 +292,7 @@ class Played:
         )
 
     def _answer(
-        self, request: PlayRequest, simulation: Simulation, samples: Samples, record: Record
+        self, request: PlayRequest, simulation: Simulation, run: Trajectory
     ) -> dict[str, Any]:
         model, start = simulation.model, simulation.start.state
         values = {**model.parameter_values, **{n: x.value for n, x in model.initial.items()}}
@@ -314,25 +302,25 @@ class Played:
         }
         shown = {name: self.controls[name].shown for name in values}
         groups = plot_groups(self.model)
-        result = RunFile(complete(samples, record))
+        result = RunFile(run)
         return {
             "number": request.number,
-            "status": record.status,
-            "message": on_page(record.message) if record.status != "completed" else "",
+            "status": run.status,
+            "message": on_page(run.message) if run.status != "completed" else "",
             "values": {name: shown[name](x) for name, x in values.items()},
             "start": {
                 name: shown[name](first[name]) for name, x in model.initial.items() if not x.fixed
             },
             "determined": determined_values(model, simulation.system, simulation.start),
             "t_end": simulation.settings.t_end,
-            "method": record.options["method"],
-            "counts": record.counts,
-            "seconds": record.seconds["integrate"],
+            "method": run.options["method"],
+            "counts": run.counts,
+            "seconds": run.seconds["integrate"],
             "command": self.command(request),
-            "events": happened(record.events),
-            "scene": self._scene(model, samples, record),
-            "balance": self._balance(model, samples, result) if request.balance else None,
-            "speed": usual_speed(float(np.ptp(samples.time))) if len(samples.time) else 1.0,
+            "events": happened(run.events),
+            "scene": self._scene(model, run),
+            "balance": self._balance(model, run) if request.balance else None,
+            "speed": usual_speed(float(np.ptp(run.time))) if len(run.time) else 1.0,
             "plots": {
                 group: live_plot(self.model, result, group)
                 for group in request.plots
@@ -340,20 +328,19 @@ class Played:
             },
         }
 
-    def _scene(self, model: Model, samples: Samples, record: Record) -> dict[str, Any] | None:
-        if self._evaluator is None or not len(samples.time):
+    def _scene(self, model: Model, run: Trajectory) -> dict[str, Any] | None:
+        if self._evaluator is None or not len(run.time):
             return None
-        scene = self._evaluator.scene(vars(samples), samples.terms, model.parameter_values)
-        scene = with_contacts(scene, record.events, samples.constraints)
+        scene = self._evaluator.scene(vars(run), run.terms, model.parameter_values)
+        scene = with_contacts(scene, run.events, run.constraints)
         return scene.to_json(lambda values: values)
 
-    def _balance(self, model: Model, samples: Samples, run: RunFile) -> dict[str, Any]:
+    def _balance(self, model: Model, run: Trajectory) -> dict[str, Any]:
         """Return the terms of the equations along a run."""
-        values, units = model.parameter_values, run.record.units
-        balance = self._equations.balance
+        values, balance = model.parameter_values, self._equations.balance
         return {
-            "time": samples.time,
-            "equations": balance.to_json(vars(samples), samples.terms, values, units, lambda x: x),
+            "time": run.time,
+            "equations": balance.to_json(vars(run), run.terms, values, run.units, lambda x: x),
         }
 
     # output of the page
@@ -395,6 +382,14 @@ class Played:
             {n: str(x) for n, x in {**started.set_initial, **request.set_initial}.items()},
             end,
         )
+
+
+def resampled(settings: Settings) -> Settings:
+    """Return settings with at most as many samples as a page draws quickly."""
+    if settings.sample_count <= MOST_SAMPLES:
+        return settings
+    last = float(sample_times(settings)[-1])
+    return settings.replace(t_end=last, samples=MOST_SAMPLES, dt=None, times=None)
 
 
 def model_word(path: str) -> str:

@@ -93,14 +93,10 @@ def simulate(
     """
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
-    from lagcli.trajectory.trajectory import complete, joined
-
     simulation = prepare(model, settings)
     simulation.check_memory(kept=True)
-    blocks: list[Samples] = []
     with Interruption() as interruption:
-        record = simulation.run(blocks.append, progress, interruption)
-    return complete(joined(blocks), record)
+        return simulation.trajectory(progress, interruption)
 
 
 def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulation:
@@ -278,6 +274,18 @@ class Simulation:
     @property
     def _block_rows(self) -> int:
         return max(1, _block_rows(self.system) // self._copies)
+
+    def trajectory(
+        self,
+        progress: Callable[[float], None] | None = None,
+        interruption: Interruption | None = None,
+    ) -> Trajectory:
+        """Integrate, and return the run with all samples; for the parameters see `run`."""
+        from lagcli.trajectory.trajectory import complete, joined
+
+        blocks: list[Samples] = []
+        record = self.run(blocks.append, progress, interruption)
+        return complete(joined(blocks), record)
 
     def run(
         self,

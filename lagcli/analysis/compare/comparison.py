@@ -27,7 +27,6 @@ from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.trajectory.samples import Record, Samples
-from lagcli.trajectory.trajectory import joined
 
 #: Formulations in addition to those of simulations, integrated by SciPy's DOP853.
 REDUCED = ("ggl", "maggi", "second")
@@ -210,9 +209,8 @@ def compare(
 def _run(simulation: Simulation, row: ComparedRow) -> ComparedRun:
     if row.formulation in REDUCED:
         return _run_reduced(simulation, row)
-    blocks: list[Samples] = []
-    record, seconds = _timed(lambda: _with(simulation, row).run(blocks.append))
-    return _measured(row, joined(blocks), record, seconds)
+    run, seconds = _timed(_with(simulation, row).trajectory)
+    return _measured(row, run, run, seconds)
 
 
 def _with(simulation: Simulation, row: ComparedRow) -> Simulation:

@@ -24,8 +24,7 @@ from lagcli.model import model as symbols
 from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation, prepare
-from lagcli.trajectory.samples import Samples
-from lagcli.trajectory.trajectory import Trajectory, complete, joined
+from lagcli.trajectory.trajectory import Trajectory
 
 #: Relative difference that counts as zero, given the errors of both runs.
 _EQUAL = 1e-6
@@ -107,7 +106,7 @@ def compare_models(
             f"{first.name} and {second.name} have no coordinate in common: nothing to compare"
         )
     ready = [prepare(model, given) for model in (first, second)]
-    runs = [_run(simulation) for simulation in ready]
+    runs = [simulation.trajectory() for simulation in ready]
     count = min(len(run.time) for run in runs)
     one, other = (_Named(run, count) for run in runs)
     multipliers = one.against(other, "multipliers", "constraints")
@@ -124,12 +123,6 @@ def compare_models(
         only_second=tuple(sorted(names[1] - names[0])),
         explained=_explained(ready, runs, count, multipliers),
     )
-
-
-def _run(simulation: Simulation) -> Trajectory:
-    blocks: list[Samples] = []
-    record = simulation.run(blocks.append)
-    return complete(joined(blocks), record)
 
 
 class _Named:

@@ -121,7 +121,6 @@ def _in_run(switched: SwitchedModel, at: float | None) -> Located:
 def _run_to(local: LocalEquations, at: float) -> tuple[State, int]:
     """Return the state of a run at a time, and the rank of B at its initial state."""
     from lagcli.simulations.simulation import prepare
-    from lagcli.trajectory.samples import Samples
 
     model = local.model
     began = local.t
@@ -130,14 +129,10 @@ def _run_to(local: LocalEquations, at: float) -> tuple[State, int]:
     if at == began:
         return local.start.state, local.start.rank
     simulation = prepare(model, given)
-    blocks: list[Samples] = []
-    record = simulation.run(blocks.append)
-    last = blocks[-1]
-    if record.status != "completed" or not len(last.time) or last.time[-1] != at:
-        raise NumericalError(
-            f"the run does not reach t = {at:g} s: {record.message or record.status}"
-        )
-    return State(at, last.q[-1], last.v[-1], local.p), simulation.start.rank
+    run = simulation.trajectory()
+    if run.status != "completed" or not len(run.time) or run.time[-1] != at:
+        raise NumericalError(f"the run does not reach t = {at:g} s: {run.message or run.status}")
+    return State(at, run.q[-1], run.v[-1], local.p), simulation.start.rank
 
 
 def check_time(at: float, began: float) -> None:

@@ -213,7 +213,7 @@ def _still(trajectory: Trajectory, folder: Path) -> str:
 
     run = RunFile(trajectory)
     scene = scene_of(run) if run.knows_model and run.count else None
-    picture = None if scene is None else still_picture(scene, _SIZE, "")
+    picture = None if scene is None else still_picture(scene, _SIZE)
     if picture is None:
         return ""
     target = folder / "still.png"

@@ -42,6 +42,12 @@ def places(model: Model, view: View) -> dict[str, bool]:
     return {name: not s.isdisjoint(coordinates) for name, s in free.items() if s <= known}
 
 
+def draggable(model: Model) -> list[str]:
+    """Return the points of a model's view that move with its coordinates alone."""
+    view = model.view
+    return [] if view is None else [name for name, moves in places(model, view).items() if moves]
+
+
 def with_rims(model: Model) -> Model:
     """Return a model whose view has two points on each rotating disc, named after it.
 

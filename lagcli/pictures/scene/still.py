@@ -44,7 +44,7 @@ def still_drawing(scene: Scene) -> VectorPicture:
     return drawing.raster
 
 
-def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | None:
+def still_picture(scene: Scene, size: tuple[int, int]) -> bytes | None:
     """Return a PNG file with a scene; None without matplotlib, which draws it.
 
     Parameters
@@ -52,14 +52,12 @@ def still_picture(scene: Scene, size: tuple[int, int], text: str) -> bytes | Non
     scene : Scene
     size : (width, height)
         Pixels.
-    text : str
-        Written into the picture.
     """
     if find_spec("matplotlib") is None or find_spec("PIL") is None:
         return None
     from PIL import Image
 
-    held, frame = io.BytesIO(), SceneDrawing(scene, *size).frame(_moment(scene), text)
+    held, frame = io.BytesIO(), SceneDrawing(scene, *size).frame(_moment(scene))
     # few colours: text and lines on paper
     Image.fromarray(frame).quantize(32).save(held, "png", optimize=True)
     return held.getvalue()
