@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from lagcli.errors import FileError
-from lagcli.results.formats import SUFFIXES, format_of, read
+from lagcli.results.formats import SUFFIXES, kind_of, read
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -44,21 +44,16 @@ def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
         from lagcli.model.loader import load
 
         return load(name)
-    if format_of(name).sweeps == "all":
-        return _open_hdf5(name)
-    return read(name)
+    from lagcli.results.metadata import KIND
 
-
-def _open_hdf5(name: str) -> Any:
-    from lagcli.results.hdf5.analysis_file import read_analysis
-    from lagcli.results.hdf5.opening import open_verified
-
-    with open_verified(name) as opened:
-        analysed = "content" in opened.root.attrs
-        swept = opened.kind == "sweep" and not analysed
-    if swept:
+    kind = kind_of(name)
+    if kind == KIND:
+        return read(name)
+    if kind == "sweep":
         return _open_sweep(name)
-    return read_analysis(name) if analysed else read(name)
+    from lagcli.results.hdf5.analysis_file import read_analysis
+
+    return read_analysis(name)
 
 
 def _open_sweep(name: str) -> Any:

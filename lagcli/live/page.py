@@ -35,7 +35,7 @@ _OF_RUN = (
 )
 
 
-def live_page_of_run(run: RunFile, lang: str = "en") -> str:
+def live_page_of_run(run: RunFile, lang: str) -> str:
     """Return a page that simulates the model of a run, with its values and settings.
 
     Parameters

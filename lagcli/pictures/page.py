@@ -41,7 +41,7 @@ def script_data(value: Any) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def content_policy(script: str, style: str, sources: Sequence[str] = ()) -> str:
+def content_policy(script: str, style: str, sources: Sequence[str]) -> str:
     """Return a content security policy that permits only this script and style, and more sources.
 
     Each of them is between two line ends in its element.

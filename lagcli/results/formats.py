@@ -178,6 +178,24 @@ def format_read(path: str | os.PathLike[str]) -> ResultFormat:
     return format_of(path)
 
 
+def kind_of(path: str | os.PathLike[str]) -> str:
+    """Return the kind of a file: ``trajectory``, ``sweep``, or the command of an analysis.
+
+    Raises
+    ------
+    FileError, UsageError
+        As `read`.
+    """
+    from lagcli.results.metadata import KIND
+
+    if format_read(path).sweeps != "all":
+        return KIND
+    from lagcli.results.hdf5.opening import open_verified
+
+    with open_verified(path) as opened:
+        return opened.kind or KIND
+
+
 def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool = False) -> None:
     """Raise, before a long run, the errors that `write` would raise after it.
 

@@ -76,7 +76,7 @@ def prepare_sweep(
     settings: SettingsOverrides | None,
     request: SweepRequest,
     path: str,
-    data: Mapping[str, InputData] | None = None,
+    data: Mapping[str, InputData] | None,
 ) -> PreparedSweep:
     """Validate a sweep before its first row."""
     model = load_text(text, name, set, set_initial, data)

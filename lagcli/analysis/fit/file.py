@@ -209,9 +209,7 @@ def check_written(path: str, force: bool) -> None:
     check_writable(path, force)
 
 
-def write_model(
-    model: Model, result: FitResult, path: str | os.PathLike[str], force: bool = False
-) -> None:
+def write_model(model: Model, result: FitResult, path: str | os.PathLike[str], force: bool) -> None:
     """Write a model file with the fitted values; comments and layout are preserved.
 
     Parameters

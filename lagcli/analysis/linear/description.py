@@ -352,7 +352,7 @@ LINEAR_SUFFIXES = (".json", ".npz", ".mat", ".h5")
 MODES_SUFFIXES = (".json", ".h5")
 
 
-def write_linear(linear: LinearModel, model: Model, path: str, force: bool = False) -> None:
+def write_linear(linear: LinearModel, model: Model, path: str, force: bool) -> None:
     """Write a linear model in the format given by the suffix.
 
     ``.npz`` and ``.mat`` contain the matrices by name and the names of the states, inputs and
@@ -385,7 +385,7 @@ def write_linear(linear: LinearModel, model: Model, path: str, force: bool = Fal
         write_content(content, arrays, model, path, force)
 
 
-def write_modes(analysis: ModalAnalysis, model: Model, path: str, force: bool = False) -> None:
+def write_modes(analysis: ModalAnalysis, model: Model, path: str, force: bool) -> None:
     """Write modes as JSON or HDF5.
 
     Raises

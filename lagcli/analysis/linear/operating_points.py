@@ -34,9 +34,9 @@ class Located(NamedTuple):
 def find_operating_point(
     model: Model,
     *,
-    at: float | None = None,
-    equilibrium: bool = False,
-    steady: Given | None = None,
+    at: float | None,
+    equilibrium: bool,
+    steady: Given | None,
 ) -> Located:
     """Return the requested operating point, by default the initial state; see `linearize`.
 

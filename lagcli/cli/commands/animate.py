@@ -132,9 +132,9 @@ def animate(
     elif given := [name for name, value in of_modes.items() if value is not None]:
         raise UsageError(f"{given[0]} is for --mode N, which animates a mode of a model")
     elif stored:
-        from lagcli.results.hdf5.analysis_file import analysis_kind
+        from lagcli.results.formats import kind_of
 
-        if analysis_kind(file) == "modes":
+        if kind_of(file) == "modes":
             from lagcli.analysis.linear.mode_motion import no_mode_chosen
 
             raise no_mode_chosen(file)

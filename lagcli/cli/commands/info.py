@@ -35,21 +35,19 @@ def info(
 def _described(file: str, quantiles: bool) -> tuple[dict[str, Any], str, int | None]:
     """Return the content of a file, its text, and the columns of the text's labels."""
     from lagcli.cli.streams import text_width
-    from lagcli.results.formats import format_read
+    from lagcli.results.formats import kind_of
+    from lagcli.results.metadata import KIND
 
-    if format_read(file).sweeps == "all":
-        from lagcli.results.hdf5.analysis_file import analysis_kind
-        from lagcli.sweeps.file.store import is_sweep
+    kind = kind_of(file)
+    if kind == "sweep":
+        from lagcli.sweeps.file.description import LABEL, describe_sweep, format_sweep
 
-        if analysis_kind(file) and not quantiles:
-            return *_analysis(file), None
-        if is_sweep(file):
-            from lagcli.sweeps.file.description import LABEL, describe_sweep, format_sweep
-
-            content = describe_sweep(file, quantiles=quantiles)
-            return content, format_sweep(content, text_width()), LABEL
+        content = describe_sweep(file, quantiles=quantiles)
+        return content, format_sweep(content, text_width()), LABEL
     if quantiles:
         raise UsageError(f"--quantiles is for sweep files, which have many rows; {file} is none")
+    if kind != KIND:
+        return *_analysis(file), None
     from lagcli.results.info import LABEL, describe, format_info
 
     content = describe(file)

@@ -206,7 +206,7 @@ class Formulas:
         return written(tree, self.model, self.values, indices or {})
 
     def definition_lines(
-        self, constraints: Iterable[ConstraintEquation], nodes: Iterable[Node] = ()
+        self, constraints: Iterable[ConstraintEquation], nodes: Iterable[Node]
     ) -> tuple[Line, ...]:
         """Return the definitions that constraints and formulas use, as written."""
         definitions = self.model.definitions

@@ -194,7 +194,7 @@ _ROUNDING = 1e-12  # below it, and below this part of the largest coordinate, a 
 _KEPT = 1.3  # largest ratio of lengths at which the written structure is kept
 
 
-def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool = False) -> list[Step]:
+def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool) -> list[Step]:
     """Return the steps of the second kind, from the dependent coordinates on.
 
     Parameters
@@ -548,7 +548,7 @@ def in_matrices(
     return [*steps, Step(ENTRIES, lines)]
 
 
-def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
+def maggi_steps(f: Formulas, maggi: Maggi, full: bool) -> list[Step]:
     """Return the steps of Maggi's equations, from the dependent velocities on."""
     p, e = maggi.partition, f.equations
     steps: list[Step] = []
@@ -620,9 +620,7 @@ def _maggi_law(f: Formulas) -> Node:
     return product_of([factor, inner])
 
 
-def solved_step(
-    f: Formulas, unknowns: list[SolvedUnknown], kind: str, redundant: bool = False
-) -> Step:
+def solved_step(f: Formulas, unknowns: list[SolvedUnknown], kind: str, redundant: bool) -> Step:
     """Return λ and the accelerations in closed form, or a remark why they are omitted."""
     title = f"Solved for the unknowns ({kind})"
     parts = [f.arrange(x) for s in unknowns for x in (s.numerator, s.denominator)]

@@ -71,7 +71,7 @@ def size_of(text: str) -> tuple[float, float]:
     return width, height
 
 
-def check_resolution(size: tuple[float, float], dpi: float, in_pixels: bool = True) -> None:
+def check_resolution(size: tuple[float, float], dpi: float, in_pixels: bool) -> None:
     """Raise an error unless a picture of this size, in inches, can have this resolution.
 
     The number of pixels is limited only for formats that consist of them.

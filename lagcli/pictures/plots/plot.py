@@ -10,7 +10,7 @@ from lagcli.errors import LagcliError, UsageError
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.run_file import RunFile
-from lagcli.results.formats import format_read
+from lagcli.results.formats import kind_of
 from lagcli.results.metadata import KIND
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -139,9 +139,4 @@ def _plot_sweep(
 
 def file_kind(source: Source) -> str:
     """Return the kind of a source: a run, a sweep, a fit or another analysis."""
-    if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
-        return KIND
-    from lagcli.results.hdf5.opening import open_verified
-
-    with open_verified(source) as opened:
-        return opened.kind or KIND
+    return KIND if isinstance(source, Trajectory) else kind_of(source)

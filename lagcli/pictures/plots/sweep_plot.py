@@ -606,9 +606,7 @@ def draw_tornado(ax: Any, effects: list[Effect], label: str) -> None:
     style.legend_beside(ax, handles, ["lowest value", "highest value"])
 
 
-def draw_histogram(
-    ax: Any, quantity: PlottedQuantity, quantiles: Sequence[float] = HISTOGRAM_QUANTILES
-) -> None:
+def draw_histogram(ax: Any, quantity: PlottedQuantity, quantiles: Sequence[float]) -> None:
     """Draw the distribution of a quantity over the rows, with its median and outer quantiles.
 
     Raises

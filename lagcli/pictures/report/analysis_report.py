@@ -52,7 +52,7 @@ _CONTENTS = (
 )
 
 
-def analysis_page(path: str, kind: str, title: str | None = None, lang: str = "en") -> str:
+def analysis_page(path: str, kind: str, title: str | None, lang: str) -> str:
     """Return the page of an analysis file.
 
     Parameters

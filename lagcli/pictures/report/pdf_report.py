@@ -23,7 +23,7 @@ _PACKAGES = "\\usepackage{graphicx}\n"
 _CURVES = 24
 
 
-def assembled_pdf(run: RunFile, title: str | None = None) -> bytes:
+def assembled_pdf(run: RunFile, title: str | None) -> bytes:
     """Return the report of a run as PDF.
 
     Parameters

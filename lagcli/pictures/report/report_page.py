@@ -27,8 +27,8 @@ def report_page(
     contents: Links,
     styles: Iterable[str],
     scripts: Sequence[str],
+    lang: str,
     layout: str = "without-motion",
-    lang: str = "en",
     status: str = "",
     start: Sequence[Array] = (),
     conserved: str = "",
@@ -48,10 +48,10 @@ def report_page(
         The sections, in the order of the page.
     styles, scripts : iterables of str
         Texts of the scripts.
-    layout : str
-        See `lagcli.pictures.page.page`.
     lang : str
         Language of the page's own words.
+    layout : str
+        See `lagcli.pictures.page.page`.
     status : str
         HTML before the contents.
     start : sequence of arrays

@@ -82,9 +82,7 @@ _ROWS = 24
 _ROUNDING = 1e-10
 
 
-def assembled(
-    run: RunFile, title: str | None = None, modes: str | None = None, lang: str = "en"
-) -> str:
+def assembled(run: RunFile, title: str | None, modes: str | None, lang: str) -> str:
     """Return the page of a run.
 
     Parameters

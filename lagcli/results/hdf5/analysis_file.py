@@ -28,7 +28,7 @@ _VALUES = {"type": "object", "additionalProperties": {"type": "string"}}
 
 @contextmanager
 def new_analysis_file(
-    path: str, content: Mapping[str, Any], facts: Mapping[str, Any], force: bool = False
+    path: str, content: Mapping[str, Any], facts: Mapping[str, Any], force: bool
 ) -> Iterator[h5py.File]:
     """Create a file for the result of an analysis, written atomically.
 
@@ -134,21 +134,9 @@ def read_units(path: str | os.PathLike[str]) -> dict[str, str]:
         return units
 
 
-def analysis_kind(path: str | os.PathLike[str]) -> str | None:
-    """Return the command that wrote an analysis file; None for runs and sweeps.
-
-    Raises
-    ------
-    FileError
-        As `lagcli.read`.
-    """
-    with open_verified(path) as opened:
-        return opened.kind if "content" in opened.root.attrs else None
-
-
 @contextmanager
 def opened_analysis(
-    path: str | os.PathLike[str], command: str = ""
+    path: str | os.PathLike[str], command: str
 ) -> Iterator[tuple[h5py.File, dict[str, Any]]]:
     """Open an analysis file.
 
@@ -156,7 +144,7 @@ def opened_analysis(
     ----------
     path : str or path
     command : str
-        The command that must have written it; any by default.
+        The command that must have written it; empty for any.
 
     Yields
     ------

@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli.column_units import NOT_STATED
 from lagcli.prose import counted
-from lagcli.results.listing import WIDTH, entry, file_size, number, pairs
+from lagcli.results.listing import entry, file_size, number, pairs
 from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
@@ -47,7 +47,8 @@ def describe_sweep(path: str | os.PathLike[str], *, quantiles: bool = False) -> 
         The file is missing, damaged, or not a sweep.
     """
     with open_sweep(path) as file:
-        facts, plan = file.facts, file.facts["sweep"]["plan"]
+        facts = file.facts
+        plan = facts["sweep"]["plan"]
         return {
             "path": os.fspath(path),
             "bytes": os.path.getsize(path),
@@ -58,14 +59,12 @@ def describe_sweep(path: str | os.PathLike[str], *, quantiles: bool = False) -> 
                     *("rows", "failures"),
                 )
             },
-            "schema_version": file.facts["schema_version"],
             "columns": [_described(file, c, quantiles) for c in file.columns],
             "measures": [_described(file, c, quantiles) for c in file.measures],
             **{key: plan[key] for key in ("vary", "sample", "zip")},
             "samples": len(file.times) if file.kept else 0,
-            # older files have none
-            "units": facts.get("units", {}),
-            "given": facts.get("display", {}).get("given", {}),
+            "units": facts["units"],
+            "given": facts["display"].get("given", {}),
             **{key: facts[key] for key in ("parameters", "options", "seconds")},
         }
 
@@ -88,7 +87,7 @@ def _described(file: SweepFile, column: Column, quantiles: bool) -> dict[str, An
     return described
 
 
-def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
+def format_sweep(info: Mapping[str, Any], columns: int) -> str:
     """Return the text that ``lagcli info`` prints for a sweep file, with a given line width."""
     _entry = partial(entry, width=LABEL, columns=columns)
     rows = info["rows"]

@@ -68,7 +68,7 @@ def write_sweep(
     prepared: PreparedSweep,
     results: Iterable[Results],
     facts: Mapping[str, Any],
-    force: bool = False,
+    force: bool,
 ) -> None:
     """Write a sweep file atomically.
 
@@ -437,12 +437,6 @@ def open_sweep(path: str | os.PathLike[str]) -> Iterator[SweepFile]:
         yield SweepFile(opened)
 
 
-def is_sweep(path: str | os.PathLike[str]) -> bool:
-    """Return whether an HDF5 file is a sweep file; for the errors see `open_sweep`."""
-    with open_verified(path) as opened:
-        return opened.kind == KIND
-
-
 def export_csv(
     path: str | os.PathLike[str], output: str | os.PathLike[str], force: bool = False
 ) -> None:
@@ -463,8 +457,6 @@ def export_csv(
     FileError
         One of the files cannot be read or written, or exists already.
     """
-    from lagcli.sweeps.row_results import STATUSES
-
     output = os.fspath(output)
     check_csv_target(output, force)
     with open_sweep(path) as file, whole_file(output, force) as target:

@@ -392,7 +392,7 @@ class OptionText:
         place = SourceLocation(self.option, 0, start + 1, max(1, end - start), self.text)
         return ModelError([Diagnostic(kind, message, place, help_)])
 
-    def expression_error(self, error: ExpressionError, offset: int = 0) -> ModelError:
+    def expression_error(self, error: ExpressionError, offset: int) -> ModelError:
         """Return an error of an expression that begins at ``offset``."""
         return self.error(
             error.kind, error.message, offset + error.start, offset + error.end, error.help

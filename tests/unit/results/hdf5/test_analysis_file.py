@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from lagcli.errors import FileError
-from lagcli.results.hdf5.analysis_file import analysis_kind, read_analysis, write_analysis
+from lagcli.results.formats import kind_of
+from lagcli.results.hdf5.analysis_file import read_analysis, write_analysis
 
 POINT = {
     **{"name": "the start", "steady": True, "time": 0.0, "q": {"φ": 0.1}, "v": {"φ": 0.0}},
@@ -28,7 +29,7 @@ def test_content_and_arrays_come_back(tmp_path: Path) -> None:
     write_analysis(path, content, {"a": np.arange(6.0).reshape(2, 3)}, {"model": "x: 1"})
     assert read_analysis(path) == content
     assert read_analysis(path, "modes") == content
-    assert analysis_kind(path) == "modes"
+    assert kind_of(path) == "modes"
     with h5py.File(path) as root:
         assert root["a"][1, 2] == 5.0
         assert root.attrs["model"] == b"x: 1"
