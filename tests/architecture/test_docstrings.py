@@ -113,18 +113,31 @@ def test_stale_names_are_found(code: str, names: list[str]) -> None:
 
 
 #: Files with a folder; in C, also those of the core without one.
-IN_PYTHON = re.compile(r"(?<![\w./{<*-])(?:[\w-]+/)+[\w-]+\.(?:py|c|h)\b")
+ENDINGS = "py|c|h|js|yaml"
+IN_PYTHON = re.compile(rf"(?<![\w./{{<*-])(?:[\w-]+/)+[\w-]+\.(?:{ENDINGS})\b")
 IN_C = re.compile(r"(?<![\w./{<*-])(?:[\w-]+/)*[\w-]+\.(?:py|c)\b")
 #: Headers that the build writes.
 GENERATED = {"tables.h", "layout.h", "settings.h"}
 
 
+def docstrings(path: Path) -> str:
+    """Return the docstrings of a module, whose other texts may name files that it writes."""
+    nodes = [
+        x for x in ast.walk(ast.parse(path.read_text())) if isinstance(x, Definition | ast.Module)
+    ]
+    return "\n".join(ast.get_docstring(x) or "" for x in nodes)
+
+
 def test_files_in_comments_and_recipes_exist() -> None:
     core = [*(ROOT / "lagcli").rglob("*.[ch]")]
-    others = [x for folder in ("docs", "tests") for x in (ROOT / folder).rglob("*.py")]
-    files = [f"/{x.relative_to(ROOT)}" for x in [*MODULES, *core, *others]]
+    scripts = [x for x in (ROOT / "lagcli").rglob("*.js") if "vendor" not in x.parts]
+    tests = [*(ROOT / "tests").rglob("*.py")]
+    models = [x for folder in ("models", "tests") for x in (ROOT / folder).rglob("*.yaml")]
+    others = [*tests, *models, *(ROOT / "docs").rglob("*.py")]
+    files = [f"/{x.relative_to(ROOT)}" for x in [*MODULES, *core, *scripts, *others]]
     recipes = ROOT / "CONTRIBUTING.md"
-    texts = {**TEXTS, recipes: recipes.read_text()}
+    texts = {**TEXTS, **{path: path.read_text() for path in [*scripts, recipes]}}
+    texts |= {path: docstrings(path) for path in tests if IN_PYTHON.search(path.read_text())}
     named = {(path, x) for path, text in texts.items() for x in IN_PYTHON.findall(text)}
     named |= {(path, x) for path in core for x in IN_C.findall(path.read_text())}
     wrong = [

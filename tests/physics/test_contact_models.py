@@ -1,7 +1,7 @@
 """The shipped models with contacts, friction and events, against closed forms.
 
 The values are those of the textbooks and papers that the models name: see also the cases of
-`tests/physics/test_switching.py`.
+`tests/physics/test_contact_cases.py`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 /*
  * Labels: where the text of a point stands, so that it hides no line. The same as
- * lagcli/pictures/scene/label_places.py.
+ * `label_place` in lagcli/pictures/scene/drawing.py.
  */
 
 const LABEL_SIZE = 13;

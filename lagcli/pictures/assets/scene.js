@@ -3,7 +3,7 @@
 /*
  * Scene: a mechanism drawn on a canvas, at any time.
  *
- * Needs camera.js, motion.js and shapes.js. The data is what lagcli/pictures/scene.py describes.
+ * Needs camera.js, motion.js and shapes.js. The data is what lagcli/pictures/scene/scene.py describes.
  *
  *   const scene = new Scene(canvas, data);
  *   scene.draw(1.25);                     // at 1.25 s; between samples, interpolated
@@ -16,7 +16,7 @@
 
 class Scene {
   static NEAR = 8; // CSS pixels between the pointer and an arrow that it points at
-  /** Colours by scheme; the light ones are the ROLES of lagcli/pictures/plots/style.py. */
+  /** Colours by scheme; the light ones are the ROLES of lagcli/pictures/style.py. */
   static COLORS = {
     light: {
       rod: "#404040",

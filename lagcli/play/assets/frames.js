@@ -1,6 +1,6 @@
 "use strict";
 
-/** Return the value in a frame: JSON with its arrays; see lagcli/play/frames.py. */
+/** Return the value in a frame: JSON with its arrays; see `encode` in lagcli/play/server.py. */
 function decodeFrame(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const numbers = new Float64Array(buffer, 4 + length);

@@ -36,7 +36,7 @@ def painleve(theta: float, mu: float, spin: float) -> ContactProblem:
 
 
 def test_painleve_s_rod_slides_or_opens() -> None:
-    """Values of benchmarks/contact/painleve_rod.yaml, to the digits given there."""
+    """Values of tests/benchmark/contact/painleve_rod.yaml, to the digits given there."""
     motions = contact_motions(painleve(np.arctan(2), 1.6, 6.0))
     assert len(motions) == 2
     slides, opens = sorted(motions, key=lambda x: -x.force[0])
@@ -54,7 +54,7 @@ def klein(mu: float, load: float) -> ContactProblem:
     """Return Klein's problem: two masses of 1 kg on a rod at 60° that move to the right.
 
     Coordinates are x_1 and y_1 of the mass in the rough guide y_1 = 0; the load pulls the other
-    one, x_2' = x_1' + y_1' tan 60°. See benchmarks/contact/painleve_klein.yaml.
+    one, x_2' = x_1' + y_1' tan 60°. See tests/benchmark/contact/painleve_klein.yaml.
     """
     tan = np.tan(np.pi / 3)
     inverse = np.linalg.inv([[2.0, tan], [tan, 1 + tan**2]])

@@ -34,7 +34,7 @@ def cradle(balls: int) -> ImpactProblem:
     ],
 )
 def test_newton_s_cradle(balls: int, law: ImpactLaw, after: list[float]) -> None:
-    """Values of benchmarks/contact/newtons_cradle.yaml, in rational arithmetic."""
+    """Values of tests/benchmark/contact/newtons_cradle.yaml, in rational arithmetic."""
     found = resolve_impact(cradle(balls), law)
     assert found is not None
     impulses = np.diff(np.concatenate([[0.0], found.impulse, [0.0]]))
@@ -43,7 +43,7 @@ def test_newton_s_cradle(balls: int, law: ImpactLaw, after: list[float]) -> None
 
 
 def kane_levinson() -> ImpactProblem:
-    """Return the double pendulum of benchmarks/contact/kane_levinson.yaml."""
+    """Return the double pendulum of tests/benchmark/contact/kane_levinson.yaml."""
     a, b = np.radians(20), np.radians(30)
     mass = np.array([[4 / 3, np.cos(a - b) / 2], [np.cos(a - b) / 2, 1 / 3]])
     rows = np.array([[np.sin(a), np.sin(b)], [np.cos(a), np.cos(b)]])
