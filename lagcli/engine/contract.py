@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.data_classes import dataclass, field
 from lagcli.engine.event_entries import NO_ENTRIES, EventEntries
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import State, System

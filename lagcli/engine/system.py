@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.data_classes import dataclass
 from lagcli.engine.layout import ConstraintLayout, Counts, DynamicsLayout, SampleLayout
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op

@@ -6,10 +6,10 @@ import gc
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lagcli.data_classes import replace
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model import keys
 from lagcli.model.diagnostics import Diagnostics

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -12,6 +11,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.columns import ColumnName
+from lagcli.data_classes import dataclass, field
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
 from lagcli.model.expression.functions import is_opaque

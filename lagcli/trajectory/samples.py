@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import Columns
+from lagcli.data_classes import dataclass, field
 from lagcli.errors import UsageError
 from lagcli.named_tuples import NamedTuple
 

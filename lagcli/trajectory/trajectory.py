@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import DERIVATIVES, Columns
+from lagcli.data_classes import dataclass, fields
 from lagcli.trajectory.samples import Record, Samples
 
 

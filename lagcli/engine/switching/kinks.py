@@ -9,9 +9,9 @@ changes the side where it vanishes.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import lru_cache
 
+from lagcli.data_classes import replace
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.system import JacobianTapes, State, System
 from lagcli.engine.tape.interpreter import ScalarTape

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence, Set
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+from lagcli.data_classes import dataclass
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
 from lagcli.named_tuples import NamedTuple
@@ -145,7 +145,7 @@ class EventRule(NamedTuple):
         return any(what != "p" or index in constraining for what, index in self.targets)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Switching:
     """The switching part of a System. All tapes take (t, q, v, a, λ, parameters) unless stated
     otherwise.

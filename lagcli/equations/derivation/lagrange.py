@@ -15,13 +15,13 @@ Lagrangians, are handled separately: see `quadratic`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.columns import ColumnName, read_column_name
+from lagcli.data_classes import dataclass
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols

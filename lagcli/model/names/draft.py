@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping as MappingOf
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 
 import symengine as se
 from symengine import Basic
 
+from lagcli.data_classes import dataclass, field
 from lagcli.model.diagnostics import Broken, Diagnostics
 from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse

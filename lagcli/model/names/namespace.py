@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 
 import symengine as se
 from symengine import Basic
 
+from lagcli.data_classes import dataclass, field
 from lagcli.errors import SourceLocation
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
@@ -114,7 +115,11 @@ class Namespace:
     kinds: Mapping[str, str] = field(default_factory=dict)
     incomplete: bool = False
     smooth: bool = True
-    rates: dict[Basic, Basic] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def rates(self) -> dict[Basic, Basic]:
+        """The time derivatives that are known so far."""
+        return {}
 
     def may_be_constraint(self, text: str) -> bool:
         """Whether an undeclared name may be a component of a constraint that has an error."""

@@ -7,8 +7,8 @@ when the file is read.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 
+from lagcli.data_classes import replace
 from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units

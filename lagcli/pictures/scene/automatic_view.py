@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations, product
 from typing import Literal
 
@@ -12,6 +11,7 @@ import numpy as np
 from symengine import Basic, DenseMatrix, Integer, Lambdify, Symbol, expand, pi, sqrt
 
 from lagcli.arrays import Array
+from lagcli.data_classes import replace
 from lagcli.model.expression.tensors import Tensor, angular_velocity, quaternion
 from lagcli.model.model import Model, Plate, Segment, View, coordinate, velocity
 from lagcli.named_tuples import NamedTuple
