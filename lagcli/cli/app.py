@@ -1,10 +1,10 @@
 """The program `lagcli`: commands, exit statuses, and error handling."""
 
 import atexit
-import gc
 import os
 import signal
 import sys
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -49,27 +49,30 @@ def command(name: str) -> Command:
 def main() -> None:
     """Run the command line and exit with its status.
 
+    The process ends without the interpreter's cleaning up, which would take as long as a short run.
     An interrupted command is terminated by SIGINT, which a shell reports as status 130: after an
     ordinary exit, the shell would consider the interrupt handled and continue its loop.
     """
-    status = 0
+    status: int | None = None
 
-    def die_of_interrupt() -> None:
-        if status == INTERRUPTED_STATUS:
-            _flush()
+    def end() -> None:
+        if status is None:
+            return
+        _flush()
+        with suppress(OSError):
+            sys.stderr.flush()
+        if status == INTERRUPTED_STATUS and os.name == "posix":
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             os.kill(os.getpid(), signal.SIGINT)
+        os._exit(status)
 
-    if os.name == "posix":
-        atexit.register(die_of_interrupt)  # registered first, called last
+    atexit.register(end)  # registered first, called last
     limit_process()
     # a closed pipe (`lagcli derive … | head`) terminates the process like any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     streams.set_up()
     status = run(sys.argv[1:])
-    # skip the garbage collection at exit
-    gc.freeze()
     sys.exit(status)
 
 
