@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Literal, get_args, overload
+from typing import TYPE_CHECKING, Literal, get_args, overload
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
-from lagcli.engine.layout import Constraints, Coordinates, Layout, One
+from lagcli.engine.layout import Layout, part
 from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
@@ -103,18 +103,18 @@ class EntryCounts(NamedTuple):
 class EntryLayout(Layout):
     """Layout of a row, as core/switching/log.c writes it."""
 
-    time: One
-    occurrence: One
-    which: One
-    loss: One
-    supplied: One
-    work: One
-    modes: Annotated[slice, "ns"]
-    q: Coordinates
-    before: Coordinates
-    after: Coordinates
-    impulse: Constraints
-    dtime: Annotated[slice, "n"]
+    time = part("1")
+    occurrence = part("1")
+    which = part("1")
+    loss = part("1")
+    supplied = part("1")
+    work = part("1")
+    modes = part("ns")
+    q = part("nq")
+    before = part("nq")
+    after = part("nq")
+    impulse = part("nc")
+    dtime = part("n")
 
 
 @lru_cache(maxsize=8)

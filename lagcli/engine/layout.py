@@ -7,7 +7,7 @@ only the standard library.
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, Any, get_type_hints
+from typing import Any
 
 from lagcli.named_tuples import NamedTuple
 
@@ -27,6 +27,22 @@ class Counts(NamedTuple):
         return self.nq + self.nc
 
 
+class _Part(tuple[str, ...]):
+    """The summands of a part's size."""
+
+
+def part(*counts: str) -> slice:
+    """Declare a part of a layout.
+
+    Parameters
+    ----------
+    *counts : str
+        Its size is the sum of these, each 1 or a field of the layout's counts. A part without them
+        extends to the end.
+    """
+    return _Part(counts)  # type: ignore[return-value]  # a slice in layouts of known counts
+
+
 class Layout:
     """Consecutive parts of an array, each a slice.
 
@@ -40,9 +56,9 @@ class Layout:
 
     def __init__(self, counts: NamedTuple):
         first = 0
-        for name, part in self.parts().items():
-            stop = first + sum(1 if count == "1" else getattr(counts, count) for count in part)
-            setattr(self, name, slice(first, stop if part else None))
+        for name, summands in self.parts().items():
+            stop = first + sum(1 if count == "1" else getattr(counts, count) for count in summands)
+            setattr(self, name, slice(first, stop if summands else None))
             first = stop
         self.size = first
 
@@ -54,43 +70,29 @@ class Layout:
     @cache
     def parts(cls) -> dict[str, tuple[str, ...]]:
         """Return the summands of each part's size; none for a part that extends to the end."""
-        hints = get_type_hints(cls, include_extras=True)
-        return {
-            name: tuple(filter(None, hint.__metadata__))
-            for name, hint in hints.items()
-            if name != "size"
-        }
-
-
-One = Annotated[slice, "1"]
-Coordinates = Annotated[slice, "nq"]
-Constraints = Annotated[slice, "nc"]
-Holonomic = Annotated[slice, "nh"]
-MassEntries = Annotated[slice, "nm"]
-JacobianEntries = Annotated[slice, "nb"]
-Unknowns = Annotated[slice, "nq", "nc"]
-Rest = Annotated[slice, ""]
+        members = [item for base in reversed(cls.__mro__) for item in vars(base).items()]
+        return {name: x for name, x in members if isinstance(x, _Part)}
 
 
 class SampleLayout(Layout):
     """Layout of a sample, and of a tape's inputs (parameters follow q and v, or a and λ)."""
 
-    t: One
-    q: Coordinates
-    v: Coordinates
-    a: Coordinates
-    multipliers: Constraints
-    work: One
+    t = part("1")
+    q = part("nq")
+    v = part("nq")
+    a = part("nq")
+    multipliers = part("nc")
+    work = part("1")
 
 
 class DynamicsLayout(Layout):
     """The outputs of the dynamics tape; the power is that of the applied forces and of time."""
 
-    mass_matrix: MassEntries
-    forcing: Coordinates
-    jacobian: JacobianEntries
-    rhs: Constraints
-    power: One
+    mass_matrix = part("nm")
+    forcing = part("nq")
+    jacobian = part("nb")
+    rhs = part("nc")
+    power = part("1")
 
 
 class UnrolledLayout(DynamicsLayout):
@@ -101,26 +103,26 @@ class UnrolledLayout(DynamicsLayout):
     constraints only.
     """
 
-    solution: Unknowns
-    total_power: One
-    determinant: One
-    others: Rest
+    solution = part("nq", "nc")
+    total_power = part("1")
+    determinant = part("1")
+    others = part()
 
 
 class ConstraintLayout(Layout):
     """The outputs of the constraint tape."""
 
-    position: Holonomic
-    jacobian: JacobianEntries
-    drift: Constraints
-    position_scale: Holonomic
-    velocity_scale: Constraints
+    position = part("nh")
+    jacobian = part("nb")
+    drift = part("nc")
+    position_scale = part("nh")
+    velocity_scale = part("nc")
 
 
 class RatesLayout(ConstraintLayout):
     """The outputs of the constraint tape with ψ."""
 
-    velocity: Constraints
+    velocity = part("nc")
 
 
 class Blocks(NamedTuple):
