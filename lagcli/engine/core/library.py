@@ -52,7 +52,7 @@ def _is_current(built_from: str) -> bool:
 
 
 class Functions:
-    """Functions of the library as attributes.
+    """Functions of the library as attributes, each bound when it is first used.
 
     Parameters
     ----------
@@ -62,14 +62,16 @@ class Functions:
     """
 
     def __init__(self, signatures: Mapping[str, tuple[Any, ...]]):
-        for name, (result, *arguments) in signatures.items():
-            # without releasing the lock of the interpreter, a short call takes half the time
-            function = getattr(_long if name in _LONG else _short, name)
-            function.restype, function.argtypes = result, arguments
-            setattr(self, name, function)
+        self._signatures = signatures
 
     def __getattr__(self, name: str) -> Any:
-        raise AttributeError(name)
+        if name not in self._signatures:
+            raise AttributeError(name)
+        # without releasing the lock of the interpreter, a short call takes half the time
+        function = getattr(_long if name in _LONG else _short, name)
+        function.restype, *function.argtypes = self._signatures[name]
+        setattr(self, name, function)
+        return function
 
 
 _short, _long = _load(ctypes.PyDLL), _load(ctypes.CDLL)
