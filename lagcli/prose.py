@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import textwrap
 
 #: Matches spaces that must not break: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
 _WITHIN = (
@@ -37,6 +36,8 @@ def wrapped(text: str, width: int, first: str = "", following: str = "") -> list
     first, following : str
         Indentation of the first line, and of the others.
     """
+    import textwrap  # slow to import
+
     lines = textwrap.wrap(
         re.sub(_WITHIN, "\u00a0", text),
         width,

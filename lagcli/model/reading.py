@@ -15,7 +15,6 @@ from lagcli.model.yaml.source import Source
 _PACKAGE = Path(__file__).parents[1]
 #: Folders in an installed package, and in a checkout.
 _FOLDERS = (_PACKAGE / "models", _PACKAGE.parent / "models")
-_NAME = re.compile(r"\w+")
 
 
 @cache
@@ -56,7 +55,7 @@ def find_model(path: str | Path) -> Path:
         The path itself if it is not the name of a shipped model.
     """
     given = Path(path)
-    shipped = shipped_models().get(str(path)) if _NAME.fullmatch(str(path)) else None
+    shipped = shipped_models().get(str(path)) if re.fullmatch(r"\w+", str(path)) else None
     return given if shipped is None or given.exists() else shipped
 
 
@@ -64,9 +63,9 @@ MAX_BYTES = 10_000_000
 #: Words, numbers and signs of a file. Reading one takes some 10 µs.
 MAX_WORDS = 1_000_000
 
-_WORD = re.compile(r"[\w.]+|[^\w\s]")
+_WORD = r"[\w.]+|[^\w\s]"
 #: What YAML excludes, listed: the complement of what it allows takes ten times as long to compile.
-_NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
+_NOT_TEXT = "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]"
 _IS_IT = "is it a model file at all?"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -176,17 +175,19 @@ def check_text(source: Source) -> None:
     ModelError
     """
     if len(source.text) > MAX_WORDS:
-        beyond = next(islice(_WORD.finditer(source.text), MAX_WORDS, None), None)
+        beyond = next(islice(re.finditer(_WORD, source.text), MAX_WORDS, None), None)
         if beyond is not None:
             message = f"the model has more than {MAX_WORDS:,} words, numbers and signs"
             help_ = "write what repeats as a family, x[i = 1..N], and its sums as sum(…, i = 1..N)"
             location = SourceLocation(shorten(source.path, 200), 1, 1)
             raise ModelError([Diagnostic("too-large", message, location, help_)])
-    match = _NOT_TEXT.search(source.text)
+    if all(char.isprintable() or char in "\t\n\r" for char in set(source.text)):
+        return
+    match = re.search(_NOT_TEXT, source.text)
     if match is None:
         return
-    line = next(i for i, text in enumerate(source.lines) if _NOT_TEXT.search(text))
-    column = _NOT_TEXT.search(source.lines[line])
+    line = next(i for i, text in enumerate(source.lines) if re.search(_NOT_TEXT, text))
+    column = re.search(_NOT_TEXT, source.lines[line])
     assert column is not None
     raise _not_text(
         shorten(source.path, 200),

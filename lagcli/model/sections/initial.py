@@ -819,7 +819,7 @@ def _report_missing(draft: Draft, attempted: Collection[str]) -> None:
     )
 
 
-_MEMBER = re.compile(r"(.+)\[(\d+)\](['.\w]*)")
+_MEMBER = r"(.+)\[(\d+)\](['.\w]*)"
 
 
 def _entries(draft: Draft, missing: list[str]) -> list[tuple[str, str]]:
@@ -830,7 +830,7 @@ def _entries(draft: Draft, missing: list[str]) -> list[tuple[str, str]]:
     runs: list[tuple[str, str, int, int]] = []  # before and after the index, first and last
     places: dict[tuple[str, str], int] = {}
     for name in missing:
-        match = _MEMBER.fullmatch(name)
+        match = re.fullmatch(_MEMBER, name)
         before, after = (match[1], match[3]) if match else (name, "")
         index = int(match[2]) if match else -1
         place = places.get((before, after), -1)

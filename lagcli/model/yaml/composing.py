@@ -24,7 +24,7 @@ MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
 _INDEX = re.compile(r"""(?<=[\w)\]*/+=(-])\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
 # Likewise, YAML ends a value at a comma, which in parentheses separates arguments: f(u, v). A quote
 # that is no prime, a brace, a comment or the line's end leaves parentheses open.
-_PARENTHESIS = re.compile(r"""[()"#{}\n]|(?<![\w)'\ufdd1])'""")
+_PARENTHESIS = re.compile(r"""[()"#{}\n]|(?<![\w)'])(?<!\ufdd1)'""")
 _BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
 _COLON = re.compile(r"\s*:")
 _HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")

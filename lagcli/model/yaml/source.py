@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from lagcli.errors import SourceLocation
 from lagcli.model.spelling import shorten
 
-_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # line breaks of YAML 1.1
+_BREAK = re.compile("\r\n|[\n\r\x85]|[\u2028\u2029]")  # line breaks of YAML 1.1
 
 Position = tuple[int, int]  # line and column, both from 0
 
