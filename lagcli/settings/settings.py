@@ -223,7 +223,7 @@ def resolve(*levels: SettingsOverrides) -> Settings:
 def _completed(chosen: SettingsOverrides) -> Settings:
     values = {name: x.default for name, x in Settings.DECLARED.items() if x.default == math.inf}
     settings = Settings(**{**values, **chosen.as_dict()})
-    if settings.times is not None:
+    if settings.times is not None and settings.t_end is None:
         settings = settings.replace(t_end=settings.times[-1])
     if settings.method == "auto" and settings.formulation == "baumgarte":
         settings = settings.replace(method="DOP853")  # the only method that has it

@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from known_events import METHODS
@@ -156,3 +157,25 @@ def test_a_stop_is_reported_to_the_user(tmp_path: Path, capsys: pytest.CaptureFi
     assert "The run was stopped by an event." in report.read_text(encoding="utf-8")
     assert main(["animate", str(tmp_path / "run.h5"), "-o", str(animation), "-q"]) == 0
     assert f"the run was stopped by an event: {said}" in capsys.readouterr().err
+
+
+def test_events_after_the_last_sample_time(tmp_path: Path) -> None:
+    """A given end later than the last sample time is the end of the run, also of rows of sweeps."""
+    model = lagcli.load_text("""\
+coordinates: [x]
+T: x'^2/2
+initial: {x: 0, x': 1}
+events: {there: {when: x >= 3}}
+simulation: {times: [0, 1, 2]}
+""")
+    for t_end, expected in ((None, []), (5.0, [3.0])):
+        run = lagcli.simulate(model, t_end=t_end)
+        assert run.time.tolist() == [0, 1, 2]
+        assert run.events is not None
+        assert run.events.time.tolist() == pytest.approx(expected)
+    measures = {"n": "count(there)", "x": "final(x)", "later": "at(x, 4)"}
+    lagcli.sweep(model, ["x'=1,2"], tmp_path / "s.h5", measures=measures, t_end=5.0)
+    with h5py.File(tmp_path / "s.h5") as file:
+        found = {name: file[name][:].tolist() for name in measures}
+    expected = {"n": [1, 1], "x": pytest.approx([2, 4]), "later": pytest.approx([4, 8])}
+    assert found == expected

@@ -116,6 +116,13 @@ def test_the_last_sample_time_is_the_end() -> None:
     assert (settings.t_end, settings.samples) == (2.0, None)
 
 
+def test_a_later_end_that_is_given_is_the_end() -> None:
+    settings = resolve(SettingsOverrides(times=(0.5, 2.0), t_end=9.0))
+    assert settings.t_end == 9.0
+    settings = resolve(SettingsOverrides(t_end=9.0), SettingsOverrides(times=(0.5, 2.0)))
+    assert (settings.times, settings.t_end) == ((0.5, 2.0), 9.0)
+
+
 def test_a_value_out_of_its_range_is_rejected() -> None:
     with pytest.raises(UsageError, match="no method `radau`; did you mean `Radau`"):
         resolve(SettingsOverrides(method="radau"))
