@@ -285,3 +285,26 @@ def test_errors(entry: str, said: str) -> None:
         lagcli.simulate(lagcli.load_text(f"{text}events:\n  e: {entry}\n"))
     assert said in str(error.value)
     assert "<text>:6:" in str(error.value)
+
+
+@pytest.mark.parametrize("period", ["1 ms", "0.1 ms", "20 us"])
+def test_short_periods_far_from_zero(period: str) -> None:
+    """Ticks 160 roundings of the time apart, at 1e9 s: the same motion as from 0."""
+    text = f"""\
+coordinates: [x]
+T: x'^2/2
+V: 50*x^2
+initial: {{x: 1, x': 0}}
+events: {{tick: {{every: {period}, set: {{x': "0.99*x'"}}}}}}
+"""
+    model = lagcli.load_text(text)
+    runs = [lagcli.simulate(model, t_start=t, t_end=t + 2.0**-7, samples=3) for t in (0.0, 1e9)]
+    assert [run.status for run in runs] == ["completed", "completed"]
+    logs = [run.events for run in runs]
+    assert logs[0] is not None
+    assert logs[1] is not None
+    assert len(logs[0]) == len(logs[1])
+    np.testing.assert_allclose(logs[1].time - 1e9, logs[0].time, rtol=0, atol=2e-7)
+    # times are rounded to 1.2e-7 s, in which x' changes by 1.2e-5
+    np.testing.assert_allclose(runs[1].q, runs[0].q, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(runs[1].v, runs[0].v, rtol=0, atol=3e-5)

@@ -135,11 +135,12 @@ static int begin_instant(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* Whether the instant follows the last one: rounds are counted anew. */
+/* Whether the instant follows the last one: rounds are counted anew. Ticks advance, however close they are. */
 static void begin_count(lag_run *run)
 {
     lag_switching *sw = &run->switching;
-    if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
+    const double same = SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old);
+    if (sw->instant > sw->last + same || lag_ticks_at(run, sw->instant)) {
         sw->rounds = sw->impacts = 0;
         sw->interval = fmax(sw->instant - sw->last, RETAINED * sw->interval);
     }
