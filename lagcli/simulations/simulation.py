@@ -11,10 +11,10 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.data_classes import dataclass, replace
-from lagcli.engine.constraints.initial import ConsistentState, next_to_singular
+from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted
 from lagcli.engine.lowering.lower import lower
-from lagcli.engine.system import State, System
+from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.model import Model
@@ -30,7 +30,7 @@ from lagcli.simulations.sampling import (
     sample_times,
     unit_kinds,
 )
-from lagcli.simulations.start import find_start, freedom_at, message_of, negative_inertia
+from lagcli.simulations.start import find_start, freedom_at, message_of, warnings_at_start
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.trust import FiniteColumns, Trust
 from lagcli.trajectory.samples import Record, Samples
@@ -360,17 +360,11 @@ class Simulation:
         tolerances = dict(zip(self.initial, reached, strict=bool(reached)))
         log: EventLog | None = None
         tables: dict[str, InputTable] = {}
-        warnings: tuple[str, ...] = ()
         if self.system.switching is not None:
-            from lagcli.simulations.contacts import ambiguous_forces, true_at_start
             from lagcli.simulations.event_logs import event_log
 
             names = () if self.sensitivity is None else self.sensitivity.names
             log = event_log(self.system, run, columns, names)
-            warnings = (
-                *true_at_start(self.system, self.start.state),
-                *ambiguous_forces(self.system, self.start.state, self.freedom.redundant),
-            )
         if self.model.inputs:
             from lagcli.simulations.inputs import input_tables
 
@@ -380,9 +374,7 @@ class Simulation:
             tolerances=tolerances,
             warnings=(
                 *self.model.units.warnings,
-                *warnings,
-                *negative_inertia(self.system, self.start.state, self.start.rank),
-                *next_to_singular(self.system, self.start),
+                *warnings_at_start(self.system, self.start, lambda: self.freedom),
                 *trust.warnings(self.settings, run.steps, columns),
                 *finite.warnings(),
                 *run.notes,
@@ -420,12 +412,11 @@ def warnings_of(
     system: System,
     p: tuple[float, ...],
     settings: Settings,
-    rank: int,
     samples: Array,
     steps: int,
     changes: ParameterChanges = (),
 ) -> tuple[str, ...]:
-    """Return the warnings of a completed run, from its samples.
+    """Return the warnings of a completed run from its samples.
 
     Parameters
     ----------
@@ -434,10 +425,8 @@ def warnings_of(
         Values of its parameters.
     settings : Settings
         Complete ones.
-    rank : int
-        Rank of B at the initial state.
     samples : (nt, width) array
-        Sample rows from the initial state on, as in `SampleLayout`.
+        Sample rows, as in `SampleLayout`.
     steps : int
     changes : sequence of (int, tuple of float), optional
         Samples from which events set other parameter values.
@@ -451,12 +440,7 @@ def warnings_of(
             block = columns(Block.of_rows(rows, layout))
             trust.add(block)
             finite.add(block)
-    first = Block.of_rows(samples[:1], layout)
-    return (
-        *negative_inertia(system, State(float(first.time[0]), first.q[0], first.v[0], p), rank),
-        *trust.warnings(settings, steps, columns),
-        *finite.warnings(),
-    )
+    return (*trust.warnings(settings, steps, columns), *finite.warnings())
 
 
 def _block_rows(system: System) -> int:

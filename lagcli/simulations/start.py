@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from lagcli.engine.constraints.initial import (
     consistent_state,
     dependent_sets,
     determined,
+    next_to_singular,
 )
 from lagcli.engine.contract import Outcome
 from lagcli.engine.evaluator import Dynamics, Evaluator
@@ -406,6 +407,32 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
             + (f", for instance `--set {massless[0]}=1`" if massless else ""),
             tuple(notes),
         )
+    )
+
+
+def warnings_at_start(
+    system: System, start: ConsistentState, freedom: Callable[[], DegreesOfFreedom]
+) -> tuple[str, ...]:
+    """Return the warnings about an initial state.
+
+    Parameters
+    ----------
+    system : System
+    start : ConsistentState
+    freedom : callable
+        Returns the degrees of freedom there; called if forces depend on multipliers.
+    """
+    warnings: list[str] = []
+    if system.switching is not None:
+        from lagcli.simulations.contacts import ambiguous_forces, true_at_start
+
+        warnings += true_at_start(system, start.state)
+        if system.switching.forces is not None:
+            warnings += ambiguous_forces(system, start.state, freedom().redundant)
+    return (
+        *warnings,
+        *negative_inertia(system, start.state, start.rank),
+        *next_to_singular(system, start),
     )
 
 

@@ -649,3 +649,50 @@ def test_ctrl_c_keeps_the_rows(tmp_path: Path) -> None:
     assert "--resume continues" in said
     assert "Traceback" not in said
     assert [x.name for x in tmp_path.iterdir()] == ["k.h5.journal"]
+
+
+#: Models that complete with a warning about the start or an event, beside a free body.
+WARNED = {
+    "force": """\
+coordinates: [s, x, y]
+T: (s'^2 + x'^2 + y'^2)/2
+V: y
+Q: {x: -0.1*lambda.guide}
+constraints: {guide: y = 0, again: 2*y = 0}
+initial: {s: 0, s': 0, x: 0, y: 0, x': 1, y': 0}
+""",
+    "condition": """\
+coordinates: [s]
+T: s'^2/2
+initial: {s: 0, s': 1}
+events: {there: {when: s >= -1}}
+""",
+    "action": """\
+coordinates: [s, x, y]
+T: (s'^2 + x'^2 + y'^2)/2
+constraints: {rod: x^2 + y^2 = 25}
+initial: {s: 0, s': 0, x: 5, y: 0, x': 0, y': 0}
+events: {move: {when: t >= 0.5, set: {x: 3}}}
+""",
+    "start": """\
+coordinates: [s, x, y]
+T: (s'^2 + x'^2 + y'^2)/2
+constraints: {floor: y = 0, bowl: y = x^2 - 1e-7*x}
+initial: {s: 0, s': 0, x: 0, y: 0, x': 0, y': 0}
+""",
+}
+
+
+@pytest.mark.parametrize("name", WARNED)
+def test_strict_fails_rows_of_which_simulate_warns(here: Here, name: str) -> None:
+    Path("m.yaml").write_text(WARNED[name], encoding="utf-8")
+    run = lagcli.simulate(lagcli.load("m.yaml"), t_end=1.0)
+    assert run.status == "completed"
+    assert run.warnings
+    rows = ("sweep", "m.yaml", "--vary", "s'=0.5,1", "--t-end", "1", "--measure", "final(s)")
+    assert here(*rows, "--jobs", "1", "-o", "s.h5") == 0
+    assert here(*rows, "--jobs", "1", "--strict", "-o", "t.h5") == 3
+    messages = contents("t.h5")["message"]
+    for k, speed in enumerate((0.5, 1.0)):
+        run = lagcli.simulate(lagcli.load("m.yaml", set_initial={"s'": speed}), t_end=1.0)
+        assert messages[k].decode() == "; ".join(run.warnings)

@@ -30,9 +30,12 @@ def rows_together(
     found: dict[int, tuple[Array, Outcome | LagcliError, int]] = {}
 
     def take(ended: FinishedRuns) -> None:
-        for place, samples, run in zip(ended.places, ended.samples, ended.runs, strict=True):
+        assert len(ended.starts) == sum(isinstance(run, Outcome) for run in ended.runs)
+        ranks = [start.rank for start in ended.starts] or [0]
+        rows = zip(ended.places, ended.samples, ended.runs, ranks, strict=True)
+        for place, samples, run, rank in rows:
             assert place not in found
-            found[int(place)] = samples, run, ended.rank
+            found[int(place)] = samples, run, rank
 
     group.run(np.asarray(table, dtype=float), take, lambda: None)
     return group, [found.pop(i) for i in range(len(table))]
@@ -134,7 +137,7 @@ def _compared(
         assert (type(run), str(run)) == (type(single), str(single))
         return "no start"
     assert (run.status, run.message) == (single.status, single.message)
-    assert rank == alone.rank
+    assert rank == alone.starts[0].rank
     layout = group.variants.system.sample_layout
     assert samples.shape == expected.shape
     np.testing.assert_array_equal(samples[:, 0], expected[:, 0])

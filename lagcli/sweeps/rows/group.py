@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate.engine import integrate, switches
 from lagcli.engine.integrate.kept import KeptCore
@@ -22,7 +23,7 @@ from lagcli.model.model import InitialValue, Model
 from lagcli.named_tuples import NamedTuple
 from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
-from lagcli.simulations.start import message_of
+from lagcli.simulations.start import freedom_at, message_of, warnings_at_start
 from lagcli.simulations.trust import undefined_rows
 from lagcli.simulations.variants import Values, Variants
 from lagcli.sweeps.rows.measures import Grid, Measuring, Signals, kept_signals, of_log
@@ -44,8 +45,8 @@ class FinishedRuns(NamedTuple):
     runs : list of k Run or LagcliError
         Outcome of each run, or why it did not start.
     parameters : (k, np) array
-    rank : int
-        Rank of B at the initial states.
+    starts : list of k ConsistentState
+        The initial states; empty if the run did not start.
     changes : sequence of (int, tuple of float)
         For a single run: samples from which events set other parameter values.
     """
@@ -54,7 +55,7 @@ class FinishedRuns(NamedTuple):
     samples: Array
     runs: list[Outcome | LagcliError]
     parameters: Array
-    rank: int
+    starts: list[ConsistentState]
     changes: ParameterChanges = ()
 
 
@@ -117,7 +118,7 @@ class RowGroup:
         self._signal_names = [*self.measuring.names, *self._extra]
 
     def _check_times(self) -> None:
-        start, end = self.variants.settings.t_start, self.grid.times[-1]
+        start, end = self.variants.settings.t_start, self.variants.settings.t_end
         for time in self.measuring.times:
             if not start <= time <= end:
                 raise UsageError(
@@ -208,9 +209,18 @@ class RowGroup:
         """Return the warnings of the i-th run, which is completed."""
         run = ended.runs[i]
         assert isinstance(run, Outcome)
-        variants, p = self.variants, tuple(ended.parameters[i].tolist())
-        about = (variants.system, p, variants.settings, ended.rank, ended.samples[i], run.steps)
-        return (*variants.model.units.warnings, *warnings_of(*about, ended.changes))
+        variants, p, start = self.variants, tuple(ended.parameters[i].tolist()), ended.starts[i]
+        system, settings = variants.system, variants.settings
+        return (
+            *variants.model.units.warnings,
+            *warnings_at_start(
+                system,
+                start,
+                lambda: freedom_at(variants.equations, system, start, settings.closed),
+            ),
+            *warnings_of(system, p, settings, ended.samples[i], run.steps, ended.changes),
+            *run.notes,
+        )
 
     # in batches
 
@@ -266,11 +276,21 @@ class RowGroup:
         def take(finished: Finished) -> None:
             places = ordinary[finished.rows]
             runs = [self._said(run) for run in finished.runs]
-            sink(
-                FinishedRuns(
-                    places, finished.samples, [*runs], values.parameters[places], request.rank
+            began = [
+                ConsistentState(
+                    State(
+                        request.state.t,
+                        starts.q[k],
+                        starts.v[k],
+                        tuple(values.parameters[k].tolist()),
+                    ),
+                    request.rank,
+                    request.elimination,
+                    {},
                 )
-            )
+                for k in places
+            ]
+            sink(FinishedRuns(places, finished.samples, [*runs], values.parameters[places], began))
 
         parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
         run_batch(system, request, parameters, q, v, take, check_cancelled)
@@ -305,7 +325,7 @@ class RowGroup:
             simulation = self._simulation(place, given, values)
         except LagcliError as error:
             return FinishedRuns(
-                places, np.empty((1, 0, width)), [error], values.parameters[places], 0
+                places, np.empty((1, 0, width)), [error], values.parameters[places], []
             )
         return self._alone(place, simulation.request, simulation.system, values, check_cancelled)
 
@@ -336,7 +356,8 @@ class RowGroup:
         said = self._said(run)
         parameters = values.parameters[places]
         samples = np.concatenate(rows)[None]
-        return FinishedRuns(places, samples, [said], parameters, request.rank, changes)
+        start = ConsistentState(request.state, request.rank, request.elimination, {})
+        return FinishedRuns(places, samples, [said], parameters, [start], changes)
 
     # those that switch, from their given values
 

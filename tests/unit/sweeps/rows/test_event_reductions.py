@@ -62,7 +62,7 @@ def test_measures_of_logs() -> None:
     samples = np.zeros((2, 3, width))
     samples[:, :, 2] = [1.0, 7.0, 3.0]  # t, x, y
     p = np.array([[2.0, 9.81]] * 2)
-    ended = FinishedRuns(np.arange(2), samples, runs, p, 1)
+    ended = FinishedRuns(np.arange(2), samples, runs, p, [])
     measures = group.measured(ended).measures
     assert measures[0] == pytest.approx([2, 0.2, math.nan, 5.0, 0.25, 1, 5 / 2 + 7], nan_ok=True)
     assert np.isnan(measures[1]).all()
