@@ -371,10 +371,10 @@ def _model(
         inputs=inputs,
     )
     units = derive_units(model)
-    if units.throughout and units.findings:
+    if units.errors:
         from lagcli.model.dimensions.reporting import unit_diagnostics
 
-        raise ModelError(unit_diagnostics(model, units))
+        raise ModelError(unit_diagnostics(model, units._replace(findings=units.errors)))
     model = replace(model, units=units)
     if not presets:
         return model

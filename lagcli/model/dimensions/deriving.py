@@ -257,7 +257,9 @@ class _Statements:
                 assert not isinstance(expected, TensorDimension)
                 role = f"the initial value of `{name}`"
                 wrong = Disagreement("required", written.tree, value, expected, role=role)
-                self.known.findings.append(UnitFinding(wrong, "initial", name, given.location))
+                certain = given.unit is not None
+                found = UnitFinding(wrong, "initial", name, given.location, certain)
+                self.known.findings.append(found)
 
     def _differs(self, name: str, tree: Tree) -> bool:
         """Whether a value may differ in dimension from those before: of other members."""
@@ -267,9 +269,16 @@ class _Statements:
         return not known or bool(self.known.varied)
 
     def _of_motion(self, name: str) -> Value:
-        """Return the dimension of a coordinate or velocity."""
+        """Return the dimension of a coordinate or velocity.
+
+        Of a coordinate without a unit, that of its initial value, if this has one.
+        """
         coordinate = name.rstrip("'")
-        return rate_of(find(self.known.names, coordinate), len(name) - len(coordinate))
+        dimension = find(self.known.names, coordinate)
+        start = self.model.initial.get(coordinate)
+        if dimension is UNKNOWN and name != coordinate and start is not None and start.unit:
+            dimension = read_unit(start.unit).dimension
+        return rate_of(dimension, len(name) - len(coordinate))
 
     def settings(self) -> None:
         for key, tree in self.model.trees.items():

@@ -38,12 +38,15 @@ class UnitFinding(NamedTuple):
     location : SourceLocation, optional
         Location of the value, if only this can be underlined: a number with a unit, or the value of
         an option.
+    certain : bool
+        Whether it is between two stated units, so that it remains whatever other units are missing.
     """
 
     disagreement: Disagreement
     block: str
     name: str | None = None
     location: SourceLocation | None = None
+    certain: bool = False
 
 
 class ModelUnits(NamedTuple):
@@ -85,6 +88,11 @@ class ModelUnits(NamedTuple):
     written: Mapping[str, str] = MappingProxyType({})
     findings: tuple[UnitFinding, ...] = ()
     numbers: tuple[FreeNumber, ...] = ()
+
+    @property
+    def errors(self) -> tuple[UnitFinding, ...]:
+        """The disagreements that are errors: without all units, those that no unit could remove."""
+        return self.findings if self.throughout else tuple(x for x in self.findings if x.certain)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -132,12 +132,12 @@ class _PresetReader:
     def errors(self) -> list[Diagnostic]:
         """Return the errors, each once and with the preset."""
         found = self.draft.report.sorted()
-        if not found and self.model.units.throughout:
-            units = derive_units(self.changed)
-            if units.findings:
+        if not found and self.model.units.stated:
+            units = derive_units(self.changed)._replace(throughout=self.model.units.throughout)
+            if units.errors:
                 from lagcli.model.dimensions.reporting import unit_diagnostics
 
-                found = unit_diagnostics(self.changed, units)
+                found = unit_diagnostics(self.changed, units._replace(findings=units.errors))
         note = (f"with {self.what}", None)
         return [
             x if x.message.startswith(self.what) else x._replace(notes=(*x.notes, note))

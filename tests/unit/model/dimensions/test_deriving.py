@@ -463,3 +463,47 @@ def test_settings_of_parameters_have_their_dimension(settings: str, said: str) -
         return
     with pytest.raises(ModelError, match=re.escape(said)):
         load_text(text)
+
+
+SOME = """\
+coordinates: {coordinates}
+parameters: {{m: 1 kg, k: 3}}
+T: m/2*x'^2
+V: k/2*x^2
+initial: {initial}
+"""
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "initial", "said"),
+    [
+        ("{x: m}", "{x: 1 kg, x': 0}", "the initial value of `x` must be in m, not in kg"),
+        ("{x: m}", "{x: 0, x': {guess: 2 m}}", "of `x'` must be in m/s, not in m"),
+        ("[x]", "{x: 1 m, x': 2 kg}", "of `x'` must be in m/s, not in kg"),
+    ],
+)
+def test_initial_values_fit_in_models_with_some_units(
+    coordinates: str, initial: str, said: str
+) -> None:
+    with pytest.raises(ModelError, match=re.escape(said)):
+        load_text(SOME.format(coordinates=coordinates, initial=initial))
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "initial"),
+    [
+        ("{x: m}", "{x: 1 ft, x': 3 mph}"),
+        ("[x]", "{x: 30 deg, x': 2 rpm}"),
+        ("[x]", "{x: 1, x': 2 m}"),
+    ],
+)
+def test_initial_values_that_may_fit_are_taken(coordinates: str, initial: str) -> None:
+    load_text(SOME.format(coordinates=coordinates, initial=initial))
+
+
+def test_options_and_presets_fit_in_models_with_some_units() -> None:
+    text = SOME.format(coordinates="{x: m}", initial="{x: 0, x': 0}")
+    with pytest.raises(ModelError, match="must be in m, not in kg"):
+        load_text(text, set_initial={"x": "1 kg"})
+    with pytest.raises(ModelError, match="must be in m, not in kg"):
+        load_text(text + "presets: {heavy: {initial: {x: 1 kg}}}\n")
