@@ -10,7 +10,6 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.data_classes import dataclass, field
-from lagcli.engine.event_entries import NO_ENTRIES, EventEntries
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import State, System
 from lagcli.named_tuples import NamedTuple
@@ -18,6 +17,7 @@ from lagcli.prose import counted
 from lagcli.settings.settings import Settings
 
 if TYPE_CHECKING:
+    from lagcli.engine.event_entries import EventEntries
     from lagcli.engine.integrate.kept import KeptCore
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.linear.elimination import Elimination
@@ -153,8 +153,9 @@ class Outcome:
     ``constraints`` are the constraints that ended it because they have no gradient at the
     initial state. ``methods`` are the methods that took steps, and ``choice`` states why, if
     `auto` chose. ``tolerances`` are the final absolute tolerances of q, v and the work, (2 nq +
-    1,). ``events`` are the log entries, in order, and ``modes`` the modes of the switched rows
-    at the initial state: those at a sample are the modes after the last entry up to its time.
+    1,). ``events`` are the log entries, in order, of a System that switches, and ``modes`` the
+    modes of the switched rows at the initial state: those at a sample are the modes after the last
+    entry up to its time.
     ``limits`` are those of the model's events that record columns. ``kinks`` is the number of
     changes of branches: `lagcli.engine.switching.kinks`. ``notes`` state where derivatives of
     the motion end.
@@ -170,7 +171,7 @@ class Outcome:
     methods: tuple[str, ...] = ()
     choice: str = ""
     tolerances: Array | None = None
-    events: EventEntries = NO_ENTRIES
+    events: EventEntries | None = None
     modes: tuple[int, ...] = ()
     limits: list[OneSidedLimits] = field(default_factory=list)
     kinks: int = 0

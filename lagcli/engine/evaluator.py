@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
@@ -193,6 +192,8 @@ class Evaluator:
 
     def with_parameters(self, p: tuple[float, ...]) -> Evaluator:
         """Return an evaluator of the same System with other values of its parameters."""
+        import copy
+
         other = copy.copy(self)
         other.p = p
         other._dynamics = _OfOneState(self._dynamics.tape, p)

@@ -197,7 +197,3 @@ class EventEntries(Sequence[EventEntry]):
         values = entry._asdict() | {"occurrence": OCCURRENCES.index(entry.occurrence)}
         for name, value in values.items():
             row[getattr(self.layout, name)] = value
-
-
-#: The log of a run without entries.
-NO_ENTRIES = EventEntries(EntryCounts())

@@ -11,8 +11,9 @@ from collections.abc import Iterator
 
 from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.files import check_regular, read_failure
+from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.tokens import decimal
-from lagcli.model.expression.units import Factor, UnknownUnit, commensurable, is_unit, to_si
+from lagcli.model.expression.units import UnknownUnit, commensurable, is_unit, to_si
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.prose import counted
 

@@ -14,10 +14,10 @@ from lagcli.columns import ColumnName
 from lagcli.data_classes import dataclass, field
 from lagcli.errors import Diagnostic, SourceLocation
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
+from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.functions import is_opaque
 from lagcli.model.expression.tensors import Value
 from lagcli.model.expression.trees import Tree
-from lagcli.model.expression.units import Factor
 from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import SettingsOverrides
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from codecs import BOM_UTF8
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -155,7 +156,7 @@ def _decode(data: bytes, name: str) -> str:
             name, "the file is UTF-16 text, not UTF-8", "save it as UTF-8 in your editor"
         )
     try:
-        return data.decode("utf-8-sig")
+        return data.removeprefix(BOM_UTF8).decode("utf-8")
     except UnicodeDecodeError as error:
         before = Source(error.object[: error.start].decode("utf-8"), name).lines
         source = Source(error.object.decode("utf-8", errors="replace"), name)

@@ -42,6 +42,7 @@ def event_log(
     if switching is None:
         return None
     entries = outcome.events
+    assert entries is not None
     kinds, which = entries.integers("occurrence"), entries.integers("which")
     # a sequence of impacts ends slightly after the instant at which its limit is known
     time = _ended_by_what_follows(entries.part("time"), kinds, which)

@@ -6,10 +6,10 @@ See docs/decisions/2026-11-blas-threads.md for the measurements.
 from __future__ import annotations
 
 import os
+from _thread import allocate_lock  # of `threading`, which is slow to import
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from threading import Lock
 
 #: Environment variables of BLAS libraries, read once, when NumPy is first imported.
 VARIABLES = (
@@ -22,7 +22,7 @@ VARIABLES = (
 #: Whether this thread is inside `one_thread`: finding the libraries takes longer than a short run.
 _limited: ContextVar[bool] = ContextVar("_limited", default=False)
 #: Held by the thread that has set the limit.
-_limiting = Lock()
+_limiting = allocate_lock()
 
 
 def limit_process() -> None:

@@ -12,7 +12,8 @@ import pytest
 from random_cases import seeds
 
 from lagcli.errors import LagcliError
-from lagcli.model.expression.units import commensurable, read_unit, si_notation, units
+from lagcli.model.expression.unit_table import units
+from lagcli.model.expression.units import commensurable, read_unit, si_notation
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.sweeps.plan.vary import Drawn, read_vary

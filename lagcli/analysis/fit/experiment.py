@@ -23,9 +23,10 @@ from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import Diagnostic, FileError, LagcliError, ModelError, UsageError
 from lagcli.model.csv_table import CsvTable, read_bytes
 from lagcli.model.dimensions.deriving import expression_unit
+from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.trees import Tree
-from lagcli.model.expression.units import Factor, commensurable
+from lagcli.model.expression.units import commensurable
 from lagcli.model.model import DataFile, Model, ObservedQuantity
 from lagcli.model.names.expansion import expand
 from lagcli.named_tuples import NamedTuple

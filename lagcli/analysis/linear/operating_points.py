@@ -213,5 +213,7 @@ def _modes(run: Outcome, at: float) -> Indices:
 
 def _last(run: Outcome, at: float) -> EventEntry | None:
     """Return the last entry of the log up to a time."""
+    if run.events is None:
+        return None
     until = np.flatnonzero(run.events.part("time") <= at)
     return run.events[until[-1]] if len(until) else None

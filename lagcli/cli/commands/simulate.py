@@ -23,7 +23,6 @@ from lagcli.cli.options import (
 )
 from lagcli.cli.parameters import Option
 from lagcli.cli.streams import text_width
-from lagcli.cli.styles import print_listing
 from lagcli.errors import UsageError
 from lagcli.prose import counted
 from lagcli.results.formats import SUFFIX_TEXT
@@ -69,7 +68,6 @@ def simulate(
     time are written, and the result is marked.
     """
     from lagcli.cli import summary
-    from lagcli.cli.output_name import resolve_name
     from lagcli.cli.progress import Progress
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
@@ -85,6 +83,8 @@ def simulate(
     loaded = load(model, *given, preset=preset)
     load_seconds = time.perf_counter() - began
     if output is not None:
+        from lagcli.cli.output_name import resolve_name
+
         output = resolve_name(output, loaded)
         refuse_same_file(model, output)
         check_target(output, force=force, meta=meta)
@@ -126,6 +126,8 @@ def simulate(
     if json:
         print(summary.to_json(result))
     elif not quiet:
+        from lagcli.cli.styles import print_listing
+
         stream = sys.stderr if output == "-" else sys.stdout
         text = summary.format_summary(result, loaded, text_width(stream))
         print_listing(text, summary.LABEL, stream, plain=no_color, lost=bool(written))

@@ -17,7 +17,8 @@ from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayo
 from lagcli.engine.program.nodes import INDEXED, LONGEST, VECTOR
 from lagcli.engine.tape.operations import PLACES, ROUNDING, Kind, Op
 from lagcli.engine.taylor.series_nodes import LONGEST as MAX_LENGTH
-from lagcli.engine.taylor.series_nodes import MAX_ORDER, SeriesOp
+from lagcli.engine.taylor.series_nodes import SeriesOp
+from lagcli.engine.taylor.sizes import MAX_ORDER
 
 _WRITTEN = "/* Written by the build from {}: change that instead.\n *\n"
 _TABLES = """\

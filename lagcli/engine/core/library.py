@@ -62,14 +62,14 @@ class Functions:
     """
 
     def __init__(self, signatures: Mapping[str, tuple[Any, ...]]):
-        self._signatures = signatures
+        self.signatures = signatures
 
     def __getattr__(self, name: str) -> Any:
-        if name not in self._signatures:
+        if name not in self.signatures:
             raise AttributeError(name)
         # without releasing the lock of the interpreter, a short call takes half the time
         function = getattr(_long if name in _LONG else _short, name)
-        function.restype, *function.argtypes = self._signatures[name]
+        function.restype, *function.argtypes = self.signatures[name]
         setattr(self, name, function)
         return function
 

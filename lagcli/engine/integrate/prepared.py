@@ -28,8 +28,7 @@ from lagcli.engine.linear.elimination import (
     order_at,
     unroll,
 )
-from lagcli.engine.program.program import Program, assemble
-from lagcli.engine.program.vectorize import LONG
+from lagcli.engine.program.program import LONG, Program, assemble
 from lagcli.engine.system import State, System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape

@@ -14,7 +14,7 @@ from lagcli.engine.integrate.prepared import STEPS_TO_UNROLL, Prepared, may_unro
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
-from lagcli.engine.taylor.layers import LONG
+from lagcli.engine.taylor.sizes import LONG
 
 #: What a step of DOP853, and one of Taylor's method, costs besides evaluations and series.
 _STEP, _STEP_OF_SERIES = 600.0, 300.0

@@ -238,7 +238,7 @@ class Integration:
         """Return the prices of the methods."""
         if self._priced is None or self._priced.prepared is not self.in_use:
             from lagcli.engine.integrate.prices import Prices
-            from lagcli.engine.taylor.series_nodes import order_for
+            from lagcli.engine.taylor.sizes import order_for
 
             self._priced = Prices(self.system, self.in_use, order_for(self.settings.rtol))
         return self._priced
@@ -255,7 +255,7 @@ class Integration:
         """Return the program of the power series, or why there is none."""
         from lagcli.engine.taylor.expansion import NotAnalytic
         from lagcli.engine.taylor.series import depending_on_time, expand
-        from lagcli.engine.taylor.series_nodes import order_for
+        from lagcli.engine.taylor.sizes import order_for
 
         system = self.system
         if prepared.elimination is None:

@@ -15,11 +15,12 @@ import numpy as np
 
 from lagcli.arrays import Array, Int32
 from lagcli.engine.program.nodes import INDEXED, VECTOR, Node
-from lagcli.engine.program.vectorize import LONG, REPEATED, WORTH, Packing, repeated
 from lagcli.engine.tape.operations import ARITY, PLACES, Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.named_tuples import NamedTuple
 
+#: Number of operations from which programs are vectorized.
+LONG = 1500
 #: Number of operations that are ordered at a time: values that are alive together stay close.
 _WINDOW = 4096
 
@@ -193,6 +194,9 @@ def _arranged(
     there are; complete ``place``.
     """
     count, operations = len(place), sum(map(len, parts))
+    if operations >= long:
+        from lagcli.engine.program.vectorize import REPEATED, WORTH, Packing, repeated
+
     if operations >= long and repeated(parts) >= REPEATED * operations:
         packing = Packing(dict(place), count, families, isomorphic)
         streams = packing.streams(parts, needed)

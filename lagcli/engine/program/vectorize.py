@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 #: Operations that the core can vectorize.
 _ON_VECTORS = {op for op in Op if op.kind is Kind.VECTOR}
-#: Number of operations from which a tape is vectorized, and the required fraction in vectors.
-LONG, WORTH = 1500, 0.5
+#: Required fraction of the operations of a tape in vectors.
+WORTH = 0.5
 #: Fraction of operations that are repeated often enough for a vector, below which none are sought.
 #: On models whose programs gain from vectors it is 0.63 to 1, on others 0.18 to 0.58.
 REPEATED = 0.6

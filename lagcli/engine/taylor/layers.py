@@ -33,8 +33,6 @@ from lagcli.engine.taylor.series_nodes import (
 )
 from lagcli.named_tuples import NamedTuple
 
-#: Number of operations from which programs are vectorized: those of a chain of 20 bodies.
-LONG = 500
 #: Start of temporary places until the number of the others is known.
 _TEMPORARY = 1 << 24
 

@@ -34,7 +34,7 @@ from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.forms import Form
-from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
+from lagcli.engine.taylor.layers import Layers, SeriesVector, layered, vector_stream
 from lagcli.engine.taylor.series_nodes import (
     WORK,
     ZERO,
@@ -47,6 +47,7 @@ from lagcli.engine.taylor.series_nodes import (
     SeriesOp,
     UnnamedSeries,
 )
+from lagcli.engine.taylor.sizes import LONG
 from lagcli.named_tuples import NamedTuple
 
 #: Places between rows, because four coefficients are read at a time, some of them beyond a row.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum
 from typing import Any
 
@@ -52,19 +51,8 @@ class SeriesOp(IntEnum):
     END = ""
 
 
-#: The largest order; the loops of the core have this limit.
-MAX_ORDER = 31
 #: Largest number of elements of a vector.
 LONGEST = 1024
-
-
-def order_for(rtol: float) -> int:
-    """Return the order with the least run time at a relative tolerance.
-
-    Jorba and Zou's would be −ln(rtol)/2 + 1. Here, projection and monitoring add to the cost of a
-    step, so longer steps are better; in measurements, six more orders are best within a few.
-    """
-    return min(math.ceil(-math.log(rtol) / 2) + 6, MAX_ORDER)
 
 
 class UnnamedSeries(NamedTuple):

@@ -9,6 +9,7 @@ from functools import cache
 from lagcli.named_tuples import NamedTuple
 
 Exponent = int | Fraction
+Factor = Fraction | float  # to SI; exact where the unit allows it, so that 7 mm is 0.007 m
 
 _RAD = 7  # place of the angle among the exponents
 
@@ -63,8 +64,20 @@ Scalar = Dimension | Special
 ONE = Dimension()
 ANGLE = Dimension(rad=1)
 SECOND = Dimension(s=1)
-ENERGY = Dimension(kg=1, m=2, s=-2)
-POWER = Dimension(kg=1, m=2, s=-3)
+MASS, LENGTH, CHARGE = Dimension(kg=1), Dimension(m=1), Dimension(A=1, s=1)
+FORCE, PRESSURE = Dimension(kg=1, m=1, s=-2), Dimension(kg=1, m=-1, s=-2)
+ENERGY, POWER = Dimension(kg=1, m=2, s=-2), Dimension(kg=1, m=2, s=-3)
+
+#: Coherent SI units.
+COHERENT = {
+    **{"m": LENGTH, "s": SECOND, "A": Dimension(A=1), "K": Dimension(K=1)},
+    **{"mol": Dimension(mol=1), "cd": Dimension(cd=1), "rad": ANGLE, "sr": Dimension(rad=2)},
+    **{"Hz": Dimension(s=-1), "N": FORCE, "J": ENERGY, "W": POWER, "Pa": PRESSURE},
+    **{"C": CHARGE, "V": Dimension(kg=1, m=2, s=-3, A=-1), "ohm": Dimension(kg=1, m=2, s=-3, A=-2)},
+    **{"F": Dimension(kg=-1, m=-2, s=4, A=2), "S": Dimension(kg=-1, m=-2, s=3, A=2)},
+    **{"Wb": Dimension(kg=1, m=2, s=-2, A=-1), "T": Dimension(kg=1, s=-2, A=-1)},
+    **{"H": Dimension(kg=1, m=2, s=-2, A=-2), "kg": MASS},
+}
 
 
 def same(a: Dimension, b: Dimension) -> bool:

@@ -16,10 +16,11 @@ from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, Usa
 from lagcli.files import check_readable, read_failure
 from lagcli.model.csv_table import split_title
 from lagcli.model.expression.constants import number as constant_value
+from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, decimal
-from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, commensurable, to_si
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, commensurable, to_si
 from lagcli.model.model import Model
 from lagcli.model.names.building import build, name_errors
 from lagcli.model.names.namespace import Allowed, Namespace

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lagcli.engine.event_entries import (
-    NO_ENTRIES,
     OCCURRENCES,
     EntryCounts,
     EventEntries,
@@ -91,5 +90,6 @@ def test_derivatives_of_the_time_are_unknown_where_none_are_given() -> None:
 def test_layouts() -> None:
     assert entry_layout(COUNTS) is entry_layout(EntryCounts(2, 3, 1, 2))
     assert entry_layout(COUNTS).size == WIDTH
-    assert len(NO_ENTRIES) == 0
-    assert list(NO_ENTRIES) == []
+    nothing = EventEntries(EntryCounts())
+    assert len(nothing) == 0
+    assert list(nothing) == []

@@ -29,13 +29,13 @@ STRUCTURES = [
 HEADERS = ("lagcore.h", "lagbatch.h", "lagmodel.h", "parts.h")
 #: Functions of the headers, as the binding declares them.
 DECLARED: dict[str, tuple[Any, ...]] = {
-    name: (function.restype, *function.argtypes)
-    for functions in (
-        vars(library._core), vars(run.core), vars(switching.core), vars(batch.core),
-        {name: getattr(core_parts.parts, name) for name in core_parts.SIGNATURES},
+    name: signature
+    for signatures in (
+        *(core.signatures for core in (library._core, run.core, switching.core, batch.core)),
+        core_parts.SIGNATURES,
     )
-    for name, function in functions.items()
-}  # fmt: skip
+    for name, signature in signatures.items()
+}
 #: Whether a parameter or a result is a pointer is what counts: the binding gives addresses.
 NUMBERS = {"int": c_int, "double": c_double, "int64_t": c_int64, "size_t": ctypes.c_size_t}
 

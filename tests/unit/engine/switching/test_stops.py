@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.core.status import Status
-from lagcli.engine.event_entries import NO_ENTRIES
+from lagcli.engine.event_entries import EntryCounts, EventEntries
 from lagcli.engine.lowering.lower import lower
 from lagcli.engine.switching import stops
 from lagcli.engine.switching.splitting import SplitSystem
@@ -68,7 +68,7 @@ def test_friction_of_redundant_guides() -> None:
 
 def test_events_without_end_are_named() -> None:
     system = lower(derive(load_text(BALL)))
-    assert str(stops.endless(0.5, system, NO_ENTRIES, ["`floor impacts`"])) == (
+    assert str(stops.endless(0.5, system, EventEntries(EntryCounts()), ["`floor impacts`"])) == (
         "events do not end at t = 0.5 s: `floor impacts`"
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from lagcli.engine.taylor.series_nodes import (
-    MAX_ORDER,
     WORK,
     ZERO,
     Delayed,
@@ -33,8 +32,3 @@ def test_operands_of_different_kinds_have_places_of_their_own() -> None:
     ]
     assert len(dict.fromkeys(operands)) == len(operands)
     assert RegisterValue(3) in dict.fromkeys(operands)
-
-
-def test_a_program_is_short_enough_for_its_highest_order() -> None:
-    # a tolerance of 1e-13 asks for order 21; see `order_for`
-    assert MAX_ORDER >= 21

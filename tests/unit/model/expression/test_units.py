@@ -9,15 +9,13 @@ import pint
 import pytest
 
 from lagcli.model.expression.dimension import Dimension, same
+from lagcli.model.expression.unit_table import REFUSED, compounds, units
 from lagcli.model.expression.units import (
-    REFUSED,
     UnknownUnit,
-    compounds,
     plain_notation,
     read_unit,
     si_notation,
     to_si,
-    units,
 )
 from tests.support.written_units import REFUSED as REFUSED_TEXTS
 from tests.support.written_units import WRITTEN
