@@ -22,7 +22,7 @@ from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.symmetry.conserved import monitored_quantities
+from lagcli.equations.symmetry.linear import monitored_symmetries
 from lagcli.model.model import TIME
 from lagcli.named_tuples import NamedTuple
 from lagcli.trajectory.samples import Samples, Terms
@@ -71,7 +71,12 @@ def monitor_of(equations: Equations, system: System, start: ConsistentState) -> 
     considered. Momenta that vanish on the constraints are left out, unless constraints switch.
     """
     eq = equations
-    quantities = monitored_quantities(eq)
+    symmetries = monitored_symmetries(eq)
+    if not symmetries:
+        return NO_MONITOR
+    from lagcli.equations.symmetry.conserved import named_quantities
+
+    quantities = named_quantities(eq, symmetries)
     if quantities and not eq.model.switches:
         from lagcli.engine.constraints.random_states import random_states
         from lagcli.simulations.momenta import distinct

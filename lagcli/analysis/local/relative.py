@@ -21,7 +21,8 @@ from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import Condition, IndependentVelocities, Residual, SteadyProblem
 from lagcli.arrays import Array
-from lagcli.equations.symmetry.conserved import QUICK, ConservedQuantity, conserved_quantities
+from lagcli.equations.symmetry.conserved import ConservedQuantity, conserved_quantities
+from lagcli.equations.symmetry.linear import QUICK
 from lagcli.errors import NumericalError
 from lagcli.named_tuples import NamedTuple
 

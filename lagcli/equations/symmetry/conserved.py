@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations, product
 from typing import Literal
@@ -14,21 +14,18 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO
 from lagcli.equations.symmetry.linear import (
+    THOROUGH,
     Extent,
     Monomials,
     Symmetry,
     coefficients,
-    linear_symmetries,
+    lasting_symmetries,
     rational,
     symbolic,
     term_count,
 )
 from lagcli.model.expression.algebra import is_zero
 from lagcli.named_tuples import NamedTuple
-
-#: Limits of the number of terms, which is an upper bound and often ten times the actual number:
-#: `lagcli check` may take some seconds, a run some 20 ms.
-THOROUGH, QUICK = 3e6, 1e3
 
 Kind = Literal["energy", "jacobi", "momentum"]
 Row = Mapping[int, Basic]
@@ -109,37 +106,13 @@ def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Cons
         For the model's parameter values; `lagcli.equations.symmetry.conserved` determines whether
         they matter.
     """
-    symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
-    return Conserved(_named(equations, _lasting(equations, symmetries)), extent)
+    symmetries, extent = lasting_symmetries(equations, effort)
+    return Conserved(named_quantities(equations, symmetries), extent)
 
 
-def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
-    """Find conserved quantities besides the energy, within some 20 ms.
-
-    Parameters
-    ----------
-    equations : Equations
-    """
-    symmetries, _ = linear_symmetries(equations, equations.model.parameter_values, QUICK)
-    quantities = _lasting(equations, [s for s in symmetries if not s.is_energy])
-    return _named(equations, quantities)
-
-
-def _lasting(equations: Equations, symmetries: list[Symmetry]) -> list[Symmetry]:
-    """Return the symmetries whose quantities remain constant when constraints switch.
-
-    Impacts and friction conserve momenta as constraints do, since B ξ = 0 for all rows. They
-    dissipate energy, and assignments by events change any quantity.
-    """
-    model = equations.model
-    if any(e.action.set or e.action.impulse for e in model.events):
-        return []
-    if model.switches or any(x != ZERO for x in equations.reactive_forces):
-        return [s for s in symmetries if not s.time]
-    return symmetries
-
-
-def _named(equations: Equations, symmetries: list[Symmetry]) -> tuple[ConservedQuantity, ...]:
+def named_quantities(
+    equations: Equations, symmetries: Sequence[Symmetry]
+) -> tuple[ConservedQuantity, ...]:
     """Return the quantities of symmetries: momenta of cyclic coordinates first, energy last."""
     quantities = [
         q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)

@@ -262,6 +262,10 @@ def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> Spa
 
 
 #: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
+#: Limits of the number of terms, which is an upper bound and often ten times the actual number:
+#: `lagcli check` may take some seconds, a run some 20 ms.
+THOROUGH, QUICK = 3e6, 1e3
+
 Extent = Literal["linear", "translations", "absent coordinates"]
 
 #: An unknown: its letter and its indices.
@@ -300,6 +304,37 @@ class Symmetry(NamedTuple):
     def is_energy(self) -> bool:
         """Whether it is a pure shift of time, which conserves h."""
         return not (self.linear or self.shift or self.gauge_linear or self.gauge_quadratic)
+
+
+def lasting_symmetries(equations: Equations, effort: float) -> tuple[list[Symmetry], Extent]:
+    """Find the linear symmetries whose quantities remain constant when constraints switch.
+
+    Impacts and friction conserve momenta as constraints do, since B ξ = 0 for all rows. They
+    dissipate energy, and assignments by events change any quantity.
+
+    Parameters
+    ----------
+    equations : Equations
+    effort : float
+        `THOROUGH` or `QUICK`.
+
+    Returns
+    -------
+    list of Symmetry, Extent
+        As `linear_symmetries`, for the model's parameter values.
+    """
+    model = equations.model
+    symmetries, extent = linear_symmetries(equations, model.parameter_values, effort)
+    if any(e.action.set or e.action.impulse for e in model.events):
+        return [], extent
+    if model.switches or any(x != ZERO for x in equations.reactive_forces):
+        return [s for s in symmetries if not s.time], extent
+    return symmetries, extent
+
+
+def monitored_symmetries(equations: Equations) -> list[Symmetry]:
+    """Find the symmetries of lasting quantities besides the energy, within some 20 ms."""
+    return [s for s in lasting_symmetries(equations, QUICK)[0] if not s.is_energy]
 
 
 def linear_symmetries(

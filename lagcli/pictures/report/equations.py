@@ -18,7 +18,8 @@ from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.overview import convention, in_matrices, kind_of
 from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.equations.presentation.switching import as_inequality
-from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities, generalized
+from lagcli.equations.symmetry.conserved import conserved_quantities, generalized
+from lagcli.equations.symmetry.linear import QUICK
 from lagcli.equations.typesetting.mathml import MathmlFormula, equation, inline
 from lagcli.equations.typesetting.nodes import Line, Node, Step, Symbol
 from lagcli.equations.typesetting.notation import Notation

@@ -12,7 +12,9 @@ from random_cases import FUZZ_COUNT
 
 from lagcli.analysis.check.check import check
 from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.equations.symmetry.conserved import monitored_quantities
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.symmetry.conserved import ConservedQuantity, named_quantities
+from lagcli.equations.symmetry.linear import monitored_symmetries
 from lagcli.model.loader import load_text
 from lagcli.simulations.momenta import distinct
 from lagcli.simulations.simulation import prepare
@@ -104,6 +106,11 @@ class Mechanism:
                 q += [0.0, 0.0]
                 v += [0.0, 0.0]
         return q, v
+
+
+def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
+    """Return the quantities that a run may monitor."""
+    return named_quantities(equations, monitored_symmetries(equations))
 
 
 def assert_distinct(seed: int) -> int:

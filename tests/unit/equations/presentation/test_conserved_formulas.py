@@ -9,7 +9,8 @@ import lagcli
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
+from lagcli.equations.symmetry.conserved import conserved_quantities
+from lagcli.equations.symmetry.linear import QUICK
 from lagcli.equations.typesetting.nodes import Node
 
 #: N masses on springs in a row: the energy is conserved.

@@ -6,8 +6,9 @@ import lagcli
 from lagcli.equations.symmetry.conserved import (
     conserved_quantities,
     generalized,
-    monitored_quantities,
+    named_quantities,
 )
+from lagcli.equations.symmetry.linear import monitored_symmetries
 
 ROPE = """
 coordinates: [u, phi]
@@ -31,7 +32,7 @@ def test_numbers_are_written_by_parameters_where_it_holds_for_all() -> None:
 
 def test_the_energy_is_not_monitored_twice() -> None:
     equations = lagcli.derive(lagcli.load_text(ROPE))
-    assert [q.name for q in monitored_quantities(equations)] == ["J_1"]
+    assert [q.name for q in named_quantities(equations, monitored_symmetries(equations))] == ["J_1"]
 
 
 def test_a_quantity_that_vanishes_is_none() -> None:
