@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -187,6 +186,8 @@ def _link_followed(source: str, target: str) -> None:
 
 def _copy(file: BinaryIO, hidden: str) -> None:
     """Copy the whole file under the hidden name and sync it."""
+    import shutil  # compression libraries, which are rarely needed
+
     file.seek(0)
     with _open_hidden(hidden) as copy:
         shutil.copyfileobj(file, copy, 1 << 20)

@@ -105,9 +105,15 @@ def _hdf5() -> FormatFunctions:
 
 
 def _csv() -> FormatFunctions:
-    from lagcli.results.csv import reader, writer
+    from lagcli.results.csv import writer
 
-    return FormatFunctions(writer.check_csv_target, writer.CsvWriter, reader.open_csv)
+    return FormatFunctions(writer.check_csv_target, writer.CsvWriter, _open_csv)
+
+
+def _open_csv(path: str) -> AbstractContextManager[Reader]:
+    from lagcli.results.csv.reader import open_csv  # much that writing does not need
+
+    return open_csv(path)
 
 
 FORMATS = (

@@ -19,17 +19,12 @@ from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
 from lagcli.prose import counted
+from lagcli.results.csv.names import events_path
 from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 _FIXED = ("t", "name", "kind", "loss", "supplied", "work")
 _START, _MODE, _DTIME, _RECORDED = "start", "mode.", "dt/d", "recorded."
 _SIDES = (".before", ".after")
-
-
-def events_path(path: str) -> str:
-    """Return the name of the table beside a CSV file: ``run.events.csv`` of ``run.csv``."""
-    stem, suffix = os.path.splitext(path)
-    return f"{stem}.events{suffix}"
 
 
 def events_text(

@@ -12,7 +12,8 @@ import numpy as np
 
 from lagcli.errors import FileError
 from lagcli.files import check_readable, read_failure
-from lagcli.results.csv.event_table import events_digest, events_path, read_event_table
+from lagcli.results.csv.event_table import events_digest, read_event_table
+from lagcli.results.csv.names import events_path, sidecar_path
 from lagcli.results.metadata import (
     KIND,
     from_metadata,
@@ -28,22 +29,6 @@ from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record
 _OF_TABLES = ("unit", "file", "sha256")
 
 _REMEDY = "remove it to read only the CSV file"
-
-
-def sidecar_path(path: str) -> str:
-    """Return the name of the sidecar.
-
-    Parameters
-    ----------
-    path : str
-        The CSV file.
-
-    Returns
-    -------
-    str
-        ``PATH.json``.
-    """
-    return f"{path}.json"
 
 
 def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import math
 import os
@@ -17,8 +16,7 @@ from lagcli.columns import DERIVATIVES, SAMPLED, column_names, derivative_names
 from lagcli.errors import FileError, UsageError
 from lagcli.files import write_failure
 from lagcli.results.atomic import FileWriter, check_writable, whole_file
-from lagcli.results.csv.event_table import events_path, events_text
-from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
+from lagcli.results.csv.names import events_path, sidecar_path
 from lagcli.trajectory.samples import Record, Samples
 
 #: Number of values formatted at once: large enough to be fast, small enough for memory.
@@ -94,7 +92,10 @@ class CsvWriter(FileWriter):
         super().__init__()
         self._path, self._force, self._meta = path, force, meta
         self._write: Callable[[bytes], object] | None = None
-        self._digest = hashlib.sha256()
+        if meta:
+            import hashlib  # OpenSSL, which a file without digests does not need
+
+            self._digest = hashlib.sha256()
         self._samples = 0
 
     def append(self, samples: Samples) -> None:
@@ -112,6 +113,10 @@ class CsvWriter(FileWriter):
         if record.events is not None:
             table = self._write_events(record)
         if self._meta:
+            import hashlib
+
+            from lagcli.results.csv.sidecar import sidecar_text
+
             contents = {
                 "csv_sha256": self._digest.hexdigest(),
                 "samples": self._samples,
@@ -127,6 +132,8 @@ class CsvWriter(FileWriter):
 
     def _write_events(self, record: Record) -> bytes:
         """Write the event table, if the samples go to a file; it gets its name first."""
+        from lagcli.results.csv.event_table import events_text
+
         assert record.events is not None
         t_start = float(record.options.get("t_start", math.nan))
         names = (self._names["coordinates"], self._names["constraints"])

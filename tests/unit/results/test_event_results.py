@@ -14,7 +14,7 @@ from trajectories import assert_same, assert_same_logs, make, make_log, make_wit
 from lagcli.cli.app import run as lagcli
 from lagcli.errors import FileError
 from lagcli.results import info, read, write
-from lagcli.results.csv.event_table import events_path
+from lagcli.results.csv.names import events_path
 from lagcli.results.hdf5.seal import LENGTH, seal
 
 
