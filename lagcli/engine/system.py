@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -293,4 +292,4 @@ class System:
 
 def without_numbers(name: str) -> str:
     """Return a name without its numbers."""
-    return re.sub(r"\d+", "", name)
+    return "".join(x for x in name if not x.isdecimal())
