@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from scipy.special import ellipk
 
 import lagcli
 from lagcli.model.loader import load_text
@@ -152,6 +153,28 @@ events: {{hit: {{when: x >= {end * (1 + late * 1e-12)!r}}}}}
 simulation: {{times: [0, {end}]}}
 """)
     assert len(run_contact(model).outcome.events) == happens
+
+
+def test_a_bead_in_a_bowl_is_above_a_height_for_a_moment_at_each_turn() -> None:
+    """The turns of a pendulum of length 1, 1e-9 below its largest height."""
+    below = 1e-9
+    model = load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {{bowl: {{expr: x^2 + y^2 <= 1, restitution: 0}}}}
+initial: {{x: 0, x': 2, y: -1, y': 0}}
+events: {{up: {{when: y >= -1 + 2/9.81 - {below}}}}}
+simulation: {{times: [0, 10]}}
+""")
+    found = run_contact(model, rtol=1e-10)
+    turn = np.arccos(1 - 2 / 9.81)
+    quarter = ellipk(np.sin(turn / 2) ** 2) / 9.81**0.5
+    early = np.sqrt(2 * below / 9.81) / np.sin(turn)  # the height is a parabola there
+    expected = quarter * np.arange(1, 10 / quarter, 2) - early
+    np.testing.assert_allclose(
+        [x.time for x in found.entries("event", "up")], expected, rtol=0, atol=early / 10
+    )
 
 
 @pytest.mark.parametrize("held", ["x = 0", "x = t/2"])

@@ -20,7 +20,8 @@ static void allocate(lag_run *run)
     lag_pool *pool = &run->pool;
     const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = lag_size(&run->system);
     const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
-    const int watched = 2 * rows + 2 + conditions + 2 * sw->kinks.count;
+    /* of each row two at most: both limits of its force, or its slip and the margin */
+    const int watched = 2 * rows + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
                      &sw->takes_part, &sw->rests, &sw->ends, &sw->member, &sw->came_to_rest, &sw->first_mode,
                      &sw->tight, &sw->shares};
