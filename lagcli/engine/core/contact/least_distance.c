@@ -2,6 +2,7 @@
 #include "contact/modes.h"
 
 #include <math.h>
+#include <string.h>
 
 #define INDEPENDENT 1e-13 /* of a column's squared length: the remainder of an independent column */
 #define ASCENT 1e-12      /* a gradient that counts as positive */
@@ -59,8 +60,7 @@ static int fit(const columns *e, const int *chosen, int count, double *factor, d
 /* r = f - E u */
 static void residual(const columns *e, const int *chosen, int count, const double *u, double *r)
 {
-    for (int k = 0; k < e->n; ++k)
-        r[k] = 0.0;
+    memset(r, 0, (size_t)e->n * sizeof *r);
     r[e->n] = 1.0;
     for (int i = 0; i < count; ++i) {
         for (int k = 0; k < e->n; ++k)

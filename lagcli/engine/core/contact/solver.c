@@ -87,19 +87,18 @@ static void enter(search *s)
 }
 
 /* Change the modes of violated rows, from the current modes. */
-static int newton(search *s)
+static void newton(search *s)
 {
     lag_contact_work *w = &s->work;
     lag_contact_rouse(w, w->mode);
     for (int k = 0; k < FEWEST + ATTEMPTS * w->n; ++k) {
         if (lag_contact_try(w)) {
             enter(s);
-            return 1;
+            return;
         }
         memcpy(w->mode, w->next, w->n * sizeof *w->mode);
         memcpy(w->sign, w->turned, w->n * sizeof *w->sign);
     }
-    return 0;
 }
 
 /* Start in one mode for unilateral rows and one for limited rows; slips have the sign of the offset. */

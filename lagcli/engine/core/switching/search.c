@@ -148,7 +148,7 @@ static void enclose(const along_step *f, double a, double b, int order, enclosed
         sum = lag_interval_add(sum, lag_interval_multiply(at[k], power));
         slope = lag_interval_add(slope, lag_interval_multiply(lag_interval_scale(at[k], k), before));
         before = power;
-        const double largest = before.high * r * (1.0 + 2.0 * DBL_EPSILON);
+        const double largest = before.high * r; /* r is larger than it needs to be by more than this is rounded */
         power = (lag_interval){(k + 1) % 2 ? -largest : 0.0, largest};
     }
 }
