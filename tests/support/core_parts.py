@@ -270,7 +270,9 @@ def solve_ldl(
     return x
 
 
-def _contacts(problem: ContactProblem, given: Arguments) -> lag_contacts:
+def _contacts(
+    problem: ContactProblem, given: Arguments, rounding: ArrayLike | None = None
+) -> lag_contacts:
     return given.filled(
         lag_contacts,
         n=len(problem.offset),
@@ -281,7 +283,7 @@ def _contacts(problem: ContactProblem, given: Arguments) -> lag_contacts:
         static_slope=problem.static_slopes,
         kinetic_limit=problem.kinetic,
         kinetic_slope=problem.kinetic_slopes,
-        rounding=None,
+        rounding=rounding,
     )
 
 
@@ -292,7 +294,7 @@ def _unwritten(*shape: int, dtype: type = np.uint8) -> Array:
 
 
 def solve_contacts(
-    problem: ContactProblem, present: ArrayLike | None = None
+    problem: ContactProblem, present: ArrayLike | None = None, rounding: ArrayLike | None = None
 ) -> list[tuple[Array, Array, Any]]:
     """Return the solutions of a contact problem, two at most: (force, motion, modes) of each.
 
@@ -301,9 +303,11 @@ def solve_contacts(
     problem : ContactProblem
     present : (n,) array of int, optional
         Modes to try first.
+    rounding : (n,) array, optional
+        Errors that the offset may have.
     """
     given = Arguments()
-    record = _contacts(problem, given)
+    record = _contacts(problem, given, rounding)
     n: int = record.n
     made = [
         (*(_unwritten(n, dtype=float) for _ in range(2)), _unwritten(n, dtype=np.int32))
@@ -375,6 +379,7 @@ def solve_impact(
     restitution: ArrayLike,
     friction: ArrayLike,
     law: int,
+    rounding: ArrayLike | None = None,
 ) -> tuple[int, Array, Array, Array]:
     """Return how many motions follow an impact, up to 2, and impulses, velocities after, losses.
 
@@ -385,6 +390,8 @@ def solve_impact(
     laws : (n,) array of int
     law : int
         0, Poisson's; 1, Newton's; 2, one contact at a time.
+    rounding : (n,) array, optional
+        Errors that the velocities before may have.
     """
     given, n = Arguments(), np.size(before)
     record = given.filled(
@@ -395,7 +402,7 @@ def solve_impact(
         law=laws,
         restitution=restitution,
         friction=friction,
-        rounding=None,
+        rounding=rounding,
         phase=None,
         context=None,
     )

@@ -258,6 +258,41 @@ def test_jamming_in_a_guide() -> None:
     assert sorted(s[0][0] for s in solutions) == pytest.approx([-1 / 2.35, 1 / 0.35])
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("error", [1e-16, 1e-3])
+def test_a_contact_that_leaves_within_rounding_stays(error: float, unit: float) -> None:
+    """Alone, and beside another that is pressed."""
+    for part in (-3, -0.5, 0.5, 0.9, 1.1, 3):
+        mode = HOLDS if part < 1 else OPEN
+        b = part * error * unit
+        alone = solve_contacts(problem([[unit]], [b], [UNILATERAL]), rounding=[error * unit])
+        [(force, motion, modes)] = alone
+        assert list(modes) == [mode]
+        assert force == pytest.approx([max(0.0, -b / unit)], rel=1e-14, abs=0.0)
+        assert motion.tolist() == [b if mode == OPEN else 0.0]
+        two = problem(np.diag([1, 4]) * unit, [b, -20 * error * unit], [UNILATERAL, UNILATERAL])
+        [(force, motion, modes)] = solve_contacts(two, rounding=[error * unit, 0.0])
+        assert list(modes) == [mode, HOLDS]
+        assert force == pytest.approx([max(0.0, -b / unit), 5 * error], rel=1e-14, abs=0.0)
+
+
+@pytest.mark.parametrize("laws", [[FREE, FREE], [FREE, UNILATERAL], [UNILATERAL, FREE]])
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_redundant_rows_may_contradict_each_other_within_rounding(
+    unit: float, laws: list[ContactLaw]
+) -> None:
+    """One body on two rows, the second in another unit: where it must not move, and would."""
+    rows, error = np.array([1.0, unit]), 1e-9
+    for part in (0.1, 0.4, 0.6, 30.0):
+        given = problem(np.outer(rows, rows), part * error * np.array([1, -1]) * rows, laws)
+        found = solve_contacts(given, rounding=error * rows)
+        assert len(found) == (part < 0.5 or laws[0] == UNILATERAL)  # which leaves
+        assert len(solve_contacts(given)) == (laws[0] == UNILATERAL)
+        for force, motion, _ in found:
+            off = given.matrix @ force + given.offset - motion
+            assert np.abs(off / rows).max() <= error * (1 + 1e-9)
+
+
 def test_constant_limit() -> None:
     force, motion, modes = solve(problem([[0.5]], [4.0], [LIMITED], limits=[6.0]))
     assert (force[0], motion[0], modes) == (-6.0, 1.0, [SLIPS_FORWARD])
@@ -506,6 +541,29 @@ def test_bilateral_rows_meet_their_equation_by_each_law() -> None:
         assert impulse == pytest.approx([-0.15 * sign, 0.0], rel=1e-14)
         assert after == pytest.approx([0.0, other - 0.075 * sign], rel=1e-14)
         assert loss.sum() == pytest.approx(0.3**2 / 2.0 / 2.0)
+
+
+@pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_velocities_before_impacts_are_known_within_rounding(law: int, unit: float) -> None:
+    """Two bilateral rows for one velocity; alone, a row meets its equation beyond rounding."""
+    rows, none, error = np.array([1.0, unit]), np.zeros((2, 2)), 1e-9
+    for part in (0.1, 0.4, 0.6, 30.0):
+        before = part * error * np.array([1, -1]) * rows
+        given = np.outer(rows, rows), before, [FREE, FREE], [0.0, 0.0], none, law
+        found, impulse, after, _ = solve_impact(*given, rounding=error * rows)
+        if law == SEQUENTIAL and part < 1:  # nothing is to be met
+            assert found == 1
+            assert impulse.tolist() == [0.0, 0.0]
+            assert after == pytest.approx(before)
+        else:
+            assert found == (part < 0.5)
+        if law == SEQUENTIAL:
+            alone = [[unit]], [part * error * unit], [FREE], [0.0], [[0.0]], law
+            found, impulse, after, _ = solve_impact(*alone, rounding=[error * unit])
+            met = part > 1
+            assert impulse == pytest.approx([-part * error if met else 0.0], rel=1e-14, abs=0.0)
+    assert not solve_impact(*given)[0]
 
 
 @pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
