@@ -439,13 +439,6 @@ def _plain(text: str) -> str:
     return name
 
 
-def pretty_unit(unit: str) -> str:
-    """Return a unit with superscripts: m/s^2 as m/s²."""
-    for plain, shown in (("^2", "²"), ("^3", "³"), ("*", "·")):
-        unit = unit.replace(plain, shown)
-    return unit
-
-
 def _drawable(label: str) -> bool:
     """Return whether matplotlib can draw a label: its mathtext lacks some commands of LaTeX."""
     from matplotlib.mathtext import MathTextParser

@@ -12,6 +12,7 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
+from lagcli.equations.typesetting.notation import SUPERSCRIPTS, unit_text
 from lagcli.json_values import json_values
 
 #: Scripts that draw and play scenes, in the order of their dependencies.
@@ -118,9 +119,6 @@ def page(
 """
 
 
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-
-
 def number(value: float | None, digits: int = 6) -> str:
     """Format a number: −5.15836, 2.4·10⁻⁹; a dash for None."""
     if value is None or math.isnan(value):
@@ -131,15 +129,14 @@ def number(value: float | None, digits: int = 6) -> str:
     mantissa = mantissa.replace("-", "−")
     if not exponent:
         return mantissa
-    return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 
 
 def unit(text: str | None) -> str:
     """Format a unit: m/s², N m."""
     if not text or text == "1":
         return ""
-    shown = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda m: m[1].translate(_RAISED), text)
-    return shown.replace("*", " ")
+    return unit_text(text, " ")
 
 
 def axis_unit(text: str | None) -> str:

@@ -21,6 +21,7 @@ from lagcli.equations.presentation.switching import (
     is_friction,
 )
 from lagcli.equations.typesetting.nodes import Call, Line, Node, Sign, Step, Symbol, sum_of, whole
+from lagcli.equations.typesetting.notation import SUPERSCRIPTS, unit_text
 from lagcli.model.expression.units import plain_notation, si_notation
 from lagcli.model.result_units import given_units
 from lagcli.prose import counted
@@ -234,18 +235,15 @@ def quantity(value: float, unit: str | None) -> Sign:
     text, latex = mantissa, mantissa.replace("−", "-")
     if power:
         exponent = int(power.replace("−", "-"))
-        text = f"{text}×10{str(exponent).translate(_RAISED)}".removeprefix("1×")
+        text = f"{text}×10{str(exponent).translate(SUPERSCRIPTS)}".removeprefix("1×")
         latex = rf"{latex} \times 10^{{{exponent}}}".removeprefix(r"1 \times ")
     if unit in (None, "", "1"):
         return Sign(text, latex)
     unit = plain_notation(unit)
-    text += " " + re.sub(r"\^(-?\d+)", lambda m: m[1].translate(_RAISED), unit).replace("*", "·")
+    text += f" {unit_text(unit)}"
     shown = re.sub(r"[^\W\d]+", lambda m: rf"\mathrm{{{m[0]}}}", unit)
     shown = re.sub(r"\^(-?\d+)", r"^{\1}", shown).replace("*", r" \cdot ")
     return Sign(text, latex + r" \, " + shown)
-
-
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def inputs_step(f: Formulas) -> Step | None:

@@ -407,3 +407,9 @@ def latex_ascii(text: str) -> str:
         elif not unicodedata.combining(char):
             parts.append(f"u{ord(char):04X}")
     return "".join(parts)
+
+
+def unit_text(unit: str, product: str = "·") -> str:
+    """Return a unit with superscripts: ``N*m^2`` as N·m²."""
+    raised = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda m: m[1].translate(SUPERSCRIPTS), unit)
+    return raised.replace("*", product)

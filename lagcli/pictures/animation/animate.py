@@ -12,11 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from lagcli.arrays import Array, Image, Indices
+from lagcli.equations.typesetting.notation import unit_text
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures.animation.film import check_film, write_gif, write_mp4
-from lagcli.pictures.curves import Catalogue, pretty_unit, read_curves
+from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data, with_code
 from lagcli.pictures.plots.figure import new_figure
 from lagcli.pictures.plots.run_plot import Panel, PanelDrawing, asked
@@ -416,7 +417,7 @@ class Histories:
         curves = self.panels[0].curves
         values = np.column_stack([self.values[curve.name] for curve in curves])
         labels = [curve.label for curve in curves]
-        unit = pretty_unit(curves[0].unit)
+        unit = unit_text(curves[0].unit)
         return curve_image(self.time, values, labels, unit)
 
     def to_json(self) -> dict[str, Any]:
@@ -427,7 +428,7 @@ class Histories:
             "plots": [
                 {
                     "title": "",
-                    "unit": pretty_unit(panel.curves[0].unit),
+                    "unit": unit_text(panel.curves[0].unit),
                     "series": [
                         {
                             "name": c.name,

@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.columns import ColumnName, unit_quotient
-from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.notation import Notation, unit_text
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
@@ -18,7 +18,7 @@ from lagcli.model.result_units import given_units, result_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
-from lagcli.pictures.curves import look_of_column, look_of_value, pretty_unit, raw
+from lagcli.pictures.curves import look_of_column, look_of_value, raw
 from lagcli.pictures.plots.figure import FigureFile, FigureTarget, plain_ticks, power
 from lagcli.pictures.plots.mode_plot import plot_modes
 from lagcli.pictures.selection import drawable
@@ -97,7 +97,7 @@ class AnalysisLabels:
 
 
 def _with_unit(label: str, unit: str | None) -> str:
-    return f"{label} [{pretty_unit(unit)}]" if unit and unit != "1" else label
+    return f"{label} [{unit_text(unit)}]" if unit and unit != "1" else label
 
 
 def plot_analysis(

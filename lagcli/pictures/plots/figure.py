@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.equations.typesetting.notation import SUPERSCRIPTS
 from lagcli.errors import UsageError
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
@@ -235,12 +236,9 @@ def _saved(figure: Any, kind: str, title: str) -> bytes:
     return held.getvalue()
 
 
-_RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
 def power(exponent: int) -> str:
     """Return a power of ten: 10⁻⁹."""
-    return f"10{str(exponent).translate(_RAISED)}"
+    return f"10{str(exponent).translate(SUPERSCRIPTS)}"
 
 
 #: Powers of ten that are adjacent in double precision: ticks lie one beyond the limits.

@@ -12,6 +12,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.columns import ColumnName
+from lagcli.equations.typesetting.notation import unit_text
 from lagcli.errors import UsageError
 from lagcli.model.names.members import family_of, split_names
 from lagcli.named_tuples import NamedTuple
@@ -21,7 +22,6 @@ from lagcli.pictures.curves import (
     Catalogue,
     Curve,
     look_of_value,
-    pretty_unit,
     raw,
     read_curves,
 )
@@ -610,7 +610,7 @@ def _axis(curves: Sequence[Curve], room: float) -> str:
     curves = list(dict.fromkeys(curves))
     groups = {c.group for c in curves}
     units = {c.unit for c in curves}
-    unit = pretty_unit(units.pop()) if len(units) == 1 else ""
+    unit = unit_text(units.pop()) if len(units) == 1 else ""
     labels = [c.label for c in curves]
     choices = [] if curves[0].log else [labels, list(dict.fromkeys(map(_letter, labels)))]
     texts = [", ".join(names) for names in choices if len(names) <= _NAMED]
@@ -656,13 +656,13 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     tables = [dict(run.varied or run.record.parameters) for run in runs]
     differing = _differing(tables)
     notation = runs[0].notation
-    units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
+    units = {name: unit_text(unit) for name, unit in runs[0].record.units.items()}
     looks = {name: look_of_value(notation, name) for name in differing}
     if differing:
         from lagcli.model.result_units import stored_units
 
         given = stored_units(runs[0].record.display)
-        units |= {name: pretty_unit(x.unit) for name, x in given.items()}
+        units |= {name: unit_text(x.unit) for name, x in given.items()}
         tables = [
             {name: x / given[name].factor if name in given else x for name, x in table.items()}
             for table in tables

@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.column_units import NOT_STATED
-from lagcli.equations.typesetting.notation import Notation
+from lagcli.equations.typesetting.notation import Notation, unit_text
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
@@ -19,7 +19,7 @@ from lagcli.model.result_units import GivenUnit, result_units, stored_units
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.named_tuples import NamedTuple
 from lagcli.pictures import style
-from lagcli.pictures.curves import Curve, look_of_value, magnitudes, pretty_unit
+from lagcli.pictures.curves import Curve, look_of_value, magnitudes
 from lagcli.pictures.plots.bands import RowBands, band_quantiles
 from lagcli.pictures.plots.figure import FigureTarget, plain_ticks
 from lagcli.pictures.run_file import RunFile
@@ -151,9 +151,9 @@ def _quantity(
     given: GivenUnit | None = None,
 ) -> PlottedQuantity:
     """Return a varied quantity in notation and unit of its model, or a measure under its name."""
-    unit = "" if column.unit in (NOT_STATED, "1") else pretty_unit(column.unit)
+    unit = "" if column.unit in (NOT_STATED, "1") else unit_text(column.unit)
     if given is not None:
-        unit, values = pretty_unit(given.unit), values / given.factor
+        unit, values = unit_text(given.unit), values / given.factor
     name = look_of_value(names, column.name)
     label = f"{name} [{unit}]" if unit else name
     return PlottedQuantity(column.name, label, drawable(values), measured, unit)
