@@ -72,8 +72,9 @@ class Operation(NamedTuple):
         Dotted name of the function of arrays.
     slope : callable, optional
         The derivative f′(x) as ``slope(f, x, y)``, y = f(x), by + - * / and the functions of ``f``:
-        ``f.exp``. None for jumps, whose derivative is 0, and for functions that every evaluator
-        differentiates itself.
+        ``f.exp``. With ``enclosure``, ``f.sqrt``, ``f.exp`` and ``f.log`` alone: the core encloses
+        its power series by those. None for jumps, whose derivative is 0, and for functions that
+        every evaluator differentiates itself.
     enclosure : str
         Function of ``core/tape/interval.c`` that encloses the values on an interval: ``increasing``
         or ``decreasing``, or one of its own. Empty if ``operate`` has a case of its own.

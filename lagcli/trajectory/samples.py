@@ -261,6 +261,8 @@ class Record:
         look like; ``jumping``, outputs that jump at events; ``given``, parameters in units other
         than SI as they were given, such as ``1500 rpm``; ``given_units``, the ``unit`` of those and
         of initial values, and its ``factor`` to SI. Empty if unknown.
+    lagcli_version : str
+        Version of the program that made the run; empty if unknown.
     inputs : mapping of str to InputTable
         The tables of the model's inputs, by name.
     events : EventLog or None

@@ -78,7 +78,7 @@ def names_of(node: ast.ClassDef) -> set[str]:
 
 
 def stale(nodes: list[Definition]) -> list[str]:
-    """Return what docstrings describe and the code lacks."""
+    """Return what docstrings describe and the code lacks, and parameters that sections omit."""
     wrong = []
     for node in nodes:
         text = ast.get_docstring(node, clean=False) or ""
@@ -87,14 +87,18 @@ def stale(nodes: list[Definition]) -> list[str]:
         text = cleandoc(text)
         lineage = list(family(node)) if isinstance(node, ast.ClassDef) else []
         known = parameters(node).union(*map(parameters, lineage))
-        wrong += [f"{node.name}: {x}" for x in documented(text, "Parameters") if x not in known]
+        described = documented(text, "Parameters")
+        wrong += [f"{node.name}: {x}" for x in described if x not in known]
+        if described and not lineage:
+            omitted = known.difference(described, ("self", "cls"))
+            wrong += [f"{node.name}: {x} is omitted" for x in sorted(omitted)]
         attributes = documented(text, "Attributes")
         known = known.union(*map(names_of, lineage if attributes else []))
         wrong += [f"{node.name}: {x}" for x in attributes if x not in known]
     return wrong
 
 
-def test_documented_parameters_exist() -> None:
+def test_documented_parameters_exist_and_are_all() -> None:
     wrong = {str(path.relative_to(ROOT)): stale(x) for path, x in definitions().items()}
     assert {path: names for path, names in wrong.items() if names} == {}
 
@@ -104,6 +108,7 @@ def test_documented_parameters_exist() -> None:
     [
         ("def f(a):\n '''F.\n\n Parameters\n ----------\n a, b : int\n '''", ["f: b"]),
         ("def f(a, *b, c=1, **d):\n '''F.\n\n Parameters\n ----------\n a,\n *b, c, **d\n '''", []),
+        ("def f(a, b):\n '''F.\n\n Parameters\n ----------\n a : int\n '''", ["f: b is omitted"]),
         ("class A:\n '''A.\n\n Attributes\n ----------\n x : int\n '''\n y: int", ["A: x"]),
         ("class A:\n '''A.\n\n Parameters\n ----------\n x : int\n '''\n x: int", []),
     ],

@@ -69,6 +69,7 @@ def conserved_step(
     ----------
     f : Formulas
         Formulas of its system.
+    quantity : ConservedQuantity
     value : float, optional
         Its value at the initial state.
     unit : str, optional

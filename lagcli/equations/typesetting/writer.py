@@ -223,6 +223,7 @@ def is_rounded(value: Fraction, plain: str | None, numeric: bool) -> bool:
 
     Parameters
     ----------
+    value : Fraction
     plain : str or None
         Result of `decimal` for the value.
     numeric : bool

@@ -63,6 +63,8 @@ def analysis_page(path: str, kind: str, title: str | None, lang: str) -> str:
         The command that wrote it.
     title : str, optional
         Title instead of the model's.
+    lang : str
+        Language of the page's own words.
 
     Raises
     ------
