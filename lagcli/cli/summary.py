@@ -235,13 +235,13 @@ def _start(moved: Mapping[str, Sequence[float]], columns: int) -> list[str]:
     """Return the lines on initial values that were adjusted."""
     if not moved:
         return []
-    from lagcli.results.listing import entry, told_apart
+    from lagcli.results.listing import distinct_numbers, entry
 
     lines = entry("  start", "adjusted to satisfy the constraints:", LABEL, columns)
     listed = dict(islice(moved.items(), _LISTED))
     width = max(map(len, listed))
     lines += [
-        f"    {name:<{width}}  {' → '.join(told_apart(before, after, 10))}"
+        f"    {name:<{width}}  {' → '.join(distinct_numbers(before, after, 10))}"
         for name, (before, after) in listed.items()
     ]
     if len(moved) > _LISTED:

@@ -475,7 +475,7 @@ def _library_of(wheel: str, suffix: str) -> bytes:
 
 
 def _initial_unknowns(variables: Sequence[FmuVariable]) -> list[FmuVariable]:
-    """Return what the initialization computes."""
+    """Return the variables whose start values the initialization computes."""
     return [v for v in variables if v.initial in ("calculated", "approx")]
 
 

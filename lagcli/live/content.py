@@ -354,7 +354,7 @@ def _check(record: Record) -> None:
 
 
 def _set(control: Control) -> dict[str, Any]:
-    """Return what a value of a control is in SI, and on the command line."""
+    """Return how a value of a control is converted to SI, and written on the command line."""
     factor = float(to_si(control.unit)) if control.unit else 1.0
     return {
         "kind": control.kind,

@@ -469,8 +469,8 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
     residuals = any(q.role == "residual" for q in quantities)
     stated_units = [unit(c.unit) if stated else "" for c in curves]
     every = _families([c.name for c in curves], stated_units)
-    alike = list(zip([c.field for c in curves] if residuals else stated_units, every, strict=True))
-    places = _drawn(alike)
+    keys = [c.field for c in curves] if residuals else stated_units
+    places = _drawn(list(zip(keys, every, strict=True)))
     shown = [curves[i] for i in places]
     units, families = [stated_units[i] for i in places], [every[i] for i in places]
     time, names = columns["time"], [c.name for c in shown]
@@ -504,11 +504,11 @@ def live_plot(model: Model, run: RunFile, group: str) -> dict[str, Any]:
     }
 
 
-def _drawn(alike: list[tuple[str, str]]) -> list[int]:
+def _drawn(keys: list[tuple[str, str]]) -> list[int]:
     """Return the places of the curves that are drawn: of each key all, or some of many."""
     places: list[int] = []
-    for key in dict.fromkeys(alike):
-        own = [i for i, of in enumerate(alike) if of == key]
+    for key in dict.fromkeys(keys):
+        own = [i for i, of in enumerate(keys) if of == key]
         places += [own[k] for k in drawn(len(own))]
     return sorted(places)
 
@@ -517,12 +517,12 @@ def _families(names: list[str], units: list[str]) -> list[str]:
     """Return the large family of each curve, which has a panel of its own; "" for other curves."""
     families = [""] * len(names)
     for symbol in dict.fromkeys(units):
-        alike = [i for i, stated in enumerate(units) if stated == symbol]
-        for group in by_family([names[i] for i in alike], len(PALETTE)):
-            own = {family_of(names[alike[k]]) for k in group}
-            if len(own) == 1 and len(alike) > len(PALETTE):
+        places = [i for i, stated in enumerate(units) if stated == symbol]
+        for group in by_family([names[i] for i in places], len(PALETTE)):
+            own = {family_of(names[places[k]]) for k in group}
+            if len(own) == 1 and len(places) > len(PALETTE):
                 for k in group:
-                    families[alike[k]] = next(iter(own))
+                    families[places[k]] = next(iter(own))
     return families
 
 

@@ -17,13 +17,13 @@ from lagcli.prose import counted
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import (
     WIDTH,
+    distinct_numbers,
     entry,
     file_size,
     folded,
     number,
     pairs,
     shortened,
-    told_apart,
 )
 from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.results.ranges import ValueRange, by_family, families_of, range_lines, ranges_of
@@ -193,7 +193,8 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     lines += _entry("counts", pairs(info["counts"]))
     lines += _entry("seconds", pairs(info["seconds"]))
     moved = [
-        f"{n} {' -> '.join(told_apart(*pair))}" for n, pair in info["initial_correction"].items()
+        f"{n} {' -> '.join(distinct_numbers(*pair))}"
+        for n, pair in info["initial_correction"].items()
     ]
     lines += _entry("start adjusted", ", ".join(shortened(moved)))
     lines += _entry("freedom", _freedom(info["freedom"]))
@@ -258,9 +259,11 @@ def _forces(info: Mapping[str, Any]) -> list[ValueRange]:
         name: info["units"].get(str(ColumnName("multipliers", name)))
         for name in info["constraints"]
     }
-    strokes = {f"impulse.{name}": x for name, x in info["impulses"].items()}
-    stroke_units = {f"impulse.{name}": impulse_unit(units[name]) for name in info["impulses"]}
-    return ranges_of(info["multipliers"], units, "time") + ranges_of(strokes, stroke_units, "time")
+    impulses = {f"impulse.{name}": x for name, x in info["impulses"].items()}
+    impulse_units = {f"impulse.{name}": impulse_unit(units[name]) for name in info["impulses"]}
+    return ranges_of(info["multipliers"], units, "time") + ranges_of(
+        impulses, impulse_units, "time"
+    )
 
 
 def _by_family(values: Mapping[str, float]) -> str:

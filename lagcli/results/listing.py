@@ -34,7 +34,7 @@ def file_size(count: int) -> str:
     return f"{size:.3g} GB"
 
 
-def told_apart(before: float, after: float, digits: int = 6) -> tuple[str, str]:
+def distinct_numbers(before: float, after: float, digits: int = 6) -> tuple[str, str]:
     """Format two different numbers with at least a number of digits, and enough to distinguish
     them."""
     for n in range(digits, 18):

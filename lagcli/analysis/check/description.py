@@ -39,7 +39,7 @@ from lagcli.equations.typesetting.text import TextFormula, grammar_text, render_
 from lagcli.equations.typesetting.writer import written_decimals
 from lagcli.model.names.members import families
 from lagcli.prose import counted
-from lagcli.results.listing import told_apart
+from lagcli.results.listing import distinct_numbers
 
 _Text = Callable[[Basic], str]
 
@@ -318,7 +318,7 @@ def _start(checked: Check) -> Step:
     adjusted = _visible(start)
     for name, (before, after) in islice(adjusted.items(), _LISTED):
         base = name.rstrip("'")
-        given, used = told_apart(before, after, 8)
+        given, used = distinct_numbers(before, after, 8)
         note = f"adjusted from {given.replace('-', '−')}"
         symbol = Symbol(base, len(name) - len(base))
         lines.append(Line((symbol, _signed(after, used)), note=note))

@@ -24,7 +24,7 @@ class RedundantSet(NamedTuple):
     surplus: int
 
     def sentence(self, named: Sequence[str]) -> str:
-        """Return what is redundant, without a full stop, given the names as they are listed."""
+        """Return a sentence on the redundant constraints, without a full stop, with their names."""
         if len(self.constraints) == 1:
             return f"{named[0]}, which has no gradient there"
         follow = "follows" if self.surplus == 1 else "follow"

@@ -331,7 +331,7 @@ def spread_groups(values: Array) -> list[Indices]:
 
 
 def band_label(part: float, count: int) -> str:
-    """Return what a band is."""
+    """Return the label of a band, in a legend."""
     return f"median and central {100 * part:g} % of {count} rows"
 
 

@@ -73,7 +73,7 @@ def _plots(run: RunFile) -> Iterator[tuple[str, list[str]]]:
 
 
 def _account(run: RunFile) -> str:
-    """Return what the run is, in sentences."""
+    """Return a description of the run: status, samples, method and warnings."""
     record = run.record
     said = [f"The run is {record.status}" + (f": {record.message}" if record.message else "") + "."]
     if run.count:

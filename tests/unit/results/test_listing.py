@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lagcli.results.listing import entry, folded, pairs, told_apart, wrapped
+from lagcli.results.listing import distinct_numbers, entry, folded, pairs, wrapped
 
 
 @pytest.mark.parametrize(
@@ -20,9 +20,9 @@ def test_what_belongs_together_is_not_broken(whole):
 
 
 def test_numbers_that_differ_are_distinguished():
-    assert told_apart(0.1, 0.16057) == ("0.1", "0.16057")
-    assert told_apart(0.5, 0.5 + 1e-9) == ("0.5", "0.500000001")
-    assert told_apart(0.1, 0.1 + 2e-17) == ("0.10000000000000001", "0.10000000000000002")
+    assert distinct_numbers(0.1, 0.16057) == ("0.1", "0.16057")
+    assert distinct_numbers(0.5, 0.5 + 1e-9) == ("0.5", "0.500000001")
+    assert distinct_numbers(0.1, 0.1 + 2e-17) == ("0.10000000000000001", "0.10000000000000002")
 
 
 def test_members_with_the_same_value_are_named_once():
