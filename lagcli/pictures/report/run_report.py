@@ -49,11 +49,12 @@ from lagcli.pictures.report.run_plots import (
     to_json,
     without_errors,
 )
-from lagcli.pictures.report.without_script import without_script
 from lagcli.pictures.run_file import RunFile, formulas_of
 from lagcli.pictures.scene.arms import arm_units
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.curve_picture import curve_image
 from lagcli.pictures.scene.scene import Scene
+from lagcli.pictures.scene.still import still_image
 from lagcli.pictures.scene.timing import timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.pictures.selection import chosen, evenly
@@ -164,7 +165,7 @@ def assembled(run: RunFile, title: str | None, modes: str | None, lang: str) -> 
         events=events_section(run),
         sensitivities=sensitivity_section(catalogue),
         asked="".join(map(section_html, asked)),
-        without_script=without_script(_first_plot(every), colors, scene, title or model.title),
+        without_script=_without_script(_first_plot(every), colors, scene, title or model.title),
         extremes=extremes_table(extremes, system),
         moved=moved(run, system),
         solver=solver(run, _residuals(run)),
@@ -216,6 +217,23 @@ def _first_plot(every: Sequence[Section]) -> Plot | None:
     """Return the plot of λ, or of the coordinates of a free system."""
     titles = ("Multipliers", "Coordinates")
     return next((x.plots[0] for title in titles for x in every if x.title == title), None)
+
+
+def _without_script(
+    plot: Plot | None, colors: Mapping[str, str], scene: Scene | None, title: str
+) -> str:
+    """Return HTML for browsers in which scripts are off: the mechanism, a plot and a sentence."""
+    images = [] if scene is None else [still_image(scene, title)]
+    if plot is not None and len(plot.time) > 1:
+        labels = [curve.label for curve in plot.curves]
+        own = [colors.get(curve.constraint) for curve in plot.curves]
+        images.append(curve_image(plot.time, plot.values, labels, plot.unit, own))
+    said = "The animation, the plots and the values of terms need JavaScript, which is switched off"
+    said += " here; equations, tables and the model are complete."
+    return (
+        f'<noscript><figure class="still">{"".join(images)}'
+        f'<figcaption class="status stopped">{said}</figcaption></figure></noscript>'
+    )
 
 
 def _looked_at(catalogue: Catalogue) -> list[Curve]:
