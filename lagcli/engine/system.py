@@ -184,6 +184,8 @@ class System:
         The derivatives appended to the motion, which depend on its a and λ.
     nonlinear : tuple of int
         Constraints whose ψ is nonlinear in v: B and b_0 = ψ − B v depend on v.
+    recursive_form : callable, optional
+        Returns `recursive`.
     """
 
     coordinates: tuple[str, ...]
@@ -214,6 +216,16 @@ class System:
     switching: Switching | None = None
     nonlinear: tuple[int, ...] = ()
     tangent: TangentBlocks | None = None
+    recursive_form: Callable[[], System] | None = None
+
+    @cached_property
+    def recursive(self) -> System | None:
+        """A sparse matrix whose elimination gives a, for a full M; None if none is known.
+
+        Its first coordinates are this System's, the others velocities that are defined one after
+        the other by its constraints. Its dynamics take this System's state.
+        """
+        return None if self.recursive_form is None else self.recursive_form()
 
     @property
     def motion(self) -> System:

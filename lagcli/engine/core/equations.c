@@ -22,7 +22,8 @@ static void right_side(lag_run *run)
     const lag_tape *d = &s->dynamics, *c = &s->constraint;
     const int nq = s->nq, nc = s->nc;
     double *right = run->solver.right;
-    d->vectors->pick(nq, d->registers, d->outputs + lag_first_forcing(s), right);
+    const lag_tape *e = lag_equations_tape(s);
+    e->vectors->pick(nq, e->registers, e->outputs + lag_first_forcing(s), right);
     d->vectors->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
     if (!lag_stabilizes(run))
         return;

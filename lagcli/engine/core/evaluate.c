@@ -40,11 +40,20 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     lag_tape_run(tape, part ? &tape->output_subsets[part - 1] : &tape->stream);
 }
 
+const lag_tape *lag_equations_tape(const lag_system *s)
+{
+    const lag_tape *d = &s->dynamics, *e = &s->equations;
+    if (!e->registers)
+        return d;
+    lag_evaluate(e, s, d->registers[0], d->registers + 1, LAG_ALL);
+    return e;
+}
+
 void lag_renew_tapes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     lag_derivatives *w = &run->derivatives;
-    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->system.tangent, &run->series.values,
+    lag_tape *tapes[] = {&run->system.dynamics, &run->system.equations, &run->system.constraint, &run->system.tangent, &run->series.values,
                          run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
                          &sw->forces, &sw->condition_tape, &sw->force_condition_tape, &sw->kinks.tape, &sw->enclosure.gaps,
                          &w->dynamics, &w->constraint, &w->functions, &w->limits, &w->impact, &w->forces,

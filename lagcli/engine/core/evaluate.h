@@ -25,6 +25,9 @@ enum lag_factored { LAG_NOT_FACTORED, LAG_FACTORED, LAG_FACTORED_DENSE };
  * afterwards. */
 void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y, int part);
 
+/* The tape whose outputs are M and f at the state that the dynamics tape holds. */
+const lag_tape *lag_equations_tape(const lag_system *system);
+
 /* Set the run's parameters in all tapes. */
 void lag_renew_tapes(lag_run *run);
 

@@ -287,6 +287,11 @@ int lag_use_dense(lag_run *run, const lag_program *dynamics);
 int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_elimination *plan);
 int lag_use_unrolled(lag_run *run, const lag_program *dynamics);
 
+/* Take M and f from another program with the outputs of the dynamics, evaluated where they are needed: an unrolled
+ * elimination of other unknowns does without them. Not with constraints, nor with derivatives; call it after
+ * lag_use_unrolled. */
+int lag_use_equations(lag_run *run, const lag_program *equations);
+
 /* Say which nc - rank rows of B, ascending, follow from the others: an elimination that leaves them out is used next.
  * Their multipliers are 0 in its solution; samples have the multipliers of least norm. */
 int lag_leave_out(lag_run *run, const int32_t *rows);

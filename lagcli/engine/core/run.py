@@ -61,6 +61,7 @@ core = Functions(
         "lag_use_dense": (c_int, c_void_p, c_void_p),
         "lag_use_elimination": (c_int, c_void_p, c_void_p, c_void_p),
         "lag_use_unrolled": (c_int, c_void_p, c_void_p),
+        "lag_use_equations": (c_int, c_void_p, c_void_p),
         "lag_leave_out": (c_int, c_void_p, c_void_p),
         "lag_allow_dense": (c_int, c_void_p, c_int64),
         "lag_use_series": (c_int, c_void_p, c_void_p),
@@ -214,6 +215,16 @@ class Integrator:
         elimination = given.filled(lag_elimination, **elimination_fields(self._system.motion, plan))
         program = given.program(dynamics)
         check(core.lag_use_elimination(self._run, byref(program), byref(elimination)))
+
+    def use_equations(self, equations: Program) -> None:
+        """Take M and f from another program; after `use_elimination`.
+
+        Parameters
+        ----------
+        equations : Program
+            Of the System's dynamics tape.
+        """
+        self._use(core.lag_use_equations, equations)
 
     def use_series(self, program: SeriesProgram) -> None:
         """Allow Taylor's method.

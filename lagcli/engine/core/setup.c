@@ -237,6 +237,7 @@ static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_
 {
     lag_release(&run->dynamics_pool);
     run->series = (lag_series){0};
+    run->system.equations = (lag_tape){0};
     run->watch.determinant.begin = NAN;
     run->solver.by = by;
     run->factors.plan.n = (run->system.nq + run->system.nc) / run->system.blocks;
@@ -291,6 +292,11 @@ int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
     run->solver.refining = 0;
     run->solver.other_right = dynamics->inputs;
     return replace_dynamics(run, dynamics, LAG_BY_TAPE);
+}
+
+int lag_use_equations(lag_run *run, const lag_program *equations)
+{
+    return lag_bind(run, &run->dynamics_pool, &run->system.equations, equations);
 }
 
 int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_elimination *given)

@@ -8,15 +8,16 @@
 #include "methods/control.h"
 #include "motion.h"
 
-/* The kinetic energy of velocities v, or of what they may be h later, with the dynamics tape's M. */
+/* The kinetic energy of velocities v, or of what they may be h later, with M at the dynamics tape's state. */
 static double kinetic_energy(const lag_run *run, const double *v, double h)
 {
     const lag_system *s = &run->system;
+    const lag_tape *e = lag_equations_tape(s);
     const double *a = run->tolerances.acceleration_terms, *b = run->tolerances.future_acceleration;
     double sum = 0.0;
     for (int m = 0; m < s->nm / s->blocks; ++m) { /* of the motion */
         const int i = s->mass_row[m], j = s->mass_column[m];
-        sum += OUT(&s->dynamics, m) * (v[i] + copysign(h * (a[i] + b[i]), v[i]))
+        sum += OUT(e, m) * (v[i] + copysign(h * (a[i] + b[i]), v[i]))
                * (v[j] + copysign(h * (a[j] + b[j]), v[j]));
     }
     return 0.5 * fabs(sum);
@@ -34,10 +35,10 @@ void lag_sizes_energy(lag_run *run, const double *y)
 static const double *terms_of(lag_run *run, double t, const double *y, const double *a)
 {
     const lag_system *s = &run->system;
-    const lag_tape *d = &s->dynamics;
     double *terms = run->tolerances.terms, *inertia = terms + run->tolerances.kinds;
     double *forces = inertia + run->tolerances.kinds;
-    lag_evaluate(d, s, t, y, LAG_ALL);
+    lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
+    const lag_tape *d = lag_equations_tape(s);
     for (int i = 0; i < s->nq; ++i)
         forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
     for (int m = 0; a && m < s->nm / s->blocks; ++m) /* of the motion; f of the derivatives is not there */

@@ -34,13 +34,13 @@ int lag_left_out(const lag_run *run)
 static int factor_dense(lag_run *run)
 {
     const lag_system *s = &run->system;
-    const lag_tape *d = &s->dynamics;
+    const lag_tape *d = &s->dynamics, *e = lag_equations_tape(s);
     const int nq = s->nq, nc = s->nc, n = order_of(run), first = lag_first_jacobian(s);
     double *k = run->dense.matrix, *w = run->dense.weight;
     memset(k, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < s->nm; ++i) {
         const int row = s->mass_row[i], column = s->mass_column[i];
-        k[row * n + column] = OUT(d, i) * run->rows.sizes[row] * run->rows.sizes[column];
+        k[row * n + column] = OUT(e, i) * run->rows.sizes[row] * run->rows.sizes[column];
     }
     lag_row_squares(s, d, first, run->rows.sizes, w);
     for (int i = 0; i < nc; ++i)
@@ -186,7 +186,7 @@ void lag_residual(const lag_run *run, const double *right, const double *x, doub
                      double *size)
 {
     const lag_system *s = &run->system;
-    const lag_tape *d = &s->dynamics;
+    const lag_tape *d = &s->dynamics, *e = lag_equations_tape(s);
     const int nq = s->nq, n = nq + s->nc;
     memcpy(r, right, (size_t)n * sizeof(double));
     if (size)
@@ -194,7 +194,7 @@ void lag_residual(const lag_run *run, const double *right, const double *x, doub
             size[i] = fabs(right[i]);
     for (int i = 0; i < s->nm; ++i) {
         const int row = s->mass_row[i];
-        const double part = OUT(d, i) * x[s->mass_column[i]];
+        const double part = OUT(e, i) * x[s->mass_column[i]];
         r[row] -= part;
         if (size)
             size[row] += fabs(part);

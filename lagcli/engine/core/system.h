@@ -15,6 +15,7 @@ typedef struct {
     const int32_t *mass_diagonal;      /* nq: M's entries on its diagonal; -1: zero */
     const int32_t *unit;               /* nq: the first coordinate known to have the same unit */
     lag_tape dynamics, constraint;     /* outputs in the order of layout.h */
+    lag_tape equations;                /* M and f where the dynamics do not compute them; otherwise without registers */
     int blocks;                        /* the motion, and its derivatives in each direction */
     int complete;                      /* whether the unrolled dynamics contain the solution of all blocks */
     lag_tape tangent;                  /* f and gamma of the derivatives, if any */

@@ -61,6 +61,9 @@ class Prepared(NamedTuple):
         The dynamics with the unrolled elimination, if it is unrolled.
     tangent : Program, optional
         Program of the derivatives' right sides, for a System with derivatives.
+    recursive : bool
+        Whether the unrolled elimination is that of the recursive form: M and f are then those of
+        ``plain``.
     """
 
     elimination: Elimination | None
@@ -68,6 +71,7 @@ class Prepared(NamedTuple):
     plain: Program | None
     whole: Program | None
     tangent: Program | None = None
+    recursive: bool = False
 
     @property
     def unrolled(self) -> bool:
@@ -124,6 +128,28 @@ def unrolled(system: System, prepared: Prepared) -> Prepared:
     if prepared.unrolled or not may_unroll(elimination):
         return prepared
     return prepared._replace(whole=_with(system, elimination))
+
+
+def recursive(system: System, prepared: Prepared) -> Prepared | None:
+    """Return the preparation for a long run by the System's recursive form; None without a short
+    elimination.
+
+    Parameters
+    ----------
+    system : System
+        With a recursive form.
+    prepared : Prepared
+        With an elimination that is not unrolled.
+    """
+    from lagcli.engine.linear.recursion import recursive_order, unroll_recursive
+
+    assert system.recursive is not None
+    order = recursive_order(system.recursive)
+    if not may_unroll(order):
+        return None
+    right = [without_numbers(name) + "''" for name in system.coordinates]
+    whole = assemble(unroll_recursive(system, order), [*system.families, *right])
+    return prepared._replace(whole=whole, recursive=True)
 
 
 def may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:

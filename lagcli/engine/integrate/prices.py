@@ -8,6 +8,7 @@ measurements behind the constants.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 from lagcli.engine.integrate.prepared import STEPS_TO_UNROLL, Prepared, may_unroll
@@ -31,6 +32,8 @@ _UPDATE_TOGETHER = 0.25
 #: An operation once the elimination is unrolled, and its operations for each update, entry of L and
 #: unknown.
 _OPERATION_UNROLLED, _UNROLLED = 0.25, 2
+#: The recursive form, for each coordinate: an evaluation, and making its program.
+_RECURSIVE, _FOR_RECURSIVE = 90.0, 2.8e6
 #: One order of the series: each product of series, sum of them, number of the state.
 _PRODUCT, _SUM, _ENTRY_OF_SERIES = 3.0, 0.3, 6.0
 #: Part of that which the series of families take, which are computed side by side: from an average
@@ -86,7 +89,9 @@ class Prices:
 
     @cached_property
     def evaluation_unrolled(self) -> float:
-        """The same once the elimination is unrolled, if it may be."""
+        """The same once the elimination is unrolled, or that of the recursive form, if it may be."""
+        if self._recurs:
+            return min(self.evaluation, _RECURSIVE * len(self.system.coordinates))
         if self.prepared.unrolled or not may_unroll(self.prepared.elimination):
             return self.evaluation
         unrolled = _OPERATION_UNROLLED * self._operations + _ENTRY * self._size
@@ -94,9 +99,23 @@ class Prices:
 
     def steps(self, count: float) -> float:
         """So many further steps of DOP853, at some of which the elimination may be unrolled."""
-        soon = min(count, STEPS_TO_UNROLL)
+        soon = min(count, self.steps_to_recursion if self._recurs else STEPS_TO_UNROLL)
         later = _STEP + _STAGES * self.evaluation_unrolled
         return soon * self.explicit + (count - soon) * later
+
+    @property
+    def _recurs(self) -> bool:
+        """Whether a long run solves by the recursive form."""
+        elimination = self.prepared.elimination
+        known = self.system.recursive_form is not None and elimination is not None
+        return known and not self.prepared.unrolled and not may_unroll(elimination)
+
+    @property
+    def steps_to_recursion(self) -> float:
+        """Number of steps which the recursive form shortens by as much as its program costs."""
+        nq = len(self.system.coordinates)
+        saved = _STAGES * (self.evaluation - _RECURSIVE * nq)
+        return math.ceil(_FOR_RECURSIVE * nq / saved) if saved > 0.0 else math.inf
 
     @cached_property
     def usual(self) -> float:

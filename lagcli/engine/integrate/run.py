@@ -37,7 +37,9 @@ from lagcli.engine.integrate.prepared import (
     Prepared,
     explicit_time,
     find_elimination,
+    may_unroll,
     prepare,
+    recursive,
     unrolled,
 )
 from lagcli.engine.linear.elimination import unroll
@@ -100,6 +102,7 @@ class Integration:
         self.last_near = -1
         self.series = self.settings.method == "Taylor"
         self.states: list[State] = [request.state]
+        self.may_recur = system.recursive_form is not None and not for_batch
         self._priced: Prices | None = None
         prepared = self.prepared()
         self.core = self.integrator(prepared.constraint, self.problem())
@@ -207,7 +210,17 @@ class Integration:
         self.unroll_at = math.inf
         if prepared.worth_unrolling:
             self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
+        elif self.may_recur and not prepared.unrolled and prepared.elimination is not None:
+            self.unroll_at = self.core.counts[0] + self.prices().steps_to_recursion
         self.no_series = self.expand(prepared) if self.series else ""
+
+    def for_long_runs(self) -> Prepared:
+        """Return the programs that cost more to make and less to run."""
+        if may_unroll(self.in_use.elimination):
+            return unrolled(self.system, self.in_use)
+        found = recursive(self.system, self.in_use)
+        self.may_recur = found is not None
+        return found or self.in_use
 
     def give_dynamics(self, prepared: Prepared) -> None:
         """Give the core the programs of the dynamics."""
@@ -215,6 +228,9 @@ class Integration:
             self.core.use_dense(prepared.dynamics)
         else:
             self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
+        if prepared.recursive:
+            assert prepared.plain is not None
+            self.core.use_equations(prepared.plain)
 
     @property
     def suits_series(self) -> bool:
@@ -222,7 +238,8 @@ class Integration:
         settings, prepared = self.settings, self.in_use
         chosen = settings.method == "auto" and settings.formulation != "baumgarte"
         whole = self.system.tangent is None and self.system.switching is None
-        return chosen and whole and (prepared.unrolled or prepared.worth_unrolling)
+        short = (prepared.unrolled and not prepared.recursive) or prepared.worth_unrolling
+        return chosen and whole and short
 
     def go_on_with_series(self) -> str:
         """Prepare Taylor's method during the run; return why there are no power series."""
@@ -260,7 +277,7 @@ class Integration:
         system = self.system
         if prepared.elimination is None:
             return "their linear system is solved densely"
-        if not prepared.unrolled:
+        if not prepared.unrolled or prepared.recursive:
             return "they are too long"
         staying = self.settings.formulation == "projection"
         working = depending_on_time(system) if staying else range(len(system.constraints))
@@ -279,9 +296,16 @@ class Integration:
     def reorder(self) -> None:
         """Find an order that also suits the end of the failed step; otherwise solve densely.
 
+        The recursive form is left for good: its order is more delicate than that of M.
+
         Called only if refined solutions are not accurate enough either.
         """
         core = self.core
+        if self.in_use.recursive:
+            self.may_recur = False
+            self.use(self.in_use._replace(whole=None, recursive=False))
+            core.size_again()
+            return
         again, self.reordered = self.reordered == core.t, core.t
         if not again and len(self.states) <= _MOST_STATES:
             self.states.append(self.evaluator.state(core.t, *self.split(core.state)))
@@ -371,7 +395,7 @@ class Integration:
                 slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
                 self.methods.review(report)
                 if report.steps >= self.unroll_at:
-                    self.use(unrolled(self.system, self.in_use))
+                    self.use(self.for_long_runs())
             else:
                 report = core.report
                 if status == Status.NEAR:

@@ -616,86 +616,50 @@ def unroll(system: System, elimination: Elimination) -> Tape:
         is that of all blocks, or that of the motion with zeros for the rest (see
         `TangentBlocks.complete`), and the others are those of one block.
     """
-    return _Unrolling(system, elimination).tape()
+    return _Dynamics(system, elimination).tape()
 
 
-class _Unrolling(Arithmetic):
-    """Emits the operations of a factorization and of its solutions."""
+class Unrolling(Arithmetic):
+    """Emits the operations of a factorization and of its solutions.
 
-    def __init__(self, system: System, elimination: Elimination):
+    Parameters
+    ----------
+    system : System
+    elimination : Elimination
+    rhs_inputs : int
+        Number of additional inputs.
+    """
+
+    def __init__(self, system: System, elimination: Elimination, rhs_inputs: int):
         size, given, motion = len(elimination.order), system.dynamics, system.motion
         mass, jacobian, nq = motion.mass_pattern, motion.jacobian_pattern, len(motion.coordinates)
         nc = len(motion.constraints)
-        rhs_inputs = nq + 2 * nc
         super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs, given.functions)
         self.outputs = outputs = self.extend(given)
         self.nq, self.nc, self.plan = nq, nc, elimination
-        self.tangent = system.tangent
         self.blocks = 1 if system.tangent is None else system.tangent.blocks
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
         layout = system.dynamics_layout
-        v = system.sample_layout.v.start
         self.entries: dict[tuple[int, int], int] = {}
         for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=self.blocks == 1):
             if place[i] >= place[j]:
                 self.entries[place[i], place[j]] = x
-        self.speeds: list[int] = [self.zero for _ in range(nc)]  # B v
         for (i, j), x in zip(jacobian, outputs[layout.jacobian], strict=self.blocks == 1):
             if nq + i in place:
                 p, q = place[nq + i], place[j]
                 self.entries[max(p, q), min(p, q)] = x
-            self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
         right = [*outputs[layout.forcing][:nq], *outputs[layout.rhs][:nc]]
         self.right = [right[unknown] for unknown in elimination.order]
-        self.other_right = [given.inputs + unknown for unknown in elimination.order]
-        # for a right side that is zero except for the constraints
-        self.other_rhs = [
-            given.inputs + nc + unknown if unknown >= nq else self.zero
-            for unknown in elimination.order
-        ]
         self.diagonal, self.beside = [self.zero] * size, [self.zero] * size
         self.lower: list[dict[int, int]] = [{} for _ in range(size)]
         self.inverses: list[int] = []  # of the pivots, or of their determinants
         self.isomorphic: list[list[int]] = []
 
-    def tape(self) -> Tape:
+    def factor(self) -> None:
+        """Emit the factorization."""
         for k in self.pivots():
             self.eliminate(k, 2 if self.plan.paired[k] else 1)
-        solution = self.solution(self.right)
-        a, multipliers = solution[: self.nq], solution[self.nq :]
-        further = self.derivatives(solution)
-        whole = [
-            *a,
-            *(x for column in further for x in column[: self.nq]),
-            *multipliers,
-            *(x for column in further for x in column[self.nq :]),
-        ]
-        main = [*self.outputs, *whole, self.power(multipliers)]
-        rhs_inputs, moved = (
-            self.solution(self.other_right),
-            self.solution(self.other_rhs)[: self.nq],
-        )
-        outputs = [*main, self.determinant(), *rhs_inputs, *moved]
-        return self.finish(
-            outputs,
-            deferred=(1, len(rhs_inputs), len(moved)),
-            output_subsets=(tuple(range(len(main) + 1, len(outputs))),),
-            isomorphic=self.isomorphic,
-        )
-
-    def derivatives(self, solution: Sequence[int]) -> list[list[int]]:
-        """Emit the solutions of the derivatives; zeros if the engine computes them."""
-        size = self.nq + self.nc
-        if self.tangent is None or not self.tangent.complete:
-            return [[self.zero] * size] * (self.blocks - 1)
-        first = 1 + 2 * self.nq * self.blocks
-        held = range(first, first + self.parameters)
-        sides = self.splice(self.tangent.tape, [*range(first), *solution, *held])
-        return [
-            self.solution([sides[k * size + unknown] for unknown in self.plan.order])
-            for k in range(self.blocks - 1)
-        ]
 
     def diagonal_entry(self, k: int) -> int:
         """Return the diagonal entry of the matrix in its current state of reduction."""
@@ -704,14 +668,6 @@ class _Unrolling(Arithmetic):
     def pivots(self) -> Iterable[int]:
         """Yield the positions at which pivots begin."""
         return (k for k in range(len(self.place)) if not (k and self.plan.paired[k - 1]))
-
-    def power(self, multipliers: Sequence[int]) -> int:
-        """Return the power of all forces, including those of the constraints."""
-        terms = [self.times(x, y) for x, y in zip(multipliers, self.speeds, strict=True)]
-        while len(terms) > 1:  # pairwise, which can be vectorized
-            pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)
-            terms = [self.plus(a, b) for a, b in pairs]
-        return self.plus(self.outputs[-1], *(terms or [self.zero]))
 
     def determinant(self) -> int:
         """Return the logarithm of the magnitude of the matrix's determinant, but for a constant: by
@@ -730,6 +686,8 @@ class _Unrolling(Arithmetic):
             self.inverses.append(x)
             return [[x]]
         b, c = self.entries[k + 1, k], self.diagonal_entry(k + 1)
+        if b == self.one and c == self.zero:
+            return [[self.zero, self.one], [self.one, self.negative(a)]]
         if a == self.zero and c == self.zero:
             x = self.inverse(b)
             self.inverses += [x, x]
@@ -801,3 +759,68 @@ class _Unrolling(Arithmetic):
         ]
         self.isomorphic.append([y for y in unknowns if y != self.zero])
         return [*a, *unknowns]
+
+
+class _Dynamics(Unrolling):
+    """Emits the dynamics with an elimination, for `unroll`."""
+
+    def __init__(self, system: System, elimination: Elimination):
+        nq, nc = len(system.motion.coordinates), len(system.motion.constraints)
+        super().__init__(system, elimination, nq + 2 * nc)
+        self.tangent = system.tangent
+        given, jacobian = system.dynamics.inputs, system.motion.jacobian_pattern
+        entries = self.outputs[system.dynamics_layout.jacobian]
+        v = system.sample_layout.v.start
+        self.speeds: list[int] = [self.zero for _ in range(nc)]  # B v
+        for (i, j), x in zip(jacobian, entries, strict=self.blocks == 1):
+            self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
+        self.other_right = [given + unknown for unknown in elimination.order]
+        # for a right side that is zero except for the constraints
+        self.other_rhs = [
+            given + nc + unknown if unknown >= nq else self.zero for unknown in elimination.order
+        ]
+
+    def tape(self) -> Tape:
+        self.factor()
+        solution = self.solution(self.right)
+        a, multipliers = solution[: self.nq], solution[self.nq :]
+        further = self.derivatives(solution)
+        whole = [
+            *a,
+            *(x for column in further for x in column[: self.nq]),
+            *multipliers,
+            *(x for column in further for x in column[self.nq :]),
+        ]
+        main = [*self.outputs, *whole, self.power(multipliers)]
+        rhs_inputs, moved = (
+            self.solution(self.other_right),
+            self.solution(self.other_rhs)[: self.nq],
+        )
+        outputs = [*main, self.determinant(), *rhs_inputs, *moved]
+        return self.finish(
+            outputs,
+            deferred=(1, len(rhs_inputs), len(moved)),
+            output_subsets=(tuple(range(len(main) + 1, len(outputs))),),
+            isomorphic=self.isomorphic,
+        )
+
+    def derivatives(self, solution: Sequence[int]) -> list[list[int]]:
+        """Emit the solutions of the derivatives; zeros if the engine computes them."""
+        size = self.nq + self.nc
+        if self.tangent is None or not self.tangent.complete:
+            return [[self.zero] * size] * (self.blocks - 1)
+        first = 1 + 2 * self.nq * self.blocks
+        held = range(first, first + self.parameters)
+        sides = self.splice(self.tangent.tape, [*range(first), *solution, *held])
+        return [
+            self.solution([sides[k * size + unknown] for unknown in self.plan.order])
+            for k in range(self.blocks - 1)
+        ]
+
+    def power(self, multipliers: Sequence[int]) -> int:
+        """Return the power of all forces, including those of the constraints."""
+        terms = [self.times(x, y) for x, y in zip(multipliers, self.speeds, strict=True)]
+        while len(terms) > 1:  # pairwise, which can be vectorized
+            pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)
+            terms = [self.plus(a, b) for a, b in pairs]
+        return self.plus(self.outputs[-1], *(terms or [self.zero]))

@@ -11,6 +11,7 @@ import symengine as se
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
+from lagcli.engine.tape.tape import Tape
 
 if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import Equations, Row
@@ -93,6 +94,57 @@ def lower(equations: Equations) -> System:
         variation=partial(lower_jacobians, eq, functions),
         parameter_variation=partial(lower_parameter_jacobians, eq, functions),
         same_unit=_same_unit([x for x in positions if x is not None], eq.q),
+        functions=functions,
+        recursive_form=partial(lower_recursive, eq, functions) if eq.recursive else None,
+    )
+
+
+def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:
+    """Compile the recursive form of equations without constraints to a tape.
+
+    Parameters
+    ----------
+    equations : Equations
+    functions : InputFunctions, optional
+        The model's inputs.
+
+    Returns
+    -------
+    System
+        See `System.recursive`; it has no tapes besides the dynamics.
+    """
+    from lagcli.model.model import TIME
+
+    eq, recursive = equations, equations.recursive
+    assert recursive is not None
+    nq, velocities = len(eq.q), recursive.velocities
+    mass = {(i, j): x for i, row in enumerate(recursive.mass_matrix) for j, x in row.items()}
+    jacobian: dict[tuple[int, int], se.Basic] = {}
+    for k, w in enumerate(velocities):
+        mass[nq + k, nq + k] = w.factor
+        jacobian |= {(k, j): -x for j, x in w.difference.row.items()}
+        if w.before is not None:
+            jacobian[k, nq + w.before] = se.Integer(-1)
+        jacobian[k, nq + k] = se.Integer(1)
+    zeros = [se.Integer(0)] * len(velocities)
+    rates = [w.difference.rate for w in velocities]
+    names = tuple(f"velocity[{k}]" for k in range(len(velocities)))
+    nothing = Tape(0, (), (), ())
+    return System(
+        coordinates=(*eq.model.coordinate_names, *names),
+        constraints=names,
+        holonomic=(),
+        parameters=tuple(eq.model.parameters),
+        mass_pattern=tuple(mass),
+        jacobian_pattern=tuple(jacobian),
+        dynamics=compile_tape(
+            [*mass.values(), *recursive.forcing, *zeros, *jacobian.values(), *rates, *zeros[:1]],
+            [TIME, *eq.q, *eq.v],
+            [se.Symbol(name) for name in eq.model.parameters],
+            functions,
+        ),
+        constraint=nothing,
+        report=nothing,
         functions=functions,
     )
 

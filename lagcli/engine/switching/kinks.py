@@ -153,6 +153,7 @@ class _Freezer:
             switching=self.switching(s.switching or no_switching(s)),
             variation=None if s.variation is None else self.variation,
             parameter_variation=None,
+            recursive_form=None if s.recursive_form is None else self.recursive_form,
         )
 
     def switching(self, s: Switching) -> Switching:
@@ -173,6 +174,13 @@ class _Freezer:
         given = self.original.variation()
         self.complete = True
         return given._replace(tape=self.tape(given.tape))
+
+    def recursive_form(self) -> System:
+        """Return the recursive form, with the branches of the System."""
+        assert self.original.recursive is not None
+        given = self.original.recursive
+        self.complete = True
+        return replace(given, dynamics=self.tape(given.dynamics))
 
     def report(self) -> Tape:
         """Return the report tape with the branches of the System as inputs."""

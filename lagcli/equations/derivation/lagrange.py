@@ -14,7 +14,7 @@ Lagrangians, are handled separately: see `quadratic`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import symengine as se
@@ -23,7 +23,8 @@ from symengine import Basic
 from lagcli.columns import ColumnName, read_column_name
 from lagcli.data_classes import dataclass
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
-from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
+from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart, QuadraticTerm
+from lagcli.equations.derivation.recursion import LEAST_RECURSIVE, Velocity, velocities_of
 from lagcli.model import model as symbols
 from lagcli.model.expression.algebra import expand_terms
 from lagcli.model.model import Constraint, Model
@@ -64,6 +65,23 @@ class ConstraintEquation(NamedTuple):
         return symbols.TIME in self.constraint.expression.free_symbols
 
 
+class RecursiveEquations(NamedTuple):
+    """M and f by velocities that are defined one after the other; see `recursion`.
+
+    Parameters
+    ----------
+    mass_matrix : nq mappings of int to expression
+        M_0: nonzero entries by row and column.
+    forcing : nq expressions
+        f_0.
+    velocities : tuple of Velocity
+    """
+
+    mass_matrix: tuple[Row, ...]
+    forcing: tuple[Basic, ...]
+    velocities: tuple[Velocity, ...]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Equations:
     """Symbolic equations of motion of a model.
@@ -93,6 +111,8 @@ class Equations:
         −∂L/∂t.
     outputs : mapping of str to expression
         In q, v, a, t, parameters and multipliers.
+    recursive : RecursiveEquations, optional
+        M and f by velocities that are defined one after the other, of a large model.
     """
 
     model: Model
@@ -111,6 +131,7 @@ class Equations:
     energy: Basic
     time_power: Basic
     outputs: Mapping[str, Basic]
+    recursive: RecursiveEquations | None = None
 
     @cached_property
     def _motion(self) -> Motion:
@@ -164,7 +185,9 @@ def derive(model: Model) -> Equations:
     motion = Motion.of(model)
     q, v, a = motion.q, motion.v, motion.a
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential
-    dynamics = _dynamics(model, lagrangian, motion)
+    forms = QuadraticForms(motion)
+    products, rest = forms.split(lagrangian)
+    dynamics = _dynamics(model, lagrangian, forms, products, rest)
     dissipation = motion.by_symbol(addends(model.dissipation or ZERO))
     constraints = tuple(_constraint(c, motion) for c in model.constraints)
     forces = with_forces(model, constraints, model.applied_forces)
@@ -198,6 +221,7 @@ def derive(model: Model) -> Equations:
         energy=dynamics.energy,
         time_power=dynamics.time_power,
         outputs=with_forces(model, constraints, model.outputs),
+        recursive=_recursive(model, forms, products, rest, free),
     )
 
 
@@ -210,19 +234,34 @@ class _Dynamics(NamedTuple):
     time_power: Basic
 
 
-def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
-    forms = QuadraticForms(motion)
-    products, rest = forms.split(lagrangian)
+def _dynamics(
+    model: Model,
+    lagrangian: Basic,
+    forms: QuadraticForms,
+    products: Sequence[QuadraticTerm],
+    rest: list[Basic],
+) -> _Dynamics:
+    motion = forms.motion
     timed = [term for term in addends(lagrangian) if motion.occurring(term).timed]
     quadratic = QuadraticPart(products, motion)
-    mass, forces = quadratic.mass_matrix(), quadratic.forces()
-    terms = motion.by_symbol(rest)
+    mass, forcing, linear = _mass_and_forces(quadratic, rest)
     # T may have terms without velocities, for instance with a prescribed rotation
-    squares = quadratic.homogeneous and terms.keys().isdisjoint(motion.v)
+    squares = quadratic.homogeneous and motion.by_symbol(rest).keys().isdisjoint(motion.v)
     if squares and model.kinetic is not None and _same(rest, forms.split(-model.potential)[1]):
         energy = [model.kinetic, model.potential]  # as written, so that they are shared
     else:
-        energy = [quadratic.energy(), *(-term for term in rest)]
+        energy = [quadratic.energy(), *(-term for term in rest), *linear]
+    return _Dynamics(mass, forcing, se.Add(*energy), -motion.sum_diff(timed, symbols.TIME))
+
+
+def _mass_and_forces(
+    quadratic: QuadraticPart, rest: Sequence[Basic]
+) -> tuple[list[dict[int, Basic]], list[Basic], list[Basic]]:
+    """Return M, ∂L/∂q − (∂p/∂q) v − ∂p/∂t, and the v_i p_i of the terms that are not quadratic."""
+    motion = quadratic.motion
+    mass, forces = quadratic.mass_matrix(), quadratic.forces()
+    terms = motion.by_symbol(rest)
+    linear: list[Basic] = []
     for i, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
         if q in terms:
             forces[i].append(motion.sum_diff(terms[q], q))
@@ -230,15 +269,29 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
             continue
         p = motion.sum_diff(terms[v], v)
         forces[i].append(-motion.convective(p))
-        energy.append(v * p)
+        linear.append(v * p)
         for j, m in motion.row([p], motion.rate_columns).items():
             mass[i][j] = mass[i].get(j, ZERO) + m
-    return _Dynamics(
-        [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass],
-        [se.Add(*parts) for parts in forces],
-        se.Add(*energy),
-        -motion.sum_diff(timed, symbols.TIME),
-    )
+    rows = [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass]
+    return rows, [se.Add(*parts) for parts in forces], linear
+
+
+def _recursive(
+    model: Model,
+    forms: QuadraticForms,
+    products: Sequence[QuadraticTerm],
+    rest: Sequence[Basic],
+    free: Sequence[Basic],
+) -> RecursiveEquations | None:
+    """Return the recursive form of a large model without constraints; None if there is none."""
+    if len(model.coordinate_names) < LEAST_RECURSIVE or model.constraints or model.switches:
+        return None
+    velocities, others = velocities_of(products, forms)
+    if not velocities:
+        return None
+    mass, forcing, _ = _mass_and_forces(QuadraticPart(others, forms.motion), rest)
+    total = tuple(f + force for f, force in zip(forcing, free, strict=True))
+    return RecursiveEquations(tuple(mass), total, tuple(velocities))
 
 
 def _by_multipliers(force: Basic, multipliers: frozenset[Basic]) -> tuple[Basic, Basic]:

@@ -128,9 +128,20 @@ class QuadraticForms:
             offsets.append(parts[1])
         row = {j: se.Add(*rows[j]) for j in sorted(rows)}
         row = {j: x for j, x in row.items() if x != ZERO}
-        offset = se.Add(*offsets)
+        return self._with_rate(expression, row, se.Add(*offsets))
+
+    def difference(self, form: AffineForm, other: AffineForm) -> AffineForm:
+        """Return a form less another one."""
+        both = {j: form.row.get(j, ZERO) - other.row.get(j, ZERO) for j in {*form.row, *other.row}}
+        row = {j: x for j, x in sorted(both.items()) if x != ZERO}
+        offset = form.offset - other.offset
+        value = se.Add(*[x * self.motion.v[j] for j, x in row.items()], offset)
+        return self._with_rate(value, row, offset)
+
+    def _with_rate(self, value: Basic, row: dict[int, Basic], offset: Basic) -> AffineForm:
+        """Return the form of a value, its coefficients and offset."""
         rate, curl = self._rate(row, offset)
-        return AffineForm(expression, row, offset, rate, curl)
+        return AffineForm(value, row, offset, rate, curl)
 
     def _split(self, term: Basic) -> tuple[dict[int, Basic], Basic] | None:
         """Split a term into coefficients of velocities and the rest."""

@@ -21,15 +21,16 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
 {
     const lag_system *s = &run->system;
     lag_implicit *m = run->implicit;
-    const lag_tape *d = &s->dynamics, *w = &m->variation;
+    const lag_tape *d = &s->dynamics, *w = &m->variation, *e;
     const int nq = s->nq, nc = s->nc, nd = nc - run->rows.rank;
     if (lag_accelerate(run, t, y, 1, f + 2 * nq))
         return 1;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
     memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
     memcpy(m->velocity, y + nq, (size_t)nq * sizeof(double));
+    e = lag_equations_tape(s);
     for (int i = 0; i < s->nm; ++i)
-        m->mass[i] = OUT(d, i);
+        m->mass[i] = OUT(e, i);
     for (int i = 0; i < s->nb; ++i)
         m->jacobian[i] = OUT(d, lag_first_jacobian(s) + i);
     for (int j = 0; j < nd; ++j)
