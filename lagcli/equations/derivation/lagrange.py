@@ -187,7 +187,9 @@ def derive(model: Model) -> Equations:
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential
     forms = QuadraticForms(motion)
     products, rest = forms.split(lagrangian)
-    dynamics = _dynamics(model, lagrangian, forms, products, rest)
+    of_rest = _of_rest(rest, motion)
+    quadratic = QuadraticPart(products, motion)
+    dynamics = _dynamics(model, lagrangian, forms, quadratic, rest, of_rest)
     dissipation = motion.by_symbol(addends(model.dissipation or ZERO))
     constraints = tuple(_constraint(c, motion) for c in model.constraints)
     forces = with_forces(model, constraints, model.applied_forces)
@@ -221,7 +223,7 @@ def derive(model: Model) -> Equations:
         energy=dynamics.energy,
         time_power=dynamics.time_power,
         outputs=with_forces(model, constraints, model.outputs),
-        recursive=_recursive(model, forms, products, rest, free),
+        recursive=_recursive(model, forms, products, of_rest, free),
     )
 
 
@@ -234,53 +236,82 @@ class _Dynamics(NamedTuple):
     time_power: Basic
 
 
+class _Rest(NamedTuple):
+    """What the terms of L that are no products of velocities contribute.
+
+    Parameters
+    ----------
+    mass : list of dict of int to expression
+        To M, by row and column.
+    forces : list of lists of expressions
+        To ∂L/∂q − (∂p/∂q) v − ∂p/∂t, by coordinate.
+    products : list of expressions
+        The v_i p_i.
+    """
+
+    mass: list[dict[int, Basic]]
+    forces: list[list[Basic]]
+    products: list[Basic]
+
+
 def _dynamics(
     model: Model,
     lagrangian: Basic,
     forms: QuadraticForms,
-    products: Sequence[QuadraticTerm],
+    quadratic: QuadraticPart,
     rest: list[Basic],
+    contributions: _Rest,
 ) -> _Dynamics:
     motion = forms.motion
     timed = [term for term in addends(lagrangian) if motion.occurring(term).timed]
-    quadratic = QuadraticPart(products, motion)
-    mass, forcing, linear = _mass_and_forces(quadratic, rest)
     # T may have terms without velocities, for instance with a prescribed rotation
     squares = quadratic.homogeneous and motion.by_symbol(rest).keys().isdisjoint(motion.v)
     if squares and model.kinetic is not None and _same(rest, forms.split(-model.potential)[1]):
         energy = [model.kinetic, model.potential]  # as written, so that they are shared
     else:
-        energy = [quadratic.energy(), *(-term for term in rest), *linear]
-    return _Dynamics(mass, forcing, se.Add(*energy), -motion.sum_diff(timed, symbols.TIME))
+        energy = [quadratic.energy(), *(-term for term in rest), *contributions.products]
+    return _Dynamics(
+        *_mass_and_forces(quadratic, contributions),
+        se.Add(*energy),
+        -motion.sum_diff(timed, symbols.TIME),
+    )
 
 
-def _mass_and_forces(
-    quadratic: QuadraticPart, rest: Sequence[Basic]
-) -> tuple[list[dict[int, Basic]], list[Basic], list[Basic]]:
-    """Return M, ∂L/∂q − (∂p/∂q) v − ∂p/∂t, and the v_i p_i of the terms that are not quadratic."""
-    motion = quadratic.motion
-    mass, forces = quadratic.mass_matrix(), quadratic.forces()
+def _of_rest(rest: Sequence[Basic], motion: Motion) -> _Rest:
     terms = motion.by_symbol(rest)
-    linear: list[Basic] = []
+    found = _Rest([{} for _ in motion.q], [[] for _ in motion.q], [])
     for i, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
         if q in terms:
-            forces[i].append(motion.sum_diff(terms[q], q))
+            found.forces[i].append(motion.sum_diff(terms[q], q))
         if v not in terms:
             continue
         p = motion.sum_diff(terms[v], v)
-        forces[i].append(-motion.convective(p))
-        linear.append(v * p)
-        for j, m in motion.row([p], motion.rate_columns).items():
-            mass[i][j] = mass[i].get(j, ZERO) + m
-    rows = [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass]
-    return rows, [se.Add(*parts) for parts in forces], linear
+        found.forces[i].append(-motion.convective(p))
+        found.products.append(v * p)
+        found.mass[i].update(motion.row([p], motion.rate_columns))
+    return found
+
+
+def _mass_and_forces(
+    quadratic: QuadraticPart, rest: _Rest
+) -> tuple[list[dict[int, Basic]], list[Basic]]:
+    """Return M, and ∂L/∂q − (∂p/∂q) v − ∂p/∂t."""
+    mass = quadratic.mass_matrix()
+    for row, more in zip(mass, rest.mass, strict=True):
+        for j, m in more.items():
+            row[j] = row.get(j, ZERO) + m
+    forces = zip(quadratic.forces(), rest.forces, strict=True)
+    return (
+        [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass],
+        [se.Add(*parts, *more) for parts, more in forces],
+    )
 
 
 def _recursive(
     model: Model,
     forms: QuadraticForms,
     products: Sequence[QuadraticTerm],
-    rest: Sequence[Basic],
+    rest: _Rest,
     free: Sequence[Basic],
 ) -> RecursiveEquations | None:
     """Return the recursive form of a large model without constraints; None if there is none."""
@@ -289,7 +320,7 @@ def _recursive(
     velocities, others = velocities_of(products, forms)
     if not velocities:
         return None
-    mass, forcing, _ = _mass_and_forces(QuadraticPart(others, forms.motion), rest)
+    mass, forcing = _mass_and_forces(QuadraticPart(others, forms.motion), rest)
     total = tuple(f + force for f, force in zip(forcing, free, strict=True))
     return RecursiveEquations(tuple(mass), total, tuple(velocities))
 
