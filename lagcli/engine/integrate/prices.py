@@ -89,7 +89,7 @@ class Prices:
 
     @cached_property
     def evaluation_unrolled(self) -> float:
-        """The same once the elimination, or that of the recursive form, is unrolled, if it may be."""
+        """The same once the elimination, or that of the recursive form, is unrolled, if it may."""
         if self._recurs:
             return min(self.evaluation, _RECURSIVE * len(self.system.coordinates))
         if self.prepared.unrolled or not may_unroll(self.prepared.elimination):
