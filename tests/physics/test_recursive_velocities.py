@@ -8,15 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from trees import pendulum, random_tree
 
 import lagcli
-from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate import prepared
 from lagcli.engine.integrate import run as single_runs
 from lagcli.engine.integrate.prices import Prices
-from lagcli.engine.linear.recursion import recursive_order, unroll_recursive
-from lagcli.engine.lowering.lower import lower
-from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation import lagrange
 
 ROOT = Path(__file__).parents[2]
@@ -45,37 +42,6 @@ def in_use(monkeypatch):
 
     monkeypatch.setattr(single_runs.Integration, "use", noted)
     return used
-
-
-def accelerations(system, t, q, v, p):
-    """Return a by the recursive form."""
-    tape = unroll_recursive(system, recursive_order(system.recursive))
-    out = ScalarTape(tape)((t, *q, *v, *p, *[0.0] * len(q)))
-    first = len(system.mass_pattern) + len(q) + 1
-    return np.array(out[first : first + len(q)])
-
-
-def pendulum(theta, rate, n, g=9.81):
-    """Return θ″ of n links: M a = f written by hand, the whole of length 1 m and mass 1 kg."""
-    length, mass = 1.0 / n, 1.0 / n
-    outer = mass * np.minimum.outer(np.arange(n, 0, -1), np.arange(n, 0, -1))
-    apart = np.subtract.outer(theta, theta)
-    matrix = outer * length**2 * np.cos(apart)
-    forces = -(outer * length**2 * np.sin(apart)) @ rate**2
-    forces -= np.diag(outer) * length * g * np.sin(theta)
-    return np.linalg.solve(matrix, forces)
-
-
-@pytest.mark.parametrize("n", [3, 4, 5, 10, 20, 60])
-def test_accelerations_of_a_pendulum_of_links(n, always):
-    system = lower(lagrange.derive(lagcli.load(PENDULUM, set={"N": n})))
-    p = {"N": n, "l": 1.0, "m": 1.0 / n, "g": 9.81, "theta_0": 0.5}
-    random = np.random.default_rng(n)
-    for _ in range(5):
-        q, v = random.normal(size=(2, n))
-        found = accelerations(system, 0.0, q, v, [p[name] for name in system.parameters])
-        expected = pendulum(q, v, n)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * n * abs(expected).max())
 
 
 @pytest.mark.parametrize("n", [3, 12, 20])
@@ -110,57 +76,6 @@ def test_energy_of_many_links(monkeypatch):
     potential = -9.81 * 100.0 * np.cos(run.q) @ np.diag(outer)
     np.testing.assert_allclose(kinetic + potential, potential[0], rtol=0, atol=1e-10)
     assert kinetic[-1] > 0.05
-
-
-def random_tree(random, n):
-    """Return a model of n links in a tree, with springs, a moving support and other terms."""
-    before = [int(random.integers(max(0, i - 3), i)) for i in range(1, n + 1)]
-    lines = ["X[0]: 0.1*sin(2*t)", "Y[0]: 0"]
-    for i, k in enumerate(before, 1):
-        angle = f"q[{i}] + {random.uniform(-1, 1):.3f}"
-        length = f"{random.uniform(0.2, 1):.3f}"
-        if i % 5 == 0:  # a slider whose length changes with another coordinate
-            length = f"({length} + 0.1*q[{max(1, i - 1)}])"
-        lines.append(f"X[{i}]: X[{k}] + {length}*sin({angle})")
-        lines.append(f"Y[{i}]: Y[{k}] - {length}*cos({angle})")
-    masses = random.uniform(0.1, 2, size=n)
-    kinetic = [f"{m:.3f}/2*(X[{i}]'^2 + Y[{i}]'^2)" for i, m in enumerate(masses, 1)]
-    kinetic += [f"0.05*q[{i}]'^2" for i in range(1, n + 1)]
-    kinetic.append("0.1*(1 + q[1]^2)*(q[1]' + cos(q[2])*q[2]')^2")  # varying factor
-    kinetic.append("0.2*(cos(q[1])*q[2]' + q[3]')^2")  # not the rate of a position
-    kinetic.append("0.1*q[1]'*q[3]'*cos(q[2]) + 0.3*q[2]'")
-    potential = [f"{m:.3f}*9.81*Y[{i}]" for i, m in enumerate(masses, 1)]
-    potential.append("q[1]^2 + 0.3*q[2]*q[3]")
-    return "\n".join(
-        [
-            f"coordinates: [q[1..{n}]]",
-            "definitions:",
-            *(f"  {line}" for line in lines),
-            "T: " + " + ".join(kinetic),
-            "V: " + " + ".join(potential),
-            f"Q: {{q[1]: -0.1*q[1]' + sin(t), X[{n}]: 0.5, Y[1]: -q[2]'}}",
-            "initial: " + f"{{q[1..{n}]: 0.1, q[1..{n}]': 0}}",
-            "simulation: {t_end: 0.3, samples: 4}",
-        ]
-    )
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_random_trees(seed, always):
-    """The same accelerations as from M and f, which the derivation builds in another way."""
-    random = np.random.default_rng(seed)
-    n = int(random.integers(3, 14))
-    system = lower(lagrange.derive(lagcli.load_text(random_tree(random, n))))
-    evaluator = Evaluator(system, ())
-    for _ in range(5):
-        t, (q, v) = random.uniform(0, 3), random.normal(size=(2, n))
-        given = evaluator.dynamics(t, q, v)
-        expected = np.linalg.solve(given.mass_matrix, given.forcing)
-        found = accelerations(system, t, q, v, ())
-        condition = np.linalg.cond(given.mass_matrix)
-        np.testing.assert_allclose(
-            found, expected, rtol=0, atol=1e-14 * condition * abs(expected).max() + 1e-12
-        )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -212,13 +127,3 @@ def test_few_velocities_and_constraints_have_no_recursive_form():
     assert small.recursive is None
     chain = lagrange.derive(lagcli.load(ROOT / "models" / "chain.yaml", set={"N": 40}))
     assert chain.recursive is None
-
-
-def test_the_cost_of_an_evaluation_is_linear():
-    sizes = []
-    for n in (30, 60, 120):
-        system = lower(lagrange.derive(lagcli.load(PENDULUM, set={"N": n})))
-        order = recursive_order(system.recursive)
-        assert order.updates < 30 * n
-        sizes.append(len(unroll_recursive(system, order).code))
-    assert sizes[2] - sizes[1] < 2.05 * (sizes[1] - sizes[0])

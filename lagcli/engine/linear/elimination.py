@@ -616,7 +616,7 @@ def unroll(system: System, elimination: Elimination) -> Tape:
         is that of all blocks, or that of the motion with zeros for the rest (see
         `TangentBlocks.complete`), and the others are those of one block.
     """
-    return _Dynamics(system, elimination).tape()
+    return _Solved(system, elimination).tape()
 
 
 class Unrolling(Arithmetic):
@@ -761,7 +761,7 @@ class Unrolling(Arithmetic):
         return [*a, *unknowns]
 
 
-class _Dynamics(Unrolling):
+class _Solved(Unrolling):
     """Emits the dynamics with an elimination, for `unroll`."""
 
     def __init__(self, system: System, elimination: Elimination):
