@@ -152,23 +152,23 @@ def _bound(system: System) -> _Bound:
 class _OfOneState:
     """A tape that keeps its outputs at the last state: several matrices are asked for there."""
 
-    def __init__(self, tape: ScalarTape, p: tuple[float, ...]):
-        self.tape, self._p = tape, p
-        self._last: tuple[bytes, list[float]] = b"", []
+    def __init__(self, tape: ScalarTape):
+        self._tape = tape
+        self._last: tuple[bytes, tuple[float, ...], list[float]] = b"", (), []
 
-    def __call__(self, t: float, q: Array, v: Array) -> list[float]:
+    def __call__(self, t: float, q: Array, v: Array, p: tuple[float, ...]) -> list[float]:
         """Return the outputs."""
         state = np.concatenate(([t], q, v))
-        at, outputs = self._last
-        if at != (here := state.tobytes()):
-            outputs = self.tape((*state.tolist(), *self._p))
-            self._last = here, outputs
+        at, with_values, outputs = self._last
+        if with_values is not p or at != state.tobytes():
+            outputs = self._tape((*state.tolist(), *p))
+            self._last = state.tobytes(), p, outputs
         return outputs
 
     def hold(self, pieces: list[float] | None) -> None:
         """Use given pieces of the known functions of time; None selects those at t."""
-        self._last = b"", []
-        self.tape.hold(pieces)
+        self._last = b"", (), []
+        self._tape.hold(pieces)
 
 
 class Evaluator:
@@ -184,8 +184,8 @@ class Evaluator:
     def __init__(self, system: System, p: tuple[float, ...]):
         self.system, self.p = system, p
         bound = _bound(system)
-        self._dynamics = _OfOneState(bound.dynamics.own(), p)
-        self._constraint = _OfOneState(bound.constraint.own(), p)
+        self._dynamics = _OfOneState(bound.dynamics.own())
+        self._constraint = _OfOneState(bound.constraint.own())
         self._tangent = None if bound.tangent is None else bound.tangent.own()
         self._matrices = bound.matrices
         self._holonomic = list(system.holonomic)
@@ -196,8 +196,6 @@ class Evaluator:
 
         other = copy.copy(self)
         other.p = p
-        other._dynamics = _OfOneState(self._dynamics.tape, p)
-        other._constraint = _OfOneState(self._constraint.tape, p)
         return other
 
     def hold(self, t: float) -> None:
@@ -214,7 +212,7 @@ class Evaluator:
 
     def entries(self, t: float, q: Array, v: Array) -> list[float]:
         """Return the outputs of the dynamics tape."""
-        return self._dynamics(t, q, v)
+        return self._dynamics(t, q, v, self.p)
 
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
         """Return M, f, B, γ and the external power."""
@@ -238,12 +236,12 @@ class Evaluator:
 
     def constraints(self, t: float, q: Array, v: Array) -> Constraints[Array]:
         """Return φ, B, b_0 and scales."""
-        numbers = self._constraint(t, q, v)
+        numbers = self._constraint(t, q, v, self.p)
         return self._matrices.constraints(np.array(numbers))
 
     def constraint_rows(self, t: float, q: Array, v: Array) -> Constraints[Array | SparseRows]:
         """Return the same; of a large system, the nonzero entries of B."""
-        numbers = self._constraint(t, q, v)
+        numbers = self._constraint(t, q, v, self.p)
         return self._matrices.constraint_rows(np.array(numbers))
 
     def inertia(self, t: float, q: Array, v: Array) -> Array:

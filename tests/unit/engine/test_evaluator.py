@@ -125,6 +125,8 @@ initial: {x: 0, x': 0}
                 np.testing.assert_allclose(d.forcing, [m * angle], rtol=1e-15)
                 np.testing.assert_array_equal(d.mass_matrix, [[m]])
                 d.forcing[:] = np.nan  # its own numbers
+    evaluator.p = (5.0,)
+    np.testing.assert_array_equal(evaluator.dynamics(0.0, np.array([1.0]), zero).mass_matrix, [[5]])
 
 
 def test_successive_calls_beside_a_jump_of_an_input() -> None:
