@@ -8,13 +8,13 @@ they are, and constructors are compiled once for each number of fields.
 from __future__ import annotations
 
 from functools import cache
-from types import CodeType, FunctionType
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from typing import NamedTuple as NamedTuple
 else:
-    from collections import _tuplegetter
+    from collections import _tuplegetter, namedtuple
 
     class _NamedFields(tuple):
         """The methods of named tuples, as `collections.namedtuple` defines them."""
@@ -45,12 +45,9 @@ else:
             return tuple(self)
 
     @cache
-    def _constructor(count: int) -> CodeType:
-        """Return the code of the constructor of tuples of some number of fields."""
-        names = "".join(f"_{i}, " for i in range(count))
-        return eval(f"lambda _cls, {names}: _new(_cls, ({names}))").__code__
-
-    _GLOBALS = {"_new": tuple.__new__, "__builtins__": {}}
+    def _constructor(count: int) -> FunctionType:
+        """Return the constructor of tuples of some number of fields."""
+        return namedtuple("_", [f"field{i}" for i in range(count)]).__new__
 
     class _Definition(type):
         """Makes a named tuple of a class; fields with defaults are the last, which mypy checks."""
@@ -58,11 +55,12 @@ else:
         def __new__(cls, name: str, bases: tuple[type, ...], body: dict[str, Any]) -> type:
             fields = tuple(body.get("__annotations__", ()))
             defaults = {field: body[field] for field in fields if field in body}
-            code = _constructor(len(fields)).replace(
+            like = _constructor(len(fields))
+            code = like.__code__.replace(
                 co_name="__new__", co_qualname=f"{name}.__new__", co_varnames=("_cls", *fields)
             )
             body |= {field: _tuplegetter(i, None) for i, field in enumerate(fields)}
-            body["__new__"] = FunctionType(code, _GLOBALS, None, tuple(defaults.values()))
+            body["__new__"] = FunctionType(code, like.__globals__, None, tuple(defaults.values()))
             body["__slots__"] = ()
             body["__match_args__"] = body["_fields"] = fields
             body["_field_defaults"] = defaults

@@ -195,14 +195,15 @@ def _arranged(
     """
     count, operations = len(place), sum(map(len, parts))
     if operations >= long:
+        # imported here, since most programs are short
         from lagcli.engine.program.vectorize import REPEATED, WORTH, Packing, repeated
 
-    if operations >= long and repeated(parts) >= REPEATED * operations:
-        packing = Packing(dict(place), count, families, isomorphic)
-        streams = packing.streams(parts, needed)
-        if packing.packed >= WORTH * operations:
-            place.update(packing.place)
-            return streams, packing.count
+        if repeated(parts) >= REPEATED * operations:
+            packing = Packing(dict(place), count, families, isomorphic)
+            streams = packing.streams(parts, needed)
+            if packing.packed >= WORTH * operations:
+                place.update(packing.place)
+                return streams, packing.count
     streams = []
     for nodes, keep in zip(parts, needed, strict=True):
         ordered, count = allocate(in_order(nodes), place, count, keep)
