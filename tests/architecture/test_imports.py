@@ -77,7 +77,7 @@ NOT_OF_PLAIN_RUNS = {
     *("lagcli.engine.event_entries", "lagcli.engine.program.vectorize"),
     *("lagcli.engine.taylor.series_nodes", "lagcli.equations.symmetry.conserved"),
     *("lagcli.model.expression.unit_table", "lagcli.results.csv.reader"),
-    *("lagcli.results.csv.event_table", "lagcli.results.csv.sidecar", "threading"),
+    *("lagcli.results.csv.event_table", "lagcli.results.csv.sidecar"),
     *("lagcli.engine.core.contact_problem", "lagcli.engine.switching.switching"),
     "lagcli.engine.switching.stops",
     *("lagcli.model.expression.syntax_hints", "lagcli.model.dimensions.reporting"),
@@ -450,7 +450,7 @@ def test_events_that_set_values_need_no_more() -> None:
     ("file", "writer", "without"),
     [
         ("run.h5", "lagcli.results.hdf5.trajectories", set()),
-        ("run.csv", "lagcli.results.csv.writer", {"dataclasses", "hashlib", "json", "shutil"}),
+        ("run.csv", "lagcli.results.csv.writer", {"hashlib", "json", "shutil", "threading"}),
     ],
 )
 def test_plain_runs_start_with_little(
