@@ -589,6 +589,12 @@ class Model:
         return bool(self.events) or not all(c.lasting for c in self.constraints)
 
     @property
+    def changing_parameters(self) -> frozenset[str]:
+        """Names of the parameters that events set."""
+        targets = (name for event in self.events for name in event.action.set)
+        return frozenset(name for name in targets if name in self.parameters)
+
+    @property
     def data(self) -> dict[str, InputData]:
         """Tables of the inputs by name, as `load_text` needs them."""
         return {name: x.data for name, x in self.inputs.items()}

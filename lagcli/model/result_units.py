@@ -81,7 +81,6 @@ def result_display(model: Model) -> dict[str, Any]:
 
 def _jumping_outputs(model: Model) -> list[str]:
     """Return the outputs that may jump: those that depend on more than q, t and parameters."""
-    changed = {name for event in model.events for name in event.action.set}
     continuous = {TIME, *map(coordinate, model.coordinate_names)}
-    continuous |= {Symbol(name) for name in model.parameters if name not in changed}
+    continuous |= {Symbol(name) for name in model.parameters.keys() - model.changing_parameters}
     return [name for name, value in model.outputs.items() if not value.free_symbols <= continuous]

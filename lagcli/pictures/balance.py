@@ -56,9 +56,8 @@ class Balance:
 
     def __init__(self, formulas: Formulas, lines: Mapping[int, Line]):
         model = self.model = formulas.model
-        # the values of these along the run are not in the result
-        changed = {name for event in model.events for name in event.action.set}
-        changed &= {*model.parameters}
+        # their values along the run are not in the result
+        changed = model.changing_parameters
         self.terms: dict[int, tuple[EquationTerm, ...]] = {}
         self.expressions: list[Basic] = []
         for i, line in lines.items():

@@ -343,7 +343,7 @@ def experiments_of(
 
 def _refuse_changed(model: Model, expressions: Sequence[se.Basic]) -> None:
     """Reject observed quantities that depend on parameters set by events."""
-    changed = {name for event in model.events for name in event.action.set} & {*model.parameters}
+    changed = model.changing_parameters
     for expression in expressions:
         names = sorted(changed & {symbol.name for symbol in expression.free_symbols})
         if names:

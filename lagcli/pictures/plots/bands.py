@@ -294,7 +294,6 @@ def _expression(equations: Equations, curve: Curve) -> Basic | None:
         expression = model.outputs[output]
     else:
         return None
-    changed = {name for event in model.events for name in event.action.set} & {*model.parameters}
     whole = with_forces(model, equations.constraints, {curve.name: expression})[curve.name]
     names = {x.name for x in whole.free_symbols}
-    return None if changed & names else whole
+    return None if model.changing_parameters & names else whole
