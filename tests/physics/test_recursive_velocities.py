@@ -90,6 +90,24 @@ def test_motions_of_random_trees(seed, monkeypatch, request):
     np.testing.assert_allclose(run.v, expected.v, rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize("method", ["Radau", "Rodas5P"])
+def test_implicit_methods_take_m_from_the_other_tape(method, always, monkeypatch):
+    used = in_use(monkeypatch)
+    model = lagcli.load(PENDULUM, set={"N": 6, "theta_0": "80 deg"})
+    run = lagcli.simulate(model, t_end=0.5, samples=6, rtol=1e-9, method=method)
+    assert used[-1].recursive
+    expected = solve_ivp(
+        lambda t, y: np.concatenate([y[6:], pendulum(y[:6], y[6:], 6)]),
+        (0.0, 0.5),
+        np.concatenate([np.full(6, np.radians(80)), np.zeros(6)]),
+        "DOP853",
+        run.time,
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    np.testing.assert_allclose(run.q, expected.y[:6].T, rtol=0, atol=1e-7)
+
+
 def test_a_force_that_changes_its_law(always, monkeypatch):
     """The beam's force ends at t = π; the branches of comparisons are frozen within steps."""
     used = in_use(monkeypatch)
