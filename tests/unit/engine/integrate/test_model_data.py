@@ -99,7 +99,7 @@ def expected(simulation: Simulation) -> Run:
                 *(e.modes, e.q, e.before, e.after, e.impulse),
             ]
         )
-        for e in outcome.events
+        for e in outcome.events or ()
     ]
     rules = simulation.system.switching.events if simulation.system.switching else ()
     stopped = [i for i, rule in enumerate(rules) if f"`{rule.name}` stopped" in outcome.message]
