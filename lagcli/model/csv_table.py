@@ -70,11 +70,14 @@ class CsvTable:
             self.text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise FileError(f"cannot read {path}: it is not text ({error})") from None
-        first = next(iter(io.StringIO(self.text)), "")
+        first = next(iter(io.StringIO(self.text, newline="")), "")
         if not self.text.strip():
             raise FileError(f"{path} is empty; its first line names the columns")
         self.delimiter = max(_DELIMITERS, key=first.count)
-        self.titles = next(csv.reader([first], delimiter=self.delimiter), [])
+        try:
+            self.titles = next(csv.reader([first], delimiter=self.delimiter), [])
+        except csv.Error as error:
+            raise self.no_csv(error, 1) from None
         seen: set[str] = set()
         for number, title in enumerate(self.titles):
             name = split_title(title)[0]
@@ -111,12 +114,7 @@ class CsvTable:
                         reader.line_num,
                     )
         except csv.Error as error:
-            raise self.error(
-                "bad-data",
-                f"this is not CSV: {error}",
-                "write one row of numbers in each line",
-                reader.line_num,
-            ) from None
+            raise self.no_csv(error, reader.line_num) from None
 
     def column(self, name: str, unit: str | None) -> tuple[int, Factor, str | None]:
         """Return the number of a column, its conversion factor to SI, and its unit.
@@ -192,6 +190,11 @@ class CsvTable:
                 number,
             )
         return value
+
+    def no_csv(self, error: csv.Error, line: int) -> FileError:
+        """Return an error at a line that cannot be divided into fields."""
+        remedy = "write one row of numbers in each line"
+        return self.error("bad-data", f"this is not CSV: {error}", remedy, line)
 
     def error(
         self, kind: str, message: str, help_: str, line: int, number: int | None = None

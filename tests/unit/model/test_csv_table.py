@@ -105,3 +105,15 @@ def test_titles_are_names_and_units(title: str, name: str, unit: str | None) -> 
 def test_a_whole_title_is_read_with_its_unit() -> None:
     assert table("t,x [cm]\n").column("x [cm]", None) == (1, pytest.approx(0.01), "cm")
     assert table("t,x [left]\n").column("x [left]", None) == (1, 1, None)
+
+
+def test_lines_may_end_in_any_way() -> None:
+    for end in ("\n", "\r\n", "\r"):
+        found = table(end.join(["t,x", "0,1", "2,3", ""]))
+        assert found.titles == ["t", "x"]
+        assert [fields for _, fields in found.rows()] == [["0", "1"], ["2", "3"]]
+
+
+def test_a_title_that_is_no_field_is_an_error() -> None:
+    with pytest.raises(FileError, match="this is not CSV: field larger than field limit"):
+        table("t," + 200_000 * "x" + "\n0,1\n")
