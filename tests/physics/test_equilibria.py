@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy
 from random_cases import FUZZ_COUNT, seeds
 from scipy.linalg import eigh
 from scipy.optimize import brentq
@@ -584,3 +585,38 @@ def test_multipliers_without_forces_are_zero() -> None:
     (found,) = lagcli.equilibrium(lagcli.load_text(text)).equilibria
     point = found.operating_point.point
     assert [*point.q.tolist(), *point.multipliers.tolist()] == [0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("force", "expected"),
+    [
+        ("(x - 0.9)^3", {0.9: "undecided"}),
+        ("-(x - 0.9)^3", {0.9: "undecided"}),
+        ("(x - 1)^2*(x + 2)", {1.0: "undecided", -2.0: "stable"}),
+        ("(x + 1.4)^3*(x - 2)", {-1.4: "undecided", 2.0: "stable"}),
+        ("(x - 1)*(x - 1.001)", {1.0: "unstable", 1.001: "stable"}),
+    ],
+)
+@pytest.mark.parametrize("rail", [False, True])
+def test_a_degenerate_equilibrium_is_one_and_undecided(
+    force: str, expected: dict[float, str], rail: bool
+) -> None:
+    """V' with known roots, in expanded form; perhaps of a bead on the curve y = sin x."""
+    x = sympy.Symbol("x")
+    slope = sympy.sympify(force.replace("^", "**"), rational=True)
+    potential = str(sympy.integrate(sympy.expand(slope), x)).replace("**", "^")
+    y = "y = sin(x)" if rail else "y = 0"
+    model = lagcli.load_text(f"""\
+coordinates: [x, y]
+T: x'^2 + y'^2
+V: {potential}
+constraints: {{rail: {y}}}
+initial: {{x: 2, x': 0, y: {{guess: 0}}, y': {{guess: 0}}}}
+""")
+    found = {
+        float(e.operating_point.point.q[0]): e.stability.verdict
+        for e in lagcli.equilibrium(model, all=True).equilibria
+    }
+    # a triple root is found where the force is a rounding error, 1e-15 of its terms
+    assert sorted(found) == pytest.approx(sorted(expected), abs=2e-4)
+    assert [found[k] for k in sorted(found)] == [expected[k] for k in sorted(expected)]

@@ -187,7 +187,8 @@ def described(state: SteadyState) -> Equilibrium:
     report = ScalarTape(local.system.report)(point.inputs())
     stability = NO_LINEAR_MODEL
     if not any(contact.indeterminate for contact in state.operating_point.contacts):
-        stability = stability_of(local, state.operating_point, state.neutral.shape[1])
+        dimension = state.neutral.shape[1]
+        stability = stability_of(local, state.operating_point, dimension, state.flat)
     return Equilibrium(
         state.operating_point,
         local.system.constraints,

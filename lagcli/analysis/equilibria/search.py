@@ -14,7 +14,7 @@ from lagcli.analysis.local.contact_mode import ModeEquations, Modes, SwitchedMod
 from lagcli.analysis.local.contacts import Acting
 from lagcli.analysis.local.steady import Residual, SteadyProblem, SteadyState, completed, none_found
 from lagcli.arrays import Array, Flags
-from lagcli.engine.constraints.initial import NoStart, consistent_state
+from lagcli.engine.constraints.initial import NoStart
 from lagcli.errors import LagcliError, NumericalError, UsageError
 from lagcli.named_tuples import NamedTuple
 from lagcli.sweeps.plan.factors import unit_points
@@ -22,6 +22,8 @@ from lagcli.sweeps.plan.factors import unit_points
 #: Roots closer than this, relative to the coordinates' lengths and the largest multiplier,
 #: coincide.
 _SAME = 1e-6
+#: Distance up to which roots may be one degenerate root, located with rounding errors.
+_CLOSE = 1e-2
 _REACH = 2.0  # of the coordinates' lengths: distance of starting points
 _RELAXED = 4  # number of starting points with relaxation instead of Newton's method
 _STEPS, _SEED = 40, 1
@@ -62,14 +64,14 @@ def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyStat
     local, known = problem.local, list[_Known]()
     q = local.start.state.q
     for number, guess in enumerate((q, *_points(problem, starts - 1))):
-        placed = q if number == 0 else _on_constraints(problem, guess)
+        placed = q if number == 0 else problem.on_constraints(guess)
         if placed is not None:
             _try(problem, placed, known, relaxed=number < _RELAXED)
     left, visited = starts - 1, 0
     while left > 0 and visited < len(known):
         for guess in _beside(problem, known[visited].state)[:left]:
             left -= 1
-            placed = _on_constraints(problem, guess)
+            placed = problem.on_constraints(guess)
             if placed is not None:
                 _try(problem, placed, known, relaxed=False)
         visited += 1
@@ -121,17 +123,6 @@ def _points(problem: SteadyProblem, count: int) -> Array:
     return np.asarray(centre + (2 * unit - 1) * reach)
 
 
-def _on_constraints(problem: SteadyProblem, q: Array) -> Array | None:
-    """Return a point on the constraints near a guess, or None."""
-    local = problem.local
-    free = np.zeros(len(q), bool)
-    given = local.evaluator(local.p).state(local.t, q, np.zeros(len(q)))
-    try:
-        return consistent_state(local.system, given, free, free).state.q
-    except NoStart:
-        return None
-
-
 def _keep(problem: SteadyProblem, root: Residual, known: list[_Known]) -> None:
     """Add a root to the known ones, unless it repeats one or is not steady."""
     if root.decomposition.rank > problem.local.start.rank:
@@ -166,10 +157,18 @@ def _alike(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
         return False
     forces = np.abs(first.multipliers - second.multipliers).max(initial=0.0)
     if compared.any():
-        return bool(far.max() < _SAME)
+        return bool(far.max() < _SAME) or (far.max() < _CLOSE and _balanced_between(problem, a, b))
     if any(contact.state == "sticks" for contact in a.state.operating_point.contacts):
         return True  # λ varies along a set that friction holds
     return bool(forces <= _SAME * scale)
+
+
+def _balanced_between(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
+    """Whether forces vanish halfway between two roots as well as there: a degenerate root."""
+    first, second = (x.state.operating_point.point for x in (a, b))
+    halfway = second.q + _difference(problem, first.q, second.q) / 2
+    reached = max(a.state.rounding, b.state.rounding)
+    return not problem.speed_names and problem.unbalanced(halfway, first.p) <= reached
 
 
 def _difference(problem: SteadyProblem, q: Array, other: Array) -> Array:

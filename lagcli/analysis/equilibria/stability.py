@@ -72,7 +72,10 @@ NO_LINEAR_MODEL = Stability("undecided", np.empty(0, complex), None)
 
 
 def stability_of(
-    local: LocalEquations, operating_point: OperatingPoint, dimension: int
+    local: LocalEquations,
+    operating_point: OperatingPoint,
+    dimension: int,
+    flat: Array | None = None,
 ) -> Stability:
     """Determine stability from the reduced Hessian and the eigenvalues of the linear model.
 
@@ -87,6 +90,8 @@ def stability_of(
         An equilibrium or a steady motion.
     dimension : int
         Dimension of the set of equilibria.
+    flat : (nq,) array, optional
+        How far the point may be off a degenerate equilibrium.
 
     References
     ----------
@@ -100,7 +105,7 @@ def stability_of(
     reached = local.reached(operating_point.point, given)
     operating_point = replace(operating_point, tangent=reached)
     dimension -= len(given.positions) - len(reached.positions)
-    changed = _rounding_of_stiffness(local, operating_point)
+    changed = _rounding_of_stiffness(local, operating_point, flat)
     reduced = _without_asymmetry(reduced_matrices(local, operating_point), changed)
     stiffness = hessian_eigenvalues(reduced)
     symmetric = symmetric_eigenpairs(reduced)
@@ -120,15 +125,22 @@ def stability_of(
     return stability._replace(verdict=_verdict(stability, states, slow**2, dimension))
 
 
-def _rounding_of_stiffness(local: LocalEquations, operating_point: OperatingPoint) -> float:
+def _rounding_of_stiffness(
+    local: LocalEquations, operating_point: OperatingPoint, flat: Array | None
+) -> float:
     """Return how much rounding errors of the coordinates change the stiffness, 1/s².
 
     Forces that cancel have a stiffness whose rounding errors their sizes do not show.
     """
     point = operating_point.point
-    moved = point.q * (1.0 + _ROUNDED * np.where(np.arange(len(point.q)) % 2, -1.0, 1.0))
+    moves = [point.q * _ROUNDED * np.where(np.arange(len(point.q)) % 2, -1.0, 1.0)]
+    if flat is not None and flat.any():
+        moves += [flat, -flat]
     before = local.jacobians(point).force_position
-    change = np.abs(local.jacobian_tape.at(point._replace(q=moved)).force_position - before)
+    change = np.zeros_like(before)
+    for move in moves:
+        there = point._replace(q=point.q + move)
+        change = np.fmax(change, np.abs(local.jacobian_tape.at(there).force_position - before))
     mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
     basis = np.abs(operating_point.tangent.velocity_basis)
     inertia = np.sqrt(np.diag(basis.T @ np.abs(mass) @ basis))

@@ -19,6 +19,7 @@ from lagcli.analysis.local.operating_point import (
     multipliers_of,
 )
 from lagcli.arrays import Array
+from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
@@ -99,6 +100,13 @@ _ITERATIONS, _RELAXATIONS = 60, 200
 _NEAR = 1e-4
 #: Rounding errors, relative to the coordinates' lengths.
 _ROUNDING = 1e-14
+#: Residuals beside a root, relative to the terms or to that of the root, that are rounding errors.
+_FLAT, _AS_ROOT = 1e-13, 10.0
+#: Distances from a degenerate root, relative to the lengths, at which they are looked for; least
+#: part of coordinates in a direction, which otherwise changes multipliers alone.
+_FLAT_DISTANCES, _OF_POSITIONS = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3), 1e-6
+#: The next of these distances; distances at which residuals are compared for their rounding errors.
+_FARTHER, _NOISE_DISTANCES = 10.0, (-3e-13, -1e-13, 1e-13, 3e-13)
 _BESIDE = 1e-2  # distance of trial points for other roots, relative to these lengths
 #: Constraint forces above this multiple of the applied forces indicate a singular configuration.
 _STRAINED = 1e6
@@ -574,6 +582,54 @@ class SteadyProblem:
             return False
         return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
 
+    def rounding(self, residual: Residual) -> float:
+        """Return the largest residual beside a root, relative to its terms, that is rounding."""
+        q, p, lengths = residual.point.q, residual.point.p, self.local.lengths
+        beside = (self.unbalanced(q + x * lengths, p) for x in _NOISE_DISTANCES)
+        return max(_FLAT, _AS_ROOT * max(residual.relative, *filter(np.isfinite, beside)))
+
+    def flat(self, residual: Residual, neutral: Array, rounding: float) -> Array:
+        """Return how far rounding errors may be off a degenerate root, (nq,); zeros at others.
+
+        Along this change of q, either way, forces vanish but for their rounding errors, and the
+        stiffness at the root is one of these. Sets of roots are not looked at.
+        """
+        flat = np.zeros(self.nq)
+        if neutral.shape[1] or self.speed_names:
+            return flat
+        matrix = self.jacobian(residual)
+        rows, columns = self.scales(residual, matrix)
+        _, s, vt = np.linalg.svd(matrix * np.outer(rows, columns))
+        weak = int((s > RANK * s.max(initial=0.0)).sum())
+        weakest = vt[min(weak, len(s) - 1) :, : self.nq]  # redundant multipliers do not affect q
+        directions, parts, _ = np.linalg.svd(weakest.T, full_matrices=False)
+        if parts[0] < _OF_POSITIONS:
+            return flat
+        along = columns[: self.nq] * directions[:, 0]
+        along /= np.abs(along / self.local.lengths).max()
+        q, p = residual.point.q, residual.point.p
+        for distance in _FLAT_DISTANCES:
+            beside = (q + distance * along, q - distance * along)
+            if not all(self.unbalanced(x, p) <= rounding for x in beside):
+                break
+            flat = np.asarray(_FARTHER * distance * along)
+        return flat
+
+    def unbalanced(self, q: Array, p: tuple[float, ...]) -> float:
+        """Return the residual, relative to its terms, on the constraints next to q, or infinity."""
+        placed = self.on_constraints(q)
+        return np.inf if placed is None else float(self.begun(placed, p).relative)
+
+    def on_constraints(self, q: Array) -> Array | None:
+        """Return a point on the constraints near a guess, or None."""
+        local = self.local
+        free = np.zeros(len(q), bool)
+        given = local.evaluator(local.p).state(local.t, q, np.zeros(len(q)))
+        try:
+            return consistent_state(local.system, given, free, free).state.q
+        except NoStart:
+            return None
+
     def check_held(self, residual: Residual) -> None:
         """Raise UsageError if the constraints determine a prescribed velocity."""
         names = self.local.system.coordinates
@@ -620,6 +676,10 @@ class SteadyState(NamedTuple):
     residual : Residual
     neutral : (nq, dimension) array
         Changes of q that lead to other roots: the tangent space of a set of equilibria.
+    flat : (nq,) array
+        How far rounding errors may be off a degenerate root: `SteadyProblem.flat`.
+    rounding : float
+        The largest residual beside it, relative to its terms, that is a rounding error.
     speeds : mapping of str to float
         Unknown speeds, by name.
     """
@@ -628,6 +688,8 @@ class SteadyState(NamedTuple):
     operating_point: OperatingPoint
     residual: Residual
     neutral: Array
+    flat: Array
+    rounding: float
     speeds: Mapping[str, float] = MappingProxyType({})
 
 
@@ -669,7 +731,9 @@ def completed(problem: SteadyProblem, residual: Residual) -> SteadyState:
         )
     point = problem.operating_point(residual, name)
     speeds = dict(zip(problem.speed_names, residual.speeds.tolist(), strict=True))
-    return SteadyState(local, point, residual, problem.neutral(residual), speeds)
+    neutral, rounding = problem.neutral(residual), problem.rounding(residual)
+    flat = problem.flat(residual, neutral, rounding)
+    return SteadyState(local, point, residual, neutral, flat, rounding, speeds)
 
 
 def ignored_velocities(model: Model, point: Point) -> dict[str, float]:
