@@ -104,7 +104,7 @@ _ROUNDING = 1e-14
 _FLAT, _AS_ROOT = 1e-13, 10.0
 #: Distances from a degenerate root, relative to the lengths, at which they are looked for; least
 #: part of coordinates in a direction, which otherwise changes multipliers alone.
-_FLAT_DISTANCES, _OF_POSITIONS = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3), 1e-6
+_FLAT_DISTANCES, _OF_POSITIONS = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3), 1e-6
 #: The next of these distances; distances at which residuals are compared for their rounding errors.
 _FARTHER, _NOISE_DISTANCES = 10.0, (-3e-13, -1e-13, 1e-13, 3e-13)
 _BESIDE = 1e-2  # distance of trial points for other roots, relative to these lengths
