@@ -103,6 +103,7 @@ AREAS = {
     "units": Area(
         (
             "lagcli/model/expression/units.py",
+            "lagcli/model/expression/unit_table.py",
             "lagcli/model/dimensions",
         ),
         (
