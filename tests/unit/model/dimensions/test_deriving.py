@@ -234,6 +234,26 @@ def test_numbers_may_denote_quantities_where_units_are_missing() -> None:
     assert model.units.findings == ()
 
 
+def test_a_number_alone_may_be_a_force_where_units_are_missing() -> None:
+    assert load_text(text("x: m", "m: 1", "Q: {x: 5}\n")).units.findings == ()
+
+
+@pytest.mark.parametrize(("row", "column", "unit"), [(1, 1, "J"), (1, 2, None), (2, 1, "m*s")])
+def test_entries_of_a_matrix_have_units_of_their_own(
+    row: int, column: int, unit: str | None
+) -> None:
+    model = text(
+        "x: m",
+        "m: 1 kg, a: 2 N, b: 3 N/m, c: 4 s",
+        f"definitions: {{A: '[[a, b], [c, m]]'}}\nQ: {{x: 'A[{row}, {column}]*x'}}\n",
+    )
+    if unit is None:
+        assert load_text(model).units.findings == ()
+        return
+    with pytest.raises(ModelError, match=re.escape(f"`A[{row}, {column}]*x` is in {unit}")):
+        load_text(model)
+
+
 @pytest.mark.parametrize("factor", ["2", "7", "100", "1/2", "0.5", "0.25", "0.125"])
 @pytest.mark.parametrize("measured", ["0.3", "0.2", "1.7", "0.0625", "0.1"])
 def test_which_numbers_are_pure_where_units_are_missing(factor: str, measured: str) -> None:
