@@ -481,8 +481,9 @@ def test_settings_of_parameters_have_their_dimension(settings: str, said: str) -
     if not said:
         load_text(text)
         return
-    with pytest.raises(ModelError, match=re.escape(said)):
+    with pytest.raises(ModelError, match=re.escape(said)) as caught:
         load_text(text)
+    assert str(caught.value).count("error[") == 1  # also for a family
 
 
 SOME = """\

@@ -97,6 +97,11 @@ def test_a_torque_is_an_energy_per_angle(unit: str) -> None:
     assert read_unit(unit).dimension.rad == -1 - unit.count("/rad") * (unit[0] == "N")
 
 
+@pytest.mark.parametrize(("unit", "dimension"), [("m^0", Dimension()), ("s*m^0", Dimension(s=1))])
+def test_a_power_of_zero_is_no_unit(unit: str, dimension: Dimension) -> None:
+    assert same(read_unit(unit).dimension, dimension)
+
+
 def test_a_table_marks_numbers_by_a_dash() -> None:
     assert to_si("-") == to_si("–") == to_si("1") == 1
     assert read_unit("-").dimension == read_unit("1").dimension
