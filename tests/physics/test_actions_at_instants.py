@@ -210,3 +210,18 @@ def test_a_body_that_an_action_left_on_a_bound_passes_it_later() -> None:
         }
         found = happened(events, simulation={"t_end": 3})
         assert found == [(1.0, "put"), (2.0, "go")] + [(2.0, "there")] * (way > 0)
+
+
+@pytest.mark.parametrize("sign", [">=", "<=", "="])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_body_that_stops_on_the_bound_but_for_rounding(sign: str, way: int) -> None:
+    """It moves from 2 at 2.37 s to 4e-16 below 0 at 4.37 s, rests there for 1 s, and is pushed."""
+    events = {
+        "begin": at(2.37, x=2.0, x_dot=-1),
+        "stop": at(4.37, x_dot=0),
+        "push": at(5.37, x_dot=way),
+        "there": {"when": f"x {sign} 0"},
+    }
+    found = happened(events, initial={"x": 1, "x'": 0}, simulation={"t_end": 6})
+    there = [(4.37, "there")] if sign != ">=" else []
+    assert found == [(2.37, "begin"), (4.37, "stop"), *there, (5.37, "push")]

@@ -384,7 +384,8 @@ static int rests_at_zero(lag_run *run, const lag_watched_function *w, double val
 {
     const lag_condition *condition = run->switching.condition + w->which;
     const double t = run->step.t;
-    if (!condition->either || !begins(run, w, t) || fabs(value) + fabs(SOON * slope * run->step.h) > rounding)
+    const double zero = slope == 0.0 ? fmax(rounding, lag_condition_noise(condition)) : rounding;
+    if (!condition->either || !begins(run, w, t) || fabs(value) + fabs(SOON * slope * run->step.h) > zero)
         return 0;
     return condition->rests || !(t > run->step.t_start) || !(lag_held_error(run, w->which, t, run->step.y) > 0.0);
 }
@@ -429,6 +430,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         if (!other && values[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(values[k], 0.0);
         w->noise = values[k] < rounding ? fmax(rounding, -values[k]) : 0.0;
+        if (w->what == LAG_WATCH_CONDITION && slopes[k] == 0.0 && fabs(values[k]) <= lag_watched_noise(run, w))
+            w->noise = fmax(w->noise, lag_watched_noise(run, w)); /* it rests next to zero, by a rounding error */
         if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
             w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
         if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > wrong)
