@@ -180,9 +180,13 @@ class _Contents:
 
     # plots
 
+    @cached_property
+    def _file(self) -> RunFile:
+        return RunFile(self.run)
+
     def _quantities(self, group: str) -> dict[str, Any] | None:
         """Return a plot with the places of its values; None if the page has none of them."""
-        plot = live_plot(self.model, RunFile(self.run), group)
+        plot = live_plot(self.model, self._file, group)
         series = [
             {
                 **{key: x for key, x in curve.items() if key not in ("values", "panel")},
@@ -215,7 +219,7 @@ class _Contents:
         """Return an image of the model's own run: of its coordinates, if it has no view."""
         if self.model.view is not None:
             return still_image(self._nominal, self.model.title)
-        labels = [curve.label for curve in Catalogue(RunFile(self.run)).of("q")]
+        labels = [curve.label for curve in Catalogue(self._file).of("q")]
         return curve_image(self.run.time, self.run.q, labels, "")
 
     def _scene(self) -> dict[str, Any] | None:

@@ -69,11 +69,14 @@ def velocities_of(
         for k in chosen
     ]
     before: dict[int, int] = {}
+    seen = 0
     for n, own in enumerate(bits):
         least = own.bit_count()
-        for m in reversed(range(n)):
+        # of most large models, no velocity shares a coefficient with another one
+        for m in reversed(range(n)) if own & seen else ():
             if (apart := (own ^ bits[m]).bit_count()) < least:
                 before[n], least = m, apart
+        seen |= own
     kept = sorted({*before, *before.values()})
     place = {n: k for k, n in enumerate(kept)}
     velocities = []

@@ -261,11 +261,11 @@ def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> Spa
     return solution
 
 
-#: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
 #: Limits of the number of terms, which is an upper bound and often ten times the actual number:
 #: `lagcli check` may take some seconds, a run some 20 ms.
 THOROUGH, QUICK = 3e6, 1e3
 
+#: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
 Extent = Literal["linear", "translations", "absent coordinates"]
 
 #: An unknown: its letter and its indices.
