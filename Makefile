@@ -18,7 +18,7 @@ MUTANTS ?= 40
 
 #: What runs the core: its own tests and those of integrations.
 CORE_TESTS := tests/unit/engine/integrate/test_run.py tests/unit/engine/integrate/test_engine.py tests/unit/engine/lowering/test_compiler.py \
-              tests/unit/engine/integrate/test_batch.py tests/unit/engine/core/test_native.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/program/test_vectorize.py \
+              tests/unit/engine/integrate/test_batch.py tests/unit/engine/core/test_native.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/core/test_program_vectors.py \
               tests/unit/engine/constraints/test_initial_batch.py tests/physics/test_event_times.py tests/unit/engine/integrate/test_switching_run.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 

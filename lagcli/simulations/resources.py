@@ -10,12 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
+from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.run import METHODS as CORE_METHODS
 from lagcli.engine.integrate.model_data import integers_data, model_data, program_data, word_data
 from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.layout import RatesLayout
-from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.sensitivity.switched_run import METHOD, arranged, directional_programs
 from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.system import System

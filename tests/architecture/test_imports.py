@@ -74,7 +74,7 @@ OF_SIMULATE = {"numpy", "symengine", "yaml"}
 
 #: What a plain run has no use for: what only errors, inputs, contacts, vectors or other units need.
 NOT_OF_PLAIN_RUNS = {
-    *("lagcli.engine.event_entries", "lagcli.engine.program.vectorize"),
+    *("lagcli.engine.event_entries", "lagcli.engine.tape.series_operations"),
     *("lagcli.engine.taylor.series_nodes", "lagcli.equations.symmetry.conserved"),
     *("lagcli.model.expression.unit_table", "lagcli.results.csv.reader"),
     *("lagcli.results.csv.event_table", "lagcli.results.csv.sidecar"),

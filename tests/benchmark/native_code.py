@@ -30,11 +30,10 @@ from core_parts import NativeProgram, parts  # noqa: E402
 import lagcli  # noqa: E402
 from lagcli.arrays import Array  # noqa: E402
 from lagcli.engine.core.library import KERNEL  # noqa: E402
+from lagcli.engine.core.program import Program  # noqa: E402
 from lagcli.engine.core.structures import address  # noqa: E402
 from lagcli.engine.integrate import prepared  # noqa: E402
-from lagcli.engine.program import program as programs  # noqa: E402
-from lagcli.engine.program.program import Program  # noqa: E402
-from lagcli.engine.tape.operations import ROUNDING, Op  # noqa: E402
+from lagcli.engine.tape.operations import ARITY, ROUNDING, Op  # noqa: E402
 from lagcli.engine.tape.tape import Tape  # noqa: E402
 
 SHIPPED = (
@@ -108,21 +107,42 @@ def cases(names: Sequence[str]) -> Iterator[Case]:
     prepared.assemble = assemble
 
 
+def needed(tape: Tape, outputs: Sequence[int]) -> set[int]:
+    """Return the registers on which outputs depend."""
+    found = set(outputs)
+    for op, to, *operands in reversed(tape.code):
+        if to in found:
+            found.update(operands[: ARITY[op]])
+    return found
+
+
 def text_of(tape: Tape) -> tuple[str, int]:
     """Return the C of a tape's dynamics, and how many numbers `in` has: what does not depend on the
     state comes first."""
-    prelude, main, *rest = programs._parts(tape, programs._part_of_outputs(tape))
-    place = {x: f"in[{x}]" for x in range(tape.inputs + len(tape.constants))}
-    place |= {node[1][0]: f"in[{len(place) + i}]" for i, node in enumerate(prelude)}
+    first, fixed = len(tape.outputs) - sum(tape.deferred), tape.inputs + len(tape.constants)
+    now = needed(tape, tape.outputs[:first])
+    later = needed(tape, tape.outputs[first:]) - now
+    rates = tape.inputs - tape.rhs_inputs
+    known = {*range(rates - tape.parameters, rates), *range(tape.inputs, fixed)}
+    place = {x: f"in[{x}]" for x in range(fixed)}
+    lines, used = [], set(tape.outputs)
+    for op, to, *operands in tape.code:
+        if to in now and known.issuperset(operands[: ARITY[op]]):
+            known.add(to)
+            place[to] = f"in[{len(place)}]"
+        if to in later:
+            used.update(operands[: ARITY[op]])
     count = len(place)
-    used = {x for nodes in rest for _, _, operands in nodes for x in operands}
-    lines = []
     kept = 0
-    for op, (to,), operands in main:
-        value = _C.get(op, f"{Op(op).name.lower()}({{}})").format(*(place[x] for x in operands))
+    for op, to, *operands in tape.code:
+        if to not in now or to in known:
+            continue
+        value = _C.get(op, f"{Op(op).name.lower()}({{}})")
         place[to] = f"v{to}"
-        lines.append(f"const double v{to} = {value};")
-        if to in used or to in tape.outputs:
+        lines.append(
+            f"const double v{to} = {value.format(*[place[x] for x in operands[: ARITY[op]]])};"
+        )
+        if to in used:
             lines.append(f"out[{kept}] = v{to};")
             kept += 1
     body = "\n    ".join(lines)

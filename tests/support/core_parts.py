@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from lagcli.arrays import Array
 from lagcli.engine.core.batch import core
 from lagcli.engine.core.contact_problem import ContactProblem
+from lagcli.engine.core.fields import order_fields
 from lagcli.engine.core.library import KERNEL, LIBRARY, PORTABLE, check
+from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
@@ -27,11 +29,9 @@ from lagcli.engine.core.structures import (
     lag_problem,
     lag_program,
     lag_series_program,
-    order_fields,
 )
 from lagcli.engine.core.switching import lag_switching_rules
 from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.tape.tape import Tape
 
 parts = ctypes.PyDLL(str(LIBRARY))

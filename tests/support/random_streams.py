@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lagcli.arrays import Array, Int32
-from lagcli.engine.program.nodes import INDEXED, VECTOR
-from lagcli.engine.program.program import Program
-from lagcli.engine.tape.operations import PLACES, Kind, Op
+from lagcli.engine.core.program import Program
+from lagcli.engine.tape.operations import INDEXED, PLACES, VECTOR, Kind, Op
 
 #: Numbers at which operations have something special about them.
 SPECIAL = (

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.taylor.expansion import SeriesExpansion
-from lagcli.engine.taylor.series_nodes import ZERO, Delayed, SeriesOp
+from lagcli.engine.taylor.series_nodes import ZERO, Delayed
 
 Series = Mapping[int, Sequence[float]]
 

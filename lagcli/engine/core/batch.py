@@ -10,6 +10,7 @@ import numpy as np
 
 from lagcli.arrays import Array, Numbers
 from lagcli.engine.core.library import KERNEL, Functions, check
+from lagcli.engine.core.program import Program, assemble, unpacked
 from lagcli.engine.core.run import Integrator
 from lagcli.engine.core.structures import (
     Arguments,
@@ -19,7 +20,6 @@ from lagcli.engine.core.structures import (
     address,
     each,
 )
-from lagcli.engine.program.program import Program, assemble, unpacked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

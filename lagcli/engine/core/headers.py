@@ -14,11 +14,20 @@ from functools import partial
 from lagcli.engine.core.settings import CORE_SETTINGS, c_type
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
-from lagcli.engine.program.nodes import INDEXED, LONGEST, VECTOR
-from lagcli.engine.tape.operations import PLACES, ROUNDING, Kind, Op
-from lagcli.engine.taylor.series_nodes import LONGEST as MAX_LENGTH
-from lagcli.engine.taylor.series_nodes import SeriesOp
-from lagcli.engine.taylor.sizes import MAX_ORDER
+from lagcli.engine.tape.operations import (
+    ARITY,
+    INDEXED,
+    LINE,
+    LONGEST,
+    MAX_ORDER,
+    PLACES,
+    ROUNDING,
+    VECTOR,
+    Kind,
+    Op,
+)
+from lagcli.engine.tape.series_operations import LONGEST as MAX_LENGTH
+from lagcli.engine.tape.series_operations import SeriesOp
 
 _WRITTEN = "/* Written by the build from {}: change that instead.\n *\n"
 _TABLES = """\
@@ -112,9 +121,11 @@ def _tables() -> str:
     parts = [
         _enum("lag_op", "OP_", Op),
         _define("LAG_PLACES", _list(PLACES)),
+        _define("LAG_ARITY", _list(ARITY)),
         _define("LAG_CLIPPED", f"{ROUNDING * ROUNDING!r} /* of the square, what CLIP ignores */"),
         _define("LAG_VECTOR", f"{VECTOR} /* added to an operation: on vectors */"),
         _define("LAG_LONGEST", f"{LONGEST} /* elements that a vector has at most */"),
+        _define("LAG_LINE", f"{LINE} /* registers of a cache line */"),
         _define("LAG_INDEXED", f"({1 + INDEXED} - 1) /* the step of operands that are listed */"),
         *(_operations(kind) for kind in (Kind.LIBRARY, Kind.RELATION, Kind.BATCH, Kind.VECTOR)),
         _functions(),

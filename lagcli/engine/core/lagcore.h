@@ -1,6 +1,6 @@
 /*
- * The integrator's public interface: plain C11 that needs nothing but libm, malloc, free, memcpy and memset;
- * for machine code, on x86-64, also the system's functions of executable memory.
+ * The integrator's public interface: plain C11 that needs nothing but libm, malloc, free and the functions of
+ * memory (memcpy, memmove, memset, memcmp); for machine code, on x86-64, also the system's functions of executable memory.
  *
  * It integrates M a = f + B' lambda, B a = gamma, phi = 0, psi = 0 from a consistent state. A program
  * calls lag_create, one of the lag_use_... functions for the linear system, then lag_start and
@@ -31,13 +31,13 @@ typedef struct {
     void *context;
 } lag_memory;
 
-/* A sequence of operations; engine/program/program.py has the format. */
+/* A sequence of operations; engine/core/program.py has the format. */
 typedef struct {
     const int32_t *code;
     int64_t length;
 } lag_stream;
 
-/* A function as operations on a register file: engine/program/program.py. */
+/* A function as operations on a register file: engine/core/program.py. */
 typedef struct {
     lag_stream prelude, main;
     lag_stream deferred[3];               /* for outputs that are evaluated on request */

@@ -19,16 +19,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.engine.core.fields import (
+    elimination_fields,
+    equations_fields,
+    function_fields,
+    jacobian_fields,
+    pivot_fields,
+    series_fields,
+)
 from lagcli.engine.core.library import KERNEL, Functions, check
+from lagcli.engine.core.program import Program
 from lagcli.engine.core.structures import (
     Arguments,
     Doubles,
     address,
     copied,
-    elimination_fields,
-    equations_fields,
-    function_fields,
-    jacobian_fields,
     lag_elimination,
     lag_equations,
     lag_function,
@@ -37,11 +42,8 @@ from lagcli.engine.core.structures import (
     lag_problem,
     lag_report,
     lag_series_program,
-    pivot_fields,
-    series_fields,
 )
 from lagcli.engine.layout import Counts, SampleLayout
-from lagcli.engine.program.program import Program
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -7,23 +7,18 @@ numbers of 8 bytes (`Doubles`) or to integers of 4 (`Integers`).
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from ctypes import c_char, c_double, c_int, c_int64, c_void_p
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Int32
 from lagcli.engine.core.settings import CORE_SETTINGS, c_type
-from lagcli.engine.program.program import Program, assemble
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from lagcli.engine.linear.elimination import Elimination
-    from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
-    from lagcli.engine.system import JacobianTapes, System
-    from lagcli.engine.taylor.series import SeriesProgram
+    from lagcli.engine.core.program import Program
 
 
 class Doubles(c_void_p):
@@ -216,6 +211,14 @@ def copied(pointer: Doubles, count: int) -> Array:
     return np.frombuffer(bytearray(ctypes.string_at(pointer.value or 0, 8 * count)))
 
 
+def copied_integers(pointer: Integers, count: int) -> Int32:
+    """Return a copy of the core's integers."""
+    if not count:
+        return np.empty(0, dtype=np.int32)
+    whole = bytearray(ctypes.string_at(pointer.value or 0, 4 * count))
+    return np.frombuffer(whole, dtype=np.int32)
+
+
 def listed(pointer: Integers, count: int) -> list[int]:
     """Return the core's integers."""
     return (c_int * count).from_address(pointer.value or 0)[:] if count else []
@@ -288,122 +291,3 @@ class Arguments:
         if values:
             raise TypeError(f"{structure.__name__} has no {', '.join(values)}")
         return made
-
-
-# the fields of structures, by their names
-
-
-def equations_fields(system: System, constraint: Program) -> dict[str, Any]:
-    """Return the sizes and the sparsity of a System, `lag_equations`."""
-    first = {j: group[0] for group in system.same_unit for j in group}
-    return {
-        "nq": len(system.coordinates),
-        "nc": len(system.constraints),
-        "nh": len(system.holonomic),
-        "np": system.held,
-        "holonomic": system.holonomic,
-        "nm": len(system.mass_pattern),
-        "nb": len(system.jacobian_pattern),
-        "mass_row": [i for i, _ in system.mass_pattern],
-        "mass_column": [j for _, j in system.mass_pattern],
-        "jacobian_row": [i for i, _ in system.jacobian_pattern],
-        "jacobian_column": [j for _, j in system.jacobian_pattern],
-        "unit": [first.get(j, j) for j in range(len(system.coordinates))],
-        "constraint": constraint,
-    }
-
-
-def order_fields(plan: Elimination) -> dict[str, Any]:
-    """Return an order of elimination, `lag_elimination` without the entries of M and B."""
-    return {
-        "n": len(plan.order),
-        "order": plan.order,
-        "paired": plan.paired,
-        "start": plan.starts,
-        "row": [i for column in plan.columns for i in column],
-        "mass_targets": None,
-        "jacobian_targets": None,
-    }
-
-
-def elimination_fields(system: System, plan: Elimination) -> dict[str, Any]:
-    """Return an order of elimination, and where the entries of M and B go, `lag_elimination`."""
-    # an entry of B stands in the matrix twice; one of them in the half that is stored
-    entries, nq = system.jacobian_pattern, len(system.coordinates)
-    lower = plan.targets([(nq + i, j) for i, j in entries])
-    upper = plan.targets([(j, nq + i) for i, j in entries])
-    return {
-        **order_fields(plan),
-        "mass_targets": plan.targets(system.mass_pattern),
-        "jacobian_targets": np.maximum(lower, upper),
-    }
-
-
-def function_fields(system: System) -> list[dict[str, Any]]:
-    """Return the known functions of time of a System, each a `lag_function`."""
-    places = system.functions.places()
-    return [
-        {
-            "first": len(system.parameters) + places[f.name][0],
-            "degree": f.degree,
-            "count": len(f.knots),
-            "knots": f.knots,
-            "origins": f.origins,
-            "coefficients": f.coefficients,
-            "period": f.period,
-        }
-        for f in system.functions.functions
-    ]
-
-
-def series_fields(program: SeriesProgram) -> dict[str, Any]:
-    """Return a program for Taylor coefficients, `lag_series_program`."""
-    return {
-        "values": assemble(program.values),
-        "stream": program.stream,
-        "convolutions": program.convolutions,
-        "order": program.order,
-        "invariant": program.invariant,
-        "numbers": program.numbers,
-        "begins": program.begins,
-        "begin_count": len(program.begins),
-        "origin": program.origin,
-        "layer": program.layer,
-        "state": program.state,
-        "size": program.size,
-    }
-
-
-def jacobian_fields(variation: JacobianTapes, pattern: MatrixPattern, nq: int) -> dict[str, Any]:
-    """Return the derivatives that implicit methods need, `lag_jacobians`."""
-
-    def flat(places: Sequence[tuple[int, int]]) -> list[int]:
-        return [i * nq + j for i, j in places]
-
-    return {
-        "program": assemble(variation.tape),
-        "force_position": flat(variation.force_position),
-        "force_velocity": flat(variation.force_velocity),
-        "rhs_position": flat(variation.rhs_position),
-        "rhs_velocity": flat(variation.rhs_velocity),
-        "power_position": variation.power_position,
-        "power_velocity": variation.power_velocity,
-        "n": len(pattern.start) - 1,
-        "start": pattern.start,
-        "columns": pattern.columns,
-        "parts": pattern.parts,
-        "parts_count": len(pattern.parts),
-    }
-
-
-def pivot_fields(chosen: PivotOrder) -> dict[str, Any]:
-    """Return an order of pivots, `lag_pivots`."""
-    return {
-        "n": len(chosen.row),
-        "row": chosen.row,
-        "column": chosen.column,
-        "start": chosen.start,
-        "columns": chosen.columns,
-        "diagonal": chosen.diagonal,
-        "places": chosen.places,
-    }

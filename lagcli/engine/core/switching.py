@@ -12,6 +12,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.core.library import Functions, check
+from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.run import Integrator
 from lagcli.engine.core.structures import (
     Arguments,
@@ -25,7 +26,6 @@ from lagcli.engine.core.structures import (
     listed,
 )
 from lagcli.engine.event_entries import EntryCounts, entry_layout
-from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.tape.tape import Tape
 
 if TYPE_CHECKING:

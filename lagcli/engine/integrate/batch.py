@@ -19,11 +19,11 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.core.batch import LANES, BatchIntegrator, BatchTable
+from lagcli.engine.core.program import assemble
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate.engine import integrate, switches
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.integrate.run import Integration
-from lagcli.engine.program.program import assemble
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.tape import Tape
 from lagcli.named_tuples import NamedTuple

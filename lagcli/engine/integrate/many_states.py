@@ -68,7 +68,7 @@ class _LongTape:
 
     def __init__(self, tape: Tape):
         from lagcli.engine.core.batch import BatchTable
-        from lagcli.engine.program.program import as_it_stands
+        from lagcli.engine.core.program import as_it_stands
 
         self._columns = tape.inputs - tape.parameters
         program = as_it_stands(tape)

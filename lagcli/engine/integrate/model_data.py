@@ -14,14 +14,19 @@ import numpy as np
 
 from lagcli.engine.contract import IntegrationRequest, breaks_of
 from lagcli.engine.core import run as core_run
-from lagcli.engine.core.structures import (
-    Doubles,
-    Integers,
-    Structure,
+from lagcli.engine.core.fields import (
     elimination_fields,
     equations_fields,
     function_fields,
     jacobian_fields,
+    pivot_fields,
+    series_fields,
+)
+from lagcli.engine.core.program import Program, assemble
+from lagcli.engine.core.structures import (
+    Doubles,
+    Integers,
+    Structure,
     lag_block,
     lag_elimination,
     lag_equations,
@@ -34,8 +39,6 @@ from lagcli.engine.core.structures import (
     lag_series_program,
     lag_settings,
     lag_stream,
-    pivot_fields,
-    series_fields,
 )
 from lagcli.engine.core.switching import CHANGES, lag_switching_rules, rules_fields
 from lagcli.engine.integrate.engine import switches
@@ -43,7 +46,6 @@ from lagcli.engine.integrate.prepared import STEPS_TO_UNROLL, unrolled
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.linear.sparse import matrix_pattern
-from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.switching.switching import EventRule
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS

@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import TypeGuard
 
 from lagcli.arrays import Array
+from lagcli.engine.core.program import LONG, Program, assemble
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import RatesLayout
 from lagcli.engine.linear.dense import independent_rows
@@ -28,7 +29,6 @@ from lagcli.engine.linear.elimination import (
     order_at,
     unroll,
 )
-from lagcli.engine.program.program import LONG, Program, assemble
 from lagcli.engine.system import State, System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape

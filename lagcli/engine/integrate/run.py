@@ -27,6 +27,7 @@ from lagcli.engine.contract import (
     breaks_of,
     outcome,
 )
+from lagcli.engine.core.program import Program
 from lagcli.engine.core.run import Integrator
 from lagcli.engine.core.settings import core_values
 from lagcli.engine.core.status import Status
@@ -43,7 +44,6 @@ from lagcli.engine.integrate.prepared import (
     unrolled,
 )
 from lagcli.engine.linear.elimination import unroll
-from lagcli.engine.program.program import Program
 from lagcli.engine.system import State, System
 
 if TYPE_CHECKING:

@@ -28,6 +28,7 @@ from lagcli.engine.contract import (
     Undefined,
     breaks_of,
 )
+from lagcli.engine.core.program import Program
 from lagcli.engine.core.status import Status
 from lagcli.engine.core.switching import SwitchingIntegrator
 from lagcli.engine.evaluator import Evaluator
@@ -42,7 +43,6 @@ from lagcli.engine.integrate.prepared import Prepared, explicit_time, prepare
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.program.program import Program
 from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.stops import contradicting_values

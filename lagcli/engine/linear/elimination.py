@@ -8,7 +8,7 @@ is only suitable near the sampled states, so the engine monitors the residual of
 Systems are eliminated in rounds of pivots that are not adjacent (Liu's multiple elimination): a
 chain in log N rounds, with somewhat more operations than from one end to the other, but without
 dependence between neighbours, so that in long systems many are eliminated together
-(`vectorize.py`).
+(`core/program/pack.c`).
 
 `unroll` writes the elimination out as operations of the dynamics tape: one stream of operations
 then computes a and λ, structural zeros cost nothing, and values that depend only on parameters (the

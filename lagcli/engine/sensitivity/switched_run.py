@@ -18,10 +18,10 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.adjustment import adjusted
 from lagcli.engine.constraints.initial import NoConsistentState
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
+from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.core.switching import SwitchingIntegrator
 from lagcli.engine.event_entries import EventEntry
 from lagcli.engine.integrate.switching_run import Actions, SwitchingIntegration
-from lagcli.engine.program.program import Program, assemble
 from lagcli.engine.sensitivity.integration import Derivatives, Sink
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.switching.kinks import FrozenSystem

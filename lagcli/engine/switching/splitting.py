@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from lagcli.data_classes import replace
-from lagcli.engine.program.program import Program, assemble
+from lagcli.engine.core.program import Program, assemble
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Builder, Tape
 

@@ -162,3 +162,16 @@ OPERATIONS = tuple(Op)
 ARITY = tuple(op.arity for op in Op)
 #: Numbers of operands and results.
 PLACES = tuple(op.arity + op.results for op in Op)
+
+# streams of programs, and power series
+
+#: Flag of vector operations, added to an operation.
+VECTOR = 64
+#: Largest number of elements of a vector.
+LONGEST = 256
+#: Step of an operand whose registers are listed individually.
+INDEXED = -(2**31)
+#: Registers in a cache line.
+LINE = 8
+#: The largest order of a series; the loops of the core have this limit.
+MAX_ORDER = 31

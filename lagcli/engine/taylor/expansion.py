@@ -15,15 +15,10 @@ from functools import partial
 
 from lagcli.engine.tape.differentiation import SlopeRules
 from lagcli.engine.tape.operations import OPERATIONS, Op
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor.forms import Form, SeriesForms
-from lagcli.engine.taylor.series_nodes import (
-    ZERO,
-    Delayed,
-    Name,
-    SeriesNode,
-    SeriesOp,
-)
+from lagcli.engine.taylor.series_nodes import ZERO, Delayed, Name, SeriesNode
 
 
 class NotAnalytic(ArithmeticError):

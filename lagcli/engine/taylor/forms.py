@@ -9,15 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.tape.tape import Arithmetic
-from lagcli.engine.taylor.series_nodes import (
-    ZERO,
-    Delayed,
-    Name,
-    SeriesNode,
-    SeriesOp,
-    UnnamedSeries,
-)
+from lagcli.engine.taylor.series_nodes import ZERO, Delayed, Name, SeriesNode, UnnamedSeries
 
 Form = tuple[int, Name]  # the register of a number, and a series
 

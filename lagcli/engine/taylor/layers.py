@@ -1,7 +1,7 @@
 """Vectorization of a long program for power series.
 
-As in `lagcli.engine.program.vectorize`, operations of one level and kind with equidistant operands
-become vector operations. Series are stored in layers: a layer contains the coefficients of one
+As in the core's programs, operations of one level and kind with equidistant operands become vector
+operations. Series are stored in layers: a layer contains the coefficients of one
 order of all stored series, so that a vector's coefficients are contiguous, and a convolution is
 computed for many series at once. The remaining operations are executed one by one; operands of
 their convolutions are copied to rows, as in short programs.
@@ -10,31 +10,28 @@ their convolutions are copied to rows, as in short programs.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
-from lagcli.engine.program.nodes import LINE, VECTOR, Node, Slots
-from lagcli.engine.program.vectorize import (
-    SHORTEST,
-    WORTH,
-    last_uses,
-    pieces,
-    progressions,
-    steps,
-    together,
-)
+from lagcli.engine.core.program import SHORTEST, progressions, series_levels
+from lagcli.engine.tape.operations import INDEXED, LINE, VECTOR
+from lagcli.engine.tape.series_operations import LONGEST, SeriesOp
 from lagcli.engine.taylor.series_nodes import (
-    LONGEST,
     Delayed,
     Name,
     NextCoefficient,
     Operand,
     SeriesNode,
-    SeriesOp,
+    numbered,
 )
 from lagcli.named_tuples import NamedTuple
 
 #: Start of temporary places until the number of the others is known.
 _TEMPORARY = 1 << 24
+#: Required fraction of the operations of a program in vectors.
+WORTH = 0.5
+#: An operation's kind, its results, and the series that must be computed before it.
+_Needs = tuple[SeriesOp, tuple[Any, ...], tuple[Any, ...]]
 
 
 class SeriesVector(NamedTuple):
@@ -105,6 +102,70 @@ def _needs(node: SeriesNode) -> tuple[Name, ...]:
     )
 
 
+def _last_uses(
+    nodes: Sequence[_Needs], sets: Sequence[list[int]], kept: Collection[Any]
+) -> list[list[Any]]:
+    """Return, for each set of operations, the results that are not needed after it."""
+    last: dict[Any, int] = {}
+    for at, group in enumerate(sets):
+        for node in group:
+            last.update(dict.fromkeys(nodes[node][1], at))
+    for at, group in enumerate(sets):
+        for node in group:
+            for x in nodes[node][2]:
+                if x in last:
+                    last[x] = max(last[x], at)
+    ends: list[list[Any]] = [[] for _ in sets]
+    for x, at in last.items():
+        if x not in kept:
+            ends[at].append(x)
+    return ends
+
+
+class _Temporaries:
+    """Places of results that are not kept; those of a vector are released together."""
+
+    def __init__(self) -> None:
+        self.end = _TEMPORARY
+        self.free: dict[int, list[int]] = {}  # by size
+        self.size: dict[int, int] = {}  # of intervals, by their first places
+        self.first: dict[int, int] = {}  # of the interval of a place
+        self.alive: dict[int, int] = {}  # places in use, by the first one
+
+    def take(self, count: int) -> int:
+        """Return the first of a number of contiguous places."""
+        size = count if count == 1 else -(-count // LINE) * LINE
+        if self.free.get(size):
+            start = self.free[size].pop()
+        else:
+            start = self.end if size == 1 else -(-self.end // LINE) * LINE
+            self.end = start + size
+            self.size[start] = size
+            self.first.update(dict.fromkeys(range(start, start + size), start))
+        self.alive[start] = count
+        return start
+
+    def release(self, at: int) -> None:
+        """Release a place, with its interval when no other place of it is in use."""
+        start = self.first[at]
+        self.alive[start] -= 1
+        if not self.alive[start]:
+            self.free.setdefault(self.size[start], []).append(start)
+
+
+def pieces(values: Sequence[int]) -> list[Sequence[int]]:
+    """Return parts of equal lengths that are at most as long as a vector."""
+    count = -(-len(values) // LONGEST)
+    ends = [len(values) * i // count for i in range(count + 1)]
+    return [values[a:b] for a, b in pairwise(ends)]
+
+
+def steps(places: Sequence[int]) -> Sequence[int]:
+    """Return the first place and the step, or the list of places."""
+    distances = {b - a for a, b in pairwise(places)} or {1}
+    return (places[0], *distances) if len(distances) == 1 else (0, INDEXED, *places)
+
+
 class _Layering:
     """Finds vectors and allocates places for results."""
 
@@ -118,7 +179,7 @@ class _Layering:
         self.nodes, self.kept = nodes, set(kept)
         self.place: dict[Operand, int] = {}
         self.size = 0
-        self.slots = Slots(_TEMPORARY)
+        self.slots = _Temporaries()
         self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None
         self.singles: list[list[int]] = []  # the nodes of each None
         self.packed = 0
@@ -149,8 +210,8 @@ class _Layering:
     def go(self) -> None:
         """Process the levels."""
         needs = [(node[0], node[1], _needs(node)) for node in self.nodes]
-        sets = together(needs)
-        for group, dying in zip(sets, last_uses(needs, sets, self.kept), strict=True):
+        sets = series_levels(*numbered(needs))
+        for group, dying in zip(sets, _last_uses(needs, sets, self.kept), strict=True):
             there = [self.nodes[i][1][0] in self.place for i in group]
             for placed in (True, False):
                 part = [i for i, known in zip(group, there, strict=True) if known == placed]
@@ -159,14 +220,14 @@ class _Layering:
                 if self.place[x] >= _TEMPORARY:
                     self.slots.release(self.place[x])
 
-    def put_in_vectors(self, group: list[int], needs: Sequence[Node], placed: bool) -> None:
+    def put_in_vectors(self, group: list[int], needs: Sequence[_Needs], placed: bool) -> None:
         """Find the vectors of a level, whose results have places or get them side by side."""
         points = [
             [self.place[x] for x in (*needs[i][2], *(needs[i][1] if placed else ()))] for i in group
         ]
         runs, rest = progressions(points) if len(group) >= SHORTEST else ([], range(len(group)))
         for run in runs:
-            for members in pieces([group[i] for i in run], LONGEST):
+            for members in pieces([group[i] for i in run]):
                 if not placed:
                     self.take([self.nodes[i][1][0] for i in members])
                 self.vectors.append(members)
@@ -239,10 +300,13 @@ class _Layering:
         self, parts: list[SeriesVector | list[SeriesNode]], kept: dict[int, Operand]
     ) -> Layers:
         """Move temporary places beyond the layer and the next one's state."""
+        # and not as far as the state after that, in which t and zeros are not written again
+        state = -(-self.state // LINE) * LINE
+        size = max(-(-self.size // LINE) * LINE, state + self.slots.end - _TEMPORARY)
+        size = -(-size // LINE) * LINE
         # an odd number of cache lines, so that layers do not compete for the same ones
-        size = -(-self.size // LINE) * LINE
         size += 0 if size // LINE % 2 else LINE
-        offset = size + -(-self.state // LINE) * LINE - _TEMPORARY
+        offset = size + state - _TEMPORARY
 
         def to(places: list[int]) -> list[int]:
             return [at + offset if at >= _TEMPORARY else at for at in places]

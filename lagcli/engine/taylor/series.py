@@ -20,17 +20,17 @@ computing Taylor coefficients, BIT 45 (2005), doi:10.1007/s10543-005-0019-y.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, groupby
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Int32
+from lagcli.engine.core.program import series_stream
 from lagcli.engine.layout import UnrolledLayout
-from lagcli.engine.program.nodes import LINE
-from lagcli.engine.program.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System, without_numbers
-from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.operations import LINE, Op
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.forms import Form
@@ -44,12 +44,14 @@ from lagcli.engine.taylor.series_nodes import (
     Operand,
     RegisterValue,
     SeriesNode,
-    SeriesOp,
     UnnamedSeries,
+    numbered,
 )
 from lagcli.engine.taylor.sizes import LONG
 from lagcli.named_tuples import NamedTuple
 
+#: Operation, results, operands, as offsets.
+_Node = tuple[int, tuple[int, ...], tuple[int, ...]]
 #: Places between rows, because four coefficients are read at a time, some of them beyond a row.
 PADDING = 4
 
@@ -215,11 +217,16 @@ def _in_rows(
     rows = [*state, ZERO, *kept]
     end = _place_rows(place, rows, first, row)
     place.update((NextCoefficient(x), place[x]) for x in state)
-    marked = in_order([*map(_marked, nodes)])
-    ordered, count = allocate([*marked, *ends], place, end, {*rows, *map(NextCoefficient, state)})
+    number = {x: i for i, x in enumerate(place)}
+    lines, count = numbered([*map(_marked, nodes), *ends], number)
+    registers = np.full(count, -1, dtype=np.int32)
+    registers[: len(place)] = [*place.values()]
+    kept_values = np.zeros(count, dtype=bool)
+    kept_values[[number[x] for x in (*rows, *map(NextCoefficient, state))]] = True
+    stream, size = series_stream(lines, len(nodes), registers, kept_values, end)
     return SeriesProgram(
         values=_values(expansion, numbers, kept, outputs),
-        stream=stream(ordered, SeriesOp.END),
+        stream=stream,
         convolutions=sum(bool(op.convolved) for op, _, _ in nodes),
         order=order,
         invariant=invariant,
@@ -228,7 +235,7 @@ def _in_rows(
         origin=0,
         layer=1,
         state=_array(place[x] for x in state),
-        size=count + order + 2 * PADDING,
+        size=size + order + 2 * PADDING,
     )
 
 
@@ -253,7 +260,7 @@ def _in_layers(
             whole += vector_stream(part, place)
         else:
             placed = [_placed(node, place, in_rows, layers.place) for node in part]
-            whole += stream(placed).tolist()[:-2]
+            whole += _runs(placed)
     origin = -(-end // LINE) * LINE
     # core/series/recurrence.c stores the sums of the state, up to W, beyond the last order
     last = layers.place[WORK]
@@ -272,6 +279,13 @@ def _in_layers(
     )
 
 
+def _runs(nodes: Iterable[_Node]) -> Iterator[int]:
+    """Yield the numbers of operations in a stream."""
+    for op, run in groupby(nodes, key=lambda node: node[0]):
+        members = [(*results, *operands) for _, results, operands in run]
+        yield from (op, len(members), *chain.from_iterable(members))
+
+
 def _array(values: Iterable[int]) -> Int32:
     return np.array([*values], dtype=np.int32)
 
@@ -281,7 +295,7 @@ def _placed(
     numbers: Mapping[tuple[int, ...], int],
     rows: Mapping[Any, int],
     layer: Mapping[Operand, int],
-) -> Node:
+) -> _Node:
     """Return an operation with the places of numbers, of rows, and in the layer."""
     op, (to,), operands = node
     if op == SeriesOp.TO_ROW:

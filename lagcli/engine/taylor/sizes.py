@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-#: The largest order; the loops of the core have this limit.
-MAX_ORDER = 31
+from lagcli.engine.tape.operations import MAX_ORDER
+
 #: Number of operations from which programs are vectorized: those of a chain of 20 bodies.
 LONG = 500
 

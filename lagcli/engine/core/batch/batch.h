@@ -10,7 +10,7 @@
 #include "lagbatch.h"
 #include "run.h"
 
-/* A program of engine/program/program.py on eight register files. Each register takes LAG_LANES places. */
+/* A program of engine/core/program.py on eight register files. Each register takes LAG_LANES places. */
 typedef struct {
     const int32_t *prelude, *outputs;  /* as in tape.h */
     lag_routine stream, deferred[3], output_subsets[2];

@@ -1,4 +1,4 @@
-/* The tape evaluator. The streams are those of engine/program/program.py, the operations those of
+/* The tape evaluator. The streams are those of engine/core/program.py, the operations those of
  * engine/tape/operations.py. */
 #ifndef LAGCLI_TAPE_H
 #define LAGCLI_TAPE_H

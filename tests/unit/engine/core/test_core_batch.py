@@ -8,7 +8,7 @@ import pytest
 from lagcli.engine.core import batch
 from lagcli.engine.core.batch import LANES, BatchTable
 from lagcli.engine.core.library import KERNEL, PORTABLE
-from lagcli.engine.program.program import assemble
+from lagcli.engine.core.program import assemble
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 

@@ -18,8 +18,8 @@ from lowered import lowered
 import lagcli
 from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.core.headers import headers
+from lagcli.engine.core.program import Program
 from lagcli.engine.integrate import run as integrate_run
-from lagcli.engine.program.program import Program
 from lagcli.engine.system import State, System
 from lagcli.settings.settings import SettingsOverrides, resolve
 
@@ -65,7 +65,19 @@ ALLOWED = {
         "pow",
         "sin",
     ),
-    *("sincos", "sinh", "sqrt", "tan", "tanh", "memcpy", "memset", "malloc", "free"),
+    *(
+        "sincos",
+        "sinh",
+        "sqrt",
+        "tan",
+        "tanh",
+        "memcmp",
+        "memcpy",
+        "memmove",
+        "memset",
+        "malloc",
+        "free",
+    ),
     *("__cpu_indicator_init", "__cpu_model"),
 }
 

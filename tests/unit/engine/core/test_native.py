@@ -25,9 +25,8 @@ from lagcli.arrays import Array
 from lagcli.engine.core import library, run
 from lagcli.engine.core.batch import LANES
 from lagcli.engine.core.library import AVX2, NATIVE
-from lagcli.engine.program.nodes import INDEXED, VECTOR
-from lagcli.engine.program.program import Program
-from lagcli.engine.tape.operations import PLACES, Kind, Op
+from lagcli.engine.core.program import Program
+from lagcli.engine.tape.operations import INDEXED, PLACES, VECTOR, Kind, Op
 
 pytestmark = [
     pytest.mark.bits,

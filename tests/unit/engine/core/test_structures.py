@@ -12,11 +12,11 @@ from typing import Any
 import core_parts
 import pytest
 
-from lagcli.engine.core import batch, library, run, structures, switching
+from lagcli.engine.core import batch, library, program, run, structures, switching
 from lagcli.engine.core.structures import Arguments
 
 CORE = Path(structures.__file__).parent
-MODULES = (structures, run, switching, batch, core_parts)
+MODULES = (structures, run, switching, batch, program, core_parts)
 STRUCTURES = [
     kind
     for module in MODULES
@@ -26,12 +26,15 @@ STRUCTURES = [
     and kind.__module__ == module.__name__
     and kind.__name__.startswith("lag_")
 ]
-HEADERS = ("lagcore.h", "lagbatch.h", "lagmodel.h", "parts.h")
+HEADERS = ("lagcore.h", "lagbatch.h", "lagmodel.h", "lagprogram.h", "parts.h")
 #: Functions of the headers, as the binding declares them.
 DECLARED: dict[str, tuple[Any, ...]] = {
     name: signature
     for signatures in (
-        *(core.signatures for core in (library._core, run.core, switching.core, batch.core)),
+        *(
+            x.signatures
+            for x in (library._core, *(m.core for m in (run, switching, batch, program)))
+        ),
         core_parts.SIGNATURES,
     )
     for name, signature in signatures.items()
@@ -58,7 +61,7 @@ def test_the_layout_of_structures_is_the_compilers(tmp_path: Path) -> None:
             expected += [place.offset, place.size]
             lines += [f"offsetof({name}, {field})", f"sizeof((({name} *)0)->{field})"]
     source, program = tmp_path / "sizes.c", tmp_path / "sizes"
-    includes = "".join(f'#include "{name}"\n' for name in ("lagbatch.h", "lagmodel.h", "parts.h"))
+    includes = "".join(f'#include "{name}"\n' for name in HEADERS[1:])
     numbers = ",\n".join(f"    (int){line}" for line in lines)
     source.write_text(
         f"#include <stdio.h>\n{includes}"

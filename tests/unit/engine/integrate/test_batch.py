@@ -17,11 +17,11 @@ import lagcli
 from lagcli.engine.contract import Block, Interrupted
 from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.core.library import KERNEL, PORTABLE
+from lagcli.engine.core.program import assemble
 from lagcli.engine.core.status import LaneStatus
 from lagcli.engine.integrate import batch
 from lagcli.engine.integrate.batch import SampleTape, prepare_batch, run_batch, suits_batch
 from lagcli.engine.integrate.engine import integrate
-from lagcli.engine.program.program import assemble
 from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ARITY, Op

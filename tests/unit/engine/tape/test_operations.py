@@ -11,7 +11,8 @@ from core_parts import run_tape
 
 from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape.operations import ARITY, PLACES, Kind, Op
+from lagcli.engine.tape.operations import ARITY, INDEXED, LONGEST, PLACES, VECTOR, Kind, Op
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.tape.tape import Tape
 
 ON_NUMBERS = [op for op in Op if op.scalar]
@@ -51,3 +52,20 @@ def test_table() -> None:
     assert (ARITY[Op.SELECT], PLACES[Op.SELECT]) == (3, 4)
     assert (ARITY[Op.SINCOS], PLACES[Op.SINCOS]) == (1, 3)
     assert all(bool(op.c) == (op.kind is not Kind.SPECIAL) for op in Op)
+
+
+# numbers in streams that must not be taken for others
+
+
+def test_operations_on_vectors_are_no_other_operations() -> None:
+    for operations in (Op, SeriesOp):
+        assert not {VECTOR + op for op in operations} & set(operations)
+
+
+def test_no_step_is_taken_for_a_list() -> None:
+    # streams are int32; a step between places, which are not negative, is larger
+    assert np.iinfo(np.int32).min == INDEXED < -np.iinfo(np.int32).max
+
+
+def test_vectors_are_whole_batches_of_eight() -> None:
+    assert LONGEST % 8 == 0

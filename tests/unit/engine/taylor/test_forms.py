@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor.forms import Form, SeriesForms
-from lagcli.engine.taylor.series_nodes import ZERO, Delayed, SeriesOp
+from lagcli.engine.taylor.series_nodes import ZERO, Delayed
 
 #: Registers: series that begin with 2, 3, 5, and the numbers 7, 11, 13.
 X, Y, Z, S, T, U = range(6)

@@ -14,9 +14,10 @@ from lowered import Lowered, lowered
 from test_series import coefficients
 
 import lagcli
-from lagcli.engine.program import vectorize
-from lagcli.engine.program.vectorize import pieces
+from lagcli.engine.tape.operations import INDEXED, LINE
+from lagcli.engine.tape.series_operations import LONGEST
 from lagcli.engine.taylor import layers, series
+from lagcli.engine.taylor.layers import pieces, steps
 from lagcli.engine.taylor.series import SeriesProgram
 
 BODIES = 110
@@ -186,9 +187,80 @@ def test_chain(programs: list[SeriesProgram], monkeypatch: pytest.MonkeyPatch) -
         assert (np.abs(phi[1:]) <= 1e-11 * size.max()).all()
 
 
-@pytest.mark.parametrize("longest", [vectorize.LONGEST, layers.LONGEST])
-@pytest.mark.parametrize("size", [8, 256, 257, 259, 512, 1000, 1025])
-def test_pieces_are_not_too_short(size: int, longest: int) -> None:
-    found = list(pieces(list(range(size)), longest))
+def test_many_temporaries(programs: list[SeriesProgram], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Springs between all bodies: more sums are in use at once than a layer has series.
+
+    Powers of t and constants are used beside them.
+    """
+    n = 40
+    draw = random.Random(1)
+    pairs = [(i, j) for i in range(n) for j in range(i)]
+    springs = [f"{draw.uniform(0.5, 2.0):.3f}*(x{i} - x{j})^2/{2 * n}" for i, j in pairs]
+    text = f"""
+coordinates: [{", ".join(f"x{i}" for i in range(n))}]
+T: {" + ".join(f"{1 + i / 100}*x{i}'^2/2" for i in range(n))}
+V: {" + ".join(springs)}
+Q: {{{", ".join(f"x{i}: sin({1 + i / 50}*t) - sin(x{i})" for i in range(n))}}}
+initial: {{{", ".join(f"x{i}: 0, x{i}': 0" for i in range(n))}}}
+"""
+    q, v = ([draw.uniform(-1.0, 1.0) for _ in range(n)] for _ in range(2))
+    found, expected = both(text, q, v, programs, monkeypatch)
+    assert_alike(found, expected)
+
+
+@pytest.mark.parametrize("size", [8, 256, 257, 259, 512, 1000, 1025, 5000])
+def test_pieces_are_not_too_short(size: int) -> None:
+    found = pieces(list(range(size)))
     assert [x for piece in found for x in piece] == list(range(size))
-    assert all(min(size, longest // 2) <= len(x) <= longest for x in found)
+    assert all(min(size, LONGEST // 2) <= len(x) <= LONGEST for x in found)
+
+
+@pytest.mark.parametrize(
+    ("places", "expected"),
+    [
+        ([7, 9, 11], (7, 2)),
+        ([7, 7, 7], (7, 0)),
+        ([9, 8], (9, -1)),
+        ([4], (4, 1)),
+        ([1, 2, 4], (0, INDEXED, 1, 2, 4)),
+    ],
+)
+def test_places_are_written_by_first_and_step_or_one_by_one(
+    places: list[int], expected: tuple[int, ...]
+) -> None:
+    assert tuple(steps(places)) == expected
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_places_in_use_never_overlap(seed: int) -> None:
+    draw = random.Random(seed)
+    memory = layers._Temporaries()
+    held: list[tuple[int, int]] = []
+    used: set[int] = set()
+    first = memory.end
+    for _ in range(200):
+        if held and draw.random() < 0.5:
+            at, size = held.pop(draw.randrange(len(held)))
+            places = list(range(at, at + size))
+            draw.shuffle(places)
+            for place in places:  # a vector is free when all its places are
+                memory.release(place)
+            used.difference_update(places)
+        else:
+            size = draw.choice((1, 1, 2, 8, 9, 30))
+            at = memory.take(size)
+            assert size == 1 or at % LINE == 0
+            assert used.isdisjoint(range(at, at + size))
+            assert first <= at <= at + size <= memory.end
+            used.update(range(at, at + size))
+            held.append((at, size))
+
+
+def test_places_are_used_again() -> None:
+    memory = layers._Temporaries()
+    one, two, single = memory.take(12), memory.take(16), memory.take(1)
+    for i in range(12):
+        assert memory.take(9) not in (one, two)
+        memory.release(one + i)
+    memory.release(single)
+    assert (memory.take(10), memory.take(1)) == (one, single)

@@ -21,10 +21,10 @@ from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.linear.elimination import order_at, unroll
-from lagcli.engine.program.vectorize import LINE
 from lagcli.engine.system import State
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.operations import LINE, Op
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.tape.tape import Arithmetic
 from lagcli.engine.taylor import series
 from lagcli.engine.taylor.expansion import NotAnalytic, SeriesExpansion
@@ -35,7 +35,6 @@ from lagcli.engine.taylor.series import (
     expand,
     factored,
 )
-from lagcli.engine.taylor.series_nodes import SeriesOp
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.functions import FUNCTIONS
 from lagcli.settings.settings import SettingsOverrides, resolve

@@ -1,28 +1,17 @@
-"""Operations on series, and the names and kinds of their operands."""
+"""Names of operands of operations on series."""
 
 from __future__ import annotations
 
+from lagcli.engine.tape.series_operations import SeriesOp
 from lagcli.engine.taylor.series_nodes import (
     WORK,
     ZERO,
     Delayed,
     NextCoefficient,
     RegisterValue,
-    SeriesOp,
     UnnamedSeries,
+    numbered,
 )
-
-
-def test_operands_are_numbers_or_series() -> None:
-    assert SeriesOp.SUM.numbers == (0, 2)  # s a + t b
-    assert SeriesOp.SUM.convolved == ()
-    assert SeriesOp.MULSUM.numbers == (0, 3)  # s a b + t c
-    assert SeriesOp.MULSUM.convolved == (1, 2)
-    assert SeriesOp.MUL.numbers == ()
-    assert SeriesOp.MUL.convolved == (0, 1)
-    for op in SeriesOp:
-        assert not set(op.numbers) & set(op.convolved)
-        assert set("nsce") >= set(op.operands)
 
 
 def test_operands_of_different_kinds_have_places_of_their_own() -> None:
@@ -32,3 +21,18 @@ def test_operands_of_different_kinds_have_places_of_their_own() -> None:
     ]
     assert len(dict.fromkeys(operands)) == len(operands)
     assert RegisterValue(3) in dict.fromkeys(operands)
+
+
+def test_operations_get_numbers_of_their_operands() -> None:
+    nodes = [
+        (SeriesOp.SCALE, (5,), (RegisterValue(3), 3)),
+        (SeriesOp.CHAIN, (6,), (RegisterValue(3), 5, Delayed(3))),
+    ]
+    number = {3: 0}
+    lines, count = numbered(nodes, number)
+    assert number == {3: 0, 5: 1, RegisterValue(3): 2, 6: 3, Delayed(3): 4}
+    assert count == 5
+    assert lines.tolist() == [
+        [SeriesOp.SCALE, 1, 2, 0, -1, -1, -1, -1],
+        [SeriesOp.CHAIN, 3, 2, 1, 4, -1, -1, -1],
+    ]

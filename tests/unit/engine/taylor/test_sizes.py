@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lagcli.engine.taylor.sizes import MAX_ORDER, order_for
+from lagcli.engine.tape.operations import MAX_ORDER
+from lagcli.engine.taylor.sizes import order_for
 
 
 def test_a_program_is_short_enough_for_its_highest_order() -> None:

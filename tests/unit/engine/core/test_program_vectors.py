@@ -12,20 +12,15 @@ from core_parts import run_tape
 from tape_values import assert_same
 
 from lagcli.engine.core.batch import BatchTable
-from lagcli.engine.lowering.compiler import compile_tape
-from lagcli.engine.program.nodes import INDEXED, VECTOR
-from lagcli.engine.program.program import assemble, unpacked
-from lagcli.engine.program.vectorize import (
-    LONGEST,
+from lagcli.engine.core.program import (
     SHORTEST,
-    Packing,
-    pieces,
+    assemble,
     progressions,
-    repeated,
-    steps,
+    unpacked,
 )
+from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.engine.tape.operations import PLACES, Op
+from lagcli.engine.tape.operations import LONGEST, PLACES, VECTOR, Op
 from lagcli.engine.tape.tape import Builder, Tape
 
 BODIES = 300
@@ -199,22 +194,22 @@ def test_what_is_asked_for_apart_continues_from_what_is_alone() -> None:
 
 def test_operations_on_places_in_progression_are_one() -> None:
     count = 64
-    place = {i: i for i in range(2 * count)}
-    packing = Packing(place, 2 * count)
-    results = {1000 + i for i in range(count)}
+    builder = Builder(2 * count)
     # x_i + y_(63 − i), in any order
-    nodes = [(Op.ADD, (1000 + i,), (i, 2 * count - 1 - i)) for i in range(count)]
-    random.Random(1).shuffle(nodes)
-    (stream,) = packing.streams([nodes], [results])
-    assert stream.tolist()[:2] == [VECTOR + Op.ADD, count]
-    assert packing.packed == count
-    at = [packing.place[1000 + i] for i in range(count)]
-    first = stream.tolist()[2]
+    order = [*range(count)]
+    random.Random(1).shuffle(order)
+    results = [builder.emit(Op.ADD, i, 2 * count - 1 - i) for i in order]
+    program = assemble(builder.finish(results), long=1)
+    numbers = program.main.tolist()
+    assert numbers[:2] == [VECTOR + Op.ADD, count]
+    at = program.outputs.tolist()
+    first = numbers[2]
     assert sorted(at) == [*range(first, first + count)]
     assert first >= 2 * count
     # one by one they are the same operations, with the places that were given
-    numbers = np.array(unpacked(stream).tolist()[2:-2]).reshape(count, 3).tolist()
-    assert sorted(numbers) == sorted([at[i], i, 2 * count - 1 - i] for i in range(count))
+    singles = np.array(unpacked(program.main).tolist()[2:-2]).reshape(count, 3).tolist()
+    expected = [[to, i, 2 * count - 1 - i] for to, i in zip(at, order, strict=True)]
+    assert sorted(singles) == sorted(expected)
 
 
 def test_progressions_are_found_between_others() -> None:
@@ -243,12 +238,19 @@ def test_equal_points_are_no_progression() -> None:
     assert sorted(rest) == [*range(2000)]
 
 
-@pytest.mark.parametrize("length", [1, 8, LONGEST, LONGEST + 1, 5 * LONGEST - 3])
-def test_pieces_are_no_longer_than_vectors(length: int) -> None:
-    found = list(pieces(range(length)))
-    assert [*itertools.chain.from_iterable(found)] == [*range(length)]
-    assert max(map(len, found)) <= LONGEST
-    assert min(map(len, found)) >= min(length, LONGEST // 2)
+@pytest.mark.parametrize("length", [16, LONGEST, LONGEST + 1, 5 * LONGEST - 3])
+def test_vectors_are_no_longer_than_the_core_allows(length: int) -> None:
+    """Nor much shorter: results are divided into equal parts."""
+    builder = Builder(2 * length)
+    results = [builder.emit(Op.ADD, i, length + i) for i in range(length)]
+    numbers, at, sizes = assemble(builder.finish(results), long=1).main.tolist(), 0, []
+    while numbers[at] != Op.END:
+        assert numbers[at] == VECTOR + Op.ADD
+        sizes.append(numbers[at + 1])
+        at += 7
+    assert sum(sizes) == length
+    assert max(sizes) <= LONGEST
+    assert min(sizes) >= min(length, LONGEST // 2)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -274,32 +276,20 @@ def test_points_that_occur_twice_make_two_progressions() -> None:
     assert ([len(run) for run in found], rest) == ([2 * SHORTEST] * 2, [])
 
 
-@pytest.mark.parametrize(
-    ("places", "expected"),
-    [
-        ([7, 9, 11], (7, 2)),
-        ([7, 7, 7], (7, 0)),
-        ([9, 8], (9, -1)),
-        ([4], (4, 1)),
-        ([1, 2, 4], (0, INDEXED, 1, 2, 4)),
-    ],
-)
-def test_places_are_written_by_first_and_step_or_one_by_one(
-    places: list[int], expected: tuple[int, ...]
-) -> None:
-    assert tuple(steps(places)) == expected
-
-
-@pytest.mark.parametrize("copies", [1, SHORTEST - 1, SHORTEST, 40])
-def test_repeated_operations(copies: int) -> None:
-    """Those of one function of inputs, whichever inputs these are; a result counts as its use."""
-    own = [(Op.MUL, (1000 + i,), (i, i + 1)) for i in range(copies)]
-    sums = [(Op.ADD, (2000 + i,), (1000 + i, 7)) for i in range(copies)]
-    both = [(Op.SINCOS, (3000 + 2 * i, 3001 + 2 * i), (2000 + i,)) for i in range(copies)]
-    sine = (Op.ADD, (5000,), (3000, 3000))
-    cosines = [(Op.ADD, (6000 + i,), (3001 + 2 * i, 3001 + 2 * i)) for i in range(copies)]
-    expected = 4 * copies if copies >= SHORTEST else 0
-    assert repeated([own + sums, [*both, sine, *cosines]]) == expected
+@pytest.mark.parametrize("copies", [SHORTEST - 1, 2 * SHORTEST, 40])
+def test_vectors_are_sought_where_operations_repeat(copies: int) -> None:
+    """Those of one function of inputs, whichever inputs these are, make three fifths of a tape."""
+    for others, expected in ((copies, copies >= SHORTEST), (3 * copies, False)):
+        builder = Builder(2 * copies + 2)
+        results = [
+            builder.emit(Op.MUL, builder.emit(Op.ADD, i, copies + i), 2 * copies)
+            for i in range(copies)
+        ]
+        one = 2 * copies + 1  # each of these is a function of the one before
+        for _ in range(others):
+            one = builder.emit(Op.SUB, one, 2 * copies)
+        program = assemble(builder.finish([*results, one]), long=1)
+        assert (operations(program.main)[0] > 0) == expected
 
 
 def test_programs_of_operations_that_do_not_repeat_have_no_vectors() -> None:

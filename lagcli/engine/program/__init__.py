@@ -1,1 +1,0 @@
-"""Programs: tapes scheduled, vectorized and encoded for the core's evaluator."""
