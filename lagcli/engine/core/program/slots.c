@@ -7,7 +7,7 @@ lag_slots lag_slots_from(lag_pool *pool, int32_t begin)
     return (lag_slots){.pool = pool, .begin = begin, .end = begin};
 }
 
-/* Make room for one more, or for `needed`. The array keeps its contents. */
+/* Replace an array by one with room for more; it keeps its contents. */
 static void grow(lag_pool *pool, int32_t **array, int64_t used, int64_t room)
 {
     int32_t *made = lag_get(pool, (size_t)room, sizeof *made);
@@ -16,6 +16,7 @@ static void grow(lag_pool *pool, int32_t **array, int64_t used, int64_t room)
     *array = made;
 }
 
+/* Make room for one more vector. */
 static void make_room(lag_slots *s)
 {
     if (s->count == s->room) {
@@ -24,7 +25,7 @@ static void make_room(lag_slots *s)
         grow(s->pool, &s->size, s->count, s->room);
         grow(s->pool, &s->alive, s->count, s->room);
     }
-    if (s->free_count + 1 >= s->free_room) {
+    if (s->count >= s->free_room) { /* each vector, when it is released, may leave one interval */
         s->free_room = 64 + 2 * s->free_room;
         grow(s->pool, &s->starts, s->free_count, s->free_room);
         grow(s->pool, &s->stops, s->free_count, s->free_room);

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 import random
@@ -241,18 +240,15 @@ def test_registers_of_values_in_use_are_not_overwritten(seed: int) -> None:
     kept = {60, *draw.sample(range(5, 120), 6)}
     found, where, count = arranged(lines, place, kept)
     assert all(where[x] == at for x, at in place.items())
-    by_result = {line[1]: line for line in lines}
-    registers: dict[int, object] = {at: ("given", x) for x, at in place.items()}
-
-    def value(x: int) -> object:
-        """Return what a value is made of."""
-        op, _, *operands = by_result.get(x, (None, x))
-        return ("given", x) if op is None else (op, *map(known, operands))
-
-    known = functools.cache(value)
+    # what a value is made of, by a number
+    known: dict[object, int] = {}
+    of = {x: known.setdefault(("given", x), len(known)) for x in range(5)}
+    for op, to, *operands in lines:
+        of[to] = known.setdefault((op, *[of[x] for x in operands]), len(known))
+    registers = {place[x]: of[x] for x in range(5)}
     for op, to, *operands in found:
-        registers[to] = (op, *[registers[x] for x in operands])
-    assert {x: registers[where[x]] for x in kept} == {x: known(x) for x in kept}
+        registers[to] = known[op, *[registers[x] for x in operands]]
+    assert {x: registers[where[x]] for x in kept} == {x: of[x] for x in kept}
     assert count < 40  # of 120 values
 
 

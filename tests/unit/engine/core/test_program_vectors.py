@@ -192,6 +192,24 @@ def test_what_is_asked_for_apart_continues_from_what_is_alone() -> None:
     assert sum(operations(program.output_subsets[0])) <= 3 * BODIES < sum(operations(program.main))
 
 
+@pytest.mark.bits  # products of hundreds of factors
+def test_many_results_that_end_at_once() -> None:
+    """Every second value of a chain is used by one vector; the others are needed at the end."""
+    count = 300
+    builder = Builder(2 * count + 1)
+    vectors = [builder.emit(Op.ADD, i, count + i) for i in range(count)]
+    for _ in range(4):
+        vectors = [builder.emit(Op.MUL, x, i) for i, x in enumerate(vectors)]
+    chain = [2 * count]
+    for k in range(count):
+        chain.append(builder.emit(Op.MUL if k % 2 else Op.SUB, chain[-1], k))
+    ends = [builder.emit(Op.ADD, x, i) for i, x in enumerate(chain[1::2])]
+    tape = builder.finish([*vectors, *chain[2::2], *ends])
+    assert operations(assemble(tape, long=1).main)[0] > 5 * count
+    inputs = np.random.default_rng(6).uniform(0.9, 1.1, 2 * count + 1)
+    np.testing.assert_array_equal(run_tape(tape, inputs), ScalarTape(tape)(inputs))
+
+
 def test_operations_on_places_in_progression_are_one() -> None:
     count = 64
     builder = Builder(2 * count)
