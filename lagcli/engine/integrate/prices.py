@@ -41,7 +41,7 @@ _PRODUCT, _SUM, _ENTRY_OF_SERIES = 3.0, 0.3, 6.0
 _IN_LAYERS, _MEMBERS = 0.6, 8
 #: Making the program of the series: at least; each operation of the unrolled dynamics; each product
 #: of series. If the dynamics are not unrolled yet, each operation costs this much more.
-_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT, _FOR_UNROLLING = 4e6, 24e3, 26e3, 20e3
+_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT, _FOR_UNROLLING = 4e6, 22e3, 18e3, 8e3
 #: Jacobians of an implicit method: at least; each operation of the dynamics. A step of it, in
 #: steps of DOP853.
 _JACOBIANS, _FOR_DERIVATIVE, _IMPLICIT = 5e6, 150e3, 1.5
