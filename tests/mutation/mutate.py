@@ -164,6 +164,11 @@ _NUMBER = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e-?\d+)?)(?![\w.])")
 _ZEROS = re.compile(r"memset\([^;]*?, (0),")
 #: A statement that calls or assigns, and can be left out.
 _STATEMENT = re.compile(r"^( +)((?:\w[\w.>\[\]-]*(?: [-+*/|&]?= |\().*);)$", re.MULTILINE)
+#: Where a function begins, and where what is in it ends.
+_FUNCTION = {
+    ".c": re.compile(r"^\w[^;#{}()=]*?(\w+)\([^;{}]*\)\n\{|^(?=\})", re.MULTILINE),
+    ".py": re.compile(r"^ *(?:def|class) (\w+)|^(?=[\w@#])", re.MULTILINE),
+}
 _C_TEXT = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\])*"|^#include.*?$', re.DOTALL | re.MULTILINE)
 
 
@@ -185,13 +190,13 @@ class Mutant(NamedTuple):
         lines = list(difflib.unified_diff(*pair, self.file, self.file, lineterm="", n=0))
         return "\n".join([lines[0], *lines[2:]])
 
-    def key(self, text: str) -> str:
-        """Return the changed line without its number, as `explained.txt` has it."""
+    def change(self, text: str) -> str:
+        """Return the changed line, before and after, without its indentation."""
         first = text.rfind("\n", 0, self.start) + 1
         last = text.find("\n", self.end)
         before = text[first : last if last >= 0 else len(text)]
         after = before[: self.start - first] + self.new + before[self.end - first :]
-        return f"{self.file}: {' '.join(before.split())} => {' '.join(after.split())}"
+        return f"{' '.join(before.split())} => {' '.join(after.split())}"
 
 
 def code_of(file: str, text: str) -> str:
@@ -212,6 +217,12 @@ def code_of(file: str, text: str) -> str:
     return "".join(code)
 
 
+def function_at(file: str, text: str, position: int) -> str:
+    """Return the name of the function or class at a position, an empty one between functions."""
+    begun = list(_FUNCTION[Path(file).suffix].finditer(text, 0, position))
+    return begun[-1][1] or "" if begun else ""
+
+
 def mutants_of(file: str, text: str) -> Iterator[Mutant]:
     """Yield the mutants of a file."""
     code = code_of(file, text)
@@ -229,6 +240,23 @@ def mutants_of(file: str, text: str) -> Iterator[Mutant]:
     if file.endswith(".c"):
         for found in _STATEMENT.finditer(code):
             yield Mutant(file, found.start(2), found.end(2), ";")
+
+
+def keys_of(file: str, text: str) -> dict[str, Mutant]:
+    """Return the mutants of a file by the keys that `explained.txt` has: FILE FUNCTION: CHANGE.
+
+    Where equal lines of a function have the same change, the function of the second one is
+    FUNCTION 2. Between functions there is no name.
+    """
+    found: dict[str, Mutant] = {}
+    times: Counter[tuple[str, str]] = Counter()
+    for mutant in mutants_of(file, text):
+        place = f"{file} {function_at(file, text, mutant.start)}".rstrip()
+        change = mutant.change(text)
+        times[place, change] += 1
+        number = times[place, change]
+        found[f"{place}: {change}" if number == 1 else f"{place} {number}: {change}"] = mutant
+    return found
 
 
 def explained() -> set[str]:
@@ -408,18 +436,18 @@ def run(name: str, count: int, seed: int, folder: Path) -> bool:
     """Try mutants of an area, print the survivors, and return whether few enough survive."""
     area, known = AREAS[name], explained()
     texts = {file: (ROOT / file).read_text(encoding="utf-8") for file in files_of(area)}
-    every = [mutant for file, text in texts.items() for mutant in mutants_of(file, text)]
+    every = [item for file, text in texts.items() for item in keys_of(file, text).items()]
     killed = survived = excused = 0
     copy = Copy(folder, area.tests)
     failed = copy.failing() if copy.build() else "the core does not compile"
     if failed is not None:
         print(f"{name}: without a mutant: {failed}")
         return False
-    for mutant in random.Random(seed).sample(every, len(every)):
+    for key, mutant in random.Random(seed).sample(every, len(every)):
         if killed + survived + excused >= count:
             break
         text = texts[mutant.file]
-        if mutant.key(text) in known:
+        if key in known:
             excused += 1
             continue
         try:
@@ -444,20 +472,21 @@ def run(name: str, count: int, seed: int, folder: Path) -> bool:
 def main() -> int:
     """Read the options, and try the areas."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("areas", nargs="*", default=list(AREAS), choices=[*AREAS, []])
+    parser.add_argument("areas", nargs="*", choices=[*AREAS, []])
     parser.add_argument("--count", type=int, default=40, help="mutants of each area")
     parser.add_argument("--seed", type=int, default=1, help="of the choice of mutants")
     parser.add_argument("--list", action="store_true", help="print the mutants, and try none")
     given = parser.parse_args()
+    areas = given.areas or list(AREAS)
     if given.list:
-        for name in given.areas:
+        for name in areas:
             for file in files_of(AREAS[name]):
                 text = (ROOT / file).read_text(encoding="utf-8")
-                for mutant in mutants_of(file, text):
-                    print(mutant.key(text))
+                for key in keys_of(file, text):
+                    print(key)
         return 0
     enough = []
-    for name in given.areas:
+    for name in areas:
         with tempfile.TemporaryDirectory() as folder:
             enough.append(run(name, given.count, given.seed, Path(folder)))
     return 0 if all(enough) else 1

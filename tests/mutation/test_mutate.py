@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from mutate import AREAS, EXPLAINED, ROOT, Mutant, code_of, explained, files_of, mutants_of
+from mutate import (
+    AREAS,
+    EXPLAINED,
+    ROOT,
+    Mutant,
+    code_of,
+    explained,
+    files_of,
+    keys_of,
+    mutants_of,
+)
 
 C = """/* a < b */
 int less(double a, double b)
@@ -19,7 +29,7 @@ PYTHON = '''def less(a, b):
 
 def changed(file: str, text: str) -> list[str]:
     """Return the changed lines of all mutants."""
-    return [m.key(text).partition(" => ")[2] for m in mutants_of(file, text)]
+    return [m.change(text).partition(" => ")[2] for m in mutants_of(file, text)]
 
 
 def test_comments_and_strings_are_blank() -> None:
@@ -57,6 +67,48 @@ def test_a_mutant_is_described_by_its_line() -> None:
     assert mutant.applied(PYTHON).count("<=") == 1
 
 
+def test_keys_name_the_function_and_are_unique() -> None:
+    c = """#define MOST 2
+static const int most[] = {
+    3,
+};
+
+static int first(const double *x,
+                 int n)
+{
+    n += 4;
+    n += 4;
+    return n;
+}
+
+struct pair second(void)
+{
+    n += 4;
+}
+int last = 5;
+"""
+    python = """MOST = 2
+
+class First:
+    def second(self, x: int) -> int:
+        return x + 3
+
+    def third(self) -> int:
+        return 4
+
+FIFTH = 5
+"""
+    for file, text, places in (
+        ("x.c", c, ["", "", "first", "first 2", "second", ""]),
+        ("x.py", python, ["", "second", "third", ""]),
+    ):
+        keys = keys_of(file, text)
+        assert list(keys.values()) == list(mutants_of(file, text))
+        doubled = [key for key, mutant in keys.items() if mutant.new.startswith("(2 * ")]
+        expected = [f"{file} {place}".rstrip() for place in places]
+        assert [key.partition(":")[0] for key in doubled] == expected
+
+
 def test_the_files_of_all_areas_exist() -> None:
     for area in AREAS.values():
         files = files_of(area)
@@ -66,7 +118,7 @@ def test_the_files_of_all_areas_exist() -> None:
 
 def test_what_is_explained_is_a_mutant_and_has_a_reason() -> None:
     texts = {f: (ROOT / f).read_text("utf-8") for area in AREAS.values() for f in files_of(area)}
-    keys = {mutant.key(text) for file, text in texts.items() for mutant in mutants_of(file, text)}
+    keys = {key for file, text in texts.items() for key in keys_of(file, text)}
     assert explained() <= keys
     groups = EXPLAINED.read_text("utf-8").strip().split("\n\n")[1:]
     assert groups
