@@ -1,5 +1,7 @@
 """Events and impacts within a step: roots of polynomials, grazing impacts, given times."""
 
+import math
+
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
@@ -68,14 +70,22 @@ def test_a_force_that_is_negative_for_a_part_of_a_step() -> None:
         np.testing.assert_allclose(events.time, falls, rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("early", [1.0, 1e-6])
 @pytest.mark.parametrize("depth", [0.0, 1e-9])
-def test_a_force_that_touches_zero_within_rounding_does_not_change_its_sign(depth: float) -> None:
-    """c (t - a)^2, expanded, less a part of c: forces of 30 rails."""
+def test_a_force_that_touches_zero_within_rounding_does_not_change_its_sign(
+    depth: float, early: float
+) -> None:
+    """c (t - a)^2, expanded, less a part of c: forces of 30 rails, or t times that."""
     rng, count = np.random.default_rng(7), 30
     a, c = rng.uniform(0.1, 0.9, count), rng.uniform(0.5, 20, count)
-    terms = zip(c.tolist(), (-2 * a * c).tolist(), (c * (a**2 - depth)).tolist(), strict=True)
+    grows = Polynomial([early, 1.0 - early])
+    polynomials = (
+        u * Polynomial([v**2 - depth, -2 * v, 1.0]) * grows
+        for u, v in zip(c.tolist(), a.tolist(), strict=True)
+    )
     forces = ", ".join(
-        f"y[{i + 1}]: -({u!r}*t^2 + {v!r}*t + {w!r})" for i, (u, v, w) in enumerate(terms)
+        f"y[{i + 1}]: -({' + '.join(f'{x!r}*t^{k}' for k, x in enumerate(p.coef.tolist()))})"
+        for i, p in enumerate(polynomials)
     )
     events = ", ".join(f"e{i}: {{when: 'lambda.rail[{i + 1}] < 0'}}" for i in range(count))
     model = load_text(f"""
@@ -138,19 +148,20 @@ def test_times_are_landed_on_exactly() -> None:
     assert event.q[0] == pytest.approx((0.7 - 1) * (0.7 - 2) * (0.7 - 3), abs=1e-13)
 
 
-@pytest.mark.parametrize("end", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("start", [0.0, -0.5, 2.0])
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize(
     ("late", "happens"), [(0.0, True), (0.6, True), (0.95, True), (1.05, False), (3.0, False)]
 )
 def test_a_root_within_1e_12_of_the_run_beyond_its_end_is_at_the_end(
-    late: float, end: float, *, happens: bool
+    late: float, length: float, start: float, *, happens: bool
 ) -> None:
     model = load_text(f"""
 coordinates: [x]
 T: x'^2/2
 initial: {{x: 0, x': 1}}
-events: {{hit: {{when: x >= {end * (1 + late * 1e-12)!r}}}}}
-simulation: {{times: [0, {end}]}}
+events: {{hit: {{when: x >= {length * (1 + late * 1e-12)!r}}}}}
+simulation: {{t_start: {start * length}, t_end: {(start + 1) * length}, samples: 2}}
 """)
     assert len(run_contact(model).outcome.events) == happens
 
@@ -232,3 +243,162 @@ def test_a_model_without_contacts_is_not_switched() -> None:
     plain = run(CUBIC.split("events:")[0] + "initial: {x: -6, x': 11}\nsimulation: {times: [0, 4]}")
     assert plain.system.switching is None
     assert plain.outcome.modes == ()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("of", ["x", "lambda.rail", "z''"])
+def test_conditions_that_are_undefined_for_a_part_of_a_step(of: str, scale: float) -> None:
+    """Roots and logarithms of a parabola in x, which is negative from c - w to c + w, and acosh.
+
+    The force of the rail and z'' are x.
+    """
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        c, w, level = rng.uniform([-0.5, 0.1, 0.02], [0.5, 2.0, 0.5]).tolist()
+        near = f"({of} - {scale * c!r})^2 - {(scale * w) ** 2!r}"
+        model = load_text(f"""
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+Q: {{y: -x, z: x}}
+constraints: {{rail: y = 0}}
+initial: {{x: {-3 * scale}, x': {scale}, y: 0, y': 0, z: 0, z': 0}}
+events:
+  root: {{when: "sqrt({near}) >= {scale * level!r}"}}
+  falls: {{when: "sqrt({near}) <= {scale * level!r}"}}
+  log: {{when: "log({near}) >= {2 * math.log(scale * level)!r}"}}
+  acosh: {{when: "acosh(({of} - {scale * c!r})^2/{(scale * w) ** 2!r}) >= {level!r}"}}
+simulation: {{times: [0, 6]}}
+""")
+        found = run_contact(model)
+        assert found.outcome.status == "completed"
+        root, acosh = math.hypot(w, level), w * math.sqrt(math.cosh(level))
+        for name, x in (
+            ("falls", c - root),
+            ("root", c + root),
+            ("log", c + root),
+            ("acosh", c + acosh),
+        ):
+            (event,) = found.entries("event", name)
+            assert event.time == pytest.approx(3 + x, rel=1e-12), name
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_row_sticks_until_a_load_reaches_its_limit(scale: float, way: int) -> None:
+    """The load grows; limits are constant, fall in time, or depend on another motion."""
+    rng = np.random.default_rng(11)
+    for _ in range(3):
+        load, limit, fall, v = rng.uniform([1, 0.5, 0.02, 0.5], [3, 2, 0.15, 1.5]).tolist()
+        model = load_text(f"""
+coordinates: [a, b, c, y]
+T: (a'^2 + b'^2 + c'^2 + y'^2)/2
+Q: {{a: "{way * scale * load!r}*t", b: "{way * scale * load!r}*t", c: "{way * scale * load!r}*t"}}
+constraints:
+  constant: {{expr: "a' = 0", limit: {scale * limit!r}}}
+  falls: {{expr: "b' = 0", limit: "{scale * limit!r} - {scale * fall!r}*t"}}
+  follows: {{expr: "c' = 0", limit: "{scale * limit!r} - {scale * fall!r}*(y + y'^2)"}}
+initial: {{a: 0, a': 0, b: 0, b': 0, c: 0, c': 0, y: 0, y': {v!r}}}
+simulation: {{times: [0, 2.5]}}
+""")
+        found = run_contact(model)
+        follows = (limit - fall * v**2) / (load + fall * v)
+        times = {"constant": limit / load, "falls": limit / (load + fall), "follows": follows}
+        for name, time in times.items():
+            (slips,) = found.entries("slips", name)
+            assert slips.time == pytest.approx(time, rel=1e-12), name
+        for k, (name, rate) in enumerate((("constant", load), ("falls", load + fall))):
+            slid = way * scale * rate * (2.5 - times[name]) ** 3 / 6
+            assert found.block.q[-1, k] == pytest.approx(slid, rel=1e-9), name
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-12])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("power", [1, 2, 3, 4, 5])
+def test_forces_that_begin_at_their_bounds_and_leave_them_slowly(
+    power: int, scale: float, rtol: float
+) -> None:
+    """A friction force at its limit and a contact force of zero: by powers of time."""
+    rng = np.random.default_rng(power)
+    k, end, limit, weight = rng.uniform([0.2, 1.5, 0.5, 0.5], [0.8, 2.5, 2, 2]).tolist()
+    model = load_text(f"""
+coordinates: [a, b, y]
+T: (a'^2 + b'^2 + y'^2)/2
+Q:
+  a: "{scale * limit!r}*(1 - {k!r}*t^{power})"
+  b: "-{scale * limit!r}*(1 - {k!r}*t^{power})"
+  y: "-{scale * weight!r}*t^{power}*({end!r} - t)"
+constraints:
+  forward: {{expr: "a' = 0", limit: {scale * limit!r}}}
+  backward: {{expr: "b' = 0", limit: {scale * limit!r}}}
+  floor: y >= 0
+initial: {{a: 0, a': 0, b: 0, b': 0, y: 0, y': 0}}
+simulation: {{times: [0, 4]}}
+""")
+    found = run_contact(model, rtol=rtol)
+    slips = (2 / k) ** (1 / power)
+    expected = {("slips", "forward"): slips, ("slips", "backward"): slips, ("opens", "floor"): end}
+    for (kind, name), time in expected.items():
+        assert [x.time for x in found.entries(kind, name)] == pytest.approx([time], rel=1e-12)
+    # without a load, the floor counts as open: it closes where the body is below it beyond rounding
+    (closes,) = found.entries("closes", "floor")
+    assert closes.time < 0.01
+    assert closes.q[2] == pytest.approx(0, abs=1e-13 * scale)
+    assert not found.entries("sticks")
+
+
+def test_the_sign_of_a_force_ends_no_step_where_no_friction_depends_on_it() -> None:
+    """A rail that an event may release, and that it never does, costs what one without it does."""
+    text = """
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+Q: {x: -x, y: 3*sin(7*t)}
+constraints: {rail: y = 0}
+initial: {x: 1, x': 0, y: 0, y': 0}
+"""
+    release = "events: {never: {when: x >= 5, release: rail}}\n"
+    runs = [
+        lagcli.simulate(load_text(text + events), method="DOP853", t_end=10, samples=2)
+        for events in ("", release)
+    ]
+    assert runs[1].counts["steps"] == runs[0].counts["steps"]
+    assert runs[1].counts["evaluations"] <= runs[0].counts["evaluations"] + 10
+    np.testing.assert_allclose(runs[1].q, runs[0].q, rtol=1e-9, atol=1e-12)
+
+
+def test_friction_of_guides_whose_forces_change_their_signs() -> None:
+    """The deceleration has a corner where the force of a guide is zero, and is linear beside it."""
+    errors = []
+    for k, root in enumerate(np.linspace(0.3, 1.9, 16).tolist()):
+        model = load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+Q: {{y: "{1.7 * (-1) ** k}*(t - {root!r})"}}
+constraints: {{guide: y = 0, rubs: {{expr: "x' = 0", limit: 0.3*abs(lambda.guide)}}}}
+initial: {{x: 0, x': {5 * (-1) ** (k // 2)}, y: 0, y': 0}}
+simulation: {{times: [0, 2]}}
+""")
+        v = run_contact(model, rtol=1e-12).block.v[-1, 0]
+        errors.append(abs(v) - (5 - 0.3 * 1.7 * (root**2 + (2 - root) ** 2) / 2))
+    # without a stop at the root, five times as much
+    assert np.median(np.abs(errors)) < 5e-13
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("power", [2, 3, 4])
+def test_what_leaves_zero_from_rest_and_returns_where_a_step_ends(power: int, scale: float) -> None:
+    """x = c t^n (t - 1), and at the clock's tick of 1 s it is zero but for rounding."""
+    for c in (0.7, -1.3):
+        force = (c * scale * Polynomial.fromroots([0.0] * power + [1.0])).deriv(2)
+        terms = " + ".join(f"({x!r})*t^{k}" for k, x in enumerate(force.coef.tolist()))
+        model = load_text(f"""
+coordinates: [x]
+T: x'^2/2
+Q: {{x: "{terms}"}}
+initial: {{x: 0, x': 0}}
+events:
+  zero: {{when: x = 0}}
+  c: {{every: 1}}
+simulation: {{times: [0, 2.2]}}
+""")
+        times = [x.time for x in run_contact(model).entries("event", "zero")]
+        assert times == pytest.approx([1], rel=1e-12)

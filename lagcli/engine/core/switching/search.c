@@ -249,16 +249,16 @@ static double first_enclosed(along_step *f, double from, double to)
             const int start = sign_at(f, a), end = sign_at(f, b);
             if (start < 0)
                 return root_before(f, open, a);
-            if (end < 0 && start > 0)
+            if (end > 0)
+                open = positive_until(f, b);
+            if (end >= 0)
+                continue;
+            if (start > 0)
                 return root_before(f, a, b);
             const double early = a + EARLY * (b - a);
-            if (end < 0 && sign_at(f, early) > 0) /* it has risen before */
+            if (sign_at(f, early) > 0) /* it has risen before */
                 return root_before(f, early, b);
-            if (end >= 0) {
-                if (end > 0)
-                    open = positive_until(f, b);
-                continue;
-            } /* else it may rise before it falls */
+            /* else it may rise before it falls */
         }
         if (curvature > 0) {
             const double x = lowest(f, a, b);
@@ -285,7 +285,7 @@ static double locate_near(along_step *f, double low, double high, double b, doub
     const double least = exact_in(f->run, high), whole = high - low;
     for (double width = NEAREST * least; width < FARTHEST * whole; width *= WIDER) {
         const double before = guess - width, after = guess + width;
-        const double value = after < high && after > low ? value_inside(f, after) : b;
+        const double value = after < high ? value_inside(f, after) : b;
         if (!(value < 0.0)) {
             low = after;
             continue;
@@ -345,24 +345,27 @@ static int clearly_positive(const double *values)
 }
 
 /* The first time between two at which a function becomes negative, or infinity; `given`: its values at the
- * nodes, where they are known. */
+ * nodes, where they are known. Intervals in which it is undefined in part are halved to the accuracy of a root. */
 static double first_between(along_step *f, double low, double high, const double *given, int halvings)
 {
     double values[NODES];
+    int defined = 0;
     if (given)
         memcpy(values, given, sizeof values);
     else
         for (int i = 0; i < NODES; ++i)
             values[i] = value_inside(f, i == NODES - 1 ? high : low + lag_node(i) * (high - low));
     for (int i = 0; i < NODES; ++i)
-        if (isnan(values[i]))
-            return INFINITY;
-    if (!lag_resolved(values) && halvings > 0) {
-        if (clearly_positive(values))
+        defined += !isnan(values[i]);
+    const int everywhere = defined == NODES;
+    if (!defined || (!everywhere && high - low <= exact_in(f->run, high)))
+        return INFINITY;
+    if (!everywhere || (!lag_resolved(values) && halvings > 0)) {
+        if (everywhere && clearly_positive(values))
             return INFINITY;
         const double middle = 0.5 * (low + high);
-        const double before = first_between(f, low, middle, 0, halvings - 1);
-        return before < INFINITY ? before : first_between(f, middle, high, 0, halvings - 1);
+        const double before = first_between(f, low, middle, 0, halvings - everywhere);
+        return before < INFINITY ? before : first_between(f, middle, high, 0, halvings - everywhere);
     }
     return by_polynomial(f, low, high, values);
 }
@@ -376,7 +379,7 @@ static int idle(const lag_watched_function *w, double value, double rate, double
         least = fmin(least, b[i]);
         most = fmax(most, b[i]);
     }
-    return least > CLEAR * (most - least);
+    return !isnan(value + rate) && least > CLEAR * (most - least);
 }
 
 /* The first time after `from` at which function k is negative, by the values at the nodes of the step if they are
@@ -487,7 +490,6 @@ static int happens_at_end(lag_run *run)
     int happens = 0;
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        w->hit = 0;
         if ((w->what != LAG_WATCH_CONDITION && w->what != LAG_WATCH_TIME) || lag_ends_silently(sw, w))
             continue;
         lag_interval jet[2];
