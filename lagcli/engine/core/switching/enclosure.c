@@ -196,7 +196,7 @@ static void add_errors(lag_run *run, int row, double gap, double speed)
 static void add_rounding(lag_run *run, int row)
 {
     const lag_switching *sw = &run->switching;
-    add_errors(run, row, sw->place[row] < 0 ? 0.0 : HELD * sw->size[row], HELD * sw->speed[row] + sw->stray[row]);
+    add_errors(run, row, HELD * sw->size[row], HELD * sw->speed[row] + sw->stray[row]);
 }
 
 static void no_errors(lag_enclosure *e)

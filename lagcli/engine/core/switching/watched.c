@@ -40,12 +40,10 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     if (lag_accelerate(run, t, y, 0, &power))
         return 1;
     --run->step.evaluations;
-    if (!sw->acting) { /* and all forces are zero */
-        sw->redundant = 0;
+    if (!sw->acting) /* and all forces are zero */
         lag_gather_multipliers(run, run->solver.multipliers, sw->force, sw->multipliers);
-    } else if (sw->redundant) {
+    else if (sw->redundant)
         lag_share_forces(run, t, y);
-    }
     return 0;
 }
 
@@ -60,13 +58,6 @@ double lag_condition_value(lag_run *run, int which, double t, const double *y)
         evaluate_force_conditions(run, t, y);
     }
     return condition_output(sw, which);
-}
-
-/* Whether a function needs a and lambda. */
-static int needs_forces(enum lag_watched what)
-{
-    return what == LAG_WATCH_FORCE || what == LAG_WATCH_SURFACE || what == LAG_WATCH_STICK || what == LAG_WATCH_SIGN
-           || what == LAG_WATCH_MARGIN || what == LAG_WATCH_FORCE_CONDITION;
 }
 
 /* Whether a function belongs to a law that redundant rows satisfy together. */
@@ -112,28 +103,23 @@ double lag_watched_value(lag_run *run, const lag_watched_function *w, double t, 
 int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *y, double *values)
 {
     lag_switching *sw = &run->switching;
-    int rows = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
+    int forces = 0, sticks = 0;
     ++sw->looks;
     for (int k = 0; k < sw->watched_count; ++k) {
-        const enum lag_watched what = sw->watched[k].what;
-        forces |= needs_forces(what);
-        force_conditions |= what == LAG_WATCH_FORCE_CONDITION;
-        sticks |= what == LAG_WATCH_STICK;
-        if (which == LAG_SAMPLED)
-            continue;
-        rows |= what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP;
-        conditions |= what == LAG_WATCH_CONDITION || what == LAG_WATCH_TIME;
-        kinks |= what == LAG_WATCH_KINK;
+        forces |= !lag_is_enclosed(sw->watched[k].what);
+        sticks |= sw->watched[k].what == LAG_WATCH_STICK;
     }
     if (forces && lag_all_forces(run, t, y))
         return 1;
-    if (rows && (!forces || !sw->acting) && lag_find_rows(run, t, y))
-        return 1;
-    if (conditions)
-        lag_evaluate(&sw->condition_tape, &run->system, t, y, LAG_ALL);
-    if (kinks) /* after the forces, which may evaluate the tape at other states */
-        lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
-    if (force_conditions)
+    if (which == LAG_WATCHED) { /* after the forces, which may evaluate the tapes at other states */
+        if (sw->rows && lag_find_rows(run, t, y))
+            return 1;
+        if (sw->conditions)
+            lag_evaluate(&sw->condition_tape, &run->system, t, y, LAG_ALL);
+        if (sw->kinks.count)
+            lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
+    }
+    if (sw->force_conditions)
         evaluate_force_conditions(run, t, y);
     if (sticks)
         lag_evaluate_forces(run, &sw->limits, t, y, run->solver.a, sw->multipliers);
@@ -171,12 +157,9 @@ int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *
 static int measure(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
-    int kinks = 0;
     if (sw->rows && lag_measure_rows(run, t, y))
         return 1;
-    for (int k = 0; k < sw->watched_count; ++k)
-        kinks |= sw->watched[k].what == LAG_WATCH_KINK;
-    if (!kinks)
+    if (!sw->kinks.count)
         return 0;
     lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
     for (int k = 0; k < sw->kinks.count; ++k)
@@ -185,13 +168,13 @@ static int measure(lag_run *run, double t, const double *y)
 }
 
 /* The rates of watched functions at (t, y), where y' is f; `values` are there. Those of gaps are their psi,
- * so that a gap of rounding size does not seem to grow; the others are differences. */
+ * so that a gap of rounding size does not seem to grow; the others are differences, undefined if no step follows. */
 static int rates(lag_run *run, enum lag_of which, double t, const double *y, const double *f, const double *values,
                  double *out)
 {
     lag_switching *sw = &run->switching;
     const int moving = 2 * run->system.nq;
-    const double shift = SHIFT * (run->step.h > 0.0 ? run->step.h : 1.0);
+    const double shift = SHIFT * run->step.h;
     int gaps = 1;
     for (int k = 0; k < sw->watched_count; ++k)
         gaps &= sw->watched[k].what == LAG_WATCH_GAP;
@@ -287,7 +270,7 @@ double lag_watched_noise(lag_run *run, const lag_watched_function *w)
 int lag_watched_ends(lag_run *run, enum lag_of which, double t, const double *y, const double *f, double *values,
                      double *slopes)
 {
-    if (lag_watched_values(run, which, t, y, values) || (run->switching.rows && lag_find_rows(run, t, y)))
+    if (lag_watched_values(run, which, t, y, values))
         return 1;
     return rates(run, which, t, y, f, values, slopes);
 }
@@ -414,8 +397,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         return LAG_UNDEFINED;
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        const double off = w->what >= LAG_WATCH_CONDITION ? TWICE * sw->condition[w->which].off : 0.0;
-        const double wrong = fmax(WRONG * lag_watched_noise(run, w), off), rounding = rounding_at(run, k, t, y, f);
+        const double rounding = rounding_at(run, k, t, y, f);
         w->resolved = resolved_from(run, w, t);
         if (turns_back(run, k, values[k], slopes[k], f)) {
             lag_condition *condition = sw->condition + w->which;
@@ -434,7 +416,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
             w->noise = fmax(w->noise, lag_watched_noise(run, w)); /* it rests next to zero, by a rounding error */
         if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
             w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
-        if ((w->what >= LAG_WATCH_CONDITION || w->what == LAG_WATCH_KINK) && w->noise > wrong)
+        if (w->what >= LAG_WATCH_CONDITION
+            && w->noise > fmax(WRONG * lag_watched_noise(run, w), TWICE * sw->condition[w->which].off))
             w->noise = rounding; /* it jumps at the instant */
         w->value = fmax(values[k] + w->shift, 0.0);
         w->rate = slopes[k];

@@ -4,7 +4,7 @@
 
 #include "run.h"
 
-#define WRONG 1e4           /* times the rounding error of a condition or a kink: it is on its other side */
+#define WRONG 1e4           /* times the rounding error of a condition: it is on its other side */
 #define EXACT_TIME 1e-14    /* of the step, in addition to the rounding of the time: accuracy of an instant */
 #define RESOLVED 4.0        /* errors of a root: a function that changes its sign there may do so a second time, due to
                                rounding */
