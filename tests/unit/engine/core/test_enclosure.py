@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from core_parts import enclosed
 from numpy.polynomial import Polynomial
+from scipy.interpolate import BPoly
 
 import lagcli
 from lagcli.arrays import Array
@@ -169,3 +170,34 @@ def test_enclosures(method: str, cores: list[SwitchingIntegrator]) -> None:
             ):
                 bounds = enclosed(core, len(watched) + k, 0.0, 1.0, 0).over
                 np.testing.assert_allclose(bounds, expected, rtol=0, atol=1e-8)
+
+
+def test_over_a_step_states_are_between_interpolants_of_its_ends(
+    cores: list[SwitchingIntegrator],
+) -> None:
+    """Hermite's polynomials of x = c (t - turn)^7 and of its velocity, which neither of them is."""
+    rng = np.random.default_rng(2)
+    beyond = np.zeros(2)
+    for k in range(12):
+        size, turn = rng.uniform([0.5, 1.68], [2.0, 1.85]).tolist()
+        x = (-1) ** k * size * Polynomial([-turn, 1.0]) ** 7
+        v, a = x.deriv(), x.deriv(2)
+        model = lagcli.load_text(
+            f"coordinates: [x]\nT: x'^2/2\nQ: {{x: {written(a)}}}\n"
+            f"initial: {{x: {float(x(0.0))}, x': {float(v(0.0))}}}\n"
+            "events: {a: {when: x >= 1000}, b: {when: x' <= -1000}}\n"
+        )
+        lagcli.simulate(model, method="DOP853", rtol=1e-2, t_end=2, samples=2)
+        found = enclosed(cores[-1]._run, 0, 0.0, 1.0, 0)
+        ends = np.array([found.start, found.start + found.length])
+        of_x = BPoly.from_derivatives(ends, np.stack([x(ends), v(ends), a(ends)], axis=1))
+        of_v = BPoly.from_derivatives(ends, np.stack([v(ends), a(ends)], axis=1))
+        cubic, slopes = of_v.c.ravel(), of_x.derivative().c.ravel()
+        bounds = enclosed(cores[-1]._run, 1, 0.0, 1.0, 0).over
+        for found_bounds, expected in (
+            (1000 - found.over[::-1], widened(of_x.c.ravel())),
+            (bounds - 1000, widened(slopes, cubic)),
+        ):
+            np.testing.assert_allclose(found_bounds, expected, rtol=0, atol=1e-6 * size)
+        beyond += [slopes.min() < cubic.min() - 1e-4, slopes.max() > cubic.max() + 1e-4]
+    assert beyond.min() > 0
