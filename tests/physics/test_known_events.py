@@ -75,6 +75,7 @@ def test_no_event_is_missed_or_found_twice(kind: str, cores: list[SwitchingInteg
     assert not wrong, f"{len(wrong)} of {len(cases)} are wrong:\n{shown}"
     cost = sum(search_cost(core._run) for core in cores)
     assert (cost <= (1 + ROUNDING) * np.array(COSTS[kind])).all(), cost
+    assert ((cost > 0) == (np.array(COSTS[kind]) > 0)).all(), cost
 
 
 #: Roots 1e-8 of the run apart, expanded and factored; events beside those of functions that are

@@ -253,7 +253,7 @@ def test_conditions_that_are_undefined_for_a_part_of_a_step(of: str, scale: floa
     The force of the rail and z'' are x.
     """
     rng = np.random.default_rng(3)
-    for _ in range(8):
+    for _ in range(5):
         c, w, level = rng.uniform([-0.5, 0.1, 0.02], [0.5, 2.0, 0.5]).tolist()
         near = f"({of} - {scale * c!r})^2 - {(scale * w) ** 2!r}"
         model = load_text(f"""
@@ -428,3 +428,30 @@ simulation: {{times: [0, 3]}}
     found = run_contact(model, method=method, rtol=rtol)
     times = [x.time for x in found.entries("impact", "floor")]
     assert times == pytest.approx([1, 2 + kick], rel=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("walls", ["x <= {0}, x >= -{1}", "{0} - x >= 0, -x - {1} <= 0"])
+def test_a_body_between_two_walls_strikes_them_in_turn(walls: str, scale: float) -> None:
+    """Walls of either sense, far from each other and from the middle; without and with a loss."""
+    rng = np.random.default_rng(8)
+    for returned in (1.0, 0.8):
+        right, left, v = (scale * rng.uniform([0.5, 0.2, 3.0], [2.0, 4.0, 5.0])).tolist()
+        first, second = walls.format(repr(right), repr(left)).split(", ")
+        model = load_text(f"""
+coordinates: [x]
+T: x'^2/2
+constraints:
+  right: {{expr: "{first}", restitution: {returned}}}
+  left: {{expr: "{second}", restitution: {returned}}}
+initial: {{x: 0, x': {v!r}}}
+simulation: {{times: [0, 6]}}
+""")
+        found = run_contact(model)
+        times, speed = [right / v], v
+        while times[-1] < 6:
+            speed *= returned
+            times.append(times[-1] + (right + left) / speed)
+        for name, expected in (("right", times[:-1:2]), ("left", times[1:-1:2])):
+            impacts = [x.time for x in found.entries("impact", name)]
+            assert impacts == pytest.approx(expected, rel=1e-12), name
