@@ -151,6 +151,41 @@ simulation: {t_end: 1, samples: 5}
     assert log.undetermined() == []
 
 
+def four_contacts(rate: float, restitution: list[float]) -> str:
+    """A rod with m = 1, J = 4 that falls on contacts at x = -2, -1, 0, 1 and rotates."""
+    contacts = "".join(
+        f"  c{k}: {{expr: y + ({x})*sin(phi) >= 0, restitution: {e}}}\n"
+        for k, (x, e) in enumerate(zip((-2, -1, 0, 1), restitution, strict=True))
+    )
+    return (
+        f"coordinates: [y, phi]\nT: y'^2/2 + 2*phi'^2\nconstraints:\n{contacts}"
+        f"initial: {{y: 0, phi: 0, y': -1, phi': {rate}}}\n"
+        "simulation: {t_end: 1e-6, samples: 2}"
+    )
+
+
+def test_motion_that_depends_on_shares_of_several_contacts() -> None:
+    """Impulses p of the compression have Σ p = 1, Σ x p = 0.8.
+
+    Those of least norm are (0, 0, 0.2, 0.8), which return nothing. (0, 0.1, 0, 0.9) satisfies the
+    law too and returns 0.05 at x = -1. Neither contact without an impulse can have one alone.
+    """
+    _, log = simulate(four_contacts(-0.2, [0, 0.5, 0, 0]))
+    assert np.abs(log.after[log.kinds.index("impact")]).max() < 1e-12
+    assert "not unique" in log.kinds
+    _, log = simulate(four_contacts(-0.2, [0.5, 0, 0, 0]))
+    assert "not unique" in log.kinds  # (0.2/3, 0, 0, 2.8/3)
+
+
+@pytest.mark.parametrize("restitution", [(0, 0, 0, 0.25), (0, 0.5, 0.3, 0.25), (0.5, 0, 0, 0)])
+def test_an_impulse_that_only_one_contact_can_bear(restitution: tuple[float, ...]) -> None:
+    """Σ x p = Σ p: all of it is at x = 1, but for rounding errors."""
+    _, log = simulate(four_contacts(-0.25, list(restitution)))
+    after = log.after[log.kinds.index("impact")]
+    assert after == pytest.approx([restitution[3], restitution[3] / 4], abs=1e-12)
+    assert "not unique" not in log.kinds
+
+
 def compressions(matrix: Array, before: Array, mu: float) -> list[Array]:
     """Return the motions after plastic impacts of contacts with friction, rows n₁, t₁, n₂, t₂, …"""
     n, found = len(before), list[Array]()

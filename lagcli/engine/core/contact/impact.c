@@ -1,7 +1,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "contact/contact.h"
+#include "contact/modes.h"
 #include "settings.h"
 
 #define APPROACH 1e-12 /* of the first approach: slower ones end a sequence */
@@ -144,16 +144,42 @@ static void eliminate(double *a, int m, const double *whole, int n, const int *r
     }
 }
 
+/* The z of m redundant rows' impulses with A z = 0, by the columns that `eliminate` left: `count` rows of m, each with
+ * the largest z/d of 1. */
+static int shares(const phases *p, const lag_impact *of, int m, const int *rows, const int *done, double *z)
+{
+    const int n = of->n;
+    int count = 0;
+    for (int f = 0; f < m; ++f) {
+        double *own = z + count * m, largest = 0.0;
+        int moves = 0;
+        if (done[f])
+            continue;
+        for (int k = 0; k < m; ++k) {
+            own[k] = k == f ? 1.0 : done[k] ? -p->shared[k * m + f] : 0.0;
+            largest = fmax(largest, fabs(own[k]) * sqrt(of->matrix[rows[k] * n + rows[k]]));
+        }
+        for (int k = 0; k < m; ++k)
+            own[k] /= largest;
+        for (int i = 0; i < n; ++i)
+            moves |= velocity(of, i, m, rows, own, 0) != 0.0;
+        count += !moves;
+    }
+    return count;
+}
+
 /* Whether the velocities after the expansion depend on how redundant contacts share the impulses of the compression:
- * z with A z = 0, by which they may change, but A (e z) is not 0. */
+ * z with A z = 0, by which these may change without that one of them pulls, but A (e z) is not 0. */
 static int depends_on_shares(phases *p, const lag_impact *of, const double *impulse)
 {
     const int n = of->n;
-    int m = 0, differ = 0, *rows = p->tied, first = -1;
+    int m = 0, differ = 0, bounds = 0, *rows = p->tied, first = -1;
+    double largest = 0.0;
     for (int i = 0; i < n; ++i) {
         if (of->law[i] == LAG_LIMITED || p->first.mode[i] == LAG_OPEN || !(of->matrix[i * n + i] > 0.0))
             continue;
         rows[m++] = i;
+        largest = fmax(largest, fabs(impulse[i]) * sqrt(of->matrix[i * n + i]));
         if (of->law[i] == LAG_UNILATERAL) {
             first = first < 0 ? i : first;
             differ |= of->restitution[i] != of->restitution[first];
@@ -166,25 +192,27 @@ static int depends_on_shares(phases *p, const lag_impact *of, const double *impu
             p->shared[i * m + j] = of->matrix[rows[i] * n + rows[j]];
     int *done = p->first.mode; /* which the expansion writes next */
     eliminate(p->shared, m, of->matrix, n, rows, done);
-    for (int f = 0; f < m; ++f) {
-        int moves = 0, changes = 0, up = 1, down = 1;
-        if (done[f])
-            continue;
-        for (int k = 0; k < m; ++k)
-            p->share[k] = k == f ? 1.0 : done[k] ? -p->shared[k * m + f] : 0.0;
-        for (int i = 0; i < n; ++i) {
-            moves |= velocity(of, i, m, rows, p->share, 0) != 0.0;
-            changes |= velocity(of, i, m, rows, p->share, 1) != 0.0;
+    double *z = p->memory, *normal = z + n * n, *bound = normal + (n + 1) * n, *found = bound + n + 1;
+    double *scratch = found + n;
+    int *place = (int *)(scratch + (n + 1) * (n + 4) + 2 * (n + 1)), *bounded = place + n + 1;
+    const int count = shares(p, of, m, rows, done, z);
+    for (int k = 0; k < m; ++k)
+        if (of->law[rows[k]] == LAG_UNILATERAL &&
+            !(impulse[rows[k]] * sqrt(of->matrix[rows[k] * n + rows[k]]) > SHARED * largest))
+            bounded[bounds++] = k;
+    for (int i = 0; count && i < n; ++i)
+        for (int side = -1; side <= 1; side += 2) { /* z >= 0 of the bounded ones, side (A e z)_i >= 1 */
+            for (int b = 0; b < bounds; ++b)
+                for (int f = 0; f < count; ++f)
+                    normal[b * count + f] = z[f * m + bounded[b]] * sqrt(of->matrix[rows[bounded[b]] * (n + 1)]);
+            for (int f = 0; f < count; ++f)
+                normal[bounds * count + f] =
+                    side * velocity(of, i, m, rows, z + f * m, 1) / sqrt(of->matrix[i * (n + 1)]);
+            memset(bound, 0, bounds * sizeof *bound);
+            bound[bounds] = 1.0;
+            if (lag_least_distance(count, bounds + 1, normal, bound, found, scratch, place))
+                return 1;
         }
-        for (int k = 0; k < m; ++k) {
-            if (of->law[rows[k]] != LAG_UNILATERAL || impulse[rows[k]] > 0.0)
-                continue;
-            up &= p->share[k] >= 0.0;
-            down &= p->share[k] <= 0.0;
-        }
-        if (!moves && changes && (up || down))
-            return 1;
-    }
     return 0;
 }
 
