@@ -89,11 +89,16 @@ class _ExpressionSearch:
                     return self.described(part, bad, what)
         at = ", ".join(f"{s.name} = {x:.6g}" for s, x in self.listed(self.equations.q))
         node = self.places.entry("T") or self.places.entry("L")
-        return UndefinedExpression(
-            "the mass matrix does not determine the accelerations, with the constraints as they"
-            f" are, at {at}",
-            self.places.location(node),
+        clause = (
+            "the mass matrix does not determine the accelerations, with the constraints as they are"
         )
+        for part in statements:
+            if not all(map(self.is_known, _entries(self.value(part)))):
+                node = self.places.entry(part.block, part.name)
+                text = self.places.text(node, part.tree)
+                clause = f"`{text}` in {_title(part)}, by its multipliers, has none, or {clause}"
+                break
+        return UndefinedExpression(f"{clause}, at {at}", self.places.location(node))
 
     def statements(self) -> Iterator[_Written]:
         """Yield the expressions of the model that determine the motion."""
@@ -162,7 +167,12 @@ class _ExpressionSearch:
         return self.unbounded_any(slopes) or self.unbounded_any(curvatures)
 
     def unbounded_any(self, expressions: list[Basic]) -> bool:
-        return bool(expressions) and not all(map(math.isfinite, self.numbers(expressions)))
+        known = [e for e in expressions if self.is_known(e)]
+        return bool(known) and not all(map(math.isfinite, self.numbers(known)))
+
+    def is_known(self, expression: Basic) -> bool:
+        """Return whether an expression has a value: a state has no multipliers."""
+        return expression.free_symbols <= self.values.keys()
 
     def symbols(self, expression: Basic) -> list[Basic]:
         """Return the coordinates, velocities and time in an expression."""

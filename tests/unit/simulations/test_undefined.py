@@ -111,6 +111,17 @@ def test_a_run_with_branches_names_the_line_too() -> None:
     assert "`sqrt(0.5 - t)` in the force on `x` has no finite value at t = 0.5" in found.message
 
 
+def test_a_force_of_multipliers_without_a_value_is_named() -> None:
+    text = (
+        "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\nV: 9*y\nQ: {x: sqrt(lambda.floor - 10)}\n"
+        "constraints:\n  floor: y = 0\ninitial: {x: 0, y: 0, x': 1, y': 0}\n"
+    )
+    found = lagcli.simulate(load_text(text), t_end=1)
+    assert found.status == "failed"
+    assert "`sqrt(lambda.floor - 10)` in the force on `x`" in found.message
+    assert "(line 4 of the model)" in found.message
+
+
 def test_zero_mass_names_energy_parameter_and_place() -> None:
     found = problem("T: m/2*x'^2 + z/2*y'^2\nV: x\n")
     assert "`T` gives `y` no inertia (`z` is 0)" in found.message

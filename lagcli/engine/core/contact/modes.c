@@ -7,7 +7,6 @@
 #define TOLERANCE 1e-10 /* of the problem's size: inequalities of forces, and equations that must be consistent; of
                          * the terms of a row's motion: its inequalities */
 #define RELAXED 1e-13   /* of it: inequalities used to select redundant forces */
-#define INERT 1e-13     /* of A's largest entry: rows that no force affects */
 
 /* of lag_least_distance with n columns and 3 n rows; Lemke's tableau and the forces in terms of its
  * variables, 2 n at most */
@@ -52,17 +51,22 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
         largest = fmax(largest, problem->matrix[i * n + i]);
     for (int i = 0; i < n; ++i) {
         const double entry = problem->matrix[i * n + i];
-        w->scale[i] = largest > 0.0 ? 1.0 / sqrt(entry > INERT * largest ? entry : largest) : 1.0;
+        w->scale[i] = largest > 0.0 ? 1.0 / sqrt(entry > 0.0 ? entry : largest) : 1.0;
         if (problem->rounding)
             w->floor = fmax(w->floor, problem->rounding[i] * w->scale[i]);
         w->sign[i] = 1;
         w->referred[i] = 0;
     }
-    for (int k = 0; k < n; ++k)
-        if (limited(problem->law[k]))
-            for (int j = 0; j < n; ++j)
-                w->referred[j] |=
-                    problem->static_slope[k * n + j] != 0.0 || problem->kinetic_slope[k * n + j] != 0.0;
+    for (int k = 0; k < n; ++k) {
+        double refers = 0.0;
+        for (int j = 0; limited(problem->law[k]) && j < n; ++j)
+            if (problem->static_slope[k * n + j] != 0.0 || problem->kinetic_slope[k * n + j] != 0.0) {
+                w->referred[j] = 1;
+                refers = fmax(refers, problem->matrix[j * n + j] > 0.0 ? w->scale[j] : 0.0);
+            }
+        if (!(problem->matrix[k * n + k] > 0.0) && refers > 0.0) /* friction that moves nothing, as where x is given */
+            w->scale[k] = refers;
+    }
     int count = 0;
     for (int pass = 0; pass < 3; ++pass)
         for (int i = 0; i < n; ++i) {

@@ -137,7 +137,7 @@ static int fill(lag_run *run, double t, const double *y, int row, const int *res
         memset(p->limit[part], 0, (size_t)n * sizeof(double));
     const lag_problem_arrays limits = {.rows = p->rows, .limit = {p->limit[0], p->limit[1]},
                                        .slope = {p->slope[0], p->slope[1]}};
-    lag_limits_of(run, t, y, free, n, &limits);
+    lag_limits_of(run, t, y, free, n, NULL, 0, &limits);
     lag_evaluate(&sw->impact, &run->system, t, y, LAG_ALL);
     memset(p->friction, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < n; ++i) {

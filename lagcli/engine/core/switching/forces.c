@@ -16,6 +16,7 @@ typedef struct {
     const int *acts;        /* their indices */
     const double *free;     /* a and lambda without the forces */
     const double *offset;   /* n: B a_0 - gamma, of rows that hold */
+    const double *scale;    /* n: of a force; forces times it, and accelerations over it, have one unit */
     double *z, *residual;   /* n */
     double *a, *multipliers;    /* with the forces; lambda of all constraints */
     double *all;            /* rows + nf: z by its number */
@@ -146,6 +147,12 @@ static int solve_step(lag_switching *sw, int n, double *residual, int redundant,
     return 0;
 }
 
+/* Whether force k is that of a row that holds: its law is one of accelerations. */
+static int is_held(const lag_switching *sw, int k)
+{
+    return k < sw->rows && !lag_row_slips(sw, k);
+}
+
 /* Newton's method on the laws. `held` is the determinant of the rows that hold alone, 0 where they
  * depend on each other. */
 static int solve_laws(lag_run *run, double t, const double *y, const acting_forces *f, double held,
@@ -153,12 +160,15 @@ static int solve_laws(lag_run *run, double t, const double *y, const acting_forc
 {
     lag_switching *sw = &run->switching;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
-        double change = 0.0, size = 0.0, part = 0.0, terms = 0.0;
+        double change = 0.0, size = 0.0, part = 0.0, terms = 0.0, sum = 0.0;
         linearize(run, t, y, f);
         if (iteration) {
             for (int i = 0; i < f->n; ++i) {
-                part = fmax(part, fabs(f->residual[i]));
-                terms = fmax(terms, fmax(fabs(f->offset[i]), fabs(f->z[i])));
+                const double d = f->scale[i], force = d * fabs(f->z[i]);
+                if (!(d > 0.0))
+                    continue;
+                part = fmax(part, is_held(sw, f->acts[i]) ? fabs(f->residual[i]) / d : d * fabs(f->residual[i]));
+                terms = fmax(terms, fmax(fabs(f->offset[i]) / d, force));
             }
             if (part <= 4.0 * DBL_EPSILON * terms)
                 return 0;
@@ -168,10 +178,11 @@ static int solve_laws(lag_run *run, double t, const double *y, const acting_forc
         sw->margin = held != 0.0 ? determinant(sw->lu, sw->pivots, f->n) / held : 1.0;
         for (int i = 0; i < f->n; ++i) {
             f->z[i] -= f->residual[i];
-            change = fmax(change, fabs(f->residual[i]));
-            size = fmax(size, fabs(f->z[i]));
+            change = fmax(change, f->scale[i] * fabs(f->residual[i]));
+            size = fmax(size, f->scale[i] * fabs(f->z[i]));
+            sum += f->z[i];
         }
-        if (!isfinite(size))
+        if (!isfinite(sum))
             return 1;
         if (change <= EXACT * size)
             break;
@@ -195,7 +206,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
     const int nq = s->nq, all = sw->rows + sw->nf;
     double *work = sw->work, *solution = run->solver.a;
     double *free = work, *a = free + nq + s->nc, *offset = a + nq + s->nc, *z = offset + all;
-    double *residual = z + all, *memory = residual + all;
+    double *residual = z + all, *scale = residual + all, *memory = scale + all;
     int *acts = sw->acts, *held = sw->acts + all, n = 0, holds = 0, laws = 0;
     if (lag_find_rows(run, t, y) || lag_factor(run, t, y))
         return 1;
@@ -210,11 +221,13 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
         lag_row_response(run, k);
     }
     memcpy(free, solution, (size_t)(nq + s->nc) * sizeof(double));
-    acting_forces f = {.n = n, .acts = acts, .free = free, .offset = offset, .z = z, .residual = residual,
+    acting_forces f = {.n = n, .acts = acts, .free = free, .offset = offset, .scale = scale, .z = z, .residual = residual,
                        .a = a, .multipliers = sw->multipliers, .all = sw->force};
     for (int i = 0; i < n; ++i) {
         const int k = acts[i];
         z[i] = sw->force[k]; /* those of the previous state */
+        const double *u = response_of(run, k);
+        scale[i] = sqrt(fmax(k < sw->rows ? lag_along(run, k, u) : u[sw->force_coordinate[k - sw->rows]], 0.0));
         offset[i] = 0.0;
         if (k >= sw->rows || lag_row_slips(sw, k))
             continue;

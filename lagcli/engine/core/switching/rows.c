@@ -115,24 +115,23 @@ void lag_gather_multipliers(const lag_run *run, const double *of_system, const d
         out[sw->constraint[i]] = sw->sign[i] * z[i];
 }
 
-int lag_least_norm(int n, const double *matrix, const double *b, double *x, double *memory)
+/* Cholesky's factors of A with pivots in place: column k of `lower` belongs to row order[k]. What is left is compared
+ * with what there was, row by row, as rows may have different units. Returns the rank. */
+static int factor_semidefinite(int n, const double *matrix, double *left, double *lower, int *order)
 {
-    double *left = memory, *lower = left + n * n, *square = lower + n * n; /* the last n by n at most */
-    double *r = square + n * n, *u = r + n, *w = u + n, largest = 0.0;
     int rank = 0;
     memcpy(left, matrix, (size_t)n * n * sizeof(double));
     memset(lower, 0, (size_t)n * n * sizeof(double));
-    for (int i = 0; i < n; ++i)
-        w[i] = matrix[i * n + i]; /* what is left is compared with what there was, row by row */
-    /* Cholesky's factors with pivots in place: column k of `lower` belongs to pivot k */
     while (rank < n) {
         int pivot = -1;
-        largest = RANK;
-        for (int i = 0; i < n; ++i)
-            if (w[i] > 0.0 && left[i * n + i] > largest * w[i]) {
-                largest = left[i * n + i] / w[i];
+        double largest = RANK;
+        for (int i = 0; i < n; ++i) {
+            const double whole = matrix[i * n + i];
+            if (whole > 0.0 && left[i * n + i] > largest * whole) {
+                largest = left[i * n + i] / whole;
                 pivot = i;
             }
+        }
         if (pivot < 0)
             break;
         const double root = sqrt(left[pivot * n + pivot]);
@@ -143,51 +142,88 @@ int lag_least_norm(int n, const double *matrix, const double *b, double *x, doub
                 left[i * n + j] -= lower[i * n + rank] * lower[j * n + rank];
         for (int i = 0; i < n; ++i)
             left[i * n + pivot] = left[pivot * n + i] = 0.0;
-        ++rank;
+        order[rank++] = pivot;
     }
-    /* A = L L', x = L (L'L)^-2 L' b; L'L is small, and its factors are found by the same rule */
-    for (int i = 0; i < rank; ++i)
-        for (int j = 0; j < rank; ++j) {
-            double sum = 0.0;
-            for (int k = 0; k < n; ++k)
-                sum += lower[k * n + i] * lower[k * n + j];
-            square[i * rank + j] = sum;
+    return rank;
+}
+
+/* Add to x what takes away the residual r of the pivots' rows. */
+static void solve_pivots(int n, int rank, const double *lower, const int *order, const double *r, double *u, double *x)
+{
+    for (int i = 0; i < rank; ++i) {
+        u[i] = r[order[i]];
+        for (int k = 0; k < i; ++k)
+            u[i] -= lower[order[i] * n + k] * u[k];
+        u[i] /= lower[order[i] * n + i];
+    }
+    for (int i = rank - 1; i >= 0; --i) {
+        for (int k = i + 1; k < rank; ++k)
+            u[i] -= lower[order[k] * n + i] * u[k];
+        u[i] /= lower[order[i] * n + i];
+        x[order[i]] += u[i];
+    }
+}
+
+/* Take from z, n, its parts along `count` orthonormal vectors. */
+static void take_along(int n, int count, const double *vectors, double *z)
+{
+    for (int e = 0; e < count; ++e) {
+        double along = 0.0;
+        for (int i = 0; i < n; ++i)
+            along += z[i] * vectors[e * n + i];
+        for (int i = 0; i < n; ++i)
+            z[i] -= along * vectors[e * n + i];
+    }
+}
+
+/* An orthonormal basis of the null space: row j that is no pivot, and what the pivots' rows do against it. */
+static void null_vectors(int n, int rank, const double *lower, const int *order, double *vectors)
+{
+    int count = 0;
+    for (int j = 0; j < n; ++j) {
+        double *z = vectors + count * n, length = 0.0;
+        int k = 0;
+        while (k < rank && order[k] != j)
+            ++k;
+        if (k < rank)
+            continue;
+        memset(z, 0, (size_t)n * sizeof(double));
+        z[j] = 1.0;
+        for (int i = rank - 1; i >= 0; --i) {
+            double sum = -lower[j * n + i];
+            for (k = i + 1; k < rank; ++k)
+                sum -= lower[order[k] * n + i] * z[order[k]];
+            z[order[i]] = sum / lower[order[i] * n + i];
         }
-    for (int i = 0; i < rank; ++i)
-        for (int j = 0; j <= i; ++j) {
-            double sum = square[i * rank + j];
-            for (int k = 0; k < j; ++k)
-                sum -= square[i * rank + k] * square[j * rank + k];
-            square[i * rank + j] = i == j ? sqrt(sum) : sum / square[j * rank + j];
-        }
+        for (int pass = 0; pass < 2; ++pass) /* two passes are sufficient */
+            take_along(n, count, vectors, z);
+        for (int i = 0; i < n; ++i)
+            length += z[i] * z[i];
+        length = sqrt(length);
+        for (int i = 0; i < n; ++i)
+            z[i] /= length;
+        ++count;
+    }
+}
+
+int lag_least_norm(int n, const double *matrix, const double *b, double *x, double *memory)
+{
+    double *left = memory, *lower = left + n * n, *r = lower + n * n, *u = r + n;
+    int *order = (int *)(u + n);
+    const int rank = factor_semidefinite(n, matrix, left, lower, order);
     memset(x, 0, (size_t)n * sizeof(double));
     memcpy(r, b, (size_t)n * sizeof(double));
     for (int pass = 0; pass < 2; ++pass) { /* the second removes rounding */
-        for (int i = 0; i < rank; ++i) {
-            u[i] = 0.0;
-            for (int k = 0; k < n; ++k)
-                u[i] += lower[k * n + i] * r[k];
-        }
-        for (int twice = 0; twice < 2; ++twice) {
-            for (int i = 0; i < rank; ++i) {
-                for (int k = 0; k < i; ++k)
-                    u[i] -= square[i * rank + k] * u[k];
-                u[i] /= square[i * rank + i];
-            }
-            for (int i = rank - 1; i >= 0; --i) {
-                for (int k = i + 1; k < rank; ++k)
-                    u[i] -= square[k * rank + i] * u[k];
-                u[i] /= square[i * rank + i];
-            }
-        }
-        for (int k = 0; k < n; ++k)
-            for (int i = 0; i < rank; ++i)
-                x[k] += lower[k * n + i] * u[i];
+        solve_pivots(n, rank, lower, order, r, u, x);
         for (int k = 0; k < n; ++k) {
             r[k] = b[k];
             for (int j = 0; j < n; ++j)
                 r[k] -= matrix[k * n + j] * x[j];
         }
+    }
+    if (rank < n) {
+        null_vectors(n, rank, lower, order, left);
+        take_along(n, n - rank, left, x);
     }
     return rank;
 }

@@ -34,8 +34,8 @@ void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, con
 /* lambda of all constraints, from those of the system and the rows' forces z. */
 void lag_gather_multipliers(const lag_run *run, const double *of_system, const double *z, double *out);
 
-/* x of least norm with A x = b as well as possible, A positive semidefinite, n by n. memory: 3 n n + 3 n.
- * Returns A's rank. */
+/* x of least norm with A x = b, A positive semidefinite, n by n. Of rows that depend on others, b is not read.
+ * memory: 3 n n + 3 n. Returns A's rank. */
 int lag_least_norm(int n, const double *matrix, const double *b, double *x, double *memory);
 
 /* The derivatives of the laws of n acting forces by these forces, n by n: rows that hold, B U; the others, what is

@@ -12,6 +12,10 @@
 #define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
 #define FORCE_EXACT 1e-13
+#define INERT 1e-13         /* of the inverse inertia of a row without constraints: none */
+#define SECANTS 8           /* steps by secants of curved limits, before those by tangents */
+#define LIMIT_EXACT 1e-13   /* of a limit: convergence of those that are curved in multipliers */
+#define LEAST_FORCE 1e-9    /* of the largest force: a smaller one, where slopes are asked for */
 
 double lag_no_gap(const lag_run *run, int row)
 {
@@ -45,31 +49,109 @@ lag_problem_arrays lag_arrays_of(lag_switching *sw)
     return p;
 }
 
-void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int n, const lag_problem_arrays *p)
+/* The slopes of the limits of n rows, as evaluated last. */
+static void take_slopes(const lag_switching *sw, int n, const lag_problem_arrays *p, int part)
 {
-    lag_switching *sw = &run->switching;
-    const lag_tape *tape = &sw->limits;
-    for (int part = 0; part < 2; ++part)
-        memset(p->slope[part], 0, (size_t)n * n * sizeof(double));
-    if (!sw->nl)
-        return;
-    memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
-    lag_evaluate_forces(run, tape, t, y, a, sw->multipliers);
-    for (int i = 0; i < n; ++i)
-        for (int part = 0; part < 2; ++part)
-            if (sw->limit[p->rows[i]] >= 0)
-                p->limit[part][i] = OUT(tape, part * sw->nl + sw->limit[p->rows[i]]);
-    for (int i = 0; i < sw->rows; ++i)
-        sw->multipliers[sw->constraint[i]] = sw->sign[i];
-    lag_evaluate_forces(run, tape, t, y, a, sw->multipliers);
     for (int k = 0; k < sw->pattern_count; ++k)
         for (int i = 0; i < n; ++i)
             for (int j = 0; j < n; ++j)
                 if (sw->limit[p->rows[i]] == sw->pattern_limit[k] && p->rows[j] == sw->pattern_row[k])
-                    for (int part = 0; part < 2; ++part)
-                        p->slope[part][i * n + j] =
-                            sw->sign[p->rows[j]]
-                            * OUT(tape, 2 * sw->nl + part * sw->pattern_count + k);
+                    p->slope[part][i * n + j] =
+                        sw->sign[p->rows[j]] * OUT(&sw->limits, 2 * sw->nl + part * sw->pattern_count + k);
+}
+
+/* The force at which slopes are asked for: they have no side at 0, and may be infinite there. */
+static double force_about(const double *force, int j, double largest)
+{
+    return copysign(fmax(fabs(force[j]), LEAST_FORCE * largest), force[j]);
+}
+
+/* Limits and slopes about forces that are not all 0, from limits at 0 and slopes: the tangent, or the secant from 0. */
+static void limits_about(const lag_switching *sw, int n, const double *force, double largest, int tangent,
+                         const lag_problem_arrays *p, int part)
+{
+    for (int i = 0; i < n; ++i) {
+        double *slope = p->slope[part] + i * n, moved = 0.0;
+        const int limit = sw->limit[p->rows[i]];
+        if (limit < 0)
+            continue;
+        const double now = OUT(&sw->limits, part * sw->nl + limit);
+        for (int j = 0; j < n; ++j)
+            moved += slope[j] * fabs(force_about(force, j, largest));
+        const double ratio = (now - p->limit[part][i]) / moved;
+        if (tangent || !isfinite(ratio)) { /* not finite where the limit is constant there */
+            p->limit[part][i] = now - moved;
+            continue;
+        }
+        for (int j = 0; j < n; ++j)
+            slope[j] *= ratio;
+    }
+}
+
+void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int n, const double *force, int tangent,
+                   const lag_problem_arrays *p)
+{
+    lag_switching *sw = &run->switching;
+    double largest = 0.0;
+    for (int part = 0; part < 2; ++part)
+        memset(p->slope[part], 0, (size_t)n * n * sizeof(double));
+    if (!sw->nl)
+        return;
+    for (int j = 0; j < n; ++j)
+        largest = fmax(largest, force ? fabs(force[j]) : 0.0);
+    memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
+    lag_evaluate_forces(run, &sw->limits, t, y, a, sw->multipliers);
+    for (int part = 0; part < 2; ++part)
+        for (int i = 0; i < n; ++i)
+            if (sw->limit[p->rows[i]] >= 0)
+                p->limit[part][i] = OUT(&sw->limits, part * sw->nl + sw->limit[p->rows[i]]);
+    for (int i = 0; i < sw->rows; ++i)
+        sw->multipliers[sw->constraint[i]] = largest > 0.0 ? 0.0 : sw->sign[i];
+    for (int j = 0; largest > 0.0 && j < n; ++j)
+        sw->multipliers[sw->constraint[p->rows[j]]] = sw->sign[p->rows[j]] * force_about(force, j, largest);
+    lag_evaluate_forces(run, &sw->limits, t, y, a, sw->multipliers);
+    for (int part = 0; part < 2; ++part) {
+        take_slopes(sw, n, p, part);
+        for (int i = 0; i < n * n && largest > 0.0; ++i) /* with respect to the magnitude */
+            p->slope[part][i] = copysign(1.0, force[i % n]) * p->slope[part][i];
+        if (largest > 0.0)
+            limits_about(sw, n, force, largest, tangent, p, part);
+    }
+}
+
+/* Whether limits are more than constants and parts that are proportional to the multipliers' magnitudes: their slopes
+ * at 1, at far smaller and larger ones, and with the other sign, differ. */
+static int are_curved(lag_run *run, double t, const double *y, const double *a)
+{
+    static const double at[] = {0x1p-100, 1.0, 0x1p100, -1.0};
+    lag_switching *sw = &run->switching;
+    const int first = 2 * sw->nl, count = 2 * sw->pattern_count;
+    double *slope = sw->work;
+    int curved = 0;
+    for (int k = 0; k < 4 && count; ++k) {
+        memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
+        for (int i = 0; i < sw->rows; ++i)
+            sw->multipliers[sw->constraint[i]] = sw->sign[i] * (sw->law[i] == LAG_UNILATERAL ? fabs(at[k]) : at[k]);
+        lag_evaluate_forces(run, &sw->limits, t, y, a, sw->multipliers);
+        for (int j = 0; j < count; ++j) {
+            const int row = sw->pattern_row[j % sw->pattern_count];
+            const double now = OUT(&sw->limits, first + j) * (sw->law[row] == LAG_UNILATERAL || k < 3 ? 1.0 : -1.0);
+            curved |= k && !(now == slope[j]);
+            slope[j] = now;
+        }
+    }
+    return curved;
+}
+
+/* Whether an entry of A's diagonal is 0 but for rounding: no force moves the row. Rows may have any units, so that the
+ * others do not tell. */
+static int is_inert(const lag_run *run, int row, double entry)
+{
+    const double *along = run->switching.jacobian + row * run->system.nq;
+    double whole = 0.0; /* as if there were no constraints */
+    for (int k = 0; k < run->system.nq; ++k)
+        whole += (along[k] * run->rows.sizes[k]) * (along[k] * run->rows.sizes[k]);
+    return !(entry > INERT * whole);
 }
 
 void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
@@ -82,6 +164,9 @@ void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < i; ++j)
             matrix[i * n + j] = matrix[j * n + i] = 0.5 * (matrix[i * n + j] + matrix[j * n + i]);
+    for (int i = 0; i < n; ++i)
+        for (int j = 0, inert = is_inert(run, rows[i], matrix[i * n + i]); inert && j < n; ++j)
+            matrix[i * n + j] = matrix[j * n + i] = 0.0;
 }
 
 /* Participating rows of an acceleration problem. */
@@ -123,6 +208,44 @@ static void measure_speeds(lag_run *run, const double *a)
     }
 }
 
+/* The modes to try first. */
+static void present_modes(int n, const lag_problem_arrays *p, const int *mode)
+{
+    for (int i = 0; i < n; ++i)
+        p->mode[0][i] = p->law[i] == LAG_FORWARD    ? LAG_SLIPS_FORWARD
+                        : p->law[i] == LAG_BACKWARD ? LAG_SLIPS_BACKWARD
+                        : p->law[i] == LAG_FREE     ? LAG_HOLDS
+                                                    : mode[p->rows[i]];
+}
+
+/* The limits of n rows as linearized, at the forces of the first solution: `part` of those. */
+static void limits_at(int n, const lag_problem_arrays *p, int part, double *limit)
+{
+    for (int i = 0; i < n; ++i) {
+        limit[i] = p->limit[part][i];
+        for (int j = 0; j < n; ++j)
+            limit[i] += p->slope[part][i * n + j] * fabs(p->force[0][j]);
+    }
+}
+
+/* Linearize the limits about the forces of the first solution. Returns whether they were right there. The second
+ * solution, of which there is none, has space. */
+static int linearize_limits(lag_run *run, double t, const double *y, const double *a, int n, int tangent,
+                            const lag_problem_arrays *p)
+{
+    double *before[2] = {p->force[1], p->motion[1]}, *now = p->offset; /* which is found anew */
+    int exact = 1;
+    for (int part = 0; part < 2; ++part)
+        limits_at(n, p, part, before[part]);
+    lag_limits_of(run, t, y, a, n, p->force[0], tangent, p);
+    for (int part = 0; part < 2; ++part) {
+        limits_at(n, p, part, now);
+        for (int i = 0; i < n; ++i)
+            exact &= fabs(now[i] - before[part][i]) <= LIMIT_EXACT * fabs(now[i]);
+    }
+    return exact;
+}
+
 int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a)
 {
     lag_switching *sw = &run->switching;
@@ -138,7 +261,12 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     lag_matrix_of(run, n, p.rows, p.matrix);
     for (int k = 0; k < sw->nf; ++k)
         lag_row_response(run, sw->rows + k);
-    lag_limits_of(run, t, y, free, n, &p);
+    const int curved = sw->nl && are_curved(run, t, y, free);
+    lag_limits_of(run, t, y, free, n, NULL, 0, &p);
+    for (int part = 0; part < 2 && curved; ++part) { /* forces about which limits are linearized are those without */
+        memset(p.limit[part], 0, (size_t)n * sizeof(double));
+        memset(p.slope[part], 0, (size_t)n * n * sizeof(double));
+    }
     const lag_contacts problem = {
         .n = n, .matrix = p.matrix, .offset = p.offset, .law = p.law,
         .static_limit = p.limit[0], .static_slope = p.slope[0],
@@ -147,11 +275,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
     lag_contact_motion second = {p.force[1], p.motion[1], p.mode[1]};
     int motions = LAG_ONE_MOTION, guess = 1;
-    for (int i = 0; i < n; ++i)
-        p.mode[0][i] = p.law[i] == LAG_FORWARD    ? LAG_SLIPS_FORWARD
-                       : p.law[i] == LAG_BACKWARD ? LAG_SLIPS_BACKWARD
-                       : p.law[i] == LAG_FREE     ? LAG_HOLDS
-                                                  : mode[p.rows[i]];
+    present_modes(n, &p, mode);
     for (int iteration = 0; iteration < FORCE_STEPS; ++iteration) {
         memcpy(a, free, (size_t)nq * sizeof(double));
         memcpy(run->solver.a, free, (size_t)size * sizeof(double));
@@ -182,7 +306,10 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
                 run->solver.a[i] += first.force[j] * u[i];
         }
         memcpy(a, run->solver.a, (size_t)nq * sizeof(double));
-        if (!sw->nf)
+        const int exact = !curved || linearize_limits(run, t, y, free, n, iteration >= SECANTS, &p);
+        if (!exact && iteration == 0)
+            present_modes(n, &p, mode);
+        if (!sw->nf && exact)
             break;
         double change = 0.0, largest = 0.0;
         lag_gather_multipliers(run, run->solver.a + nq, force, sw->multipliers);
@@ -193,7 +320,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
             largest = fmax(largest, fabs(now));
             present[k] = now;
         }
-        if (change <= FORCE_EXACT * largest)
+        if (exact && change <= FORCE_EXACT * largest)
             break;
     }
     measure_speeds(run, a);
@@ -235,7 +362,7 @@ void lag_share_forces(lag_run *run, double t, const double *y)
         force[n++] = sw->force[i];
     }
     lag_matrix_of(run, n, p.rows, p.matrix);
-    lag_limits_of(run, t, y, run->solver.a, n, &p);
+    lag_limits_of(run, t, y, run->solver.a, n, are_curved(run, t, y, run->solver.a) ? force : NULL, 1, &p);
     for (int i = 0; i < n; ++i) { /* another distribution of the forces has the same motion */
         p.offset[i] = 0.0;
         for (int j = 0; j < n && mode[i] == LAG_HOLDS; ++j)

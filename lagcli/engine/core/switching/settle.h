@@ -13,12 +13,14 @@ typedef struct {
 
 lag_problem_arrays lag_arrays_of(lag_switching *sw);
 
-/* A of n listed rows; their responses are then available. */
+/* A of n listed rows, with zeros for those that no force moves; their responses are then available. */
 void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix);
 
 /* Limits of n rows, p->rows, as functions of the multipliers' magnitudes: constants to p->limit, and slopes with
- * respect to the listed rows to p->slope; static and kinetic ones. */
-void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int n, const lag_problem_arrays *p);
+ * respect to the listed rows to p->slope; static and kinetic ones. Limits that are curved in multipliers are those
+ * about the forces of the rows: their tangents, or their secants from 0. NULL: none of the limits is curved. */
+void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int n, const double *force, int tangent,
+                   const lag_problem_arrays *p);
 
 /* State of a row at an instant before the problem is solved. */
 enum lag_row_state {

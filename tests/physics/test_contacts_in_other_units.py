@@ -1,0 +1,141 @@
+"""Contacts whose rows have different units, and limits curved in multipliers, at any scale.
+
+The units of length, mass and time are scaled by powers of two, so that the same motion has the same
+digits; only tolerances and decisions could differ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.trajectory.trajectory import Trajectory
+
+SCALES = [(2.0**-30, 2.0**-40, 2.0**-10), (2.0**30, 2.0**60, 2.0**13)]
+
+
+def tethered(length: float, mass: float, time: float) -> str:
+    """Two balls on a rope, m², above a floor, m; the first one is driven where it may rub."""
+    speed, force = length / time, mass * length / time**2
+    return f"""
+coordinates: [x, y, u, w]
+parameters: {{m: {mass!r}, g: {9.81 * speed / time!r}, r: {length!r}, mu: 0.3, a: {0.1 * length!r},
+  f: {4 / time!r}, F: {12 * force!r}}}
+T: m/2*(x'^2 + y'^2 + u'^2 + w'^2)
+V: m*g*(y + w)
+Q: {{y: F*sin(f*t)}}
+constraints:
+  rope: "(u - x)^2 + (w - y)^2 <= r^2"
+  one: {{expr: y >= 0, friction: mu, slip: x'}}
+  two: {{expr: w >= 0, friction: mu, slip: u'}}
+  drive: x = a*sin(f*t)
+initial:
+  x: 0
+  y: {0.2 * length!r}
+  x': {{guess: 0}}
+  y': 0
+  u: {0.7 * length!r}
+  w: {0.5 * length!r}
+  u': {2 * speed!r}
+  w': 0
+simulation: {{t_end: {2 * time!r}, samples: 41}}
+"""
+
+
+def as_in_si(run: Trajectory, length: float, time: float) -> np.ndarray:
+    return np.hstack([run.q / length, run.v / length * time])
+
+
+@pytest.mark.parametrize("scales", SCALES)
+def test_ropes_and_floors(scales: tuple[float, float, float]) -> None:
+    length, _, time = scales
+    given, other = (
+        lagcli.simulate(lagcli.load_text(tethered(*units))) for units in ((1.0, 1.0, 1.0), scales)
+    )
+    assert given.status == other.status == "completed", other.message
+    assert given.events is not None
+    assert other.events is not None
+    assert {"impact", "closes", "opens", "slips"} <= set(given.events.kinds)
+    assert given.events.kinds == other.events.kinds
+    np.testing.assert_allclose(other.events.time / time, given.events.time, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        as_in_si(other, length, time), as_in_si(given, 1.0, 1.0), rtol=0, atol=1e-7
+    )
+
+
+def ladder(mass: float, law: str) -> str:
+    """A rod whose end slides in a guide, with a friction that the normal force determines."""
+    return f"""
+coordinates: [x, y, th]
+parameters: {{m: {mass!r}, l: 0.7, g: 9.81, mu: 0.3, N: {5 * mass!r}}}
+definitions: {{x_A: x - l/2*cos(th), y_A: y - l/2*sin(th)}}
+T: m/2*(x'^2 + y'^2) + m*l^2/24*th'^2
+V: m*g*y
+constraints:
+  guide: y_A = 0
+  rub: {{expr: x_A' = 0, limit: {law}}}
+initial: {{x: 0, y: {{guess: 0}}, th: 0.9, x': -1.5, y': {{guess: 0}}, th': 1.2}}
+outputs: {{limit: {law}, slip: x_A'}}
+simulation: {{t_end: 0.2, samples: 21}}
+"""
+
+
+@pytest.mark.parametrize("law", ["mu*sqrt(lambda.guide^2 + N^2)", "mu*N*(abs(lambda.guide)/N)^0.8"])
+@pytest.mark.parametrize("exponent", [-60, 60])
+def test_friction_that_is_curved_in_the_normal_force(law: str, exponent: int) -> None:
+    mass = 2.0**exponent
+    given, other = (lagcli.simulate(lagcli.load_text(ladder(m, law))) for m in (1.0, mass))
+    assert given.status == other.status == "completed", other.message
+    np.testing.assert_allclose(other.q, given.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(other.multipliers / mass, given.multipliers, rtol=0, atol=1e-7)
+    slides = np.abs(other.outputs["slip"]) > 1e-6
+    assert slides.any()
+    np.testing.assert_allclose(
+        np.abs(other.multipliers[slides, 1]), other.outputs["limit"][slides], rtol=1e-12
+    )
+
+
+def test_friction_that_is_curved_sticks_up_to_its_limit() -> None:
+    """A block on a rail under F: it sticks while |F| ≤ μ √(m² g² + N²), 0.3 √2 5 with m g = 5."""
+    for force, moves in ((2.12, False), (2.13, True)):
+        for mass in (1.0, 2.0**-50, 2.0**50):
+            run = lagcli.simulate(
+                lagcli.load_text(
+                    f"coordinates: [x, y]\n"
+                    f"parameters: {{m: {mass!r}, F: {force * mass!r}, N: {5 * mass!r}}}\n"
+                    "T: m/2*(x'^2 + y'^2)\nV: 5*m*y\nQ: {x: F}\nconstraints:\n  rail: y = 0\n"
+                    "  rub: {expr: x' = 0, limit: 0.3*sqrt(lambda.rail^2 + N^2)}\n"
+                    "initial: {x: 0, y: 0, x': 0, y': 0}\nsimulation: {t_end: 1, samples: 3}"
+                )
+            )
+            expected = (force - 1.5 * 2**0.5) / 2 if moves else 0.0
+            assert run.q[-1, 0] == pytest.approx(expected, abs=1e-9)
+
+
+#: Laws of friction under a normal force w, with N = 2.
+LAWS = {
+    "mu*abs(lambda.rail + N)": lambda w: 0.3 * abs(w + 2),
+    "mu*max(lambda.rail, 0)": lambda w: 0.3 * max(w, 0),
+    "mu*(N + abs(lambda.rail)^1.5/N^0.5)": lambda w: 0.3 * (2 + abs(w) ** 1.5 / 2**0.5),
+    "min(mu*abs(lambda.rail), 0.5*N)": lambda w: min(0.3 * abs(w), 1),
+    "if(lambda.rail > N, mu*N, mu*abs(lambda.rail))": lambda w: 0.6 if w > 2 else 0.3 * abs(w),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_friction_by_any_law_sticks_below_its_limit(law: str) -> None:
+    for weight in (-6.0, -1.0, 5.0):
+        limit = LAWS[law](weight)
+        for force in (0.95 * limit, -1.05 * limit, limit + 1):
+            run = lagcli.simulate(
+                lagcli.load_text(
+                    f"coordinates: [x, y]\nparameters: {{w: {weight}, F: {force!r}, N: 2, mu: 0.3}}"
+                    "\nT: (x'^2 + y'^2)/2\nV: w*y\nQ: {x: F}\nconstraints:\n  rail: y = 0\n"
+                    f"  rub: {{expr: x' = 0, limit: '{law}'}}\n"
+                    "initial: {x: 0, y: 0, x': 0, y': 0}\nsimulation: {t_end: 1, samples: 3}"
+                )
+            )
+            moved = max(abs(force) - limit, 0) / 2 * np.sign(force)
+            assert run.status == "completed", run.message
+            assert run.q[-1, 0] == pytest.approx(moved, abs=1e-9)
