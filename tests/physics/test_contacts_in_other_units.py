@@ -64,6 +64,20 @@ def test_ropes_and_floors(scales: tuple[float, float, float]) -> None:
     )
 
 
+@pytest.mark.parametrize("scales", SCALES)
+def test_derivatives_of_ropes_and_floors(scales: tuple[float, float, float]) -> None:
+    length, mass, _ = scales
+    given, other = (
+        lagcli.simulate(
+            lagcli.load_text(tethered(*units)), sensitivity=["m", "mu"], t_end=0.9 * units[2]
+        )
+        for units in ((1.0, 1.0, 1.0), scales)
+    )
+    assert np.isfinite(given.dq).all()
+    units = np.array([length / mass, length])
+    np.testing.assert_allclose(other.dq / units, given.dq, rtol=0, atol=1e-6)
+
+
 def ladder(mass: float, law: str) -> str:
     """A rod whose end slides in a guide, with a friction that the normal force determines."""
     return f"""

@@ -219,6 +219,29 @@ initial: {y: h, y': 0}
     np.testing.assert_allclose(found.events.dtime[-1], [t / 4, -t / (2 * 9.81)], rtol=1e-8)
 
 
+def test_a_ball_in_a_wind_that_a_table_gives() -> None:
+    """m v' = u − c |v| v − m g: kinks of the drag and of the table, and a floor."""
+    text = """
+coordinates: [y]
+parameters: {c: 0.3}
+inputs:
+  u: {times: [0, 0.3, 0.7, 1], values: [0, 3, -2, 0], interpolation: linear, extend: periodic}
+T: y'^2/2
+V: 9.81*y
+Q: {y: u - c*abs(y')*y'}
+constraints:
+  floor: {expr: y >= 0, restitution: 0.5}
+initial: {y: 0.3, y': 0}
+simulation: {t_end: 0.6, samples: 4}
+"""
+    found = lagcli.simulate(lagcli.load_text(text), sensitivity=["c"])
+    above, below = (
+        lagcli.simulate(lagcli.load_text(text, set={"c": f"{c!r}"}), rtol=1e-12).q
+        for c in (0.3 + 1e-5, 0.3 - 1e-5)
+    )
+    np.testing.assert_allclose(found.dq[:, :, 0], (above - below) / 2e-5, rtol=0, atol=1e-7)
+
+
 def test_an_event_sets_velocities_and_parameters() -> None:
     model = lagcli.load_text("""
 coordinates: [x]

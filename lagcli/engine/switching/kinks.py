@@ -69,6 +69,10 @@ class FrozenSystem(NamedTuple):
     functions: Tape
     report: Tape
 
+    def __hash__(self) -> int:
+        """Return the System's: tapes with tables of inputs have none."""
+        return hash(self.system)
+
     def frozen(self, state: State) -> State:
         """Return a state with its branches added to the parameters; zero counts as positive."""
         values, sides = ScalarTape(self.functions), [1.0] * len(self.kinks)

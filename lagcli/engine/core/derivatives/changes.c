@@ -9,6 +9,7 @@
 #include "switching/rows.h"
 
 #define SINGULAR 1e-11      /* of the largest pivot: rows that depend on each other */
+#define EQUILIBRATIONS 4
 #define LOOSE 1e-6          /* of a unit force: a share in forces that are not unique */
 
 double *lag_change(const lag_run *run, double *y, int k)
@@ -63,31 +64,61 @@ void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double 
     lag_tape_run(tape, &tape->stream);
 }
 
-void lag_solve_square(int n, double *matrix, int *pivots, double *right, double *memory)
+/* Scale rows and columns, which may have any units, so that the largest entries are about 1: powers of two to `scale`,
+ * those of the rows first. */
+static void equilibrate(int n, double *matrix, double *scale)
 {
-    double *lu = memory, *square = lu + n * n, *x = square + n * n, *rest = x + n, least = INFINITY, largest = 0.0;
+    for (int i = 0; i < 2 * n; ++i)
+        scale[i] = 1.0;
+    for (int round = 0; round < EQUILIBRATIONS; ++round)
+        for (int k = 0; k < 2 * n; ++k) {
+            const int first = k < n ? k * n : k - n, step = k < n ? 1 : n;
+            double largest = 0.0;
+            int exponent;
+            for (int i = 0; i < n; ++i)
+                largest = fmax(largest, fabs(matrix[first + i * step]));
+            if (!(largest > 0.0) || !isfinite(largest))
+                continue;
+            frexp(largest, &exponent);
+            exponent /= k < n && round + 1 < EQUILIBRATIONS ? 2 : 1; /* rows and columns share it, but for the rest */
+            scale[k] = ldexp(scale[k], -exponent);
+            for (int i = 0; i < n; ++i)
+                matrix[first + i * step] = ldexp(matrix[first + i * step], -exponent);
+        }
+}
+
+void lag_solve_square(int n, const double *given, int *pivots, double *right, double *memory)
+{
+    double *matrix = memory, *lu = matrix + n * n, *square = lu + n * n, *x = square + n * n, *scale = x + n;
+    double *rest = scale + 2 * n, least = INFINITY, largest = 0.0;
+    memcpy(matrix, given, (size_t)n * n * sizeof(double));
+    equilibrate(n, matrix, scale);
+    for (int i = 0; i < n; ++i)
+        right[i] *= scale[i];
     memcpy(lu, matrix, (size_t)n * n * sizeof(double));
     const int singular = lag_lu(lu, pivots, n);
     for (int i = 0; i < n && !singular; ++i) {
         least = fmin(least, fabs(lu[i * n + i]));
         largest = fmax(largest, fabs(lu[i * n + i]));
     }
-    if (!singular && least > SINGULAR * largest) {
+    if (!singular && least > SINGULAR * largest)
         lag_lu_solve(lu, pivots, n, right);
-        return;
-    }
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j) {
-            square[i * n + j] = 0.0;
-            for (int k = 0; k < n; ++k)
-                square[i * n + j] += matrix[i * n + k] * matrix[j * n + k];
-        }
-    lag_least_norm(n, square, right, x, rest);
-    for (int j = 0; j < n; ++j) {
-        right[j] = 0.0;
+    else {
         for (int i = 0; i < n; ++i)
-            right[j] += matrix[i * n + j] * x[i];
+            for (int j = 0; j < n; ++j) {
+                square[i * n + j] = 0.0;
+                for (int k = 0; k < n; ++k)
+                    square[i * n + j] += matrix[i * n + k] * matrix[j * n + k];
+            }
+        lag_least_norm(n, square, right, x, rest);
+        for (int j = 0; j < n; ++j) {
+            right[j] = 0.0;
+            for (int i = 0; i < n; ++i)
+                right[j] += matrix[i * n + j] * x[i];
+        }
     }
+    for (int j = 0; j < n; ++j)
+        right[j] *= scale[n + j];
 }
 
 static const double *response_of(const lag_run *run, int k)

@@ -19,8 +19,8 @@ void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double 
 int lag_differentiate(lag_run *run, double t, const double *y, int count, const lag_direction *directions);
 
 /* Solve a matrix of n rows (row by row) for right, in its place; with the least norm where its rows depend on each
- * other. memory: 5 n n + 5 n numbers; n pivots. */
-void lag_solve_square(int n, double *matrix, int *pivots, double *right, double *memory);
+ * other. memory: 6 n n + 6 n numbers; n pivots. */
+void lag_solve_square(int n, const double *matrix, int *pivots, double *right, double *memory);
 
 /* The rates of the changes in y, to the end of f. Returns 0, or 1. */
 int lag_rates_of_changes(lag_run *run, double t, const double *y, double *f);
