@@ -153,3 +153,21 @@ def test_friction_by_any_law_sticks_below_its_limit(law: str) -> None:
             moved = max(abs(force) - limit, 0) / 2 * np.sign(force)
             assert run.status == "completed", run.message
             assert run.q[-1, 0] == pytest.approx(moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("part", [-0.8, 0.5, 2.5, 9.0])
+def test_a_force_that_a_normal_force_causes(part: float) -> None:
+    """A rail that is helped by k λ bears λ = w/(1 + k), and the limit of friction is 0.3 λ."""
+    weight, limit = 10.0, 3.0 / (1 + part)
+    for force in (0.99 * limit, 1.01 * limit, -2 * limit):
+        run = lagcli.simulate(
+            lagcli.load_text(
+                f"coordinates: [x, y]\nparameters: {{w: {weight}, F: {force!r}, k: {part}}}\n"
+                "T: (x'^2 + y'^2)/2\nV: w*y\nQ: {x: F, y: k*lambda.rail}\nconstraints:\n"
+                "  rail: y = 0\n  rub: {expr: x' = 0, limit: 0.3*abs(lambda.rail)}\n"
+                "initial: {x: 0, y: 0, x': 0, y': 0}\nsimulation: {t_end: 1, samples: 3}"
+            )
+        )
+        assert run.multipliers[0, 0] == pytest.approx(weight / (1 + part), rel=1e-12)
+        moved = max(abs(force) - limit, 0) / 2 * np.sign(force)
+        assert run.q[-1, 0] == pytest.approx(moved, abs=1e-9)

@@ -12,6 +12,8 @@
 #define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
 #define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
 #define FORCE_EXACT 1e-13
+#define PLAIN_STEPS 5       /* of these, before Broyden's method */
+#define LEAST_PRODUCT 1e-12 /* of a step, in which the forces may change as if they were parallel to it */
 #define INERT 1e-13         /* of the inverse inertia of a row without constraints: none */
 #define SECANTS 8           /* steps by secants of curved limits, before those by tangents */
 #define LIMIT_EXACT 1e-13   /* of a limit: convergence of those that are curved in multipliers */
@@ -246,6 +248,51 @@ static int linearize_limits(lag_run *run, double t, const double *y, const doubl
     return exact;
 }
 
+/* Go on from forces that depend on multipliers, `present`, to those that follow from them: or, where these do not
+ * settle soon, by Broyden's method, as they may grow with each step. Returns whether they were right. */
+static int next_forces(lag_switching *sw, int size, int step, double *present)
+{
+    const int n = sw->nf;
+    double *inverse = sw->work, *moved = inverse + n * n, *left = moved + n, *now = left + n, *along = now + n;
+    double change = 0.0, largest = 0.0, whole = 0.0, product = 0.0;
+    for (int k = 0; k < n; ++k) {
+        now[k] = OUT(&sw->forces, k) - present[k];
+        change = fmax(change, fabs(now[k]));
+        largest = fmax(largest, fabs(OUT(&sw->forces, k)));
+    }
+    if (step == PLAIN_STEPS) /* minus the identity */
+        for (int i = 0; i < n * n; ++i)
+            inverse[i] = i % (n + 1) ? 0.0 : -1.0;
+    if (step > PLAIN_STEPS) {
+        for (int j = 0; j < n; ++j)
+            along[j] = 0.0;
+        for (int k = 0; k < n; ++k) { /* products by inverse inertias have one unit */
+            const double weight = sw->response[(sw->rows + k) * size + sw->force_coordinate[k]] * moved[k];
+            whole += weight * moved[k];
+            for (int j = 0; j < n; ++j) {
+                along[j] += weight * inverse[k * n + j];
+                product += weight * inverse[k * n + j] * (now[j] - left[j]);
+            }
+        }
+        for (int k = 0; k < n && fabs(product) > LEAST_PRODUCT * whole; ++k) {
+            double off = moved[k];
+            for (int j = 0; j < n; ++j)
+                off -= inverse[k * n + j] * (now[j] - left[j]);
+            for (int j = 0; j < n; ++j)
+                inverse[k * n + j] += off * along[j] / product;
+        }
+    }
+    for (int k = 0; k < n; ++k) {
+        moved[k] = step < PLAIN_STEPS ? now[k] : 0.0;
+        for (int j = 0; j < n && step >= PLAIN_STEPS; ++j)
+            moved[k] -= inverse[k * n + j] * now[j];
+        left[k] = now[k];
+    }
+    for (int k = 0; k < n; ++k)
+        present[k] = step < PLAIN_STEPS ? OUT(&sw->forces, k) : present[k] + moved[k];
+    return change <= FORCE_EXACT * largest;
+}
+
 int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a)
 {
     lag_switching *sw = &run->switching;
@@ -311,16 +358,9 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
             present_modes(n, &p, mode);
         if (!sw->nf && exact)
             break;
-        double change = 0.0, largest = 0.0;
         lag_gather_multipliers(run, run->solver.a + nq, force, sw->multipliers);
         lag_evaluate_forces(run, &sw->forces, t, y, a, sw->multipliers);
-        for (int k = 0; k < sw->nf; ++k) {
-            const double now = OUT(&sw->forces, k);
-            change = fmax(change, fabs(now - present[k]));
-            largest = fmax(largest, fabs(now));
-            present[k] = now;
-        }
-        if (exact && change <= FORCE_EXACT * largest)
+        if (next_forces(sw, size, iteration, present) && exact)
             break;
     }
     measure_speeds(run, a);
