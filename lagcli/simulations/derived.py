@@ -137,6 +137,7 @@ class DerivedColumns:
         self._energy_before = 0.0  # of the system and of the work, at the first sample
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
+        self._reach = np.zeros(len(system.constraints))
 
     @property
     def scale_position(self) -> Array:
@@ -149,6 +150,14 @@ class DerivedColumns:
     def scale_velocity(self) -> Array:
         """Largest scale of each velocity constraint so far, (nc,)."""
         return usable(self._velocity_scale)
+
+    @property
+    def reach(self) -> Array:
+        """What coordinates of their sizes change in each constraint, (nc,): of ψ, its integral."""
+        reach = self._reach.copy()
+        held = list(self.system.holonomic)
+        reach[held] = np.maximum(reach[held], self._position_scale)
+        return reach
 
     def __call__(self, block: Block) -> Samples:
         """Return the next samples with all columns."""
@@ -214,6 +223,7 @@ class DerivedColumns:
         self._velocity_scale = _larger(
             self._velocity_scale, np.maximum(e.velocity_scale, scales[1])
         )
+        self._reach = _larger(self._reach, scales[0])
         return Samples(
             coordinates=system.coordinates,
             constraints=system.constraints,

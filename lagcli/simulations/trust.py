@@ -143,7 +143,7 @@ class Trust:
         for level, largest in self._residuals.items():
             terms = scales[level]
             if level == "velocity" and self._span:  # motions that move no position
-                terms = np.fmax(terms, scales["position"] / self._span)
+                terms = np.fmax(terms, columns.reach / self._span)
             with np.errstate(invalid="ignore"):
                 relative = np.nan_to_num(largest / terms)
             worst = int(np.argmax(relative)) if len(relative) else 0

@@ -217,3 +217,28 @@ def test_stacks_that_stay(seed: int) -> None:
 def test_many_stacks_that_stay() -> None:
     for seed in range(FUZZ_COUNT // 2):
         check_stack(1000 + seed)
+
+
+@pytest.mark.parametrize("force", [0.3, 2.0])
+def test_a_box_that_stays_at_rest_has_no_warnings(force: float) -> None:
+    """Its velocities, and the terms of its constraints, are rounding errors of 1e-30 m/s."""
+    run = lagcli.simulate(
+        lagcli.load_text(f"""
+coordinates: [x, y, th]
+parameters: {{m: 1.3, b: 1, h: 0.6, g: 9.81, mu: 0.6, F: {force}}}
+definitions:
+  r_a: [x - b/2*cos(th) + h/2*sin(th), y - b/2*sin(th) - h/2*cos(th)]
+  r_b: [x + b/2*cos(th) + h/2*sin(th), y + b/2*sin(th) - h/2*cos(th)]
+T: m/2*(x'^2 + y'^2) + m*(b^2 + h^2)/24*th'^2
+V: m*g*y
+Q: {{x: F*sin(3*t)}}
+constraints:
+  a: {{expr: r_a.y >= 0, friction: mu, slip: r_a.x'}}
+  b_: {{expr: r_b.y >= 0, friction: mu, slip: r_b.x'}}
+initial: {{x: 0, y: h/2, th: 0, x': 0, y': 0, th': 0}}
+simulation: {{t_end: 1, samples: 21}}
+""")
+    )
+    assert run.status == "completed"
+    assert np.abs(run.v).max() < 1e-15
+    assert run.warnings == ()
