@@ -161,7 +161,8 @@ def test_trust_is_in_the_samples_alone() -> None:
     run = prepare(lagcli.load_text(ROD))
     blocks: list[Samples] = []
     run.run(blocks.append)
-    columns: Any = SimpleNamespace(scale_position=np.ones(1), scale_velocity=np.ones(1))
+    ones = np.ones(1)
+    columns: Any = SimpleNamespace(scale_position=ones, scale_velocity=ones, reach=ones)
 
     def said(**changes: np.ndarray) -> tuple[str, ...]:
         trust = Trust(run.system, run.start.state.p)
