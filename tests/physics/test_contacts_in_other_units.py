@@ -78,6 +78,34 @@ def test_derivatives_of_ropes_and_floors(scales: tuple[float, float, float]) -> 
     np.testing.assert_allclose(other.dq / units, given.dq, rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_contact_between_fixed_bodies_bears_nothing(seed: int) -> None:
+    """Its inverse inertia is a rounding error beside that of a ball, and of the bodies alone."""
+    random = np.random.default_rng(seed)
+    (a, b), (c, d) = random.uniform(-1, 1, size=(2, 2)) * 10.0 ** random.uniform(-6, 6, (2, 1))
+    x, y = random.uniform(0.5, 1, size=2)
+    text = f"""
+coordinates: [x, y, z]
+parameters: {{a: {a}, b: {b}, c: {c}, d: {d}, x0: {x}, y0: {y}}}
+T: 1e-3*x'^2 + 1e3*y'^2 + z'^2/2
+V: 10*z + 3*x + 2*y
+constraints:
+  first: a*(x - x0) + b*(y - y0) = 0
+  second: c*(x - x0) + d*(y - y0) = 0
+  near: 2*x + 3*y >= 2*x0 + 3*y0
+  floor: {{expr: z >= 0, restitution: 0.5}}
+initial: {{x: x0, y: y0, z: 0.2, x': 0, y': 0, z': 0}}
+simulation: {{t_end: 0.3, samples: 4}}
+"""
+    run = lagcli.simulate(lagcli.load_text(text))
+    assert run.status == "completed", run.message
+    touch, speed = 0.2, 1.0  # √(2 0.2/10), half of 2 m/s
+    after = run.time[2:] - touch
+    assert run.q[2:, 2] == pytest.approx(speed * after - 5 * after**2, abs=1e-9)
+    np.testing.assert_allclose(run.q[:, :2], [[x, y]] * 4, rtol=1e-9)
+    assert np.abs(run.multipliers[:, 2]).max() < 1e-6
+
+
 def ladder(mass: float, law: str) -> str:
     """A rod whose end slides in a guide, with a friction that the normal force determines."""
     return f"""

@@ -64,8 +64,8 @@ void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double 
     lag_tape_run(tape, &tape->stream);
 }
 
-/* Scale rows and columns, which may have any units, so that the largest entries are about 1: powers of two to `scale`,
- * those of the rows first. */
+/* Divide rows and columns, which may have any units, so that their largest entries are about 1: what multiplies them to
+ * `scale`, that of the rows first. */
 static void equilibrate(int n, double *matrix, double *scale)
 {
     for (int i = 0; i < 2 * n; ++i)
@@ -74,16 +74,14 @@ static void equilibrate(int n, double *matrix, double *scale)
         for (int k = 0; k < 2 * n; ++k) {
             const int first = k < n ? k * n : k - n, step = k < n ? 1 : n;
             double largest = 0.0;
-            int exponent;
             for (int i = 0; i < n; ++i)
                 largest = fmax(largest, fabs(matrix[first + i * step]));
             if (!(largest > 0.0) || !isfinite(largest))
                 continue;
-            frexp(largest, &exponent);
-            exponent /= k < n && round + 1 < EQUILIBRATIONS ? 2 : 1; /* rows and columns share it, but for the rest */
-            scale[k] = ldexp(scale[k], -exponent);
+            const double factor = 1.0 / sqrt(largest);
+            scale[k] *= factor;
             for (int i = 0; i < n; ++i)
-                matrix[first + i * step] = ldexp(matrix[first + i * step], -exponent);
+                matrix[first + i * step] *= factor;
         }
 }
 

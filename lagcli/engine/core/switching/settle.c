@@ -15,6 +15,7 @@
 #define PLAIN_STEPS 5       /* of these, before Broyden's method */
 #define LEAST_PRODUCT 1e-12 /* of a step, in which the forces may change as if they were parallel to it */
 #define INERT 1e-13         /* of the inverse inertia of a row without constraints: none */
+#define INERT_ERROR 1e-10   /* of the terms of the acceleration of such a row */
 #define SECANTS 8           /* steps by secants of curved limits, before those by tangents */
 #define LIMIT_EXACT 1e-13   /* of a limit: convergence of those that are curved in multipliers */
 #define LEAST_FORCE 1e-9    /* of the largest force: a smaller one, where slopes are asked for */
@@ -293,6 +294,20 @@ static int next_forces(lag_switching *sw, int size, int step, double *present)
     return change <= FORCE_EXACT * largest;
 }
 
+/* The size of the accelerations of a row that the constraint forces cause, and may take away: their errors remain. */
+static double terms_by_constraints(const lag_run *run, int row)
+{
+    const lag_system *s = &run->system;
+    const double *along = run->switching.jacobian + row * s->nq;
+    double sum = 0.0;
+    for (int i = 0; i < s->nb; ++i) {
+        const int k = s->jacobian_column[i];
+        const double force = OUT(&s->dynamics, lag_first_jacobian(s) + i) * run->solver.a[s->nq + s->jacobian_row[i]];
+        sum += fabs(along[k] * run->rows.sizes[k] * run->rows.sizes[k] * force);
+    }
+    return sum;
+}
+
 int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a)
 {
     lag_switching *sw = &run->switching;
@@ -338,6 +353,8 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
             for (int j = 0; j < nq; ++j)
                 p.rounding[i] += fabs(sw->jacobian[row * nq + j] * run->solver.a[j]);
             p.rounding[i] *= ROUNDING_ERROR;
+            if (!(p.matrix[i * n + i] > 0.0))
+                p.rounding[i] += INERT_ERROR * terms_by_constraints(run, row);
         }
         int *before = p.rows + n; /* space for the current modes */
         memcpy(before, p.mode[0], (size_t)n * sizeof(int));
