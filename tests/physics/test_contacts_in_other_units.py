@@ -199,3 +199,34 @@ def test_a_force_that_a_normal_force_causes(part: float) -> None:
         assert run.multipliers[0, 0] == pytest.approx(weight / (1 + part), rel=1e-12)
         moved = max(abs(force) - limit, 0) / 2 * np.sign(force)
         assert run.q[-1, 0] == pytest.approx(moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_an_engaged_row_that_others_imply(slides: bool) -> None:
+    """A pendulum whose rod, a circle, holds already: its rate bears nothing, and moves nothing."""
+    text = """
+coordinates: [x, y, z]
+parameters: {l: 1.3}
+T: (x'^2 + y'^2 + z'^2)/2
+V: 9.81*y
+Q: {z: 3}
+constraints:
+  rod: x^2 + y^2 = l^2
+  again: {expr: sqrt(x^2 + y^2) = l}
+  rate: {expr: x*x' + y*y' = 0, active: false}
+  rub: {expr: z' = 0, limit: 2}
+initial: {x: 0.7, y: {guess: -1}, z: 0, x': 1, y': {guess: 0}, z': 0}
+events:
+  hold: {when: t >= 0.2, engage: rate}
+  free: {when: t >= 0.7, release: rate}
+simulation: {t_end: 1, samples: 11}
+"""
+    if not slides:
+        text = text.replace("z: 3", "z: 1")
+    run = lagcli.simulate(lagcli.load_text(text))
+    plain = lagcli.simulate(
+        lagcli.load_text(text.replace("t >= 0.2", "t >= 9").replace("t >= 0.7", "t >= 9"))
+    )
+    assert run.status == "completed", run.message
+    np.testing.assert_allclose(run.q, plain.q, rtol=0, atol=1e-9)
+    assert run.q[-1, 2] == pytest.approx(0.5 if slides else 0.0, abs=1e-9)

@@ -85,7 +85,7 @@ void lag_laws_matrix(lag_run *run, double t, const double *y, const double *a, c
                     for (int j = 0; j < n; ++j)
                         row[j] += direction * OUT(&sw->limits, slopes + p)
                                   * answer(run, sw->constraint[sw->pattern_row[p]], acts[j]);
-        } else {
+        } else if (lag_along(run, k, response_of(run, k)) > 0.0) { /* else nothing moves it */
             for (int j = 0; j < n; ++j)
                 row[j] = lag_along(run, k, response_of(run, acts[j]));
         }
@@ -121,36 +121,49 @@ static double determinant(const double *lu, const int *pivots, int n)
     return product;
 }
 
-/* Solve J x = residual in its place: by the factors, or with the least norm where rows that hold depend
- * on each other. Returns 0, or 1. memory: 5 n n + 4 n. */
-static int solve_step(lag_switching *sw, int n, double *residual, int redundant, double *memory)
+/* Whether force k is that of a row that holds: its law is one of accelerations. */
+static int is_held(const lag_switching *sw, int k)
 {
+    return k < sw->rows && !lag_row_slips(sw, k);
+}
+
+/* The scale of a force; 1 of one that moves nothing. */
+static double scale_of(const acting_forces *f, int i)
+{
+    return f->scale[i] > 0.0 ? f->scale[i] : 1.0;
+}
+
+/* Solve J x = residual in its place: by the factors, or with the least norm of forces times their scales where rows
+ * that hold depend on each other. Returns 0, or 1. memory: 5 n n + 4 n. */
+static int solve_step(lag_switching *sw, const acting_forces *f, double *residual, int redundant, double *memory)
+{
+    const int n = f->n;
     if (!redundant) {
         if (lag_lu(sw->lu, sw->pivots, n))
             return 1;
         lag_lu_solve(sw->lu, sw->pivots, n, residual);
         return 0;
     }
-    double *square = memory, *x = square + n * n, *rest = x + n;
+    double *matrix = memory, *square = matrix + n * n, *x = square + n * n, *rest = x + n;
+    for (int i = 0; i < n; ++i) {
+        const double own = scale_of(f, i), factor = is_held(sw, f->acts[i]) ? 1.0 / own : own;
+        residual[i] *= factor;
+        for (int j = 0; j < n; ++j)
+            matrix[i * n + j] = factor * sw->lu[i * n + j] / scale_of(f, j);
+    }
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) {
             square[i * n + j] = 0.0;
             for (int k = 0; k < n; ++k)
-                square[i * n + j] += sw->lu[i * n + k] * sw->lu[j * n + k];
+                square[i * n + j] += matrix[i * n + k] * matrix[j * n + k];
         }
     lag_least_norm(n, square, residual, x, rest);
     for (int j = 0; j < n; ++j) {
         residual[j] = 0.0;
         for (int i = 0; i < n; ++i)
-            residual[j] += sw->lu[i * n + j] * x[i];
+            residual[j] += matrix[i * n + j] * x[i] / scale_of(f, j);
     }
     return 0;
-}
-
-/* Whether force k is that of a row that holds: its law is one of accelerations. */
-static int is_held(const lag_switching *sw, int k)
-{
-    return k < sw->rows && !lag_row_slips(sw, k);
 }
 
 /* Newton's method on the laws. `held` is the determinant of the rows that hold alone, 0 where they
@@ -173,7 +186,7 @@ static int solve_laws(lag_run *run, double t, const double *y, const acting_forc
             if (part <= 4.0 * DBL_EPSILON * terms)
                 return 0;
         }
-        if (solve_step(sw, f->n, f->residual, held == 0.0, memory))
+        if (solve_step(sw, f, f->residual, held == 0.0, memory))
             return 1;
         sw->margin = held != 0.0 ? determinant(sw->lu, sw->pivots, f->n) / held : 1.0;
         for (int i = 0; i < f->n; ++i) {

@@ -6,6 +6,7 @@
 #include "solution.h"
 
 #define RANK 1e-10          /* of the largest pivot: rows below it are linearly dependent */
+#define INERT 1e-13 /* of the inverse inertia of a row without constraints: none */
 #define WAY 1e-6            /* of the duration of the run: gaps that may all be zero are as large as what a contact moves in it */
 
 int lag_row_acts(const lag_switching *sw, int row)
@@ -79,6 +80,18 @@ void lag_keep_speeds(lag_run *run)
         sw->speed[i] = fmax(sw->speed[i], sw->tried[i]);
 }
 
+/* Whether nothing moves along a row, but for rounding errors: its inverse inertia is none of what it is without
+ * constraints. Rows may have any units, so that others do not tell. */
+static int is_inert(const lag_run *run, const double *along, const double *response)
+{
+    double entry = 0.0, whole = 0.0;
+    for (int k = 0; k < run->system.nq; ++k) {
+        entry += along[k] * response[k];
+        whole += (along[k] * run->rows.sizes[k]) * (along[k] * run->rows.sizes[k]);
+    }
+    return !(entry > INERT * whole);
+}
+
 const double *lag_row_response(lag_run *run, int k)
 {
     lag_switching *sw = &run->switching;
@@ -86,6 +99,8 @@ const double *lag_row_response(lag_run *run, int k)
     double *out = sw->response + k * (nq + run->system.nc), *direction = sw->direction;
     if (k < sw->rows) {
         lag_respond(run, sw->jacobian + k * nq, out);
+        if (is_inert(run, sw->jacobian + k * nq, out))
+            memset(out, 0, (size_t)nq * sizeof(double));
         return out;
     }
     memset(direction, 0, (size_t)nq * sizeof(double));

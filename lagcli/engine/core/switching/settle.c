@@ -14,8 +14,7 @@
 #define FORCE_EXACT 1e-13
 #define PLAIN_STEPS 5       /* of these, before Broyden's method */
 #define LEAST_PRODUCT 1e-12 /* of a step, in which the forces may change as if they were parallel to it */
-#define INERT 1e-13         /* of the inverse inertia of a row without constraints: none */
-#define INERT_ERROR 1e-10   /* of the terms of the acceleration of such a row */
+#define INERT_ERROR 1e-10   /* of the terms of the acceleration of a row that nothing moves */
 #define SECANTS 8           /* steps by secants of curved limits, before those by tangents */
 #define LIMIT_EXACT 1e-13   /* of a limit: convergence of those that are curved in multipliers */
 #define LEAST_FORCE 1e-9    /* of the largest force: a smaller one, where slopes are asked for */
@@ -146,17 +145,6 @@ static int are_curved(lag_run *run, double t, const double *y, const double *a)
     return curved;
 }
 
-/* Whether an entry of A's diagonal is 0 but for rounding: no force moves the row. Rows may have any units, so that the
- * others do not tell. */
-static int is_inert(const lag_run *run, int row, double entry)
-{
-    const double *along = run->switching.jacobian + row * run->system.nq;
-    double whole = 0.0; /* as if there were no constraints */
-    for (int k = 0; k < run->system.nq; ++k)
-        whole += (along[k] * run->rows.sizes[k]) * (along[k] * run->rows.sizes[k]);
-    return !(entry > INERT * whole);
-}
-
 void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
 {
     for (int j = 0; j < n; ++j) {
@@ -168,7 +156,7 @@ void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
         for (int j = 0; j < i; ++j)
             matrix[i * n + j] = matrix[j * n + i] = 0.5 * (matrix[i * n + j] + matrix[j * n + i]);
     for (int i = 0; i < n; ++i)
-        for (int j = 0, inert = is_inert(run, rows[i], matrix[i * n + i]); inert && j < n; ++j)
+        for (int j = 0; !(matrix[i * n + i] > 0.0) && j < n; ++j)
             matrix[i * n + j] = matrix[j * n + i] = 0.0;
 }
 
