@@ -51,7 +51,8 @@ void lag_assembled_destroy(lag_assembled *assembled);
 /* The stream with the same operations as scalar ones. Returns its length; without `to`, only that. */
 int64_t lag_unpack(const lag_stream *stream, int32_t *to);
 
-/* The parts of which programs for power series are made, too (engine/taylor). Values have numbers below `values`. */
+/* The parts of which programs for power series are made, too (engine/taylor). Their arguments are not checked: values
+ * have numbers from 0 to below `values`, and those of -1 are none. */
 
 /* Operations of a program for power series. */
 typedef struct {

@@ -266,7 +266,7 @@ def series_stream(
     """
     given = Arguments()
     record = given.filled(lag_nodes, count=len(nodes), numbers=nodes, values=len(place))
-    registers, stream = c_int32(count), np.empty(9 * len(nodes) + 2, dtype=np.int32)
+    registers, stream = c_int32(count), np.empty((2 + NODE_VALUES) * len(nodes) + 2, dtype=np.int32)
     length = core.lag_series_stream(
         byref(record), ordered, address(place), address(kept), byref(registers), address(stream)
     )
