@@ -171,8 +171,6 @@ class BatchTable:
         Numbers of all inputs, and of those among them, the last, that are the same for a table.
     kernel : int
         As for `BatchIntegrator`.
-    scalar : bool
-        Whether all operations of the program are on single registers already.
     """
 
     _table: int | None = None
@@ -183,22 +181,20 @@ class BatchTable:
         inputs: int,
         parameters: int,
         kernel: int = KERNEL,
-        *,
-        scalar: bool = False,
     ):
         given = Arguments()
         self._parameters, self._outputs = parameters, len(program.outputs)
         self._turn = Lock()  # the registers belong to the table
-        program = program if scalar else _scalar(program)
+        record = given.program(_scalar(program))
         self._table = core.lag_table_create(
-            None, byref(given.program(program)), inputs - parameters, parameters, kernel
+            None, byref(record), inputs - parameters, parameters, kernel
         )
         check(not self._table)
 
     @classmethod
     def of_rows(cls, tape: Tape) -> BatchTable:
         """Return the table of a tape whose inputs all differ between rows."""
-        return cls(assemble(tape._replace(parameters=0)), tape.inputs, 0)
+        return cls(assemble(tape._replace(parameters=0), long=None), tape.inputs, 0)
 
     # an argument, because globals may be gone when the interpreter exits
     def __del__(self, destroy: Any = core.lag_table_destroy) -> None:

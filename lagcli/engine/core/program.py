@@ -23,7 +23,6 @@ from lagcli.engine.core.structures import (
     lag_program,
     lag_stream,
 )
-from lagcli.engine.tape.operations import PLACES, Op
 from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
@@ -77,6 +76,7 @@ core = Functions(
 
 #: Number of operations from which programs are vectorized.
 LONG = 1500
+_NEVER = 2**63 - 1
 #: Minimum length of a vector, in operations: LAG_SHORTEST.
 SHORTEST = 8
 #: Largest number of results and operands of an operation: LAG_NODE_VALUES.
@@ -120,7 +120,7 @@ class Program(NamedTuple):
     inputs: int
 
 
-def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) -> Program:
+def assemble(tape: Tape, families: Sequence[str | None] = (), long: int | None = LONG) -> Program:
     """Convert a tape to a program.
 
     Parameters
@@ -128,8 +128,8 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
     tape : Tape
     families : sequence of str or None
         Labels of inputs; inputs of the same family have the same label.
-    long : int
-        Number of operations from which programs are vectorized.
+    long : int, optional
+        Number of operations from which programs are vectorized; None: they are not.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) 
         **_groups("isomorphic", tape.isomorphic),
         families=[numbers.setdefault(x, len(numbers) - 1) for x in families],
         family_count=len(families),
-        vectors_from=long,
+        vectors_from=_NEVER if long is None else long,
     )
     valid = c_int()
     made = core.lag_assemble(None, byref(record), byref(valid))
@@ -197,30 +197,6 @@ def _program(made: Any, tape: Tape) -> Program:
 
 def _numbers(stream: lag_stream) -> Int32:
     return copied_integers(stream.code, stream.length)
-
-
-def as_it_stands(tape: Tape) -> Program:
-    """Convert a tape to a program with a register for each operation, in the tape's order.
-
-    It is made in a fraction of the time of `assemble`, for a few evaluations of a long tape.
-    """
-    op, *registers = np.array(tape.code, dtype=np.int32).reshape(-1, 5).T
-    numbers = np.column_stack([op, np.ones_like(op), *registers])
-    width = 2 + np.array(PLACES)[op]
-    code = numbers[np.arange(numbers.shape[1]) < width[:, None]]
-    end = np.array([Op.END, 0], dtype=np.int32)
-    values = np.zeros(tape.registers)
-    values[tape.inputs : tape.inputs + len(tape.constants)] = tape.constants
-    return Program(
-        prelude=end,
-        main=np.concatenate([code, end]),
-        deferred=(),
-        output_subsets=(),
-        registers=values,
-        outputs=np.array(tape.outputs, dtype=np.int32),
-        size=len(tape.code),
-        inputs=tape.inputs - tape.rhs_inputs,
-    )
 
 
 def unpacked(stream: Int32) -> Int32:

@@ -249,7 +249,7 @@ class SampleTape:
     """
 
     def __init__(self, tape: Tape):
-        self._table = BatchTable(assemble(tape), tape.inputs, tape.parameters)
+        self._table = BatchTable(assemble(tape, long=None), tape.inputs, tape.parameters)
 
     def __call__(self, samples: Array, parameters: Array) -> Array:
         """Return the outputs, (runs, outputs, nt).

@@ -68,11 +68,11 @@ class _LongTape:
 
     def __init__(self, tape: Tape):
         from lagcli.engine.core.batch import BatchTable
-        from lagcli.engine.core.program import as_it_stands
+        from lagcli.engine.core.program import assemble
 
         self._columns = tape.inputs - tape.parameters
-        program = as_it_stands(tape)
-        self._table = BatchTable(program, tape.inputs, tape.parameters, scalar=True)
+        program = assemble(tape, long=None)
+        self._table = BatchTable(program, tape.inputs, tape.parameters)
 
     def __call__(self, inputs: Sequence[Array | float], count: int) -> Array:
         """Return the outputs, (outputs, count)."""
