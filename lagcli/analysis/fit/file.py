@@ -20,6 +20,7 @@ from lagcli.model.rewriting import rewrite
 from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.hdf5.analysis_file import new_analysis_file, opened_analysis
 from lagcli.results.hdf5.container import add_array, add_texts, attach_axes, make_axis, set_text
+from lagcli.results.hdf5.inputs import read_inputs
 from lagcli.results.hdf5.structure import group, read_arrays, read_texts, text_attribute
 from lagcli.results.metadata import check_model, check_times, storable
 from lagcli.version import __version__
@@ -88,7 +89,7 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
     facts = {name: getattr(result, name) for name in _FACTS}
     facts["lagcli_version"] = __version__
     content = {"command": "fit", **result.as_dict()}
-    with new_analysis_file(os.fspath(path), content, facts, force) as root:
+    with new_analysis_file(os.fspath(path), content, facts, result.inputs, force) as root:
         parameter = add_texts(root, "parameter", result.names)
         observed = add_texts(root, "observed", result.observed)
         for axis, name in ((parameter, "parameter"), (observed, "observed")):
@@ -167,6 +168,7 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
             freedom=content["degrees_of_freedom"],
             converged=content["status"] == "completed",
             failures=content["failed_runs"],
+            inputs=read_inputs(root),
             **fields,
         )
 

@@ -29,6 +29,7 @@ from lagcli.model.model import FitBlock, Model
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.directions import direction_names
+from lagcli.simulations.inputs import input_tables
 from lagcli.simulations.threads import one_thread
 
 #: Limit of the steps of a run: this multiple of the steps at the model's values, plus this number.
@@ -234,6 +235,7 @@ def _result(
         model_name=model.name,
         model=model.text,
         model_sha256=model.sha256,
+        inputs=input_tables(model),
         names=names,
         units=_units(model, block),
         values=best.values,

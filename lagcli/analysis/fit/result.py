@@ -27,6 +27,7 @@ from lagcli.analysis.output.text import width
 from lagcli.arrays import Array
 from lagcli.named_tuples import NamedTuple
 from lagcli.prose import counted, wrapped
+from lagcli.trajectory.samples import InputTable
 
 
 class FittedData(NamedTuple):
@@ -69,6 +70,8 @@ class FitResult:
     ----------
     model_name, model, model_sha256 : str
         The model's name, and its text with its digest.
+    inputs : mapping of str to InputTable
+        Tables of the model's inputs.
     names : tuple of k str
         Parameters and initial values.
     units : mapping of str to str
@@ -121,6 +124,7 @@ class FitResult:
     model_name: str
     model: str
     model_sha256: str
+    inputs: Mapping[str, InputTable]
     names: tuple[str, ...]
     units: Mapping[str, str]
     values: Array

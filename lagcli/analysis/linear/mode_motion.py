@@ -14,15 +14,15 @@ from lagcli.analysis.linear.operating_points import equations_of, find_operating
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady_terms import Given
+from lagcli.analysis.stored_model import stored_model
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block
 from lagcli.engine.system import State
 from lagcli.errors import NumericalError, UsageError
-from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_display
-from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
+from lagcli.results.hdf5.analysis_file import read_analysis
 from lagcli.results.hdf5.opening import damage
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.inputs import input_tables
@@ -108,7 +108,7 @@ def stored_mode_motion(
         As `mode_motion`.
     """
     content = read_analysis(path, "modes")
-    model = load_text(*read_model_text(path))
+    model = stored_model(path)
     _check_number(number, _stored(content), model.name)
     stored = StoredModes(content, model, os.fspath(path))
     return stored.motion(number, amplitude)

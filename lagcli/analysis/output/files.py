@@ -11,6 +11,7 @@ from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.metadata import to_json
+from lagcli.simulations.inputs import input_tables
 from lagcli.version import __version__
 
 
@@ -67,4 +68,4 @@ def write_content(
         return
     from lagcli.results.hdf5.analysis_file import write_analysis
 
-    write_analysis(path, content, arrays, facts_of(model), force)
+    write_analysis(path, content, arrays, facts_of(model), input_tables(model), force)

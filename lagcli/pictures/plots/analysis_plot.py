@@ -23,6 +23,7 @@ from lagcli.pictures.plots.figure import FigureFile, FigureTarget, plain_ticks, 
 from lagcli.pictures.plots.mode_plot import plot_modes
 from lagcli.pictures.selection import drawable
 from lagcli.results.metadata import model_title
+from lagcli.simulations.inputs import input_data
 
 if TYPE_CHECKING:
     from lagcli.analysis.fit.result import FitResult, FittedData
@@ -380,7 +381,7 @@ def _observed_names(model: Model | None) -> Callable[[str], str]:
 def _fitted_model(result: FitResult) -> Model | None:
     """Return the fitted model; None if it is not one of this version, or lacks its data."""
     try:
-        return load_text(result.model, result.model_name)
+        return load_text(result.model, result.model_name, data=input_data(result.inputs))
     except LagcliError:
         return None
 

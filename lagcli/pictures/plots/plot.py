@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import ModelError, UsageError
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.run_file import RunFile
@@ -100,13 +100,11 @@ def plot(
 
 def _model_of(file: str) -> Model | None:
     """Return the model of an analysis; None if it is not that of this version, or lacks data."""
-    from lagcli.model.loader import load_text
-    from lagcli.results.hdf5.analysis_file import read_model_text
+    from lagcli.analysis.stored_model import stored_model
 
-    given = read_model_text(file)
     try:
-        return load_text(*given)
-    except LagcliError:
+        return stored_model(file)
+    except ModelError:
         return None
 
 

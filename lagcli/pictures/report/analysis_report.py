@@ -74,9 +74,10 @@ def analysis_page(path: str, kind: str, title: str | None, lang: str) -> str:
     if kind == "fit":
         from lagcli.analysis.fit.file import read_fit
         from lagcli.analysis.fit.result import fit_sections
+        from lagcli.simulations.inputs import input_data
 
         result = read_fit(path)
-        model = load_text(result.model, path)
+        model = load_text(result.model, path, data=input_data(result.inputs))
         draw = partial(draw_result, result, ())
         sections = rendered(fit_sections(result), draw, names_of(model))
         return _assembled(model, result.parameters, sections, path, kind, title, lang)
@@ -86,9 +87,10 @@ def analysis_page(path: str, kind: str, title: str | None, lang: str) -> str:
         model = sweep_model(path)
         sections = sweep_sections(path, names_of(model))
         return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
-    from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
+    from lagcli.analysis.stored_model import stored_model
+    from lagcli.results.hdf5.analysis_file import read_analysis
 
-    content, model = read_analysis(path), load_text(*read_model_text(path))
+    content, model = read_analysis(path), stored_model(path)
     sections = _sections(content, model)
     return _assembled(model, model.parameter_values, sections, path, kind, title, lang)
 

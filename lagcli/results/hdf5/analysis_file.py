@@ -17,10 +17,11 @@ from lagcli.json_schema import check_json, published_schema
 from lagcli.json_values import json_values
 from lagcli.named_tuples import NamedTuple
 from lagcli.results.hdf5.container import add_array, new_file, set_text
+from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.opening import open_verified
 from lagcli.results.hdf5.structure import text_attribute
 from lagcli.results.metadata import check_model, shortened, storable, to_json
-from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
+from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, InputTable
 
 #: The schema of values that replace those of a model.
 _VALUES = {"type": "object", "additionalProperties": {"type": "string"}}
@@ -28,7 +29,11 @@ _VALUES = {"type": "object", "additionalProperties": {"type": "string"}}
 
 @contextmanager
 def new_analysis_file(
-    path: str, content: Mapping[str, Any], facts: Mapping[str, Any], force: bool
+    path: str,
+    content: Mapping[str, Any],
+    facts: Mapping[str, Any],
+    inputs: Mapping[str, InputTable],
+    force: bool,
 ) -> Iterator[h5py.File]:
     """Create a file for the result of an analysis, written atomically.
 
@@ -39,6 +44,8 @@ def new_analysis_file(
         Content printed by ``--json``; its ``command`` is the kind of the file.
     facts : mapping
         Provenance: ``lagcli_version``, ``model``, ``model_sha256``, ``parameters``, ….
+    inputs : mapping of str to InputTable
+        Tables of the model's inputs.
     force : bool
         Replace an existing file.
 
@@ -63,6 +70,7 @@ def new_analysis_file(
         for name, value in texts.items():
             text = value if isinstance(value, str) else to_json(value)
             set_text(root["/"].id, name, storable(text))
+        write_inputs(root["/"], inputs)
         yield root
         sink.check()
 
@@ -72,27 +80,31 @@ def write_analysis(
     content: Mapping[str, Any],
     arrays: Mapping[str, Array],
     facts: Mapping[str, Any],
+    inputs: Mapping[str, InputTable],
     force: bool = False,
 ) -> None:
     """Write the result of an analysis with arrays by name; see `new_analysis_file`."""
-    with new_analysis_file(path, content, facts, force) as root:
+    with new_analysis_file(path, content, facts, inputs, force) as root:
         for name, values in arrays.items():
             add_array(root["/"], name, np.asarray(values, dtype=float))
 
 
 class ModelText(NamedTuple):
-    """The model of an analysis: its text and given values, as `lagcli.load_text` takes them.
+    """The model of an analysis: its text, given values and tables of inputs.
 
     Parameters
     ----------
     text, path : str
     set, set_initial : dict of str to str
+    inputs : dict of str to InputTable
+        Empty in files of earlier versions.
     """
 
     text: str
     path: str
     set: dict[str, str]
     set_initial: dict[str, str]
+    inputs: dict[str, InputTable]
 
 
 def read_model_text(path: str | os.PathLike[str]) -> ModelText:
@@ -108,7 +120,12 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
         if text is None:
             raise FileError(f"{os.fspath(path)} contains no model")
         check_model(text, text_attribute(opened.root, "model_sha256") or "")
-        return ModelText(text, origin or os.fspath(path), **_given_values(opened.root))
+        return ModelText(
+            text,
+            origin or os.fspath(path),
+            **_given_values(opened.root),
+            inputs=read_inputs(opened.root),
+        )
 
 
 def _given_values(root: h5py.File) -> dict[str, dict[str, str]]:
