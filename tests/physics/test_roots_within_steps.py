@@ -384,11 +384,11 @@ simulation: {{times: [0, 2]}}
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("power", [2, 3, 4])
-def test_what_leaves_zero_from_rest_and_returns_where_a_step_ends(power: int, scale: float) -> None:
-    """x = c t^n (t - 1), and at the clock's tick of 1 s it is zero but for rounding."""
-    for c in (0.7, -1.3):
-        force = (c * scale * Polynomial.fromroots([0.0] * power + [1.0])).deriv(2)
+@pytest.mark.parametrize("root", [1e-3, 1e-2, 1.0])
+def test_what_leaves_zero_from_rest_and_returns(root: float, scale: float) -> None:
+    """x = c t^n (t - root): in the first step, or where a clock's tick of 1 s ends one."""
+    for c, power in ((0.7, 2), (-1.3, 2), (1.1, 3), (-0.4, 4)):
+        force = (c * scale * Polynomial.fromroots([0.0] * power + [root])).deriv(2)
         terms = " + ".join(f"({x!r})*t^{k}" for k, x in enumerate(force.coef.tolist()))
         model = load_text(f"""
 coordinates: [x]
@@ -401,7 +401,7 @@ events:
 simulation: {{times: [0, 2.2]}}
 """)
         times = [x.time for x in run_contact(model).entries("event", "zero")]
-        assert times == pytest.approx([1], rel=1e-12)
+        assert times == pytest.approx([root], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -455,3 +455,29 @@ simulation: {{times: [0, 6]}}
         for name, expected in (("right", times[:-1:2]), ("left", times[1:-1:2])):
             impacts = [x.time for x in found.entries("impact", name)]
             assert impacts == pytest.approx(expected, rel=1e-12), name
+
+
+@pytest.mark.parametrize("way", [">=", "<="])
+def test_a_condition_that_a_contact_holds_at_zero_from_the_start(way: str) -> None:
+    """A body on a floor, or below a ceiling, is kicked off it, and comes back."""
+    rng = np.random.default_rng(9)
+    up = 1 if way == ">=" else -1
+    for scale in (1e-6, 1.0, 1e6):
+        h, g, kick, drift = (scale * rng.uniform([-5, 1, 0.5, -3], [5, 10, 2, 3])).tolist()
+        model = load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: {up * g!r}*y
+constraints: {{floor: {{expr: "y {way} {h!r} + x/3", restitution: 0}}}}
+initial: {{x: {scale}, x': {drift!r}, y: {h + scale / 3!r}, y': {drift / 3!r}}}
+events:
+  there: {{when: "y - x/3 = {h!r}"}}
+  still: {{when: "y' = x'/3"}}
+  kick: {{when: t >= 1, impulse: {{y: {up * kick!r}}}}}
+simulation: {{times: [0, {1 + 3 * kick / g!r}]}}
+""")
+        found = run_contact(model)
+        for name, time in (("there", 1 + 2 * kick / g), ("still", 1 + kick / g)):
+            assert [x.time for x in found.entries("event", name)] == pytest.approx(
+                [time], rel=1e-11
+            )

@@ -121,8 +121,10 @@ static int begin_instant(lag_run *run)
         lag_condition *condition = sw->condition + c;
         condition->happened = 0;
         condition->value = lag_condition_value(run, c, sw->instant, sw->before);
-        if (condition->rests)
-            condition->rests = fabs(condition->value) <= lag_condition_noise(condition) ? LAG_AT_ZERO : LAG_OFF_ZERO;
+        if (condition->rests) { /* but for its rounding errors, and those of the rows that hold it there */
+            const double zero = fmax(lag_condition_noise(condition), lag_held_error(run, c, sw->instant, sw->before));
+            condition->rests = fabs(condition->value) <= zero ? LAG_AT_ZERO : LAG_OFF_ZERO;
+        }
         const int root = c < sw->conditions && fabs(condition->off) <= WRONG * lag_condition_noise(condition);
         condition->off = root ? fabs(condition->value - condition->off) : 0.0;
     }

@@ -344,45 +344,37 @@ static int begins(const lag_run *run, const lag_watched_function *w, double t)
 /* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
  * other side: it has just happened and turns back, or begins at zero. The difference, which may be rounding or reach
  * beyond another root, is for functions that have no slope there. */
-static int turns_back(lag_run *run, int k, double value, double slope, const double *f)
+static int turns_back(const lag_run *run, const lag_watched_function *w, double value, double difference,
+                      lag_interval slope, double rounding)
 {
-    const lag_switching *sw = &run->switching;
-    const lag_watched_function *w = sw->watched + k;
-    if (w->what < LAG_WATCH_CONDITION || !sw->condition[w->which].either || !begins(run, w, run->step.t))
+    const lag_condition *condition = run->switching.condition + w->which;
+    const double along = lag_interval_sign(slope) ? 0.5 * (slope.low + slope.high) : difference;
+    if (!condition->either || !begins(run, w, run->step.t) || !(along < 0.0))
         return 0;
-    if (lag_is_enclosed(w->what)) {
-        lag_interval jet[2];
-        lag_enclose_at(run, k, run->step.t, run->step.y, f, jet);
-        if (lag_interval_sign(jet[1]))
-            slope = 0.5 * (jet[1].low + jet[1].high);
-    }
-    if (!(slope < 0.0))
-        return 0;
-    return fabs(value) <= -slope * (w->resolved - run->step.t) + lag_condition_noise(sw->condition + w->which);
+    return fabs(value) <= -along * (w->resolved - run->step.t) + fmax(rounding, lag_condition_noise(condition));
 }
 
 /* Whether a condition that happens either way is zero at the beginning and remains so at first: one that begins so, or
- * that an action has put there. One that a row brings to zero and holds there has been positive or negative. */
-static int rests_at_zero(lag_run *run, const lag_watched_function *w, double value, double slope, double rounding)
+ * that an action has put there. One that a row brings to zero and holds there has been positive or negative. The
+ * difference is for slopes that have no bounds. */
+static int rests_at_zero(lag_run *run, const lag_watched_function *w, double value, double difference,
+                         lag_interval slope, double rounding)
 {
     const lag_condition *condition = run->switching.condition + w->which;
     const double t = run->step.t;
-    const double zero = slope == 0.0 ? fmax(rounding, lag_condition_noise(condition)) : rounding;
-    if (!condition->either || !begins(run, w, t) || fabs(value) + fabs(SOON * slope * run->step.h) > zero)
+    const double along = lag_interval_size(slope) < INFINITY ? 0.5 * (slope.low + slope.high) : difference;
+    const double zero = along == 0.0 ? fmax(rounding, lag_condition_noise(condition)) : rounding;
+    if (!condition->either || !begins(run, w, t) || fabs(value) + fabs(SOON * along * run->step.h) > zero)
         return 0;
     return condition->rests || !(t > run->step.t_start) || !(lag_held_error(run, w->which, t, run->step.y) > 0.0);
 }
 
-/* The rounding error of function k at the beginning: that of a condition by its enclosure, unless it jumps there. */
-static double rounding_at(lag_run *run, int k, double t, const double *y, const double *f)
+/* The rounding error of a function at the beginning: that of a condition by its enclosure, unless it jumps there. */
+static double rounding_at(lag_run *run, const lag_watched_function *w, lag_interval value)
 {
-    const lag_watched_function *w = run->switching.watched + k;
-    const double usual = lag_watched_noise(run, w);
-    lag_interval jet[2];
+    const double usual = lag_watched_noise(run, w), width = value.high - value.low;
     if (w->what != LAG_WATCH_CONDITION)
         return usual;
-    lag_enclose_at(run, k, t, y, f, jet);
-    const double width = jet[0].high - jet[0].low;
     return width <= WRONG * usual || run->switching.enclosure.held ? width : usual;
 }
 
@@ -397,17 +389,22 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         return LAG_UNDEFINED;
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        const double rounding = rounding_at(run, k, t, y, f);
+        lag_interval jet[2] = {LAG_ANYTHING, LAG_ANYTHING};
+        if (w->what == LAG_WATCH_CONDITION || (w->what == LAG_WATCH_TIME && sw->condition[w->which].either))
+            lag_enclose_at(run, k, t, y, f, jet);
+        const double rounding = rounding_at(run, w, jet[0]);
         w->resolved = resolved_from(run, w, t);
-        if (turns_back(run, k, values[k], slopes[k], f)) {
+        if (w->what >= LAG_WATCH_CONDITION) {
             lag_condition *condition = sw->condition + w->which;
-            condition->holds = !condition->holds;
-            w->sign = -w->sign;
-            values[k] = -values[k];
-            slopes[k] = -slopes[k];
+            if (turns_back(run, w, values[k], slopes[k], jet[1], rounding)) {
+                condition->holds = !condition->holds;
+                w->sign = -w->sign;
+                values[k] = -values[k];
+                slopes[k] = -slopes[k];
+                jet[1] = lag_interval_scale(jet[1], -1.0);
+            }
+            condition->rests = rests_at_zero(run, w, values[k], slopes[k], jet[1], rounding);
         }
-        if (w->what >= LAG_WATCH_CONDITION)
-            sw->condition[w->which].rests = rests_at_zero(run, w, values[k], slopes[k], rounding);
         const int other = w->what >= LAG_WATCH_CONDITION && !begins(run, w, t); /* the instant of others */
         if (!other && values[k] + SOON * slopes[k] * run->step.h < rounding) /* and it remains so */
             w->shift = rounding - fmin(values[k], 0.0);
