@@ -14,7 +14,7 @@ from lagcli.analysis.linear.operating_points import equations_of, find_operating
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady_terms import Given
-from lagcli.analysis.stored_model import stored_model
+from lagcli.analysis.output.files import stored_model
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block

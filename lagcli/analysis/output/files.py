@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from lagcli.errors import UsageError
+from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.results.atomic import check_writable, write_file
 from lagcli.results.metadata import to_json
-from lagcli.simulations.inputs import input_tables
+from lagcli.simulations.inputs import input_data, input_tables
 from lagcli.version import __version__
 
 
@@ -69,3 +70,24 @@ def write_content(
     from lagcli.results.hdf5.analysis_file import write_analysis
 
     write_analysis(path, content, arrays, facts_of(model), input_tables(model), force)
+
+
+def stored_model(path: str | os.PathLike[str]) -> Model:
+    """Return the model of an analysis file, with the tables of inputs that it had.
+
+    Parameters
+    ----------
+    path : path
+        HDF5.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or contains no model.
+    ModelError
+        The model is not valid in this version.
+    """
+    from lagcli.results.hdf5.analysis_file import read_model_text
+
+    given = read_model_text(path)
+    return load_text(given.text, given.path, given.set, given.set_initial, input_data(given.inputs))

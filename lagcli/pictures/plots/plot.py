@@ -100,7 +100,7 @@ def plot(
 
 def _model_of(file: str) -> Model | None:
     """Return the model of an analysis; None if it is not that of this version, or lacks data."""
-    from lagcli.analysis.stored_model import stored_model
+    from lagcli.analysis.output.files import stored_model
 
     try:
         return stored_model(file)

@@ -9,7 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.analysis.fit.file import read_fit
-from lagcli.analysis.stored_model import stored_model
+from lagcli.analysis.output.files import stored_model
 from lagcli.cli.app import run
 
 MODEL = """
