@@ -28,7 +28,7 @@ typedef struct {
     int64_t output_count;
     const int32_t *deferred;           /* sizes of the groups of deferred outputs, the last ones */
     int deferred_count;                /* at most 3 */
-    const int32_t *subsets, *subset_ends; /* indices of outputs, one subset after the other */
+    const int32_t *subset, *subset_ends; /* indices of outputs, one subset after the other */
     int subset_count;                  /* at most 2 */
     const int32_t *isomorphic, *isomorphic_ends; /* results that are likely used in the same way, group after group */
     int64_t isomorphic_count;
@@ -61,8 +61,6 @@ typedef struct {
     int64_t values;
 } lag_nodes;
 
-#define LAG_NODE_VALUES 7 /* results and operands of an operation, at most */
-
 /* Order the first operations in runs of a kind, and allocate registers.
  *
  * `ordered` is the number of operations that are ordered; the others follow them. place: the register of each value,
@@ -81,8 +79,6 @@ int64_t lag_series_levels(const lag_nodes *nodes, int32_t *members, int32_t *end
  * coordinate may be arbitrary. Writes the indices of the points of one run after the other, and the ends of the runs,
  * at most n / LAG_SHORTEST, then the remaining points; returns the number of runs, -1 if there is no memory. */
 int64_t lag_progressions(const int32_t *points, int64_t n, int k, int32_t *members, int32_t *ends);
-
-#define LAG_SHORTEST 8 /* operations of a vector at least: a shorter one takes as long as its parts */
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

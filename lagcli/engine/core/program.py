@@ -23,6 +23,7 @@ from lagcli.engine.core.structures import (
     lag_program,
     lag_stream,
 )
+from lagcli.engine.tape.operations import NODE_VALUES
 from lagcli.named_tuples import NamedTuple
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class lag_tape(Structure):
         ("output_count", c_int64),
         ("deferred", Integers),
         ("deferred_count", c_int),
-        *each(Integers, "subsets subset_ends"),
+        *each(Integers, "subset subset_ends"),
         ("subset_count", c_int),
         *each(Integers, "isomorphic isomorphic_ends"),
         ("isomorphic_count", c_int64),
@@ -77,10 +78,6 @@ core = Functions(
 #: Number of operations from which programs are vectorized.
 LONG = 1500
 _NEVER = 2**63 - 1
-#: Minimum length of a vector, in operations: LAG_SHORTEST.
-SHORTEST = 8
-#: Largest number of results and operands of an operation: LAG_NODE_VALUES.
-NODE_VALUES = 7
 
 
 class Program(NamedTuple):
@@ -170,11 +167,9 @@ def assemble(tape: Tape, families: Sequence[str | None] = (), long: int | None =
 
 def _groups(name: str, groups: Sequence[Sequence[int]]) -> dict[str, Any]:
     """Return the fields of groups of numbers."""
-    ends = np.cumsum([len(group) for group in groups])
-    plural = f"{name}s" if name == "subset" else name
     return {
-        plural: [x for group in groups for x in group],
-        f"{name}_ends": ends,
+        name: [x for group in groups for x in group],
+        f"{name}_ends": np.cumsum([len(group) for group in groups]),
         f"{name}_count": len(groups),
     }
 

@@ -162,7 +162,7 @@ def lower_jacobians(
 
     Returns
     -------
-    Variation
+    JacobianTapes
     """
     from lagcli.equations.derivation.jacobians import differentiate
     from lagcli.model.model import TIME

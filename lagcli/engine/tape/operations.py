@@ -167,8 +167,10 @@ PLACES = tuple(op.arity + op.results for op in Op)
 
 #: Flag of vector operations, added to an operation.
 VECTOR = 64
-#: Largest number of elements of a vector.
-LONGEST = 256
+#: Least and largest number of elements of a vector: a shorter one takes as long as its parts.
+SHORTEST, LONGEST = 8, 256
+#: Largest number of results and operands of an operation, also on series.
+NODE_VALUES = 7
 #: Step of an operand whose registers are listed individually.
 INDEXED = -(2**31)
 #: Registers in a cache line.

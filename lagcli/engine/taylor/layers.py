@@ -13,8 +13,8 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from lagcli.engine.core.program import SHORTEST, progressions, series_levels
-from lagcli.engine.tape.operations import INDEXED, LINE, VECTOR
+from lagcli.engine.core.program import progressions, series_levels
+from lagcli.engine.tape.operations import INDEXED, LINE, SHORTEST, VECTOR
 from lagcli.engine.tape.series_operations import LONGEST, SeriesOp
 from lagcli.engine.taylor.series_nodes import (
     Delayed,
@@ -302,8 +302,7 @@ class _Layering:
         """Move temporary places beyond the layer and the next one's state."""
         # and not as far as the state after that, in which t and zeros are not written again
         state = -(-self.state // LINE) * LINE
-        size = max(-(-self.size // LINE) * LINE, state + self.slots.end - _TEMPORARY)
-        size = -(-size // LINE) * LINE
+        size = -(-max(self.size, state + self.slots.end - _TEMPORARY) // LINE) * LINE
         # an odd number of cache lines, so that layers do not compete for the same ones
         size += 0 if size // LINE % 2 else LINE
         offset = size + state - _TEMPORARY

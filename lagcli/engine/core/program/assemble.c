@@ -56,7 +56,7 @@ static int is_valid(const lag_tape *tape, int64_t fixed, int64_t values, unsigne
             return 0;
     for (int i = 0; i < tape->subset_count; ++i)
         for (int32_t k = i ? tape->subset_ends[i - 1] : 0; k < tape->subset_ends[i]; ++k)
-            if (tape->subsets[k] < 0 || tape->subsets[k] >= tape->output_count)
+            if (tape->subset[k] < 0 || tape->subset[k] >= tape->output_count)
                 return 0;
     const int64_t isomorphic = tape->isomorphic_count ? tape->isomorphic_ends[tape->isomorphic_count - 1] : 0;
     for (int64_t i = 0; i < isomorphic; ++i)
@@ -338,26 +338,23 @@ static void assemble(assembly *a, lag_assembled *to)
         return;
     to->size = a->part[0].count;
     lag_stream *streams[PARTS] = {&program->main, &program->deferred[0], &program->deferred[1], &program->deferred[2]};
-    /* which registers subsets need is asked by values, which `lag_allocate` replaces */
-    part own[PARTS];
-    if (!pack(a, streams)) {
+    if (!pack(a, streams))
         for (int i = 0; i < a->parts && !a->scratch.failed; ++i) {
-            own[i] = a->part[i];
-            own[i].nodes = lag_copy(&a->scratch, own[i].nodes, (size_t)own[i].count, sizeof(lag_node));
-            if (a->scratch.failed || !lag_in_runs(own[i].nodes, own[i].count, &lag_tape_kinds, a->values) ||
-                !lag_allocate(own[i].nodes, own[i].count, &lag_tape_kinds, a->values, a->place, &a->registers,
-                              kept_after(a, i)))
-                a->scratch.failed = 1;
+            /* which registers subsets need is asked by values, which `lag_allocate` replaces */
+            const int64_t n = a->part[i].count;
+            lag_node *nodes = lag_copy(&a->scratch, a->part[i].nodes, (size_t)n, sizeof *nodes);
+            if (nodes && lag_in_runs(nodes, n, &lag_tape_kinds, a->values) &&
+                lag_allocate(nodes, n, &lag_tape_kinds, a->values, a->place, &a->registers, kept_after(a, i)))
+                *streams[i] = stream_of(a, nodes, n);
             else
-                *streams[i] = stream_of(a, own[i].nodes, own[i].count);
+                a->scratch.failed = 1;
         }
-    }
     if (a->scratch.failed || a->pool->failed)
         return;
     for (int i = 0; i < tape->subset_count; ++i) {
         const int32_t begin = i ? tape->subset_ends[i - 1] : 0;
         program->output_subsets[i] =
-            subset_of(a, &program->main, tape->subsets + begin, tape->subset_ends[i] - begin);
+            subset_of(a, &program->main, tape->subset + begin, tape->subset_ends[i] - begin);
     }
     double *registers = lag_doubles(a->pool, a->registers);
     int32_t *outputs = lag_get(a->pool, (size_t)tape->output_count, sizeof *outputs);

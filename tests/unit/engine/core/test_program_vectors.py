@@ -13,14 +13,13 @@ from tape_values import assert_same
 
 from lagcli.engine.core.batch import BatchTable
 from lagcli.engine.core.program import (
-    SHORTEST,
     assemble,
     progressions,
     unpacked,
 )
 from lagcli.engine.lowering.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.engine.tape.operations import LONGEST, PLACES, VECTOR, Op
+from lagcli.engine.tape.operations import LONGEST, PLACES, SHORTEST, VECTOR, Op
 from lagcli.engine.tape.tape import Builder, Tape
 
 BODIES = 300

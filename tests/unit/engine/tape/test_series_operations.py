@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lagcli.engine.tape.operations import NODE_VALUES, PLACES
 from lagcli.engine.tape.series_operations import SeriesOp
 
 
@@ -15,3 +16,8 @@ def test_operands_are_numbers_or_series() -> None:
     for op in SeriesOp:
         assert not set(op.numbers) & set(op.convolved)
         assert set("nsce") >= set(op.operands)
+
+
+def test_operations_fit_the_nodes_of_the_core() -> None:
+    assert max(PLACES) <= NODE_VALUES
+    assert max(1 + len(op.operands) for op in SeriesOp) <= NODE_VALUES
