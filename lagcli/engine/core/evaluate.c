@@ -56,9 +56,9 @@ void lag_renew_tapes(lag_run *run)
     lag_tape *tapes[] = {&run->system.dynamics, &run->system.equations, &run->system.constraint, &run->system.tangent,
                          &run->series.values, run->implicit ? &run->implicit->variation : NULL, &sw->functions,
                          &sw->limits, &sw->impact, &sw->forces, &sw->condition_tape, &sw->force_condition_tape,
-                         &sw->kinks.tape, &sw->enclosure.gaps, &w->dynamics, &w->constraint, &w->functions, &w->limits,
-                         &w->impact, &w->forces, &w->conditions, &w->force_conditions, &w->kinks, &w->kink_rates,
-                         &run->resolution.tape};
+                         &sw->sign_tape, &sw->kinks.tape, &sw->enclosure.gaps, &w->dynamics, &w->constraint,
+                         &w->functions, &w->limits, &w->impact, &w->forces, &w->signs, &w->conditions,
+                         &w->force_conditions, &w->kinks, &w->kink_rates, &run->resolution.tape};
     for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
         if (tapes[i] && tapes[i]->registers)
             lag_tape_set(tapes[i], run->np, run->parameters);

@@ -195,14 +195,16 @@ typedef struct {
     lag_program functions;             /* of (t, q, v, p): phi (nh), B (nb), b_0, gamma, scale of psi (rows
                                         * each), scale of phi (nh) */
     lag_program gaps;                  /* of (t, q, v, p): phi (nh) */
-    /* of (t, q, v, a, lambda, p): static and kinetic limits (nl each), their derivatives by pattern */
+    int signs;                         /* of functions of forces, fixed within a step: 1 or -1 */
+    lag_program sign_functions;        /* of (t, q, v, a, lambda, signs, p): the functions, and their sizes */
+    /* of (t, q, v, a, lambda, signs, p): static and kinetic limits (nl each), their derivatives by pattern */
     lag_program limits;
     int nl, pattern_count;
     const int32_t *pattern_limit, *pattern_row;
     lag_program impact;                /* of (t, q, v, p): coefficients of restitution and friction */
     int nf, force_count;               /* forces that depend on lambda, and their derivatives */
     const int32_t *force_coordinate, *force_row, *force_constraint;
-    lag_program forces;                /* of (t, q, v, a, lambda, p) */
+    lag_program forces;                /* of (t, q, v, a, lambda, signs, p) */
     int conditions, force_conditions;
     lag_program condition_functions;   /* of (t, q, v, p) */
     lag_program force_condition_functions; /* of (t, q, v, a, lambda, p) */
@@ -363,7 +365,7 @@ typedef struct {
     lag_program dynamics;              /* entries of M, f, entries of B, gamma */
     lag_program constraint;            /* phi, entries of B, b_0 */
     lag_program functions;             /* of the rows: phi, entries of B, b_0, gamma */
-    lag_program limits, impact, forces;
+    lag_program limits, impact, forces, signs;
     lag_program conditions, force_conditions;
     lag_program kinks;
     lag_program kink_rates;            /* of (t, q, v, their rates, delta t, ..., delta p, delta v, delta a, p): the

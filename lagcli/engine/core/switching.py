@@ -47,7 +47,9 @@ class lag_switching_rules(Structure):
         *each(Integers, "active friction restitution"),
         *each(c_int, "nb nh"),
         *each(Integers, "row column"),
-        *each(lag_program, "functions gaps limits"),
+        *each(lag_program, "functions gaps"),
+        ("signs", c_int),
+        *each(lag_program, "sign_functions limits"),
         *each(c_int, "nl pattern_count"),
         *each(Integers, "pattern_limit pattern_row"),
         ("impact", lag_program),
@@ -108,7 +110,7 @@ class lag_directions(Structure):
         ("parameters", c_int),
         ("p", Doubles),
         ("decides", Integers),
-        *each(lag_program, "dynamics constraint functions limits impact forces"),
+        *each(lag_program, "dynamics constraint functions limits impact forces signs"),
         *each(lag_program, "conditions force_conditions kinks kink_rates"),
     )
 
@@ -189,7 +191,8 @@ def rules_fields(
     contacts = [i for i, x in enumerate(rows) if x.sign]
     limited = [i for i, x in enumerate(rows) if x.limit is not None]
     holonomic = sum(i >= 0 for i in split.places)
-    limits, limit_pattern = switching.limits, switching.limit_pattern
+    signs, sign_functions, (limits, *other) = split.laws
+    limit_pattern = switching.limit_pattern
     conditions, force_conditions = system.events, switching.force_conditions
     counts = [len(x.outputs) if x else 0 for x in (conditions, force_conditions)]
     either = {rule.condition for rule in switching.events if rule.either}
@@ -221,7 +224,9 @@ def rules_fields(
         "column": [j for _, j in pattern],
         "functions": program(split.functions, split.rows),
         "gaps": program(split.gaps, holonomic),
-        "limits": program(limits, limits.outputs, forces),
+        "signs": signs,
+        "sign_functions": program(sign_functions, signs, forces + signs),
+        "limits": program(limits, limits.outputs, forces + signs),
         "nl": (len(limits.outputs) - 2 * len(limit_pattern)) // 2,
         "pattern_count": len(limit_pattern),
         "pattern_limit": [i for i, _ in limit_pattern],
@@ -232,7 +237,7 @@ def rules_fields(
         "force_coordinate": switching.force_coordinates,
         "force_row": [i for i, _ in switching.force_pattern],
         "force_constraint": [j for _, j in switching.force_pattern],
-        "forces": program(switching.forces, inputs=forces),
+        "forces": program(other[0] if other else None, inputs=forces + signs),
         "conditions": counts[0],
         "force_conditions": counts[1],
         "condition_functions": program(conditions),
@@ -438,6 +443,7 @@ class SwitchingIntegrator(Integrator):
             limits=directions.limits,
             impact=directions.impact,
             forces=directions.forces,
+            signs=directions.signs,
             conditions=directions.conditions,
             force_conditions=directions.force_conditions,
             kinks=directions.kinks,

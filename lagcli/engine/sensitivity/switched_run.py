@@ -247,8 +247,8 @@ class DirectionalPrograms(NamedTuple):
         Derivatives of the System's parameters, including branches, which do not change.
     decides : tuple of bool
         For each condition, whether an event with actions depends on it.
-    dynamics, constraint, functions, limits, impact, forces, conditions, force_conditions, kinks,
-    kink_rates : Program
+    dynamics, constraint, functions, limits, impact, forces, signs, conditions, force_conditions,
+    kinks, kink_rates : Program
     """
 
     parameters: Array
@@ -259,6 +259,7 @@ class DirectionalPrograms(NamedTuple):
     limits: Program
     impact: Program
     forces: Program
+    signs: Program
     conditions: Program
     force_conditions: Program
     kinks: Program
@@ -277,7 +278,7 @@ def _programs(split: SplitSystem, frozen: FrozenSystem | None) -> tuple[Program,
     forces += state + len(system.coordinates)
     held = system.dynamics.parameters
     # with the inputs of any other
-    nothing = Tape(2 * (forces + held) + state, (), (), (), held)
+    nothing = Tape(2 * (forces + split.laws.signs + held) + state, (), (), (), held)
 
     def along(tape: Tape | None, inputs: int) -> Program:
         if tape is None or not tape.outputs:
@@ -295,18 +296,20 @@ def _programs(split: SplitSystem, frozen: FrozenSystem | None) -> tuple[Program,
         *range(c.jacobian.start, c.jacobian.stop),
         *range(c.drift.start, c.drift.stop),
     ]
-    some, kinks = switching.forces, None
-    if some is not None:
-        some = some.selected(range(len(switching.force_coordinates)))
+    signs, sign_functions, (limits, *other) = split.laws
+    some, kinks = None, None
+    if other:
+        some = other[0].selected(range(len(switching.force_coordinates)))
     if frozen is not None:
         kinks = frozen.functions.selected(range(len(frozen.kinks)))
     return (
         along(fixed.dynamics.selected(matrices), state),
         along(fixed.constraint.selected(constraints), state),
         along(split.functions.selected(of_rows) if rows else None, state),
-        along(switching.limits.selected(range(limited)), forces),
+        along(limits.selected(range(limited)), forces + signs),
         along(switching.impact, state),
-        along(some, forces),
+        along(some, forces + signs),
+        along(sign_functions.selected(range(signs)), forces + signs),
         along(system.events, state),
         along(switching.force_conditions, forces),
         along(kinks, state),

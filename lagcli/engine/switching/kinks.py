@@ -20,7 +20,8 @@ from lagcli.engine.tape.tape import Builder, Tape
 from lagcli.functions import Domain
 from lagcli.named_tuples import NamedTuple
 
-_RELATIONS = (Op.LT, Op.LE)
+#: Comparisons.
+RELATIONS = (Op.LT, Op.LE)
 _WHOLE: dict[int, int] = {Op.FLOOR: 1, Op.CEIL: -1}
 #: Operations that are undefined for some operands, and may be so beyond a kink.
 _PARTIAL = {Op.POW} | {op for op in Op if op.function and op.function.domain != Domain()}
@@ -210,7 +211,7 @@ class _Freezer:
         state = {i: frozenset((i,)) for i in range(moving_inputs + extra)}
         for i, x in enumerate(tape.constants, tape.inputs):
             place[i], watch[i] = new.constant(x), self.builder.constant(x)
-        taint = _Taint(self, tape, moving_inputs + extra)
+        partial = PartialFunctions(self.needs, tape, moving_inputs + extra)
         for op, to, *rest in tape.code:
             operands = rest[: ARITY[op]]
             needs = _NOTHING.union(*(state.get(x, _NOTHING) for x in operands))
@@ -218,7 +219,7 @@ class _Freezer:
             known = [x for x in watched if x is not None]
             frozen = None
             if freeze and needs and len(known) == len(watched):
-                frozen = self.branch(op, known, needs, to, taint)
+                frozen = self.branch(op, known, needs, to, partial)
             if frozen is not None:
                 k, flipped = frozen
                 if op in _WHOLE:
@@ -235,17 +236,24 @@ class _Freezer:
                 state[to] = needs
             place[to] = new.new((op, *[place[x] for x in operands]))
             watch[to] = self.builder.new((op, *known)) if len(known) == len(watched) else None
-            taint.operation(op, to, operands, needs)
+            partial.operation(op, to, operands, needs)
+        if not self.complete:
+            self.partial |= partial.excluded
         return new.finish([place[x] for x in tape.outputs], tape.deferred, tape.output_subsets)
 
     def branch(
-        self, op: int, operands: list[int], needs: frozenset[int], to: int, taint: _Taint
+        self,
+        op: int,
+        operands: list[int],
+        needs: frozenset[int],
+        to: int,
+        partial: PartialFunctions,
     ) -> tuple[int, bool] | None:
         """Return the branch that an operation follows, and whether its sign is reversed."""
         if op in _WHOLE:
             a, b, flipped = operands[0], self.builder.constant(0.0), False
-        elif op in _RELATIONS:
-            a, b, flipped = self.ordered(*operands)
+        elif op in RELATIONS:
+            a, b, flipped = in_order(self.builder, *operands)
         else:
             return None
         key = a, b, _WHOLE.get(op, 0)
@@ -255,27 +263,11 @@ class _Freezer:
             self.comparisons[key] = len(self.comparisons)
             self.needs.append(needs)
         which = self.comparisons[key]
-        taint.compared[to] = frozenset((which,))
+        partial.compared[to] = frozenset((which,))
         if which in self.excluded:
             return None
         number = self.numbers.setdefault(which, len(self.numbers))
         return (number, flipped) if number < self.branch_count else None
-
-    def ordered(self, a: int, b: int) -> tuple[int, int, bool]:
-        """Return the operands of a comparison in a canonical order, and whether they were
-        exchanged: the same surface then has one branch.
-        """
-        zero, flipped = self.builder.constant(0.0), False
-        if a == zero:
-            a, b, flipped = b, a, True
-        if b == zero:
-            first = self.inputs + self.branch_count
-            if a >= first:
-                op, *operands = list(self.builder.operations)[a - first]
-                if op == Op.NEG:
-                    a, flipped = operands[0], not flipped
-            return a, b, flipped
-        return (a, b, flipped) if a > b else (b, a, not flipped)
 
     def kinks(self) -> tuple[Kink, ...]:
         """Return the kinks of the branches."""
@@ -301,12 +293,46 @@ class _Freezer:
         return builder.finish(outputs).selected(range(len(outputs)))
 
 
-class _Taint:
-    """Tracks which values depend on a branch beyond which a function may be undefined."""
+def in_order(builder: Builder, a: int, b: int) -> tuple[int, int, bool]:
+    """Return the operands of a comparison in a canonical order, and whether they were exchanged:
+    the same surface then has one branch.
+    """
+    zero, flipped = builder.constant(0.0), False
+    if a == zero:
+        a, b, flipped = b, a, True
+    if b == zero:
+        if a >= builder.inputs:
+            op, *operands = list(builder.operations)[a - builder.inputs]
+            if op == Op.NEG:
+                a, flipped = operands[0], not flipped
+        return a, b, flipped
+    return (a, b, flipped) if a > b else (b, a, not flipped)
 
-    def __init__(self, freezer: _Freezer, tape: Tape, moving: int):
-        self.freezer = freezer
-        self.compared: dict[int, frozenset[int]] = {}  # comparisons that determine a truth value
+
+class PartialFunctions:
+    """Finds the comparisons beyond which a function in a tape may be undefined.
+
+    Parameters
+    ----------
+    needs : list of frozenset of int
+        For each comparison, the inputs on which it depends; may grow.
+    tape : Tape
+    moving : int
+        Number of its inputs that change along a run, the first ones.
+
+    Attributes
+    ----------
+    compared : dict of int to frozenset of int
+        The comparisons that determine a truth value, by its register. Those of comparisons are set
+        by the caller.
+    excluded : frozenset of int
+        The comparisons found.
+    """
+
+    def __init__(self, needs: list[frozenset[int]], tape: Tape, moving: int):
+        self.needs = needs
+        self.compared: dict[int, frozenset[int]] = {}
+        self.excluded: frozenset[int] = _NOTHING
         self.selected: dict[int, frozenset[int]] = {}  # comparisons that have selected a value
         self.risky: dict[int, frozenset[int]] = {}  # operands of partial functions
         constants = {i for i, x in enumerate(tape.constants, tape.inputs) if x >= 0}
@@ -315,7 +341,7 @@ class _Taint:
         self.positive = {*constants, *range(moving, tape.inputs)}
 
     def operation(self, op: int, to: int, operands: list[int], needs: frozenset[int]) -> None:
-        """Track an operation that is not a frozen comparison."""
+        """Track an operation that depends on some inputs, except replaced comparisons."""
         if to in self.compared:
             return
         compared = _union(self.compared, operands)
@@ -323,7 +349,7 @@ class _Taint:
             values = operands[1:]
             risky = _union(self.risky, values)
             compared = self.compared.get(operands[0], _NOTHING)
-            self.exclude(k for k in compared if self.freezer.needs[k] & risky)
+            self.excluded |= {k for k in compared if self.needs[k] & risky}
             self.selected[to] = _union(self.selected, values) | compared
             self.risky[to] = risky
             if all(x in self.positive for x in values):
@@ -337,18 +363,12 @@ class _Taint:
             _union(self.risky, operands),
         )
         if op in _PARTIAL and operands[0] not in self.positive:
-            self.exclude(self.selected.get(operands[0], _NOTHING))
+            self.excluded |= self.selected.get(operands[0], _NOTHING)
             self.risky[to] |= needs
         square = op == Op.MUL and operands[0] == operands[1]
         kept = op in (Op.ADD, Op.MUL, Op.DIV, Op.CLIP) and all(x in self.positive for x in operands)
         if square or kept or op in _POSITIVE:
             self.positive.add(to)
-
-    def exclude(self, comparisons: Iterable[int]) -> None:
-        """Exclude comparisons from freezing."""
-        if self.freezer.complete:
-            return
-        self.freezer.partial |= frozenset(comparisons)
 
 
 def _union(sets: dict[int, frozenset[int]], operands: Iterable[int]) -> frozenset[int]:

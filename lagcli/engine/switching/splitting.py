@@ -8,6 +8,7 @@ from typing import Any
 
 from lagcli.data_classes import replace
 from lagcli.engine.core.program import Program, assemble
+from lagcli.engine.switching.signs import SignedLaws, with_signs
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Builder, Tape
 
@@ -78,6 +79,13 @@ class SplitSystem:
         if id(tape) not in self._programs:  # the tape is kept, and with it its identity
             self._programs[id(tape)] = tape, assemble(tape)
         return self._programs[id(tape)][1]
+
+    @cached_property
+    def laws(self) -> SignedLaws:
+        """``Switching.limits`` and ``Switching.forces``, if any, with signs as inputs."""
+        layout, switching = self.system.sample_layout, self.switching
+        laws = [switching.limits, *([switching.forces] if switching.forces else [])]
+        return with_signs(laws, range(layout.v.stop, layout.multipliers.stop))
 
     @property
     def pattern(self) -> list[tuple[int, int]]:

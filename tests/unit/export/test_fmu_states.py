@@ -39,6 +39,23 @@ def test_methods_go_on_as_they_were(method: str, tmp_path: Path) -> None:
     assert restored_differently(fmu, times_of(model, 40), 30, seed=2) == 0
 
 
+SLIDER = """
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+Q: {y: "sin(7*t)*(1 + 0.3*sin(x))", x: "-0.2*min(abs(lambda.guide), 0.5)*x"}
+constraints: {guide: y = 0, rubs: {expr: "x' = 0", limit: 0.1*abs(lambda.guide)}}
+initial: {x: 0, y: 0, x': 3, y': 0}
+simulation: {t_end: 5 s}
+"""
+
+
+def test_signs_of_multipliers_are_part_of_a_state(tmp_path: Path) -> None:
+    """Friction goes on with the sign of |λ| that the interrupted step had."""
+    model = lagcli.load_text(SLIDER)
+    fmu = unpacked(model, tmp_path)
+    assert restored_differently(fmu, times_of(model, 40), 60, seed=3) == 0
+
+
 BALL = """
 coordinates: {x: m, y: m}
 parameters: {m: 1 kg, g: 9.81 m/s^2, F: 0 N, u: 0.3 N, k: 0 N/m}

@@ -28,7 +28,8 @@ lag_direction lag_direction_of(const lag_run *run, const double *y, int k, doubl
 /* Copy numbers and return where the next ones go. */
 static double *put(double *to, const double *from, int count)
 {
-    memcpy(to, from, (size_t)count * sizeof(double));
+    if (count)
+        memcpy(to, from, (size_t)count * sizeof(double));
     return to + count;
 }
 
@@ -45,8 +46,9 @@ void lag_evaluate_along(const lag_run *run, const lag_tape *tape, double t, cons
     lag_tape_run(tape, &tape->stream);
 }
 
-void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
-                               const double *of_a, const double *of_z)
+/* Run a tape of (t, q, v, a, lambda, signs, their changes, those of p, p) with some signs. */
+static void run_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
+                      const double *of_a, const double *of_z, int signs, const double *side)
 {
     const lag_derivatives *w = &run->derivatives;
     const int nq = run->system.nq, nc = run->switching.nc;
@@ -55,13 +57,30 @@ void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double 
     r = put(r, y, 2 * nq);
     r = put(r, w->a, nq);
     r = put(r, w->multipliers, nc);
+    r = put(r, side, signs);
     *r++ = d.t;
     r = put(r, d.q, nq);
     r = put(r, d.v, nq);
     r = put(r, of_a, nq);
     lag_gather_multipliers(run, of_a + nq, of_z, r);
-    put(r + nc, d.p, w->np);
+    memset(r + nc, 0, (size_t)signs * sizeof(double));
+    put(r + nc + signs, d.p, w->np);
     lag_tape_run(tape, &tape->stream);
+}
+
+void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
+                               const double *of_a, const double *of_z)
+{
+    run_along(run, tape, t, y, d, of_a, of_z, 0, NULL);
+}
+
+void lag_evaluate_laws_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
+                             const double *of_a, const double *of_z)
+{
+    const lag_switching *sw = &run->switching;
+    if (sw->signs && !sw->holds_sides)
+        lag_find_sides(run, t, y, run->derivatives.a, run->derivatives.multipliers);
+    run_along(run, tape, t, y, d, of_a, of_z, sw->signs, sw->holds_sides ? sw->side : sw->found_side);
 }
 
 /* Divide rows and columns, which may have any units, so that their largest entries are about 1: what multiplies them to
@@ -189,9 +208,9 @@ static double differentiate_once(lag_run *run, double t, const double *y, lag_di
         for (int i = 0; i < n; ++i)
             slips |= w->acts[i] < sw->rows && lag_row_slips(sw, w->acts[i]);
         if (slips)
-            lag_evaluate_forces_along(run, &w->limits, t, y, d, x, z);
+            lag_evaluate_laws_along(run, &w->limits, t, y, d, x, z);
         if (sw->nf)
-            lag_evaluate_forces_along(run, &w->forces, t, y, d, x, z);
+            lag_evaluate_laws_along(run, &w->forces, t, y, d, x, z);
         for (int i = 0; i < n; ++i) {
             const int k = w->acts[i];
             if (k >= sw->rows)

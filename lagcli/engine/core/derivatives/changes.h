@@ -14,6 +14,10 @@ void lag_evaluate_along(const lag_run *run, const lag_tape *tape, double t, cons
 void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
                                const double *of_a, const double *of_z);
 
+/* The same for limits, forces or the functions of signs: (t, q, v, a, lambda, signs, p), whose signs are constant. */
+void lag_evaluate_laws_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
+                             const double *of_a, const double *of_z);
+
 /* The changes of a, lambda and z along directions at (t, y), where the motion's have been found last, to of_a and
  * of_z. Returns 0, or 1 where they are undefined. */
 int lag_differentiate(lag_run *run, double t, const double *y, int count, const lag_direction *directions);

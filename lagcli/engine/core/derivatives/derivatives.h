@@ -50,7 +50,7 @@ typedef struct {
     lag_tape dynamics;                 /* entries of M, f, entries of B, gamma */
     lag_tape constraint;               /* phi, entries of B, b_0 */
     lag_tape functions;                /* of the rows: phi, entries of B, b_0, gamma */
-    lag_tape limits, impact, forces, conditions, force_conditions;
+    lag_tape limits, impact, forces, signs, conditions, force_conditions;
     lag_tape kinks, kink_rates;        /* kink_rates: of (t, q, v, p, their rates, the changes of both), p last */
     const int32_t *decides;            /* conditions: whether an event with actions depends on it */
     int *lost;                         /* n */

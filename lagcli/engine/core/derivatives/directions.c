@@ -53,10 +53,10 @@ int lag_use_directions(lag_run *run, const lag_directions *given)
     if (pool->failed)
         return 1;
     const lag_program *programs[] = {&given->dynamics, &given->constraint, &given->functions, &given->limits,
-                                     &given->impact, &given->forces, &given->conditions, &given->force_conditions,
-                                     &given->kinks, &given->kink_rates};
+                                     &given->impact, &given->forces, &given->signs, &given->conditions,
+                                     &given->force_conditions, &given->kinks, &given->kink_rates};
     lag_tape *tapes[] = {&w->dynamics, &w->constraint, &w->functions, &w->limits, &w->impact, &w->forces,
-                         &w->conditions, &w->force_conditions, &w->kinks, &w->kink_rates};
+                         &w->signs, &w->conditions, &w->force_conditions, &w->kinks, &w->kink_rates};
     for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
         if (lag_bind(run, pool, tapes[i], programs[i]))
             return 1;

@@ -68,8 +68,9 @@ static double size_of(const lag_run *run, const lag_watched_function *f)
         return sw->speed[f->which];
     case LAG_WATCH_FORCE:
     case LAG_WATCH_STICK:
-    case LAG_WATCH_SIGN:
         return sw->strength;
+    case LAG_WATCH_SIGN:
+        return sw->sign_size[f->which];
     case LAG_WATCH_KINK:
         return sw->kinks.size[f->which];
     case LAG_WATCH_SURFACE:
@@ -101,7 +102,9 @@ static void find_slopes(lag_run *run, double t, const double *y, int count, cons
         if (sw->conditions)
             lag_evaluate_along(run, &w->conditions, t, y, d);
         if (sw->nl)
-            lag_evaluate_forces_along(run, &w->limits, t, y, d, of_a, of_z);
+            lag_evaluate_laws_along(run, &w->limits, t, y, d, of_a, of_z);
+        if (sw->signs)
+            lag_evaluate_laws_along(run, &w->signs, t, y, d, of_a, of_z);
         if (sw->force_conditions)
             lag_evaluate_forces_along(run, &w->force_conditions, t, y, d, of_a, of_z);
         for (int i = 0; i < sw->watched_count; ++i) {
@@ -116,8 +119,10 @@ static void find_slopes(lag_run *run, double t, const double *y, int count, cons
             case LAG_WATCH_SLIP:
                 *slope = lag_change_of_speed(run, f->which, y + nq, d.v);
                 break;
-            case LAG_WATCH_FORCE:
             case LAG_WATCH_SIGN:
+                *slope = OUT(&w->signs, f->which);
+                break;
+            case LAG_WATCH_FORCE:
                 *slope = of_z[f->which];
                 break;
             case LAG_WATCH_STICK:

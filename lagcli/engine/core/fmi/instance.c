@@ -157,13 +157,13 @@ static void read_switching_directions(lag_reader *in, lag_fmu *fmu)
     const lag_switching_rules *r = &fmu->model.rules;
     lag_fmu_directions *d = &fmu->directions;
     lag_directions *along = &d->along;
-    const int64_t p = d->parameters, state = 1 + 2 * (int64_t)e->nq, forces = 2 * (state + e->nq + fmu->nc) + p + e->np;
+    const int64_t p = d->parameters, state = 1 + 2 * (int64_t)e->nq, forces = 2 * (state + e->nq + fmu->nc + r->signs) + p + e->np;
     if (!(fmu->model.contents & LAG_MODEL_SWITCHING))
         return;
     along->parameters = d->parameters;
     along->decides = lag_get(&fmu->pool, (size_t)(r->conditions + r->force_conditions), sizeof *along->decides);
     along->dynamics = along->constraint = along->functions = along->limits = along->impact = along->forces =
-        along->conditions = along->force_conditions = along->kinks = along->kink_rates = d->of_equations;
+        along->signs = along->conditions = along->force_conditions = along->kinks = along->kink_rates = d->of_equations;
     if (r->rows)
         along->functions = lag_read_program(in, 2 * state + p + e->np, r->nh + r->nb + 2 * (int64_t)r->rows);
     if (r->nl)

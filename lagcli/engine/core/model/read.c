@@ -273,7 +273,9 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
     r.column = lag_read_integers(in, r.nb, 0, e->nq);
     r.functions = lag_read_program(in, state, n ? 2 * (int64_t)r.nh + r.nb + 3 * n : 0);
     r.gaps = lag_read_program(in, state, r.nh);
-    r.limits = lag_read_program(in, forces, 0);
+    r.signs = lag_read_count(in);
+    r.sign_functions = lag_read_program(in, forces + r.signs, 2 * (int64_t)r.signs);
+    r.limits = lag_read_program(in, forces + r.signs, 0);
     r.nl = lag_read_count(in);
     r.pattern_count = lag_read_count(in);
     r.pattern_limit = lag_read_integers(in, r.pattern_count, 0, r.nl);
@@ -284,7 +286,7 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
     r.force_coordinate = lag_read_integers(in, r.nf, 0, e->nq);
     r.force_row = lag_read_integers(in, r.force_count, 0, r.nf);
     r.force_constraint = lag_read_integers(in, r.force_count, 0, r.nc);
-    r.forces = lag_read_program(in, forces, (int64_t)r.nf + r.force_count);
+    r.forces = lag_read_program(in, forces + r.signs, (int64_t)r.nf + r.force_count);
     r.conditions = lag_read_count(in);
     r.force_conditions = lag_read_count(in);
     r.condition_functions = lag_read_program(in, state, r.conditions);

@@ -64,9 +64,9 @@ void lag_laws_matrix(lag_run *run, double t, const double *y, const double *a, c
     for (int i = 0; i < n; ++i)
         slips |= acts[i] < sw->rows && lag_row_slips(sw, acts[i]);
     if (slips)
-        lag_evaluate_forces(run, &sw->limits, t, y, a, multipliers);
+        lag_evaluate_laws(run, &sw->limits, t, y, a, multipliers, LAG_OF_STEP);
     if (sw->nf)
-        lag_evaluate_forces(run, &sw->forces, t, y, a, multipliers);
+        lag_evaluate_laws(run, &sw->forces, t, y, a, multipliers, LAG_OF_STEP);
     for (int i = 0; i < n; ++i) {
         const int k = acts[i];
         double *row = matrix + i * n;

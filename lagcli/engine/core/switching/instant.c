@@ -409,7 +409,7 @@ int lag_do_instant(lag_run *run)
         return LAG_HAPPENED;
     }
     while (!sw->settled || sw->moved) { /* actions without effect need no new modes */
-        sw->settled = 0;
+        sw->settled = sw->holds_sides = 0;
         if (!lag_log_has_room(run))
             return LAG_BLOCK_FULL;
         if (lag_find_rows(run, t, y))

@@ -109,8 +109,9 @@ const double *lag_row_response(lag_run *run, int k)
     return out;
 }
 
-void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, const double *y,
-                         const double *a, const double *multipliers)
+/* Pass t, q, v, a, lambda to a tape; returns where its next inputs are. */
+static double *pass_forces(const lag_run *run, const lag_tape *tape, double t, const double *y, const double *a,
+                           const double *multipliers)
 {
     const size_t nq = (size_t)run->system.nq, nc = (size_t)run->switching.nc;
     double *r = tape->registers;
@@ -118,6 +119,44 @@ void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, con
     memcpy(r + 1, y, 2 * nq * sizeof(double));
     memcpy(r + 1 + 2 * nq, a, nq * sizeof(double));
     memcpy(r + 1 + 3 * nq, multipliers, nc * sizeof(double));
+    return r + 1 + 3 * nq + nc;
+}
+
+void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, const double *y,
+                         const double *a, const double *multipliers)
+{
+    pass_forces(run, tape, t, y, a, multipliers);
+    lag_tape_run(tape, &tape->stream);
+}
+
+void lag_find_sides(const lag_run *run, double t, const double *y, const double *a, const double *multipliers)
+{
+    const lag_switching *sw = &run->switching;
+    for (int s = 0; s < sw->signs; ++s)
+        sw->found_side[s] = 1.0;
+    for (int pass = 0, changed = 1; changed && pass <= sw->signs; ++pass) {
+        double *side = pass_forces(run, &sw->sign_tape, t, y, a, multipliers);
+        memcpy(side, sw->found_side, (size_t)sw->signs * sizeof(double));
+        lag_tape_run(&sw->sign_tape, &sw->sign_tape.stream);
+        changed = 0;
+        for (int s = 0; s < sw->signs; ++s) {
+            const double now = OUT(&sw->sign_tape, s) < 0.0 ? -1.0 : 1.0;
+            changed |= now != sw->found_side[s];
+            sw->found_side[s] = now;
+        }
+    }
+}
+
+void lag_evaluate_laws(const lag_run *run, const lag_tape *tape, double t, const double *y, const double *a,
+                       const double *multipliers, enum lag_sides sides)
+{
+    const lag_switching *sw = &run->switching;
+    const double *side = sw->side;
+    if (sw->signs && !(sides == LAG_OF_STEP && sw->holds_sides)) {
+        lag_find_sides(run, t, y, a, multipliers);
+        side = sw->found_side;
+    }
+    memcpy(pass_forces(run, tape, t, y, a, multipliers), side, (size_t)sw->signs * sizeof(double));
     lag_tape_run(tape, &tape->stream);
 }
 

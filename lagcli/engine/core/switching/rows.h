@@ -31,6 +31,16 @@ const double *lag_row_response(lag_run *run, int k);
 void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, const double *y,
                          const double *a, const double *multipliers);
 
+/* Signs of functions of forces: those of the step, if there is one, or of the functions at these forces. */
+enum lag_sides { LAG_OF_STEP, LAG_OF_FORCES };
+
+/* Evaluate the functions of signs with their own signs, to found_side. */
+void lag_find_sides(const lag_run *run, double t, const double *y, const double *a, const double *multipliers);
+
+/* Evaluate the tape of limits or forces, of (t, q, v, a, lambda, signs, p). */
+void lag_evaluate_laws(const lag_run *run, const lag_tape *tape, double t, const double *y, const double *a,
+                       const double *multipliers, enum lag_sides sides);
+
 /* lambda of all constraints, from those of the system and the rows' forces z. */
 void lag_gather_multipliers(const lag_run *run, const double *of_system, const double *z, double *out);
 

@@ -102,7 +102,7 @@ void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int
     for (int j = 0; j < n; ++j)
         largest = fmax(largest, force ? fabs(force[j]) : 0.0);
     memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
-    lag_evaluate_forces(run, &sw->limits, t, y, a, sw->multipliers);
+    lag_evaluate_laws(run, &sw->limits, t, y, a, sw->multipliers, LAG_OF_FORCES);
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < n; ++i)
             if (sw->limit[p->rows[i]] >= 0)
@@ -111,7 +111,7 @@ void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int
         sw->multipliers[sw->constraint[i]] = largest > 0.0 ? 0.0 : sw->sign[i];
     for (int j = 0; largest > 0.0 && j < n; ++j)
         sw->multipliers[sw->constraint[p->rows[j]]] = sw->sign[p->rows[j]] * force_about(force, j, largest);
-    lag_evaluate_forces(run, &sw->limits, t, y, a, sw->multipliers);
+    lag_evaluate_laws(run, &sw->limits, t, y, a, sw->multipliers, LAG_OF_FORCES);
     for (int part = 0; part < 2; ++part) {
         take_slopes(sw, n, p, part);
         for (int i = 0; i < n * n && largest > 0.0; ++i) /* with respect to the magnitude */
@@ -134,7 +134,7 @@ static int are_curved(lag_run *run, double t, const double *y, const double *a)
         memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
         for (int i = 0; i < sw->rows; ++i)
             sw->multipliers[sw->constraint[i]] = sw->sign[i] * (sw->law[i] == LAG_UNILATERAL ? fabs(at[k]) : at[k]);
-        lag_evaluate_forces(run, &sw->limits, t, y, a, sw->multipliers);
+        lag_evaluate_laws(run, &sw->limits, t, y, a, sw->multipliers, LAG_OF_FORCES);
         for (int j = 0; j < count; ++j) {
             const int row = sw->pattern_row[j % sw->pattern_count];
             const double now = OUT(&sw->limits, first + j) * (sw->law[row] == LAG_UNILATERAL || k < 3 ? 1.0 : -1.0);
@@ -364,7 +364,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
         if (!sw->nf && exact)
             break;
         lag_gather_multipliers(run, run->solver.a + nq, force, sw->multipliers);
-        lag_evaluate_forces(run, &sw->forces, t, y, a, sw->multipliers);
+        lag_evaluate_laws(run, &sw->forces, t, y, a, sw->multipliers, LAG_OF_FORCES);
         if (next_forces(sw, size, iteration, present) && exact)
             break;
     }

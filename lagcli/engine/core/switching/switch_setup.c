@@ -21,7 +21,7 @@ static void allocate(lag_run *run)
     const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = lag_size(&run->system);
     const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
     /* of each row two at most: both limits of its force, or its slip and the margin */
-    const int watched = 2 * rows + conditions + 2 * sw->kinks.count;
+    const int watched = 2 * rows + sw->signs + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
                      &sw->takes_part, &sw->rests, &sw->ends, &sw->member, &sw->came_to_rest, &sw->first_mode,
                      &sw->tight, &sw->shares};
@@ -58,6 +58,10 @@ static void allocate(lag_run *run)
     sw->accumulation = lag_doubles(pool, lag_accumulation_doubles(rows));
     sw->accumulation_lists = lag_get(pool, (size_t)lag_accumulation_integers(rows), sizeof(int));
     sw->begin = lag_doubles(pool, nq + sw->nc);
+    sw->side = lag_doubles(pool, sw->signs);
+    sw->found_side = lag_doubles(pool, sw->signs);
+    sw->sign_value = lag_doubles(pool, sw->signs);
+    sw->sign_size = lag_doubles(pool, sw->signs);
     lag_kinks *k = &sw->kinks;
     double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth, &k->rounding};
     for (size_t i = 0; i < sizeof by_kink / sizeof *by_kink; ++i)
@@ -87,6 +91,7 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         .nh = given->nh,
         .row = lag_copy_integers(pool, given->row, given->nb),
         .column = lag_copy_integers(pool, given->column, given->nb),
+        .signs = given->signs,
         .nl = given->nl,
         .pattern_count = given->pattern_count,
         .pattern_limit = lag_copy_integers(pool, given->pattern_limit, given->pattern_count),
@@ -116,6 +121,7 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
     if (pool->failed || lag_bind(run, pool, &sw->functions, &given->functions)
         || lag_bind(run, pool, &sw->limits, &given->limits) || lag_bind(run, pool, &sw->impact, &given->impact)
         || lag_bind(run, pool, &sw->forces, &given->forces)
+        || lag_bind(run, pool, &sw->sign_tape, &given->sign_functions)
         || lag_bind(run, pool, &sw->condition_tape, &given->condition_functions)
         || lag_bind(run, pool, &sw->force_condition_tape, &given->force_condition_functions)
         || lag_bind(run, pool, &sw->kinks.tape, &given->kink_functions))

@@ -29,7 +29,7 @@ enum lag_watched {
     LAG_WATCH_FORCE,        /* z of a closed one */
     LAG_WATCH_STICK,        /* static limit less z, or plus z, of a limited row that holds */
     LAG_WATCH_SLIP,         /* psi in the direction in which a row slips */
-    LAG_WATCH_SIGN,         /* |z| of a bilateral row that limits friction: the force has a kink at zero */
+    LAG_WATCH_SIGN,         /* a function of forces whose sign limits and forces depend on */
     LAG_WATCH_MARGIN,       /* uniqueness of the forces while something slips: Painleve */
     LAG_WATCH_KINK,         /* the function of a branch, relative to its bound */
     LAG_WATCH_SURFACE,      /* the weight of a side in the motion that slides on a surface */
@@ -44,7 +44,7 @@ enum lag_ended { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_EN
 /* A function that is positive as long as the mode lasts. */
 typedef struct {
     enum lag_watched what;
-    int which;                         /* index of the row or condition */
+    int which;                         /* index of the row, kink, sign or condition */
     double sign;                       /* of a function whose initial sign may be either */
     double shift;                      /* value below zero at the beginning of the mode, due to rounding */
     double noise;                      /* the function is negative below this, less; else it may be rounding */
@@ -127,6 +127,11 @@ typedef struct {
     const int32_t *row, *column;       /* nb: places of B's entries */
     lag_tape functions;                /* of (t, q, v, p): phi (nh), B (nb), b_0, gamma, scale of psi (rows),
                                         * scale of phi (nh) */
+    int signs;                         /* of functions of forces, inputs of limits and forces */
+    lag_tape sign_tape;                /* of (t, q, v, a, lambda, signs, p): the functions, their sizes */
+    double *side, *found_side;         /* signs: in steps; of the functions as evaluated last */
+    double *sign_value, *sign_size;    /* signs: the functions at the last evaluation of all forces; largest sizes */
+    int holds_sides;                   /* from the end of an instant to the next one, in which they are found again */
     lag_tape limits, impact;
     int nl, pattern_count;
     const int32_t *pattern_limit, *pattern_row;    /* row: of the layer */

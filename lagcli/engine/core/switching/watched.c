@@ -33,6 +33,22 @@ static void evaluate_force_conditions(lag_run *run, double t, const double *y)
     lag_evaluate_forces(run, &sw->force_condition_tape, t, y, run->solver.a, sw->multipliers);
 }
 
+/* The functions of signs, of forces as the laws have them, and their largest sizes. */
+static void evaluate_signs(lag_run *run, double t, const double *y)
+{
+    lag_switching *sw = &run->switching;
+    if (sw->holds_sides)
+        lag_evaluate_laws(run, &sw->sign_tape, t, y, run->solver.a, sw->multipliers, LAG_OF_STEP);
+    else
+        lag_find_sides(run, t, y, run->solver.a, sw->multipliers);
+    for (int s = 0; s < sw->signs; ++s) {
+        sw->sign_value[s] = OUT(&sw->sign_tape, s);
+        sw->sign_size[s] = fmax(sw->sign_size[s], OUT(&sw->sign_tape, sw->signs + s));
+    }
+    for (int i = 0; i < sw->nc; ++i)
+        sw->strength = fmax(sw->strength, fabs(sw->multipliers[i]));
+}
+
 int lag_all_forces(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
@@ -42,7 +58,9 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     --run->step.evaluations;
     if (!sw->acting) /* and all forces are zero */
         lag_gather_multipliers(run, run->solver.multipliers, sw->force, sw->multipliers);
-    else if (sw->redundant)
+    if (sw->signs)
+        evaluate_signs(run, t, y);
+    if (sw->acting && sw->redundant)
         lag_share_forces(run, t, y);
     return 0;
 }
@@ -63,7 +81,7 @@ double lag_condition_value(lag_run *run, int which, double t, const double *y)
 /* Whether a function belongs to a law that redundant rows satisfy together. */
 static int shared(const lag_switching *sw, const lag_watched_function *w)
 {
-    const int of_row = w->what == LAG_WATCH_FORCE || w->what == LAG_WATCH_STICK || w->what == LAG_WATCH_SIGN;
+    const int of_row = w->what == LAG_WATCH_FORCE || w->what == LAG_WATCH_STICK;
     return of_row && sw->redundant && isfinite(sw->slack[w->which]);
 }
 
@@ -122,7 +140,7 @@ int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *
     if (sw->force_conditions)
         evaluate_force_conditions(run, t, y);
     if (sticks)
-        lag_evaluate_forces(run, &sw->limits, t, y, run->solver.a, sw->multipliers);
+        lag_evaluate_laws(run, &sw->limits, t, y, run->solver.a, sw->multipliers, LAG_OF_STEP);
     for (int k = 0; k < sw->watched_count; ++k) {
         const lag_watched_function *w = sw->watched + k;
         double value = 0.0;
@@ -130,8 +148,10 @@ int lag_watched_values(lag_run *run, enum lag_of which, double t, const double *
             continue;
         switch (w->what) {
         case LAG_WATCH_FORCE:
-        case LAG_WATCH_SIGN:
             value = sw->force[w->which];
+            break;
+        case LAG_WATCH_SIGN:
+            value = sw->sign_value[w->which];
             break;
         case LAG_WATCH_STICK:
             value = w->sign * OUT(&sw->limits, sw->limit[w->which]) - sw->force[w->which];
@@ -197,7 +217,7 @@ static void add(lag_switching *sw, enum lag_watched what, int which, double sign
     sw->watched[sw->watched_count++] = (lag_watched_function){.what = what, .which = which, .sign = sign};
 }
 
-/* List the functions of the current modes. */
+/* List the functions of the current modes, with the signs of functions of forces as evaluated last. */
 static void list(lag_switching *sw)
 {
     int slipping = 0;
@@ -214,10 +234,13 @@ static void list(lag_switching *sw)
         } else if (sw->law[i] == LAG_LIMITED && sw->mode[i] == LAG_HOLDS) {
             add(sw, LAG_WATCH_STICK, i, 1.0);
             add(sw, LAG_WATCH_STICK, i, -1.0);
-        } else if (sw->law[i] == LAG_FREE && i >= sw->exported) {
-            add(sw, LAG_WATCH_SIGN, i, sw->force[i] < 0.0 ? -1.0 : 1.0);
         }
     }
+    for (int s = 0; s < sw->signs; ++s) {
+        sw->side[s] = sw->sign_value[s] < 0.0 ? -1.0 : 1.0;
+        add(sw, LAG_WATCH_SIGN, s, sw->side[s]);
+    }
+    sw->holds_sides = 1;
     if (slipping)
         add(sw, LAG_WATCH_MARGIN, 0, 1.0);
     for (int k = 0; k < sw->kinks.count; ++k) {
@@ -253,9 +276,10 @@ double lag_watched_noise(lag_run *run, const lag_watched_function *w)
         return NOISE * sw->kinks.size[w->which];
     case LAG_WATCH_SURFACE:
         return FORCE_NOISE;
+    case LAG_WATCH_SIGN:
+        return FORCE_NOISE * fmax(sw->sign_size[w->which], sw->strength);
     case LAG_WATCH_FORCE:
     case LAG_WATCH_STICK:
-    case LAG_WATCH_SIGN:
         for (int i = 0; i < sw->rows; ++i)
             sw->strength = fmax(sw->strength, fabs(sw->force[i]));
         return FORCE_NOISE * sw->strength;
@@ -381,6 +405,8 @@ static double rounding_at(lag_run *run, const lag_watched_function *w, lag_inter
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
 {
     lag_switching *sw = &run->switching;
+    if (sw->signs && lag_all_forces(run, t, y))
+        return LAG_UNDEFINED;
     list(sw);
     if (!sw->watched_count)
         return LAG_RUNNING;

@@ -1,0 +1,188 @@
+"""Laws with kinks and jumps in multipliers: friction of guides, and forces that depend on λ.
+
+A guide y = 0 carries a load of known zeros, so that λ, its kinks, and the momentum that a law takes
+from a sliding body are known in closed form. Where the load depends on the motion, SciPy integrates
+the equations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from scipy.integrate import solve_ivp
+
+import lagcli
+from lagcli.trajectory.trajectory import Trajectory
+
+GUIDE = "guide: y = 0"
+
+
+def run(force: str, law: str, constraints: str, v0: float, end: float) -> Trajectory:
+    """Return a run of a body of 1 kg that slides in x, with a force on y and a law in x."""
+    q_x = f', x: "{law}"' if law else ""
+    model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+Q: {{y: "{force}"{q_x}}}
+constraints: {{{constraints}}}
+initial: {{x: 0, x': {v0!r}, y: 0, y': 0}}
+simulation: {{t_end: {end!r}, samples: 3}}
+""")
+    return lagcli.simulate(model)
+
+
+def rubs(limit: str, left: str = "{", right: str = "}") -> str:
+    return f'{GUIDE}, rubs: {left}expr: "x\' = 0", limit: {limit}{right}'
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_friction_under_a_polynomial_load_is_exact(seed: int) -> None:
+    """Zeros of the load may be close to each other. DOP853 is exact for these polynomials."""
+    rng = np.random.default_rng(seed)
+    roots = np.sort(rng.uniform(0.2, 1.8, rng.integers(1, 4)))
+    if seed % 2 and len(roots) > 1:
+        roots[1] = roots[0] + 10.0 ** -rng.uniform(1, 5)
+    load = Polynomial.fromroots(roots) * rng.choice([-1.7, 1.7])
+    force = " + ".join(f"({c!r})*t^{k}" for k, c in enumerate(load.coef.tolist()))
+    found = run(force, "", rubs("0.3*abs(lambda.guide)"), 5.0, 2.0)
+    whole = load.integ()
+    ends = [0.0, *np.sort(roots), 2.0]
+    taken = 0.3 * sum(abs(whole(b) - whole(a)) for a, b in pairwise(ends))
+    assert found.v[-1, 0] == pytest.approx(5.0 - taken, abs=1e-13)
+    assert found.counts["rejected"] <= 2
+
+
+#: Laws with the same magnitude, mu |λ|: in Q, or as a limit.
+LAWS = {
+    "limit": ("", rubs("{mu}*abs(lambda.guide)", "{{", "}}"), -1),
+    "sign": ("-{mu}*abs(lambda.guide)*sign(x')", GUIDE, -1),
+    "force": ("{mu}*abs(lambda.guide)", GUIDE, 1),
+    "max": ("{mu}*max(lambda.guide, 0) + {mu}*max(-lambda.guide, 0)", GUIDE, 1),
+    "select": ("{mu}*if(lambda.guide > 0, lambda.guide, -lambda.guide)", GUIDE, 1),
+    "redundant": (
+        "",
+        f"{GUIDE}, other: y = 0, rubs:"
+        ' {{expr: "x\' = 0", limit: {mu}*abs(lambda.guide + lambda.other)}}',
+        -1,
+    ),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("seed", range(6))
+def test_an_oscillating_load(law: str, seed: int) -> None:
+    """Of µN to MN, over milliseconds or seconds, with zeros at the start or touched."""
+    rng = np.random.default_rng(seed)
+    end, size = float(rng.choice([0.02, 1.0, 20.0])), float(10.0 ** rng.uniform(-6, 6))
+    w, mu = float(rng.uniform(3, 30) / end), float(rng.uniform(0.1, 0.5))
+    phase, mean = (float(rng.choice([0.0, x])) for x in (rng.uniform(0, 6), rng.choice([0.999, 1])))
+
+    def impulse(t: float) -> float:
+        return size * (mean * t - math.cos(w * t + phase) / w)
+
+    zeros = [
+        (x - phase + 2 * math.pi * n) / w
+        for n in range(-2, 10)
+        for x in (-math.asin(mean), math.pi + math.asin(mean))
+    ]
+    times = [0.0, *sorted(t for t in zeros if 0 < t < end), end]
+    whole = mu * sum(abs(impulse(b) - impulse(a)) for a, b in pairwise(times))
+    force, constraints, sign = LAWS[law]
+    v0 = 2 * whole
+    found = run(
+        f"{size!r}*({mean!r} + sin({w!r}*t + {phase!r}))",
+        force.format(mu=repr(mu)),
+        constraints.format(mu=repr(mu)),
+        v0,
+        end,
+    )
+    assert found.status == "completed"
+    assert found.v[-1, 0] == pytest.approx(v0 + sign * whole, rel=3e-10)
+
+
+def test_a_jump_where_the_multiplier_exceeds_a_value() -> None:
+    """λ = −sin 3 t: the force acts while λ > 0.4, and not else."""
+    found = run("sin(3*t)", "if(lambda.guide > 0.4, 2, 0)", GUIDE, 1.0, 3.2)
+    start, length = (math.pi + math.asin(0.4)) / 3, (math.pi - 2 * math.asin(0.4)) / 3
+    assert start + length < 3.2 < start + 2 * math.pi / 3
+    assert found.v[-1, 0] == pytest.approx(1 + 2 * length, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("law", "force"),
+    [
+        ("-0.3*abs(lambda.guide)*x'", lambda n, x, v: -0.3 * abs(n) * v),
+        ("-0.3*max(lambda.guide - 0.5, 0)", lambda n, x, v: -0.3 * max(n - 0.5, 0)),
+        ("-0.3*abs(abs(lambda.guide) - 0.5)", lambda n, x, v: -0.3 * abs(abs(n) - 0.5)),
+        ("-0.3*min(abs(lambda.guide), 0.5)*x'", lambda n, x, v: -0.3 * min(abs(n), 0.5) * v),
+        ("-0.3*max(lambda.guide, x, 0)", lambda n, x, v: -0.3 * max(n, x, 0)),
+        ("-0.3*sqrt(lambda.guide^2 + 1)", lambda n, x, v: -0.3 * math.sqrt(n * n + 1)),
+    ],
+)
+@pytest.mark.parametrize("c", [0.7, 2.9])
+def test_a_load_that_depends_on_the_motion(
+    law: str, force: Callable[[float, float, float], float], c: float
+) -> None:
+    def rates(t: float, y: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[float]:
+        return [y[1], force(c * math.sin(3 * t) * (1 + 0.3 * math.sin(y[0])), y[0], y[1])]
+
+    expected = solve_ivp(
+        rates, (0, 5), [0.0, 1.0], method="DOP853", rtol=1e-13, atol=1e-13, max_step=0.005
+    )
+    found = run(f"-{c}*sin(3*t)*(1 + 0.3*sin(x))", law, GUIDE, 1.0, 5.0)
+    assert [found.q[-1, 0], found.v[-1, 0]] == pytest.approx(expected.y[:, -1].tolist(), abs=1e-8)
+
+
+def test_an_unloaded_guide_takes_no_steps() -> None:
+    """Its multiplier is a rounding error, whose sign changes all the time."""
+    text = """
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+Q: {y: "cos(t)", z: "sin(t) - sin(t)*cos(x) + (cos(x) - 1)*sin(t)"}
+constraints:
+  guide: y = 0
+  other: z = 0
+  rubs: {expr: "x' = 0", limit: 0.1*abs(lambda.guide) + 0.1*abs(lambda.other)}
+initial: {x: 0, x': 5, y: 0, y': 0, z: 0, z': 0}
+simulation: {t_end: 20, samples: 3}
+"""
+    found = lagcli.simulate(lagcli.load_text(text))
+    # |cos| integrated to 20 = 6.37 pi
+    taken = 12 + math.sin(20 - 6 * math.pi) if 20 - 6 * math.pi < math.pi / 2 else math.nan
+    assert found.v[-1, 0] == pytest.approx(5 - 0.1 * taken, abs=1e-9)
+    assert found.counts["steps"] < 150
+
+
+def test_derivatives_pass_the_zeros_of_a_multiplier() -> None:
+    """v(3) = v_0 − mu ∫ |A sin(w t) + c| dt, with zeros that depend on c."""
+    model = lagcli.load_text("""
+coordinates: [x, y]
+parameters: {mu: 0.3, A: 2, w: 5, c: 0.7}
+T: (x'^2 + y'^2)/2
+Q: {y: "A*sin(w*t) + c"}
+constraints: {guide: y = 0, rubs: {expr: "x' = 0", limit: mu*abs(lambda.guide)}}
+initial: {x: 0, x': 9, y: 0, y': 0}
+simulation: {t_end: 3, samples: 2}
+""")
+    found = lagcli.simulate(model, sensitivity=("mu", "c"))
+    turn, part = 2 * math.pi / 5, math.asin(0.35) / 5  # sin 5 t = −0.35
+    down = [math.pi / 5 + part + k * turn for k in range(2)]
+    up = [turn - part + k * turn for k in range(2)]
+    times = [0.0, *sorted([*down, *up]), 3.0]
+    parts = list(pairwise(times))
+
+    def impulse(t: float) -> float:
+        return -0.4 * math.cos(5 * t) + 0.7 * t
+
+    of_mu = sum(abs(impulse(b) - impulse(a)) for a, b in parts)
+    of_c = 0.3 * sum((-1) ** k * (b - a) for k, (a, b) in enumerate(parts))
+    assert found.dv is not None
+    names = found.sensitivity
+    assert found.v[-1, 0] == pytest.approx(9 - 0.3 * of_mu, abs=1e-9)
+    assert found.dv[-1, 0, names.index("mu")] == pytest.approx(-of_mu, abs=2e-9)
+    assert found.dv[-1, 0, names.index("c")] == pytest.approx(-of_c, abs=2e-9)
