@@ -178,9 +178,9 @@ class Sensitivity:
 
         if has_hidden_jumps(self.system, tuple(self.equations.model.parameter_values.values())):
             raise UsageError(
-                "sensitivities and fits need the times at which forces jump, but one jumps with a"
-                " multiplier, or next to a root, power or logarithm, where steps do not end; smooth"
-                " it, for instance with `tanh`"
+                "sensitivities and fits need the times at which forces jump, but one jumps next"
+                " to a root, power or logarithm, or with a multiplier in `floor` or `ceil`, where"
+                " steps do not end; smooth it, for instance with `tanh`"
             )
 
     def _switches(self, settings: Settings) -> bool:

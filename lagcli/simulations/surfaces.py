@@ -9,6 +9,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block
 from lagcli.engine.switching.kinks import Kink, frozen_of
+from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.system import State, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import Op
@@ -187,15 +188,19 @@ def has_hidden_jumps(system: System, p: Sequence[float]) -> bool:
     values = list(p)
     if frozen is not None:
         system, values = frozen.system, [*p, *[1.0] * len(frozen.kinks)]
-    tapes: list[tuple[Tape, int | None]]
-    tapes = [(system.dynamics, None), (system.constraint, None)]
+    if any(_jumps(tape, None, values) for tape in (system.dynamics, system.constraint)):
+        return True
     switching = system.switching
-    if switching is not None:  # their outputs end with derivatives, which may jump
-        limits = 2 * sum(row.limit is not None for row in switching.rows)
-        tapes.append((switching.limits, limits))
-        if switching.forces is not None:
-            tapes.append((switching.forces, len(switching.force_coordinates)))
-    return any(_jumps(tape, count, values) for tape, count in tapes)
+    if switching is None:
+        return False
+    laws = SplitSystem(system).laws
+    # their outputs end with derivatives, which may jump
+    counts = (
+        2 * sum(row.limit is not None for row in switching.rows),
+        len(switching.force_coordinates),
+    )
+    fixed = [*[1.0] * laws.signs, *values]
+    return any(_jumps(tape, count, fixed) for tape, count in zip(laws.laws, counts, strict=False))
 
 
 def _jumps(tape: Tape, count: int | None, p: list[float]) -> bool:

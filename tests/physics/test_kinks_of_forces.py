@@ -8,6 +8,7 @@ the equations.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -186,3 +187,70 @@ simulation: {t_end: 3, samples: 2}
     assert found.v[-1, 0] == pytest.approx(9 - 0.3 * of_mu, abs=1e-9)
     assert found.dv[-1, 0, names.index("mu")] == pytest.approx(-of_mu, abs=2e-9)
     assert found.dv[-1, 0, names.index("c")] == pytest.approx(-of_c, abs=2e-9)
+
+
+def test_derivatives_pass_a_jump_with_a_multiplier() -> None:
+    """λ = −A sin 3 t: v(3.2) = 1 + 2/3 (π − 2 asin(c/A))."""
+    model = lagcli.load_text("""
+coordinates: [x, y]
+parameters: {A: 1, c: 0.4}
+T: (x'^2 + y'^2)/2
+Q: {y: "A*sin(3*t)", x: "if(lambda.guide > c, 2, 0)"}
+constraints: {guide: y = 0}
+initial: {x: 0, x': 1, y: 0, y': 0}
+simulation: {t_end: 3.2, samples: 2}
+""")
+    found = lagcli.simulate(model, sensitivity=("c", "A"))
+    of_c = -4 / 3 / math.sqrt(1 - 0.4**2)
+    assert found.dv is not None
+    assert found.dv[-1, 0].tolist() == pytest.approx([of_c, -0.4 * of_c], abs=1e-9)
+
+
+INCLINED = """
+coordinates: [x, y]
+parameters: {{c: 0.65, F: {force}, b: -0.08}}
+T: (x'^2 + y'^2)/2
+Q: {{y: "3*sin(2.6*t) + b*x", x: "if(lambda.guide > c, F, 0)"}}
+constraints: {{guide: y = 0.66*x}}
+initial: {{x: 0, x': 1, y: 0, y': {{guess: 0}}}}
+simulation: {{t_end: 5.1, samples: 2, rtol: 1e-11}}
+"""
+
+
+def test_a_jump_that_moves_its_multiplier() -> None:
+    """On an inclined guide the force raises λ: it starts at c and ends at a lower value."""
+    names = ("c", "F", "b")
+    text = INCLINED.format(force=0.6)
+    found = lagcli.simulate(lagcli.load_text(text), sensitivity=names)
+    assert found.dq is not None
+    for k, name in enumerate(names):
+        value = {"c": 0.65, "F": 0.6, "b": -0.08}[name]
+        ends = [
+            lagcli.simulate(lagcli.load_text(text, set={name: repr(value + h)})).q[-1, 0]
+            for h in (1e-4, -1e-4)
+        ]
+        assert found.dq[-1, 0, k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-11])
+def test_a_jump_without_a_solution(rtol: float) -> None:
+    """The force lowers λ: above c it brings it below c, where it does not act."""
+    model = lagcli.load_text(INCLINED.format(force=-0.6))
+    found = lagcli.simulate(model, rtol=rtol)
+    # until then there is no force: λ = (0.08 x − 3 sin 2.6 t) / (1 + 0.66²) reaches c
+    assert found.status == "failed"
+    assert "there is no solution" in found.message
+
+    def rates(t: float, y: list[float]) -> list[float]:
+        load = 3 * math.sin(2.6 * t) - 0.08 * y[0]
+        return [y[1], 0.66 * load / (1 + 0.66**2)]
+
+    def reaches(t: float, y: list[float]) -> float:
+        return (0.08 * y[0] - 3 * math.sin(2.6 * t)) / (1 + 0.66**2) - 0.65
+
+    reaches.terminal = True  # type: ignore[attr-defined]
+    expected = solve_ivp(rates, (0, 5), [0.0, 1.0], rtol=1e-12, atol=1e-12, events=reaches)
+    (time,) = expected.t_events[0]
+    stated = re.match(r"at t = (\S+) s", found.message)
+    assert stated is not None
+    assert float(stated[1]) == pytest.approx(time, abs=1e-7 if rtol > 1e-9 else 5e-9)

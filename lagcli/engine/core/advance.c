@@ -86,6 +86,8 @@ int lag_start(lag_run *run)
             memset(run->switching.kinks.state, 0, (size_t)run->switching.kinks.count * sizeof(int));
             status = lag_choose_branches(run);
         }
+        if (status == LAG_RUNNING)
+            status = lag_choose_sides(run);
         if (status != LAG_RUNNING)
             return status;
     }

@@ -44,6 +44,7 @@ class Status(_Described):
     JAMMED = "a contact force grows without bound while its contact slides"
     SURFACES = "the motion is pushed onto more than one surface at which forces jump"
     FORKED = "more than one motion leaves a surface at which forces jump"
+    NO_SIDE = "a force jumps with a multiplier, which is beyond the jump with neither of its sides"
     CORNER = "a constraint has a corner, at which the velocities jump"
     UNRESOLVED = "the sign of a watched function cannot be determined in the last step"
     DISPLACED = "an action needs other coordinates or velocities to follow, which only lagcli finds"

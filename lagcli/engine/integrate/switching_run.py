@@ -71,7 +71,7 @@ _REFUSED = (
 )
 #: The method that takes the steps while a row holds or slips, or a force depends on λ.
 _ACTING = "DOP853"
-_AT_SURFACES = (Status.SURFACES, Status.FORKED, Status.CORNER)
+_AT_SURFACES = (Status.SURFACES, Status.FORKED, Status.NO_SIDE, Status.CORNER)
 
 
 def rank_at(system: System, state: State) -> int:

@@ -310,7 +310,7 @@ def at_surfaces(status: int, t: float, kinks: Sequence[Sequence[str]]) -> Stop:
     Parameters
     ----------
     status : Status
-        SURFACES, FORKED or CORNER.
+        SURFACES, FORKED, NO_SIDE or CORNER.
     t : float
         s.
     kinks : sequence of sequences of str
@@ -328,6 +328,12 @@ def at_surfaces(status: int, t: float, kinks: Sequence[Sequence[str]]) -> Stop:
         return Stop(
             f"at t = {t:.9g} s two motions are possible: the forces jump at a surface of {where},"
             " and push away from it on both sides; start on one side"
+        )
+    if status == Status.NO_SIDE:
+        return Stop(
+            f"at t = {t:.9g} s a force in Q or a limit jumps with a multiplier, and with the force"
+            " of either side the multiplier is on the other: there is no solution; smooth the jump,"
+            " for instance with `tanh`"
         )
     return Stop(
         f"a constraint has a corner at t = {t:.9g} s, where a branch of {where} changes and the"

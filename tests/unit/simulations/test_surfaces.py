@@ -59,7 +59,8 @@ initial: {{x: l, y: 0, x': 0, y': {{guess: 0}}}}
 @pytest.mark.parametrize(
     ("force", "hidden"),
     [
-        ("if(lambda.rod < F, 0, 3)", True),
+        ("if(lambda.rod < F, 0, 3)", False),  # a step ends there, too
+        ("if(lambda.rod < F, 0, sqrt(lambda.rod - F) + 1)", True),
         ("floor(lambda.rod)", True),
         ("if(x > 0.5, sqrt(x - 0.5) + 1, 0)", True),
         ("if(x > 0.5, 1, 0)", False),  # a step ends there
@@ -77,6 +78,6 @@ def test_hidden_jumps(force: str, hidden: bool) -> None:
 
 
 def test_sensitivities_reject_them() -> None:
-    model = lagcli.load_text(ROD.format(force="if(lambda.rod < F, 0, 3)"))
-    with pytest.raises(UsageError, match="one jumps with a multiplier"):
+    model = lagcli.load_text(ROD.format(force="floor(lambda.rod)"))
+    with pytest.raises(UsageError, match="with a multiplier in `floor`"):
         lagcli.simulate(model, sensitivity=("g",), t_end=0.1)

@@ -38,6 +38,7 @@ static const char *const reasons[] = {
     [LAG_JAMMED] = "a contact jams: its force grows without bound",
     [LAG_SURFACES] = "the motion is pushed onto more than one surface at which forces jump",
     [LAG_FORKED] = "more than one motion leaves a surface at which forces jump",
+    [LAG_NO_SIDE] = "a force jumps with a multiplier, and there are no forces on either side of the jump",
     [LAG_CORNER] = "a constraint has a corner, at which the velocities jump",
     [LAG_UNRESOLVED] = "the sign of a watched function cannot be determined",
     [LAG_DISPLACED] = "an event sets values that the constraints do not allow",

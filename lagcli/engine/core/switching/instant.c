@@ -84,6 +84,8 @@ static int note_ends(lag_run *run)
             sw->ended[w->which] = SLIPPING_ENDED;
         else if (w->what == LAG_WATCH_MARGIN)
             return LAG_JAMMED;
+        else if (w->what == LAG_WATCH_SIGN)
+            sw->turned[w->which] = 1;
         else if (w->what == LAG_WATCH_KINK) {
             sw->kinks.state[w->which] = LAG_ON_SURFACE;
             ++sw->kinks.crossed;
@@ -455,6 +457,8 @@ int lag_do_instant(lag_run *run)
         return LAG_HAPPENED;
     }
     sw->due = 0;
+    if (sw->stage != END_REPORTED && (status = lag_choose_sides(run)) != LAG_RUNNING)
+        return status;
     if (run->derivatives.n && sw->stage != END_REPORTED && lag_end_jump(run, sw->begun))
         return LAG_UNDEFINED;
     if (!sw->begun) {

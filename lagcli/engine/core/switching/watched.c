@@ -49,6 +49,11 @@ static void evaluate_signs(lag_run *run, double t, const double *y)
         sw->strength = fmax(sw->strength, fabs(sw->multipliers[i]));
 }
 
+static double noise_of_sign(const lag_switching *sw, int which)
+{
+    return FORCE_NOISE * fmax(sw->sign_size[which], sw->strength);
+}
+
 int lag_all_forces(lag_run *run, double t, const double *y)
 {
     lag_switching *sw = &run->switching;
@@ -63,6 +68,54 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     if (sw->acting && sw->redundant)
         lag_share_forces(run, t, y);
     return 0;
+}
+
+/* Change signs until they are those of the functions, with the forces that follow from them. Returns LAG_RUNNING, or
+ * LAG_NO_SIDE or LAG_UNDEFINED. */
+static int settle_sides(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    for (int pass = 0; pass <= sw->signs + 1; ++pass) {
+        int changed = 0;
+        if (lag_all_forces(run, run->step.t, run->step.y))
+            return LAG_UNDEFINED;
+        for (int s = 0; s < sw->signs; ++s)
+            if (sw->side[s] * sw->sign_value[s] < -noise_of_sign(sw, s)) {
+                sw->side[s] = -sw->side[s];
+                changed = 1;
+            }
+        if (!changed)
+            return LAG_RUNNING;
+    }
+    return LAG_NO_SIDE;
+}
+
+int lag_choose_sides(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    if (!sw->signs)
+        return LAG_RUNNING;
+    if (!sw->has_sides) {
+        if (lag_all_forces(run, run->step.t, run->step.y))
+            return LAG_UNDEFINED;
+        for (int s = 0; s < sw->signs; ++s)
+            sw->side[s] = sw->sign_value[s] < 0.0 ? -1.0 : 1.0;
+    }
+    for (int s = 0; s < sw->signs; ++s) {
+        if (sw->turned[s])
+            sw->side[s] = -sw->side[s];
+        sw->turned[s] = sw->turned[s] ? (int)sw->side[s] : 0;
+    }
+    sw->has_sides = sw->holds_sides = 1;
+    int status = settle_sides(run);
+    for (int s = 0; s < sw->signs; ++s) {
+        /* it is back, where it was about to leave */
+        if (status == LAG_RUNNING && sw->turned[s] && sw->turned[s] != (int)sw->side[s]
+            && fabs(sw->sign_value[s]) <= noise_of_sign(sw, s))
+            status = LAG_NO_SIDE;
+        sw->turned[s] = 0;
+    }
+    return status;
 }
 
 double lag_condition_value(lag_run *run, int which, double t, const double *y)
@@ -217,7 +270,7 @@ static void add(lag_switching *sw, enum lag_watched what, int which, double sign
     sw->watched[sw->watched_count++] = (lag_watched_function){.what = what, .which = which, .sign = sign};
 }
 
-/* List the functions of the current modes, with the signs of functions of forces as evaluated last. */
+/* List the functions of the current modes. */
 static void list(lag_switching *sw)
 {
     int slipping = 0;
@@ -236,11 +289,8 @@ static void list(lag_switching *sw)
             add(sw, LAG_WATCH_STICK, i, -1.0);
         }
     }
-    for (int s = 0; s < sw->signs; ++s) {
-        sw->side[s] = sw->sign_value[s] < 0.0 ? -1.0 : 1.0;
+    for (int s = 0; s < sw->signs; ++s)
         add(sw, LAG_WATCH_SIGN, s, sw->side[s]);
-    }
-    sw->holds_sides = 1;
     if (slipping)
         add(sw, LAG_WATCH_MARGIN, 0, 1.0);
     for (int k = 0; k < sw->kinks.count; ++k) {
@@ -277,7 +327,7 @@ double lag_watched_noise(lag_run *run, const lag_watched_function *w)
     case LAG_WATCH_SURFACE:
         return FORCE_NOISE;
     case LAG_WATCH_SIGN:
-        return FORCE_NOISE * fmax(sw->sign_size[w->which], sw->strength);
+        return noise_of_sign(sw, w->which);
     case LAG_WATCH_FORCE:
     case LAG_WATCH_STICK:
         for (int i = 0; i < sw->rows; ++i)
@@ -405,8 +455,6 @@ static double rounding_at(lag_run *run, const lag_watched_function *w, lag_inter
 int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
 {
     lag_switching *sw = &run->switching;
-    if (sw->signs && lag_all_forces(run, t, y))
-        return LAG_UNDEFINED;
     list(sw);
     if (!sw->watched_count)
         return LAG_RUNNING;

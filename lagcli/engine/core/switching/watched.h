@@ -46,6 +46,10 @@ int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w);
 /* a and lambda at a state, of all constraints: run->solver.a, run->switching.multipliers. Returns 0, or 1. */
 int lag_all_forces(lag_run *run, double t, const double *y);
 
+/* Choose the signs of functions of forces at the end of an instant: the present ones, except those that have turned or
+ * do not agree with the forces. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_NO_SIDE. */
+int lag_choose_sides(lag_run *run);
+
 /* The value of a condition at a state, which rises through zero as the condition becomes true. */
 double lag_condition_value(lag_run *run, int which, double t, const double *y);
 

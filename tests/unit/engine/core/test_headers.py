@@ -27,7 +27,7 @@ def test_rows_become_c() -> None:
 
 
 def test_statuses_are_numbered_in_order() -> None:
-    assert [int(status) for status in (*Status, *LaneStatus)] == [*range(28), *range(4)]
+    assert [int(status) for status in (*Status, *LaneStatus)] == [*range(29), *range(4)]
 
 
 def test_layouts_become_c() -> None:
