@@ -195,12 +195,11 @@ def has_hidden_jumps(system: System, p: Sequence[float]) -> bool:
         return False
     laws = SplitSystem(system).laws
     # their outputs end with derivatives, which may jump
-    counts = (
-        2 * sum(row.limit is not None for row in switching.rows),
-        len(switching.force_coordinates),
-    )
+    limits = 2 * sum(row.limit is not None for row in switching.rows)
     fixed = [*[1.0] * laws.signs, *values]
-    return any(_jumps(tape, count, fixed) for tape, count in zip(laws.laws, counts, strict=False))
+    return _jumps(laws.limits, limits, fixed) or (
+        laws.forces is not None and _jumps(laws.forces, len(switching.force_coordinates), fixed)
+    )
 
 
 def _jumps(tape: Tape, count: int | None, p: list[float]) -> bool:

@@ -1,4 +1,4 @@
-"""Laws with kinks and jumps in multipliers: friction of guides, and forces that depend on λ.
+"""Laws and conditions with kinks and jumps in multipliers: friction of guides, forces, events.
 
 A guide y = 0 carries a load of known zeros, so that λ, its kinks, and the momentum that a law takes
 from a sliding body are known in closed form. Where the load depends on the motion, SciPy integrates
@@ -254,3 +254,54 @@ def test_a_jump_without_a_solution(rtol: float) -> None:
     stated = re.match(r"at t = (\S+) s", found.message)
     assert stated is not None
     assert float(stated[1]) == pytest.approx(time, abs=1e-7 if rtol > 1e-9 else 5e-9)
+
+
+#: Conditions on λ = sin(w t + phase), with a bound c, as functions that rise through zero.
+CONDITIONS: dict[str, Callable[[float, float], float]] = {
+    "lambda.guide >= {c}": lambda n, c: n - c,
+    "abs(lambda.guide) <= {c}": lambda n, c: c - abs(n),
+    "abs(lambda.guide) >= {c} and x > -100": lambda n, c: abs(n) - c,
+    "max(lambda.guide, -2*lambda.guide) <= {c}": lambda n, c: c - max(n, -2 * n),
+    "abs(lambda.guide) <= {c} or lambda.guide >= 0.95": lambda n, c: max(c - abs(n), n - 0.95),
+    "sign(lambda.guide - {c}) >= 1": lambda n, c: n - c,
+    "if(lambda.guide > {c}, 1, 0) >= 1": lambda n, c: n - c,
+}
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("seed", range(5))
+def test_events_of_forces_with_kinks(condition: str, seed: int) -> None:
+    """Also where the force vanishes many times within a step: steps depend on the motion alone."""
+    rng = np.random.default_rng(seed)
+    c, phase, end = rng.uniform(0.02, 0.9), rng.uniform(0, 6), float(rng.choice([1, 5, 20]))
+    w = float(10 ** rng.uniform(-0.5, 1.7))
+    move = ("0", "-4*x", "-x'")[seed % 3]
+    model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+Q: {{y: "-sin({w}*t + {phase})", x: "{move}"}}
+constraints: {{guide: y = 0}}
+events: {{hit: {{when: "{condition.format(c=c)}"}}}}
+initial: {{x: 1, x': 1, y: 0, y': 0}}
+simulation: {{t_end: {end}, samples: 2}}
+""")
+    found = lagcli.simulate(model)
+    angles = [
+        sign * math.asin(x) + turn
+        for x in (c, c / 2, 0.95)
+        for sign, turn in ((1, 0.0), (-1, math.pi), (-1, 0.0), (1, math.pi))
+    ]
+    times = sorted(
+        t
+        for n in range(-2, int(w * end / (2 * math.pi)) + 3)
+        for angle in angles
+        if 0 < (t := (angle - phase + 2 * math.pi * n) / w) < end
+    )
+
+    def at(t: float) -> float:
+        return CONDITIONS[condition](math.sin(w * t + phase), c)
+
+    expected = [t for t in times if at(t - 1e-6 / w) < 0 < at(t + 1e-6 / w)]
+    assert found.events is not None
+    assert len(expected) == len(found.events.time)
+    assert found.events.time == pytest.approx(expected, abs=1e-9)

@@ -207,7 +207,7 @@ typedef struct {
     lag_program forces;                /* of (t, q, v, a, lambda, signs, p) */
     int conditions, force_conditions;
     lag_program condition_functions;   /* of (t, q, v, p) */
-    lag_program force_condition_functions; /* of (t, q, v, a, lambda, p) */
+    lag_program force_condition_functions; /* of (t, q, v, a, lambda, signs, p) */
     const int32_t *either, *time;      /* of all conditions: whether they happen either way, depend on t alone */
     int clocks;
     const double *ticks;               /* 3 clocks: see lag_clock */

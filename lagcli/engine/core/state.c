@@ -265,6 +265,8 @@ static void switching(lag_archive *a, lag_run *run, const lag_method *chosen)
     lag_archive_reals(a, sw->side, sw->signs);
     lag_archive_integers(a, sw->turned, sw->signs, 0, 1);
     lag_archive_reals(a, sw->sign_size, sw->signs);
+    lag_archive_reals(a, sw->sign_value, sw->signs);
+    lag_archive_reals(a, sw->sign_before, sw->signs);
     lag_archive_reals(a, sw->struck, n);
     for (int i = 0; i < sw->clocks; ++i) {
         lag_clock *c = sw->clock + i;

@@ -191,9 +191,9 @@ def rules_fields(
     contacts = [i for i, x in enumerate(rows) if x.sign]
     limited = [i for i, x in enumerate(rows) if x.limit is not None]
     holonomic = sum(i >= 0 for i in split.places)
-    signs, sign_functions, (limits, *other) = split.laws
-    limit_pattern = switching.limit_pattern
-    conditions, force_conditions = system.events, switching.force_conditions
+    signed, limit_pattern = split.laws, switching.limit_pattern
+    signs, limits = signed.signs, signed.limits
+    conditions, force_conditions = system.events, signed.force_conditions
     counts = [len(x.outputs) if x else 0 for x in (conditions, force_conditions)]
     either = {rule.condition for rule in switching.events if rule.either}
     times = [*switching.condition_times, *[0] * sum(counts)]
@@ -225,7 +225,7 @@ def rules_fields(
         "functions": program(split.functions, split.rows),
         "gaps": program(split.gaps, holonomic),
         "signs": signs,
-        "sign_functions": program(sign_functions, signs, forces + signs),
+        "sign_functions": program(signed.functions, signs, forces + signs),
         "limits": program(limits, limits.outputs, forces + signs),
         "nl": (len(limits.outputs) - 2 * len(limit_pattern)) // 2,
         "pattern_count": len(limit_pattern),
@@ -237,11 +237,11 @@ def rules_fields(
         "force_coordinate": switching.force_coordinates,
         "force_row": [i for i, _ in switching.force_pattern],
         "force_constraint": [j for _, j in switching.force_pattern],
-        "forces": program(other[0] if other else None, inputs=forces + signs),
+        "forces": program(signed.forces, inputs=forces + signs),
         "conditions": counts[0],
         "force_conditions": counts[1],
         "condition_functions": program(conditions),
-        "force_condition_functions": program(force_conditions, inputs=forces),
+        "force_condition_functions": program(force_conditions, inputs=forces + signs),
         "either": [i in either for i in range(sum(counts))],
         "time": times[: sum(counts)],
         "clocks": len(clocks),

@@ -275,10 +275,10 @@ def _programs(split: SplitSystem, frozen: FrozenSystem | None) -> tuple[Program,
     of_rows = range(holonomic + len(split.pattern) + 2 * rows)
     limited = 2 * sum(row.limit is not None for row in switching.rows)
     state, forces = 1 + 2 * len(system.coordinates), len(system.constraints)
-    forces += state + len(system.coordinates)
+    forces += state + len(system.coordinates) + split.laws.signs
     held = system.dynamics.parameters
     # with the inputs of any other
-    nothing = Tape(2 * (forces + split.laws.signs + held) + state, (), (), (), held)
+    nothing = Tape(2 * (forces + held) + state, (), (), (), held)
 
     def along(tape: Tape | None, inputs: int) -> Program:
         if tape is None or not tape.outputs:
@@ -296,22 +296,22 @@ def _programs(split: SplitSystem, frozen: FrozenSystem | None) -> tuple[Program,
         *range(c.jacobian.start, c.jacobian.stop),
         *range(c.drift.start, c.drift.stop),
     ]
-    signs, sign_functions, (limits, *other) = split.laws
-    some, kinks = None, None
-    if other:
-        some = other[0].selected(range(len(switching.force_coordinates)))
+    laws, kinks = split.laws, None
+    some = laws.forces
+    if some is not None:
+        some = some.selected(range(len(switching.force_coordinates)))
     if frozen is not None:
         kinks = frozen.functions.selected(range(len(frozen.kinks)))
     return (
         along(fixed.dynamics.selected(matrices), state),
         along(fixed.constraint.selected(constraints), state),
         along(split.functions.selected(of_rows) if rows else None, state),
-        along(limits.selected(range(limited)), forces + signs),
+        along(laws.limits.selected(range(limited)), forces),
         along(switching.impact, state),
-        along(some, forces + signs),
-        along(sign_functions.selected(range(signs)), forces + signs),
+        along(some, forces),
+        along(laws.functions.selected(range(laws.signs)), forces),
         along(system.events, state),
-        along(switching.force_conditions, forces),
+        along(laws.force_conditions, forces),
         along(kinks, state),
         assemble(_rates(kinks, state)) if kinks is not None else assemble(nothing),
     )

@@ -167,9 +167,7 @@ class _Freezer:
             limits=self.tape(s.limits),
             impact=self.tape(s.impact, freeze=False),
             forces=None if s.forces is None else self.tape(s.forces),
-            force_conditions=None
-            if s.force_conditions is None
-            else self.tape(s.force_conditions, freeze=False),
+            force_conditions=None if s.force_conditions is None else self.tape(s.force_conditions),
             actions=None if s.actions is None else self.tape(s.actions, freeze=False),
         )
 

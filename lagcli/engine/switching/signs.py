@@ -1,8 +1,9 @@
 """Signs of functions of forces, fixed within a step.
 
-Limits of friction and forces have kinks where functions of multipliers or accelerations vanish, as
-|λ| of a guide at λ = 0. In their tapes, the sign of such a function is an input, so that they are
-smooth within a step; the engine monitors the function, and changes the sign where it vanishes.
+Limits of friction, forces, and conditions on forces have kinks where functions of multipliers or
+accelerations vanish, as |λ| of a guide at λ = 0. In their tapes, the sign of such a function is an
+input, so that they are smooth within a step; the engine monitors the function, and changes the sign
+where it vanishes.
 """
 
 from __future__ import annotations
@@ -10,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lagcli.engine.switching.kinks import RELATIONS, PartialFunctions, in_order
+from lagcli.engine.switching.switching import Switching
 from lagcli.engine.tape.operations import ARITY
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 from lagcli.named_tuples import NamedTuple
 
 
 class SignedLaws(NamedTuple):
-    """Tapes of limits and forces that take signs, and the functions with these signs.
+    """Tapes that take signs, and the functions with these signs.
 
     All tapes take (t, q, v, a, λ, signs, parameters).
 
@@ -27,15 +29,19 @@ class SignedLaws(NamedTuple):
     functions : Tape
         → the functions, then their sizes: the sums of the magnitudes of the compared terms. A
         function depends only on signs of earlier ones.
-    laws : tuple of Tape
+    limits : Tape
+    forces, force_conditions : Tape or None
+        Those of Switching.
     """
 
     signs: int
     functions: Tape
-    laws: tuple[Tape, ...]
+    limits: Tape
+    forces: Tape | None
+    force_conditions: Tape | None
 
 
-def with_signs(laws: Sequence[Tape], forces: range) -> SignedLaws:
+def with_signs(switching: Switching, forces: range) -> SignedLaws:
     """Return tapes with the signs of functions of forces as inputs.
 
     A comparison is not replaced if a root, a power or a logarithm may be undefined with the other
@@ -43,17 +49,20 @@ def with_signs(laws: Sequence[Tape], forces: range) -> SignedLaws:
 
     Parameters
     ----------
-    laws : sequence of Tape
-        Tapes of (t, q, v, a, λ, parameters); at least one.
+    switching : Switching
     forces : range
-        The places of a and λ among their inputs.
+        The places of a and λ among the inputs of its tapes.
     """
-    signs = _Signs(laws[0], forces)
+    signs = _Signs(switching.limits, forces)
+    given = switching.limits, switching.forces, switching.force_conditions
+    laws = [tape for tape in given if tape is not None]
     for tape in laws:
         signs.compare(tape)
     signs.number()
-    replaced = tuple([signs.replaced(tape) for tape in laws])
-    return SignedLaws(len(signs.numbers), signs.functions(laws), replaced)
+    replaced = [None if tape is None else signs.replaced(tape) for tape in given[1:]]
+    return SignedLaws(
+        len(signs.numbers), signs.functions(laws), signs.replaced(switching.limits), *replaced
+    )
 
 
 class _Signs:

@@ -82,10 +82,9 @@ class SplitSystem:
 
     @cached_property
     def laws(self) -> SignedLaws:
-        """``Switching.limits`` and ``Switching.forces``, if any, with signs as inputs."""
-        layout, switching = self.system.sample_layout, self.switching
-        laws = [switching.limits, *([switching.forces] if switching.forces else [])]
-        return with_signs(laws, range(layout.v.stop, layout.multipliers.stop))
+        """Limits, forces, and conditions on forces, with signs as inputs."""
+        layout = self.system.sample_layout
+        return with_signs(self.switching, range(layout.v.stop, layout.multipliers.stop))
 
     @property
     def pattern(self) -> list[tuple[int, int]]:

@@ -46,18 +46,20 @@ void lag_evaluate_along(const lag_run *run, const lag_tape *tape, double t, cons
     lag_tape_run(tape, &tape->stream);
 }
 
-/* Run a tape of (t, q, v, a, lambda, signs, their changes, those of p, p) with some signs. */
-static void run_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
-                      const double *of_a, const double *of_z, int signs, const double *side)
+void lag_evaluate_laws_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
+                             const double *of_a, const double *of_z)
 {
     const lag_derivatives *w = &run->derivatives;
-    const int nq = run->system.nq, nc = run->switching.nc;
+    const lag_switching *sw = &run->switching;
+    const int nq = run->system.nq, nc = sw->nc, signs = sw->signs;
     double *r = tape->registers;
+    if (signs && !sw->holds_sides)
+        lag_find_sides(run, t, y, w->a, w->multipliers);
     *r++ = t;
     r = put(r, y, 2 * nq);
     r = put(r, w->a, nq);
     r = put(r, w->multipliers, nc);
-    r = put(r, side, signs);
+    r = put(r, sw->holds_sides ? sw->side : sw->found_side, signs);
     *r++ = d.t;
     r = put(r, d.q, nq);
     r = put(r, d.v, nq);
@@ -66,21 +68,6 @@ static void run_along(const lag_run *run, const lag_tape *tape, double t, const 
     memset(r + nc, 0, (size_t)signs * sizeof(double));
     put(r + nc + signs, d.p, w->np);
     lag_tape_run(tape, &tape->stream);
-}
-
-void lag_evaluate_forces_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
-                               const double *of_a, const double *of_z)
-{
-    run_along(run, tape, t, y, d, of_a, of_z, 0, NULL);
-}
-
-void lag_evaluate_laws_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
-                             const double *of_a, const double *of_z)
-{
-    const lag_switching *sw = &run->switching;
-    if (sw->signs && !sw->holds_sides)
-        lag_find_sides(run, t, y, run->derivatives.a, run->derivatives.multipliers);
-    run_along(run, tape, t, y, d, of_a, of_z, sw->signs, sw->holds_sides ? sw->side : sw->found_side);
 }
 
 /* Divide rows and columns, which may have any units, so that their largest entries are about 1: what multiplies them to

@@ -106,7 +106,7 @@ static void find_slopes(lag_run *run, double t, const double *y, int count, cons
         if (sw->signs)
             lag_evaluate_laws_along(run, &w->signs, t, y, d, of_a, of_z);
         if (sw->force_conditions)
-            lag_evaluate_forces_along(run, &w->force_conditions, t, y, d, of_a, of_z);
+            lag_evaluate_laws_along(run, &w->force_conditions, t, y, d, of_a, of_z);
         for (int i = 0; i < sw->watched_count; ++i) {
             const lag_watched_function *f = sw->watched + i;
             double *slope = w->slopes + i * (w->n + 1) + k;

@@ -290,7 +290,7 @@ static lag_switching_rules rules(lag_reader *in, const lag_equations *e)
     r.conditions = lag_read_count(in);
     r.force_conditions = lag_read_count(in);
     r.condition_functions = lag_read_program(in, state, r.conditions);
-    r.force_condition_functions = lag_read_program(in, forces, r.force_conditions);
+    r.force_condition_functions = lag_read_program(in, forces + r.signs, r.force_conditions);
     r.either = lag_read_integers(in, (int64_t)r.conditions + r.force_conditions, 0, 2);
     r.time = lag_read_integers(in, (int64_t)r.conditions + r.force_conditions, 0, 3);
     r.clocks = lag_read_count(in);

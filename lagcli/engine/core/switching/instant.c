@@ -113,6 +113,8 @@ static int begin_instant(lag_run *run)
         return LAG_UNDEFINED;
     memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));
     memcpy(sw->begin + run->system.nq, sw->multipliers, (size_t)sw->nc * sizeof(double));
+    if (sw->signs)
+        memcpy(sw->sign_before, sw->sign_value, (size_t)sw->signs * sizeof(double));
     sw->located = 0;
     run->step.finishing = 0;
     run->step.t = sw->instant;
@@ -442,6 +444,8 @@ int lag_do_instant(lag_run *run)
             status = sw->kinks.undecided ? lag_return(run, t, y) : lag_project(run, t, y);
         if (status == LAG_RUNNING && sw->kinks.undecided && turns(run))
             status = LAG_CORNER;
+        if (status == LAG_RUNNING)
+            status = lag_choose_sides(run);
         if (status != LAG_RUNNING)
             return status;
         if (sw->begun)
@@ -457,8 +461,6 @@ int lag_do_instant(lag_run *run)
         return LAG_HAPPENED;
     }
     sw->due = 0;
-    if (sw->stage != END_REPORTED && (status = lag_choose_sides(run)) != LAG_RUNNING)
-        return status;
     if (run->derivatives.n && sw->stage != END_REPORTED && lag_end_jump(run, sw->begun))
         return LAG_UNDEFINED;
     if (!sw->begun) {

@@ -61,6 +61,7 @@ static void allocate(lag_run *run)
     sw->side = lag_doubles(pool, sw->signs);
     sw->found_side = lag_doubles(pool, sw->signs);
     sw->turned = lag_get(pool, (size_t)sw->signs, sizeof(int));
+    sw->sign_before = lag_doubles(pool, sw->signs);
     sw->sign_value = lag_doubles(pool, sw->signs);
     sw->sign_size = lag_doubles(pool, sw->signs);
     lag_kinks *k = &sw->kinks;

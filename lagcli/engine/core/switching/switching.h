@@ -132,6 +132,7 @@ typedef struct {
     double *side, *found_side;         /* signs: in steps; of the functions as evaluated last */
     int *turned;                       /* signs: whether the function has crossed zero at this instant */
     double *sign_value, *sign_size;    /* signs: the functions at the last evaluation of all forces; largest sizes */
+    double *sign_before;               /* signs: the functions at the beginning of the instant */
     int has_sides;                     /* whether they have been found */
     int holds_sides;                   /* from the end of an instant to the next one, in which they are found again */
     lag_tape limits, impact;

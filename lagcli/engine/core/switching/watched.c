@@ -30,7 +30,7 @@ static double condition_output(const lag_switching *sw, int which)
 static void evaluate_force_conditions(lag_run *run, double t, const double *y)
 {
     const lag_switching *sw = &run->switching;
-    lag_evaluate_forces(run, &sw->force_condition_tape, t, y, run->solver.a, sw->multipliers);
+    lag_evaluate_laws(run, &sw->force_condition_tape, t, y, run->solver.a, sw->multipliers, LAG_OF_STEP);
 }
 
 /* The functions of signs, of forces as the laws have them, and their largest sizes. */
@@ -79,11 +79,14 @@ static int settle_sides(lag_run *run)
         int changed = 0;
         if (lag_all_forces(run, run->step.t, run->step.y))
             return LAG_UNDEFINED;
-        for (int s = 0; s < sw->signs; ++s)
-            if (sw->side[s] * sw->sign_value[s] < -noise_of_sign(sw, s)) {
+        for (int s = 0; s < sw->signs; ++s) {
+            const double value = sw->sign_value[s], noise = noise_of_sign(sw, s);
+            const int reached = sw->side[s] < 0.0 && sw->sign_before[s] < -noise && value >= -noise; /* by a jump */
+            if (reached || sw->side[s] * value < -noise) {
                 sw->side[s] = -sw->side[s];
                 changed = 1;
             }
+        }
         if (!changed)
             return LAG_RUNNING;
     }
@@ -114,6 +117,7 @@ int lag_choose_sides(lag_run *run)
             && fabs(sw->sign_value[s]) <= noise_of_sign(sw, s))
             status = LAG_NO_SIDE;
         sw->turned[s] = 0;
+        sw->sign_before[s] = sw->sign_value[s];
     }
     return status;
 }

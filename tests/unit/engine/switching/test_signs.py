@@ -30,7 +30,7 @@ def signed(law: str) -> tuple[System, SignedLaws]:
     found = system(law)
     assert found.switching is not None
     assert found.switching.forces is not None
-    return found, with_signs([found.switching.forces], range(7, 12))
+    return found, with_signs(found.switching, range(7, 12))
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,8 @@ def test_laws_are_smooth_with_a_fixed_sign(law: str, one_side, other_side) -> No
     found, laws = signed(law.replace("a_", "lambda.a").replace("b_", "lambda.b"))
     assert found.switching is not None
     assert found.switching.forces is not None
-    original, replaced = ScalarTape(found.switching.forces), ScalarTape(laws.laws[0])
+    assert laws.forces is not None
+    original, replaced = ScalarTape(found.switching.forces), ScalarTape(laws.forces)
     function = ScalarTape(laws.functions)
     rng = np.random.default_rng(1)
     for _ in range(50):
