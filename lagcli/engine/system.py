@@ -250,7 +250,8 @@ class System:
         """Whether the equations have comparisons, `floor` or `ceil`."""
         tapes = [self.dynamics, self.constraint]
         if self.switching is not None:
-            tapes += filter(None, [self.switching.limits, self.switching.forces])
+            s = self.switching
+            tapes += filter(None, [s.limits, s.forces, s.force_conditions])
         return any(line[0] in KINKS for tape in tapes for line in tape.code)
 
     @cached_property

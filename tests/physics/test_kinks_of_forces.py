@@ -305,3 +305,42 @@ simulation: {{t_end: {end}, samples: 2}}
     assert found.events is not None
     assert len(expected) == len(found.events.time)
     assert found.events.time == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("condition", "rises"),
+    [
+        ("lambda.guide*abs(x) <= 0.3", lambda x: 0.3 - abs(x)),
+        ("max(x, -2*x)*lambda.guide <= 0.3", lambda x: 0.3 - max(x, -2 * x)),
+        ("lambda.guide*sign(x - 0.3) >= 1", lambda x: x - 0.3),
+        ("lambda.guide*step(x - 0.3) >= 0.5", lambda x: x - 0.3),
+    ],
+)
+@pytest.mark.parametrize("w", [0.7, 9.0])
+def test_events_of_forces_with_kinks_of_the_state(
+    condition: str, rises: Callable[[float], float], w: float
+) -> None:
+    """λ = 1, and x = sin(w t): jumps to the bound of a condition are events, too."""
+    model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: {w * w / 2}*x^2
+Q: {{y: -1}}
+constraints: {{guide: y = 0}}
+events: {{hit: {{when: "{condition}"}}}}
+initial: {{x: 0, x': {w}, y: 0, y': 0}}
+simulation: {{t_end: 20, samples: 2}}
+""")
+    found = lagcli.simulate(model)
+    angles = [
+        angle for x in (0.3, -0.3, 0.15, -0.15) for angle in (math.asin(x), math.pi - math.asin(x))
+    ]
+    times = sorted((a + 2 * math.pi * n) / w for n in range(-1, 30) for a in angles)
+    expected = [
+        t
+        for t in times
+        if 0 < t < 20 and rises(math.sin(w * t - 1e-6)) < 0 < rises(math.sin(w * t + 1e-6))
+    ]
+    assert found.events is not None
+    assert len(expected) == len(found.events.time)
+    assert found.events.time == pytest.approx(expected, abs=1e-8)

@@ -328,9 +328,10 @@ static int update_conditions(lag_run *run)
         const double zero = fmax(condition->happened ? fmax(WRONG * noise, condition->off) : noise, error);
         condition->largest = fmax(condition->largest, fabs(value));
         condition->value = value;
-        if (sw->begun && (!(fabs(value - before) > noise) || fabs(value) <= zero))
+        const int reached = c >= sw->conditions && before < -zero && fabs(value) <= zero; /* by a jump of forces */
+        if (sw->begun && (!(fabs(value - before) > noise) || (fabs(value) <= zero && !reached)))
             continue;
-        const int holds = value >= 0.0, changes = holds != condition->holds;
+        const int holds = value >= 0.0 || reached, changes = holds != condition->holds;
         condition->holds = holds;
         if (condition->rests) { /* it leaves zero */
             condition->rests = LAG_OFF_ZERO;
