@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
@@ -138,6 +139,7 @@ class DerivedColumns:
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
         self._reach = np.zeros(len(system.constraints))
+        self._times = (math.nan, math.nan)  # of the first and the last sample
 
     @property
     def scale_position(self) -> Array:
@@ -148,16 +150,19 @@ class DerivedColumns:
 
     @property
     def scale_velocity(self) -> Array:
-        """Largest scale of each velocity constraint so far, (nc,)."""
-        return usable(self._velocity_scale)
+        """Largest scale of each velocity constraint so far, (nc,).
 
-    @property
-    def reach(self) -> Array:
-        """What coordinates of their sizes change in each constraint, (nc,): of ψ, its integral."""
-        reach = self._reach.copy()
-        held = list(self.system.holonomic)
-        reach[held] = np.maximum(reach[held], self._position_scale)
-        return reach
+        At least that of velocities which change the coordinates by their sizes in the time of the
+        samples: of bodies at rest all other terms are rounding errors.
+        """
+        scale = self._velocity_scale
+        first, last = self._times
+        if last > first:
+            reach = self._reach.copy()
+            held = list(self.system.holonomic)
+            reach[held] = np.maximum(reach[held], self._position_scale)
+            scale = np.fmax(scale, reach / (last - first))
+        return usable(scale)
 
     def __call__(self, block: Block) -> Samples:
         """Return the next samples with all columns."""
@@ -212,6 +217,9 @@ class DerivedColumns:
 
         if count and not self.samples:
             self._energy_before = total[0] - block.work[0]
+            self._times = (float(block.time[0]), self._times[1])
+        if count:
+            self._times = (self._times[0], float(block.time[-1]))
         self.samples += count
         inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
         scales = [

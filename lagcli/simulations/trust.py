@@ -48,7 +48,6 @@ class Trust:
         self.balance = self.energy = self.flow = self.parts = 0.0
         self._potential = (math.inf, -math.inf)
         self._last: tuple[float, float] | None = None  # time and power of the last sample
-        self._span = 0.0  # seconds
         nc = len(self.constraints)
         self._residuals = {"position": np.zeros(nc), "velocity": np.zeros(nc)}
 
@@ -72,7 +71,6 @@ class Trust:
             time, power = np.append(self._last[0], time), np.append(self._last[1], power)
         self.flow += float(np.nansum(np.diff(time) * (power[1:] + power[:-1])) / 2)
         self._last = float(time[-1]), float(power[-1])
-        self._span += float(time[-1] - time[0])
         for level, largest_before in self._residuals.items():
             by_row = np.ascontiguousarray(getattr(samples, f"residual_{level}").T)
             largest = np.fmax.reduce(np.abs(by_row), axis=1)
@@ -141,11 +139,8 @@ class Trust:
                 f" the tolerance explains ({allowed:.1g}): {self._remedy()}"
             )
         for level, largest in self._residuals.items():
-            terms = scales[level]
-            if level == "velocity" and self._span:  # motions that move no position
-                terms = np.fmax(terms, columns.reach / self._span)
             with np.errstate(invalid="ignore"):
-                relative = np.nan_to_num(largest / terms)
+                relative = np.nan_to_num(largest / scales[level])
             worst = int(np.argmax(relative)) if len(relative) else 0
             limit = _RESIDUAL if settings.formulation == "projection" else allowed
             if len(relative) and relative[worst] > limit:

@@ -94,6 +94,23 @@ def test_scales_are_the_largest_so_far() -> None:
     assert columns.samples == 6
 
 
+def test_velocities_at_rest_are_compared_with_those_that_would_move_the_body() -> None:
+    """A rod of length 1 at rest for 2 s, and rounding errors of its velocity."""
+    model = lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 0.6, y: 0.8, x': 0, y': 0}
+""")
+    columns = DerivedColumns(*lowered(model))
+    for time in (0.0, 0.5, 2.0):  # a sample in each block
+        at, rate = np.array([[0.6, 0.8]]), np.full((1, 2), 1e-16)
+        zero, one = np.zeros((1, 2)), np.zeros((1, 1))
+        columns(Block(np.array([time]), at, rate, zero, one, np.zeros(1)))
+    # 2 (x² + y²) over 2 s
+    np.testing.assert_allclose(columns.scale_velocity, 1.0, rtol=1e-12)
+
+
 MODELS = Path(__file__).parents[3] / "models"
 
 
