@@ -60,8 +60,11 @@ _CURVED = 1.25
 _NODES = 4
 #: Rows below this part of their scale, which is one millionth of their usual length, count as zero.
 _VANISHING = 0.1
-#: Displacement of an initial state, relative to the coordinates' size, to test for a singularity.
+#: Displacement of an initial state, relative to the coordinates' size, to test for a singularity,
+#: ...
 ASIDE = 1e-3
+#: ... of which consistent states beside a regular one keep all but its square.
+_MOVES = 0.5
 
 
 @dataclass(frozen=True)
@@ -427,9 +430,11 @@ class RankWatch:
             )
 
     def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:
-        """Stop if the initial state is singular: B has a higher rank at nearby consistent states.
+        """Stop if the initial state is singular.
 
-        If the rank is not higher there, the constraints are redundant everywhere.
+        B has a higher rank at nearby consistent states, or there are none where B allows a motion:
+        constraints that touch have equal gradients, but hold only together. Otherwise the
+        constraints are redundant everywhere.
         """
         c = self.motion.evaluator.constraints(t, q, v)
         if self.rank == self.motion.nc or not c.finite:
@@ -440,17 +445,23 @@ class RankWatch:
         # branches may lie between the directions, so a mixture of all is tried too
         mixture = free @ np.cos(1.0 + np.arange(free.shape[1]))
         for direction in (*free.T, mixture):
+            moved = 0.0  # part of the displacement that the constraints allow
             for side in (-size, size):
                 try:
                     beside, _ = project(t, q + side * direction, v)
                 except Stop:
                     continue
+                along = direction / self.motion.sizes
+                part = along @ ((beside - q) / self.motion.sizes) / (side * (along @ along))
+                moved = max(moved, float(part))
                 values = self.values(t, beside, v)
                 jacobian = self.motion.evaluator.constraints(t, beside, v).jacobian
                 gone &= self._vanishing(jacobian)
                 # near a singular point the weakest value is proportional to the distance
                 if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
-                    raise _start_stop(self._dependent(t, q, v))
+                    raise _start_stop(self._dependent(t, q, v, self.rank))
+            if moved < _MOVES:
+                raise _touching(self._dependent(t, q, v, self.rank))
         if gone:
             raise _start_stop([self.names[i] for i in sorted(gone)], _no_gradient)
 
@@ -464,12 +475,14 @@ class RankWatch:
         lengths = self.motion.lengths[list(self.motion.evaluator.system.holonomic)]
         return float((c.position_scale / lengths).max(initial=0.0)) or 1.0
 
-    def _dependent(self, t: float, q: Array, v: Array) -> list[str]:
-        """Return the constraints that depend on each other at a state."""
+    def _dependent(self, t: float, q: Array, v: Array, rank: int | None = None) -> list[str]:
+        """Return the constraints that depend on each other at a state, by default one where the
+        rank falls by one."""
+        rank = max(0, self.rank - 1) if rank is None else rank
         jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
         scaled = self._scaled(jacobian)
         u, _, _ = np.linalg.svd(scaled)
-        parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
+        parts = np.abs(u[:, rank:]).max(axis=1)
         return [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]
 
 
@@ -498,6 +511,17 @@ def _start_stop(names: list[str], why: Callable[[list[str]], str] = _dependency)
     return Stop(
         f"the start is a singular configuration: {why(names)} how the motion begins;"
         " start away from it",
+        constraints=tuple(names),
+    )
+
+
+def _touching(names: list[str]) -> Stop:
+    if len(names) == 1:
+        return _start_stop(names)
+    return Stop(
+        f"the start is a singular configuration: the constraints {_listed(names)} are dependent"
+        " there, but do not allow the motion that their gradients allow, so that their forces"
+        " cannot be computed; change a length, or remove one of them",
         constraints=tuple(names),
     )
 

@@ -445,6 +445,35 @@ initial: {{x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}}
         RankWatch(found).check_start(0.0, origin, origin, Projection(found.evaluator, 1))
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("turned", [0.0, 2.1])
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize("at", [0.4, 1.6])
+def test_constraints_that_touch_are_singular_and_not_redundant(
+    at: float, gravity: float, turned: float, size: float
+) -> None:
+    """A point on two bars in one line cannot move, though their gradients are equal; B moves."""
+    x, y = size * at * math.cos(turned), size * at * math.sin(turned)
+    x_o, y_o = size * math.cos(turned), size * math.sin(turned)
+    run = lagcli.simulate(
+        lagcli.load_text(f"""
+coordinates: [x, y, x_B, y_B]
+T: (x'^2 + y'^2 + x_B'^2 + y_B'^2)/2
+V: {gravity * size}*(y + y_B)
+constraints:
+  left: x^2 + y^2 = {x * x + y * y}
+  right: (x - {x_o})^2 + (y - {y_o})^2 = {(x - x_o) ** 2 + (y - y_o) ** 2}
+  rod: (x - x_B)^2 + (y - y_B)^2 = {size}^2
+initial:
+  {{x: {x}, y: {y}, x_B: {x + 0.6 * size}, y_B: {y + 0.8 * size}, x': 0, y': 0, x_B': 0, y_B': 0}}
+"""),
+        t_end=0.01,
+        samples=3,
+    )
+    assert (run.status, len(run.time)) == ("failed", 0)
+    assert "the constraints `left`, `right` are dependent there, but do not allow" in run.message
+
+
 G = 9.81
 SYSTEM, P = lowered(
     lagcli.load_text(f"""
