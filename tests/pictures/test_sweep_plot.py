@@ -87,6 +87,22 @@ def test_rows_are_runs() -> None:
         np.testing.assert_allclose(found[curve.name], values, rtol=1e-6, atol=1e-7)
 
 
+def test_a_file_is_checked_once_for_all_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its checksum, attributes and structure: each took as long as drawing a row."""
+    from lagcli.results.hdf5 import seal
+    from lagcli.sweeps.file import store
+
+    summed, opened = [], []
+    digest, check = seal._digest, store._check_facts
+    monkeypatch.setattr(seal, "_verified", set())
+    monkeypatch.setattr(seal, "_digest", lambda *x: (summed.append(x), digest(*x))[1])
+    monkeypatch.setattr(store, "_check_facts", lambda x: (opened.append(x), check(x))[1])
+    plot(tmp_path, "kept.h5", "psi", "slider")
+    assert (len(summed), len(opened)) == (1, 2)  # the table of rows, and the rows
+
+
 def test_families_of_curves(tmp_path: Path) -> None:
     text = plot(tmp_path, "kept.h5", "psi", "lambda.guide", "phi:phi_dot")
     assert "l [m]" in text

@@ -664,6 +664,8 @@ class Rows:
         Number of completed rows.
     numbers : (good,) array of int
         Their places in the file.
+    file : SweepFile
+        The file, closed; rows open it once more.
 
     Raises
     ------
@@ -696,7 +698,7 @@ class Rows:
             self.display = facts["display"]
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
-        self.good, self.numbers = len(good), good
+        self.good, self.numbers, self.file = len(good), good, file
         if model is not None:
             self.units, self.notation = result_units(self.model), Notation(self.model)
         self.units = self.units | {c.name: c.unit for c in columns if c.unit != NOT_STATED}
@@ -746,9 +748,10 @@ class SweepRow(RunFile):
 
     def blocks(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield fields of `Samples` by name, all samples at once."""
-        from lagcli.sweeps.file.store import open_sweep
+        from lagcli.results.hdf5.opening import open_verified
 
-        with open_sweep(self.name) as file:
+        with open_verified(self.name) as opened:
+            file = self._rows.file.again(opened)
             yield {
                 name: file.times if name == "time" else file.read(name, self._number)
                 for name in names

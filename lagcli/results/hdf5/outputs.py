@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from copy import copy
 from itertools import groupby
 from typing import Any
 
@@ -117,6 +118,12 @@ class OutputDatasets:
                 yield OutputFamily(name, members, axis)
             else:
                 raise ValueError(f"outputs/{name} has shape {shape}")
+
+    def within(self, root: h5py.Group) -> OutputDatasets:
+        """Return the same outputs in the same file, open once more."""
+        outputs = copy(self)
+        outputs._group = group(root, "outputs")
+        return outputs
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Return the shape of an output, without the axis of members."""

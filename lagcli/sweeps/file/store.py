@@ -9,6 +9,8 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -289,7 +291,15 @@ class SweepFile:
         if ((status < 0) | (status >= len(STATUSES))).any():
             raise ValueError("status has undefined values")
 
-    @property
+    def again(self, opened: Opened) -> SweepFile:
+        """Return the same file, open once more: its attributes have been read and checked."""
+        file = copy(self)
+        file.root = opened.root
+        if file.kept:
+            file._outputs = self._outputs.within(opened.root)
+        return file
+
+    @cached_property
     def times(self) -> Array:
         """The times of the stored samples, s."""
         return np.asarray(numbers(self.root, "time")[()], dtype=np.float64)
