@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lagcli.analysis.linear.linear_model import linearize
     from lagcli.analysis.linear.modes import modes
     from lagcli.analysis.opening import open
+    from lagcli.analysis.writing import write
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.export.dynamics import dynamics
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from lagcli.pictures.animation.animate import animate
     from lagcli.pictures.plots.plot import plot
     from lagcli.pictures.report import report
-    from lagcli.results import read, write
+    from lagcli.results import read
     from lagcli.simulations.partition import partition
     from lagcli.simulations.simulation import simulate
     from lagcli.simulations.start import degrees_of_freedom
@@ -96,7 +97,7 @@ _PLACES = {
     "report": "lagcli.pictures.report",
     "simulate": "lagcli.simulations.simulation",
     "sweep": "lagcli.sweeps.run",
-    "write": "lagcli.results",
+    "write": "lagcli.analysis.writing",
 }
 
 

@@ -144,6 +144,24 @@ class UsageError(LagcliError):
     """Invalid arguments: contradictory, unknown, out of range, or not possible for a model."""
 
 
+def check_argument(function: str, value: object, expected: type, remedy: str) -> None:
+    """Raise UsageError unless the argument of a function of the package has a type.
+
+    Parameters
+    ----------
+    function : str
+    value : object
+    expected : type
+    remedy : str
+        How such an object is obtained.
+    """
+    if not isinstance(value, expected):
+        raise UsageError(
+            f"lagcli.{function}: the argument is of type {type(value).__name__}, not"
+            f" {expected.__name__}; {remedy}"
+        )
+
+
 class ModelError(LagcliError):
     """Invalid model file; contains all diagnostics."""
 

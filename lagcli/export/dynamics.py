@@ -16,7 +16,7 @@ from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.errors import UsageError
 from lagcli.export.content import Content, content_of
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.named_tuples import NamedTuple
 
@@ -454,4 +454,5 @@ def dynamics(model: Model) -> DynamicsFunction:
     ModelError, NumericalError
         There is no consistent initial state.
     """
+    check_is_model(model, "dynamics")
     return DynamicsFunction(content_of(model))

@@ -23,7 +23,7 @@ from lagcli.export.names import Identifiers
 from lagcli.export.terminals import draw_icon, terminals, terminals_and_icons
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.units import UnknownUnit, read_unit
-from lagcli.model.model import Model, velocity
+from lagcli.model.model import Model, check_is_model, velocity
 from lagcli.model.result_units import result_units
 from lagcli.model.values import dependent_values
 from lagcli.named_tuples import NamedTuple
@@ -136,6 +136,7 @@ def fmu(
     ModelError, NumericalError
         There is no consistent initial state.
     """
+    check_is_model(model, "fmu")
     if version not in VERSIONS:
         raise UsageError(f"there is no FMI {version}; known are {', '.join(VERSIONS)}")
     return _Fmu(prepare(model), version, inputs).packed(_libraries(version, wheels), icon)

@@ -152,6 +152,9 @@ def code(model: Model, to: str) -> str:
     ModelError, NumericalError
         There is no consistent initial state.
     """
+    from lagcli.model.model import check_is_model
+
+    check_is_model(model, "code")
     chosen = format_of(to, None)
     if chosen.name in ("fmu", "page"):
         own = {"fmu": "lagcli.fmu", "page": "lagcli.live_page"}[chosen.name]

@@ -11,7 +11,7 @@ from string import Template
 from lagcli.live.content import live_content
 from lagcli.live.module import module
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
 from lagcli.pictures.run_file import RunFile, in_unit, with_expressions
 from lagcli.pictures.words import words_of
@@ -86,6 +86,7 @@ def live_page(model: Model, lang: str = "en", settings: SettingsOverrides | None
     FileError
         The core for pages is not there.
     """
+    check_is_model(model, "live_page")
     words = words_of(lang)
     core = module()
     content = live_content(model, settings)

@@ -12,7 +12,7 @@ from symengine import Basic
 
 from lagcli.columns import ColumnName
 from lagcli.data_classes import dataclass, field
-from lagcli.errors import Diagnostic, SourceLocation
+from lagcli.errors import Diagnostic, SourceLocation, check_argument
 from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
 from lagcli.model.expression.dimension import Factor
 from lagcli.model.expression.functions import is_opaque
@@ -624,3 +624,8 @@ class Model:
     def parameter_values(self) -> dict[str, float]:
         """Parameter values in SI, by name."""
         return {name: p.value for name, p in self.parameters.items()}
+
+
+def check_is_model(value: object, function: str) -> None:
+    """Raise UsageError if the argument of a function of the package is not a Model."""
+    check_argument(function, value, Model, "lagcli.load reads one from a file")

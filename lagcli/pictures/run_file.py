@@ -27,6 +27,15 @@ _NONE = np.empty(0)
 _SAME = 1e-12
 
 
+def check_source(function: str, source: object) -> None:
+    """Raise UsageError if the argument of a function of the package is no run and no file name."""
+    if not isinstance(source, (str, os.PathLike, Trajectory)):
+        raise UsageError(
+            f"lagcli.{function}: the argument is of type {type(source).__name__}, neither a run nor"
+            " the name of a file; lagcli.write writes files of runs and analyses"
+        )
+
+
 class RunFile:
     """The columns of one run, and its model.
 

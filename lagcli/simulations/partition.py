@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.reduction.partition import CoordinatePartition, values_at
 from lagcli.equations.reduction.partition import partition as partition_at
+from lagcli.errors import check_argument
 from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.start import ModelStart
 
@@ -35,6 +36,7 @@ def partition(
     ModelError, NumericalError
         There is no consistent initial state.
     """
+    check_argument("partition", equations, Equations, "lagcli.derive returns them")
     return partition_of(ModelStart(equations), independent)
 
 

@@ -17,7 +17,7 @@ from lagcli.engine.lowering.lower import lower
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.model.result_units import result_display, result_units
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
 from lagcli.simulations.cancellation import Interruption
@@ -91,6 +91,7 @@ def simulate(
         There is no initial state: none is consistent near the guesses, a value there is not finite,
         or a coordinate has no inertia.
     """
+    check_is_model(model, "simulate")
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     simulation = prepare(model, settings)

@@ -27,7 +27,7 @@ from lagcli.engine.lowering.lower import lower
 from lagcli.engine.system import State, System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, RedundantSet
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
+from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError, check_argument
 from lagcli.model.model import InitialValue, Model, velocity
 from lagcli.settings.settings import DEFAULTS
 
@@ -174,6 +174,7 @@ def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
     DegreesOfFreedom
         Its rank is None if there is no consistent initial state.
     """
+    check_argument("degrees_of_freedom", equations, Equations, "lagcli.derive returns them")
     return ModelStart(equations).freedom
 
 

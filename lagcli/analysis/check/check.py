@@ -20,7 +20,7 @@ from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized
 from lagcli.model.dimensions.deriving import symbolic_unit
-from lagcli.model.model import TIME, Model
+from lagcli.model.model import TIME, Model, check_is_model
 from lagcli.simulations.contacts import model_at_start
 from lagcli.simulations.momenta import distinct
 from lagcli.simulations.start import find_start, freedom_at
@@ -96,6 +96,7 @@ def check(model: Model) -> Check:
         There is no initial state: none is consistent near the guesses, a value there is not
         finite, or a coordinate has no inertia.
     """
+    check_is_model(model, "check")
     equations = derive(model)
     system = lower(equations)
     with one_thread():

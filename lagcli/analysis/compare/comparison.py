@@ -19,7 +19,7 @@ from lagcli.analysis.compare.formulations import (
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
 from lagcli.errors import NumericalError, UsageError
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.named_tuples import NamedTuple
 from lagcli.settings.methods import FORMULATIONS, METHODS
@@ -192,6 +192,7 @@ def compare(
     ModelError, UsageError, NumericalError
         As `lagcli.simulate`; also if the reference run fails.
     """
+    check_is_model(model, "compare")
     simulation = prepare(model, settings)
     rows = rows_of(simulation.settings, formulations, methods, rtols)
     tightest = reference_row(simulation.settings, [row.rtol for row in rows])

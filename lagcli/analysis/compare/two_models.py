@@ -21,7 +21,7 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import Motion
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation, prepare
 from lagcli.trajectory.trajectory import Trajectory
@@ -57,7 +57,9 @@ class ModelComparison:
 
     Parameters
     ----------
+    models : tuple of two Models
     first, second : Trajectory
+        Their runs.
     coordinates, multipliers, outputs : tuples of QuantityDifference
         Of the names that both models have.
     only_first, only_second : tuples of str
@@ -67,6 +69,7 @@ class ModelComparison:
         the change of λ from -F, in SI units.
     """
 
+    models: tuple[Model, Model]
     first: Trajectory
     second: Trajectory
     coordinates: tuple[QuantityDifference, ...]
@@ -99,6 +102,8 @@ def compare_models(
     ModelError, NumericalError
         As `lagcli.simulate`.
     """
+    for model in (first, second):
+        check_is_model(model, "compare_models")
     given = (settings or SettingsOverrides()).over(first.settings)
     common = [name for name in first.coordinate_names if name in second.coordinate_names]
     if not common:
@@ -114,6 +119,7 @@ def compare_models(
         {*x.coordinate_names, *(f"lambda.{c}" for c in x.constraint_names)} for x in (first, second)
     ]
     return ModelComparison(
+        models=(first, second),
         first=runs[0],
         second=runs[1],
         coordinates=one.against(other, "q", "coordinates"),

@@ -39,7 +39,7 @@ def describe_equilibria(result: Equilibria) -> dict[str, Any]:
     """Return the JSON values of ``lagcli equilibrium --json``: docs/schemas/equilibrium.json."""
     return {
         "command": "equilibrium",
-        "model": result.model,
+        "model": result.model.name,
         "steady": dict(result.steady),
         "starts": result.starts,
         "equilibria": [_described(x, result) for x in result.equilibria],
@@ -173,7 +173,7 @@ def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:
     """Return the JSON values of ``equilibrium --along --json``: docs/schemas/equilibrium.json."""
     return {
         "command": "equilibrium",
-        "model": diagram.model,
+        "model": diagram.model.name,
         "steady": dict(diagram.steady),
         "parameter": diagram.parameter,
         "limits": list(diagram.limits),

@@ -31,7 +31,7 @@ from lagcli.analysis.local.steady import SteadyState, none_found, velocity_coord
 from lagcli.analysis.local.steady_terms import Given, SteadyTerms, check_switching, is_velocity
 from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.named_tuples import NamedTuple
 
 Crossing = Literal["pitchfork", "transcritical", "line of equilibria"]
@@ -125,8 +125,7 @@ class BifurcationDiagram:
 
     Parameters
     ----------
-    model : str
-        Name of the model.
+    model : Model
     coordinates, constraints : tuples of str
         Of the constraints, those that hold along the branches.
     parameter : str
@@ -141,7 +140,7 @@ class BifurcationDiagram:
         What contacts, limits and friction do where the first branch begins.
     """
 
-    model: str
+    model: Model
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     parameter: str
@@ -200,6 +199,7 @@ def follow_equilibria(
     .. [2] W. J. F. Govaerts, "Numerical Methods for Bifurcations of Dynamical Equilibria", 2000,
        doi:10.1137/1.9780898719543.
     """
+    check_is_model(model, "follow_equilibria")
     if not (np.isfinite(start) and np.isfinite(end)) or start == end:
         raise UsageError(f"--along {parameter}={start:g}:{end:g}: give two different finite values")
     names = model.coordinate_names
@@ -233,7 +233,7 @@ def follow_equilibria(
     if branches:
         diagram.trace_others()
     return BifurcationDiagram(
-        model.name,
+        model,
         names,
         local.system.constraints,
         variable.name,

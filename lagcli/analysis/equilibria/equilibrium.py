@@ -21,7 +21,7 @@ from lagcli.analysis.local.steady_terms import (
 )
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 
 _TAKES_PART = 1e-6
 
@@ -75,8 +75,7 @@ class Equilibria:
 
     Parameters
     ----------
-    model : str
-        Name of the model.
+    model : Model
     coordinates, constraints : tuples of str
         All of the model.
     steady : mapping of str to float or None
@@ -89,7 +88,7 @@ class Equilibria:
         Initial velocities that the model file gives and that the motion found does not have.
     """
 
-    model: str
+    model: Model
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     steady: Mapping[str, float | None]
@@ -150,6 +149,7 @@ def equilibrium(
        solutions of nonlinear partial differential equations", SIAM J. Sci. Comput. 37 (2015)
        A2026, doi:10.1137/140984798.
     """
+    check_is_model(model, "equilibrium")
     if starts < 1:
         raise UsageError(f"--starts {starts}: give at least 1")
     terms = SteadyTerms(model, steady or {})
@@ -162,7 +162,7 @@ def equilibrium(
         states = search_steady_states(terms.problem(LocalEquations(model)), starts)
     equilibria = sorted(map(described, states), key=_order)
     return Equilibria(
-        model.name,
+        model,
         model.coordinate_names,
         model.constraint_names,
         terms.named,

@@ -109,7 +109,9 @@ def stability_of(
     reduced = _without_asymmetry(reduced_matrices(local, operating_point), changed)
     stiffness = hessian_eigenvalues(reduced)
     symmetric = symmetric_eigenpairs(reduced)
-    pairs, states = symmetric or asymmetric_eigenpairs(linear_model(local, operating_point))
+    pairs, states = symmetric or asymmetric_eigenpairs(
+        linear_model(local.model, local, operating_point)
+    )
     order = np.argsort(np.abs(pairs), kind="stable")
     values, states = pairs[order], states[:, order]
     rate = _rate(local, operating_point)

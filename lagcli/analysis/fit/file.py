@@ -70,6 +70,12 @@ _IN_CONTENT = (
 )
 
 
+def check_fit_target(path: str) -> None:
+    """Raise UsageError unless a file name is that of a fit."""
+    if not path.lower().endswith((".h5", ".hdf5")):
+        raise UsageError(f"{path}: a fit is written as HDF5; name it fit.h5")
+
+
 def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = False) -> None:
     """Write the result of a fit as HDF5, atomically.
 
@@ -83,9 +89,12 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
 
     Raises
     ------
+    UsageError
+        The suffix is another one.
     FileError
         The file exists and ``force`` is false, or it cannot be written.
     """
+    check_fit_target(os.fspath(path))
     facts = {name: getattr(result, name) for name in _FACTS}
     facts["lagcli_version"] = __version__
     content = {"command": "fit", **result.as_dict()}

@@ -25,7 +25,7 @@ from lagcli.columns import unit_quotient
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
-from lagcli.model.model import FitBlock, Model
+from lagcli.model.model import FitBlock, Model, check_is_model
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides, resolve
 from lagcli.simulations.directions import direction_names
@@ -87,6 +87,7 @@ def fit(
     NumericalError
         No search has found a minimum: all runs failed.
     """
+    check_is_model(model, "fit")
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     if starts < 1:

@@ -32,7 +32,6 @@ from lagcli.analysis.output.tables import (
     unit_of,
 )
 from lagcli.analysis.output.text import entry, state_lines, width
-from lagcli.model.model import Model
 from lagcli.prose import counted, wrapped
 from lagcli.results.atomic import write_file
 
@@ -62,7 +61,7 @@ def describe_linear(linear: LinearModel) -> dict[str, Any]:
     """Return the JSON values of ``lagcli linearize --json``: docs/schemas/linearize.json."""
     return {
         "command": "linearize",
-        "model": linear.model,
+        "model": linear.model.name,
         "form": linear.form,
         "operating_point": describe_point(linear.operating_point, linear),
         "states": list(linear.states),
@@ -84,7 +83,7 @@ def describe_modes(analysis: ModalAnalysis) -> dict[str, Any]:
     linear = analysis.linear_model
     return {
         "command": "modes",
-        "model": linear.model,
+        "model": linear.model.name,
         "operating_point": describe_point(analysis.operating_point, linear),
         "undamped": analysis.undamped,
         "degrees_of_freedom": len(analysis.operating_point.tangent.velocities),
@@ -352,7 +351,7 @@ LINEAR_SUFFIXES = (".json", ".npz", ".mat", ".h5")
 MODES_SUFFIXES = (".json", ".h5")
 
 
-def write_linear(linear: LinearModel, model: Model, path: str, force: bool) -> None:
+def write_linear(linear: LinearModel, path: str, force: bool) -> None:
     """Write a linear model in the format given by the suffix.
 
     ``.npz`` and ``.mat`` contain the matrices by name and the names of the states, inputs and
@@ -379,13 +378,13 @@ def write_linear(linear: LinearModel, model: Model, path: str, force: bool) -> N
 
         held = io.BytesIO()
         lists: Mapping[str, Any] = {k: np.array(v, dtype=object) for k, v in names.items()}
-        savemat(held, {**arrays, **lists, "model": linear.model}, oned_as="column")
+        savemat(held, {**arrays, **lists, "model": linear.model.name}, oned_as="column")
         write_file(path, held.getvalue(), force)
     else:
-        write_content(content, arrays, model, path, force)
+        write_content(content, arrays, linear.model, path, force)
 
 
-def write_modes(analysis: ModalAnalysis, model: Model, path: str, force: bool) -> None:
+def write_modes(analysis: ModalAnalysis, path: str, force: bool) -> None:
     """Write modes as JSON or HDF5.
 
     Raises
@@ -397,7 +396,7 @@ def write_modes(analysis: ModalAnalysis, model: Model, path: str, force: bool) -
     arrays = {"eigenvalue": _parts(np.array([m.eigenvalue for m in analysis.modes]))}
     for name in ("position", "velocity", "multipliers"):
         arrays[name] = _parts(np.array([getattr(m, name) for m in analysis.modes]))
-    write_content(describe_modes(analysis), arrays, model, path, force)
+    write_content(describe_modes(analysis), arrays, analysis.linear_model.model, path, force)
 
 
 def _parts(values: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from lagcli.engine.system import State
 from lagcli.equations.derivation.column_expressions import REPORTED, column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import UsageError
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.model.spelling import did_you_mean, nearest
 
 if TYPE_CHECKING:
@@ -207,8 +207,7 @@ class LinearModel:
 
     Parameters
     ----------
-    model : str
-        Name of the model.
+    model : Model
     form : "reduced" or "descriptor"
         Reduced: the states are deviations of independent coordinates and velocities. Descriptor:
         of all coordinates, velocities and multipliers, with the constraints as equations.
@@ -229,7 +228,7 @@ class LinearModel:
         Notes for the reader, one sentence each.
     """
 
-    model: str
+    model: Model
     form: Form
     operating_point: OperatingPoint
     coordinates: tuple[str, ...]
@@ -299,6 +298,7 @@ def linearize(
        1994, sec. 5.2.
     .. [2] W. Schiehlen, P. Eberhard, "Applied Dynamics", 2014, doi:10.1007/978-3-319-07335-4.
     """
+    check_is_model(model, "linearize")
     if form not in FORMS:
         raise UsageError(f"--form {form!r} is not a form; the forms are {', '.join(FORMS)}")
     local, operating_point = find_operating_point(
@@ -306,10 +306,11 @@ def linearize(
     )
     signals = Inputs(local, inputs)
     measured = Outputs(local, outputs, signals)
-    return linear_model(local, operating_point, signals, measured, form)
+    return linear_model(model, local, operating_point, signals, measured, form)
 
 
 def linear_model(
+    model: Model,
     local: LocalEquations,
     operating_point: OperatingPoint,
     inputs: Inputs | None = None,
@@ -323,7 +324,7 @@ def linear_model(
     matrices = build(local, operating_point, inputs, outputs)
     system = local.system
     return LinearModel(
-        model=local.model.name,
+        model=model,
         form=form,
         operating_point=operating_point,
         coordinates=system.coordinates,

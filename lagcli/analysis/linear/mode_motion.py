@@ -81,7 +81,7 @@ def mode_motion(
     local, operating_point = find_operating_point(
         model, at=at, equilibrium=equilibrium, steady=steady
     )
-    modes = modes_about(local, operating_point).modes
+    modes = modes_about(model, local, operating_point).modes
     _check_number(number, [(mode.eigenvalue, mode.kind) for mode in modes], model.name)
     mode, name = modes[number - 1], operating_point.name
     wave = _wave(mode.eigenvalue)

@@ -14,7 +14,7 @@ from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint, least
 from lagcli.analysis.local.steady_terms import Given
 from lagcli.arrays import Array
-from lagcli.model.model import Model
+from lagcli.model.model import Model, check_is_model
 from lagcli.named_tuples import NamedTuple
 
 ComplexArray = NDArray[np.complex128]
@@ -134,13 +134,16 @@ def modes(
     ----------
     .. [1] L. Meirovitch, "Principles and Techniques of Vibrations", 1997, ch. 4.
     """
+    check_is_model(model, "modes")
     located = find_operating_point(model, at=at, equilibrium=equilibrium, steady=steady)
-    return modes_about(located.local, located.operating_point)
+    return modes_about(model, located.local, located.operating_point)
 
 
-def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> ModalAnalysis:
+def modes_about(
+    model: Model, local: LocalEquations, operating_point: OperatingPoint
+) -> ModalAnalysis:
     """Return the modes about a known operating point; see `modes`."""
-    linear = linear_model(local, operating_point)
+    linear = linear_model(model, local, operating_point)
     point = operating_point.point
     mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
     weights = np.sqrt(local.system.inertia(np.abs(np.diag(mass))))

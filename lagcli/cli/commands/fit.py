@@ -16,7 +16,6 @@ from lagcli.cli.options import (
     with_settings,
 )
 from lagcli.cli.parameters import Option
-from lagcli.errors import UsageError
 from lagcli.prose import counted
 from lagcli.settings.settings import SettingsOverrides
 
@@ -56,7 +55,7 @@ def fit(
     The `fit` block of the model names the data, the measured quantities (coordinates, multipliers,
     outputs), and the quantities to fit.
     """
-    from lagcli.analysis.fit.file import check_written, write_fit, write_model
+    from lagcli.analysis.fit.file import check_fit_target, check_written, write_fit, write_model
     from lagcli.analysis.fit.fit import fit as run_fit
     from lagcli.analysis.fit.result import format_fit
     from lagcli.cli.operating_point import formatted
@@ -66,8 +65,7 @@ def fit(
     from lagcli.results.atomic import check_writable
 
     if output is not None:
-        if not output.lower().endswith((".h5", ".hdf5")):
-            raise UsageError(f"{output}: a fit is written as HDF5; name it fit.h5")
+        check_fit_target(output)
         refuse_same_file(model, output)
         check_writable(output, force)
     loaded = load(

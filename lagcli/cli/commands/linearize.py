@@ -83,6 +83,6 @@ def linearize(
         outputs=output or (),
     )
     if file is not None:
-        write_linear(linear, loaded, file, force)
+        write_linear(linear, file, force)
     content = describe_linear(linear)
     print_analysis(content, lambda: format_linear(content), file, json, quiet)

@@ -52,6 +52,6 @@ def modes(
     loaded, held = load_steady(model, set, set_initial, steady, preset)
     analysis = find_modes(loaded, at=at, equilibrium=equilibrium, steady=held)
     if output is not None:
-        write_modes(analysis, loaded, output, force)
+        write_modes(analysis, output, force)
     content = describe_modes(analysis)
     print_analysis(content, lambda: format_modes(content), output, json, quiet)

@@ -27,7 +27,7 @@ from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart,
 from lagcli.equations.derivation.recursion import LEAST_RECURSIVE, Velocity, velocities_of
 from lagcli.model import model as symbols
 from lagcli.model.expression.algebra import expand_terms
-from lagcli.model.model import Constraint, Model
+from lagcli.model.model import Constraint, Model, check_is_model
 from lagcli.named_tuples import NamedTuple
 
 Row = Mapping[int, Basic]  # nonzero entries by column
@@ -182,6 +182,7 @@ def derive(model: Model) -> Equations:
     -------
     Equations
     """
+    check_is_model(model, "derive")
     motion = Motion.of(model)
     q, v, a = motion.q, motion.v, motion.a
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential

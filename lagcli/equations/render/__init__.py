@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lagcli.errors import UsageError
+from lagcli.errors import UsageError, check_argument
 
 if TYPE_CHECKING:
     from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
@@ -68,6 +68,9 @@ def render(
         second kind is requested with nonholonomic constraints.
     """
     # not at the top: plots use the notation of names without deriving equations
+    from lagcli.equations.derivation.lagrange import Equations
+
+    check_argument("render", equations, Equations, "lagcli.derive returns them")
     from lagcli.equations.presentation.assembly import KINDS, Contents, shown_steps
     from lagcli.equations.presentation.formulas import Formulas
     from lagcli.equations.typesetting.notation import Notation

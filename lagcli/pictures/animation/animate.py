@@ -21,7 +21,7 @@ from lagcli.pictures.curves import Catalogue, read_curves
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data, with_code
 from lagcli.pictures.plots.figure import new_figure
 from lagcli.pictures.plots.run_plot import Panel, PanelDrawing, asked
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, check_source
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.curve_picture import curve_image
 from lagcli.pictures.scene.drawing import SceneDrawing
@@ -147,6 +147,7 @@ def animate(
     FileError
         A file cannot be read or written, or ffmpeg failed.
     """
+    check_source("animate", source)
     output = os.fspath(output)
     suffix = _suffix(output)
     _check_film_options(suffix, fps, size)

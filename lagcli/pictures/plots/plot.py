@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from lagcli.errors import ModelError, UsageError
 from lagcli.pictures.plots.figure import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
-from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.run_file import RunFile, check_source
 from lagcli.results.formats import kind_of
 from lagcli.results.metadata import KIND
 from lagcli.trajectory.trajectory import Trajectory
@@ -73,7 +73,13 @@ def plot(
     """
     path = os.fspath(output)
     kind = check_picture(path, force)
-    sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
+    sources: list[Source]
+    if isinstance(results, (str, os.PathLike, Trajectory)) or not isinstance(results, Iterable):
+        sources = [results]
+    else:
+        sources = list(results)
+    for source in sources:
+        check_source("plot", source)
     target = FigureFile(path, kind, title, size, dpi, force)
     kinds = [(source, file_kind(source)) for source in sources]
     file, what = next(((str(x), of) for x, of in kinds if of != KIND), ("", KIND))

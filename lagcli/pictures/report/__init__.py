@@ -101,8 +101,9 @@ def report(
     """
     from lagcli.pictures.plots.plot import file_kind
     from lagcli.pictures.report.run_report import assembled
-    from lagcli.pictures.run_file import RunFile
+    from lagcli.pictures.run_file import RunFile, check_source
 
+    check_source("report", source)
     output = os.fspath(output)
     stem, suffix = os.path.splitext(output)
     if output == "-":

@@ -12,7 +12,7 @@ import pytest
 import lagcli
 from lagcli.analysis.fit.file import read_fit, write_fit
 from lagcli.analysis.fit.result import FitResult, format_fit
-from lagcli.errors import FileError
+from lagcli.errors import FileError, UsageError
 from lagcli.results.hdf5.seal import seal
 
 MODEL = """
@@ -38,6 +38,15 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
     lines[3] = lines[3].partition(",")[0] + ","
     (folder / "run.csv").write_text("t,x\n" + "\n".join(lines) + "\n")
     return lagcli.fit(lagcli.load_text(MODEL, str(folder / "model.yaml")), starts=2)
+
+
+def test_lagcli_writes_a_fit_too(tmp_path: Path, result: FitResult) -> None:
+    path = tmp_path / "fit.h5"
+    lagcli.write(result, path)
+    assert read_fit(path).values.tolist() == result.values.tolist()
+    for write in (write_fit, lagcli.write):
+        with pytest.raises(UsageError, match=r"a fit is written as HDF5; name it fit\.h5"):
+            write(result, tmp_path / "fit.json")
 
 
 def test_a_file_reads_as_it_was_written(tmp_path: Path, result: FitResult) -> None:
