@@ -43,6 +43,8 @@ class State(NamedTuple):
         return np.concatenate([self.q, self.v, [0.0]])
 
 
+#: Place of the energy, v·p − L, among the outputs of `System.report`.
+ENERGY = 2
 #: Operations at which a tape is not smooth.
 KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
 Pattern = tuple[tuple[int, int], ...]

@@ -328,3 +328,32 @@ def test_derivatives_of_values_that_are_set(event: str, names: list[str]) -> Non
                 found = lagcli.simulate(lagcli.load_text(text, set=beside), samples=11, rtol=1e-11)
                 difference += side * weight * found.q / h
         assert run.dq[..., k] == pytest.approx(difference, abs=2e-6)
+
+
+@pytest.mark.parametrize("action", ["impulse: {x: 0.7}", "set: {x': x' + 0.35}", "set: {c: 2}"])
+@pytest.mark.parametrize("speed", ["3*cos(t)", "w + 1"])
+def test_the_work_on_a_moving_body_is_that_of_v_p_minus_l(action: str, speed: str) -> None:
+    """A mass on a cart of a given speed u: h = m/2 (x'² − u²) + c x²/2, and not T + V.
+
+    The warning was that the energy balance had an error of m u Δx'.
+    """
+    run = lagcli.simulate(
+        lagcli.load_text(f"""
+coordinates: [x]
+parameters: {{m: 2, c: 1}}
+inputs: {{w: {{times: [0, 0.2, 1], values: [0, 1, 3]}}}}
+T: m/2*(x' + {speed})^2
+V: c/2*x^2
+events: {{hit: {{when: t >= 0.3, {action}}}}}
+initial: {{x: 0.1, x': 0.5}}
+simulation: {{t_end: 1, samples: 11}}
+""")
+    )
+    log = run.events
+    assert log is not None
+    ((x,),), ((before,),), ((after,),) = log.q, log.before, log.after
+    spring = x * x / 2 if "c" in action.split(":")[1] else 0.0
+    assert after - before == pytest.approx(0.0 if spring else 0.35, abs=1e-14)
+    assert log.work == pytest.approx([after**2 - before**2 + spring], rel=1e-12)
+    assert np.abs(run.energy_balance).max() < 1e-8 * np.abs(run.energy_kinetic).max()
+    assert run.warnings == ()

@@ -47,7 +47,7 @@ from lagcli.engine.integrate.run import Integration
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.linear.sparse import matrix_pattern
 from lagcli.engine.switching.switching import EventRule
-from lagcli.engine.system import System
+from lagcli.engine.system import ENERGY, System
 from lagcli.settings.methods import METHODS
 
 _MAGIC, _VERSION = int.from_bytes(b"lagmodel", "little"), 6
@@ -154,7 +154,7 @@ def _switching(run: SwitchingIntegration) -> Iterator[bytes]:
     yield _structure(lag_switching_rules, rules | {"log": None, "log_rows": 0})
     actions, report = split.switching.actions, split.system.report
     yield program_data(split.program(actions if actions else report.selected(())))
-    yield program_data(assemble(report.selected((0, 1))))
+    yield program_data(assemble(report.selected([ENERGY])))
     events = split.switching.events
     yield word_data(len(events))
     place = {row.row: i for i, row in enumerate(split.switching.rows)}

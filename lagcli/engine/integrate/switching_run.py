@@ -51,7 +51,7 @@ from lagcli.engine.switching.switching import (
     EventRule,
     clocks_of,
 )
-from lagcli.engine.system import State, System
+from lagcli.engine.system import ENERGY, State, System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.ticks import Ticks, ticks_of
 
@@ -447,8 +447,8 @@ class Actions:
         return ScalarTape(self.switching.actions) if self.switching.actions else None
 
     @cached_property
-    def _report(self) -> ScalarTape:
-        return ScalarTape(self.system.report)
+    def _energies(self) -> ScalarTape:
+        return ScalarTape(self.system.report.selected([ENERGY]))
 
     @cached_property
     def _constraint(self) -> ScalarTape:
@@ -630,10 +630,9 @@ class Actions:
         return (self.core.t, *y[:-1].tolist(), *a.tolist(), *multipliers.tolist(), *self.p)
 
     def _energy(self, y: Array) -> float:
-        """Return T + V."""
+        """Return v·p − L."""
         nothing = [0.0] * (self.nq + len(self.system.constraints))
-        kinetic, potential = self._report((self.core.t, *y[:-1].tolist(), *nothing, *self.p))[:2]
-        return float(kinetic + potential)
+        return float(self._energies((self.core.t, *y[:-1].tolist(), *nothing, *self.p))[0])
 
     def _check_gap(self, constraint: int, y: Array) -> None:
         """Refuse to engage a holonomic constraint that is violated."""

@@ -114,13 +114,13 @@ const double *lag_held_parameters(lag_simulation *s)
     return s->held;
 }
 
-/* T + V at a state. */
+/* The energy, v.p - L, at a state. */
 static double energy(lag_simulation *s, const double *y)
 {
     lag_held_parameters(s);
     lag_tape_set(&s->energy, s->run->np, s->held);
     lag_evaluate_forces(s->run, &s->energy, s->run->step.t, y, s->none, s->none + s->model.equations.nq);
-    return OUT(&s->energy, 0) + OUT(&s->energy, 1);
+    return OUT(&s->energy, 0);
 }
 
 /* Whether a row is in a list. */

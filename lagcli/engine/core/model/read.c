@@ -395,7 +395,7 @@ static void read_parts(lag_reader *in, lag_model *m)
         m->rules = rules(in, e);
         const int64_t forces = 1 + 3 * (int64_t)e->nq + m->rules.nc + e->np;
         m->actions = lag_read_program(in, forces, 0);
-        m->energy = lag_read_program(in, forces, 2);
+        m->energy = lag_read_program(in, forces, 1);
         m->event_count = lag_read_count(in);
         m->events = in->at;
         for (int i = 0; in->status == LAG_MODEL_READ && i < m->event_count; ++i)
