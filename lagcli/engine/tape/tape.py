@@ -62,13 +62,20 @@ class Tape(NamedTuple):
         return self.inputs + len(self.constants) + len(self.code)
 
     def selected(self, outputs: Iterable[int]) -> Tape:
-        """Return a tape of some outputs, with only the operations that these need."""
+        """Return a tape of some outputs, with only the operations that these need.
+
+        Unless these are all outputs in their order, none is deferred, and there are no subsets.
+        """
         wanted = [self.outputs[i] for i in outputs]
+        if wanted == list(self.outputs):
+            return self
         if not wanted:
             return Tape(self.inputs, (), (), (), self.parameters, functions=self.functions)
         code, fixed = _needed(self, wanted), self.inputs + len(self.constants)
         if len(code) == len(self.code):
-            return self._replace(outputs=tuple(wanted))
+            return self._replace(
+                outputs=tuple(wanted), rhs_inputs=0, deferred=(), output_subsets=()
+            )
         place = [*range(self.registers)]
         for to, line in enumerate(code, fixed):
             place[line[1]] = to

@@ -78,6 +78,10 @@ def test_a_tape_of_some_outputs_has_no_operation_that_they_do_not_need() -> None
     assert ScalarTape(found)((2.0, 5.0)) == [20.0, 4.0]
     assert tape.selected([1, 2, 0]).code is tape.code
     assert tape.selected([]).code == ()
+    marked = tape._replace(rhs_inputs=1, deferred=(2,), output_subsets=((0, 2), (1,)))
+    assert marked.selected([0, 1, 2]) == marked
+    for some in ([1, 2, 0], [2, 0], []):  # the numbers of outputs in the marks are others
+        assert marked.selected(some) == tape.selected(some)
 
 
 def test_results_that_are_used_alike_are_named_by_their_final_registers() -> None:
