@@ -21,7 +21,7 @@ import lagcli
 
 CASES = {**EVENT_CASES, **FORCE_CASES, **REST_CASES}
 #: What only lagcli does: see docs/export.md.
-REFUSED = "an event sets values that the constraints do not allow"
+REFUSED = "constraints react to values that an event sets, or to its impulse"
 
 
 def simulated(case: Case) -> tuple[lagcli.Model, lagcli.Trajectory]:
