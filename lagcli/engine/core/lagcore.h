@@ -408,7 +408,7 @@ int lag_sample_here(lag_run *run, double *row);
 /* Return the number of filled rows of the block, and empty it. */
 int64_t lag_take(lag_run *run);
 
-/* The last step's dense output, n values. */
+/* The last step's dense output: q, v, W and the derivatives of q and v, as `y` of lag_problem. */
 void lag_dense(lag_run *run, double t, double *y);
 
 /* Limit steps further than the settings do, from here on; INFINITY: no further. */

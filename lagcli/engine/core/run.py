@@ -134,6 +134,7 @@ class Integrator:
         self._system = system
         self._nq, self._nc = equations.nq, equations.nc
         self._n = 2 * self._nq + 1
+        self._carried = 2 * self._nq * problem["directions"]
         width = SampleLayout(Counts(self._nq, self._nc)).size + problem["extra"]
         width += problem["directions"] * (3 * self._nq + self._nc + problem["extra"])
         self.block = np.empty((problem["block_rows"], width))
@@ -310,10 +311,10 @@ class Integrator:
         return status
 
     def dense(self, t: float) -> Array:
-        """Return the last step's state at a time in it."""
-        y = np.empty(self._n)
+        """Return the last step's state, (q, v, W), at a time in it."""
+        y = np.empty(self._n + self._carried)
         core.lag_dense(self._run, t, address(y))
-        return y
+        return y[: self._n]
 
     def take(self) -> Array:
         """Return the samples since the last call."""

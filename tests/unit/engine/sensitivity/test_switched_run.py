@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import lagcli
+from lagcli.arrays import Array
 from lagcli.engine.contract import Block, IntegrationRequest
+from lagcli.engine.core import run as core_run
 from lagcli.engine.lowering.lower import lower
 from lagcli.engine.sensitivity import switched_run
 from lagcli.engine.sensitivity.integration import Derivatives
@@ -357,3 +361,41 @@ def test_one_problem_has_many_runs() -> None:
             # with respect to g / 10, over 10
             np.testing.assert_allclose(run.events[0].dtime, -fall / (2 * g), rtol=1e-8)
         assert len(block.time) == 3
+
+
+def test_a_path_near_a_singular_configuration_has_room_for_the_derivatives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """States inside steps, which the core writes with their derivatives, ended beyond the array."""
+    made: list[tuple[int, Array]] = []
+
+    class Guarded:
+        """NumPy, with arrays that are followed by known numbers."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(np, name)
+
+        def empty(self, shape: int | tuple[int, ...]) -> Array:
+            count = int(np.prod(shape))
+            whole = np.full(count + 64, 7.0)
+            made.append((count, whole))
+            return whole[:count].reshape(shape)
+
+    monkeypatch.setattr(core_run, "np", Guarded())
+    run = lagcli.simulate(
+        lagcli.load_text("""
+coordinates: [phi, psi]
+parameters: {r: 1, l: 1.02, J: 1}
+T: J*phi'^2/2 + psi'^2/20
+constraints: {guide: r*sin(phi) = l*sin(psi)}
+events: {turn: {when: phi > 1, record: true}}
+initial: {phi: 0.5, phi': 1, psi: {guess: 0.5}, psi': {guess: 1}}
+"""),
+        sensitivity=("J", "l"),
+        t_end=1.5,
+        samples=4,
+    )
+    assert run.status == "completed"
+    assert len(made) > 1  # the samples, and states inside steps
+    for count, whole in made:
+        assert (whole[count:] == 7.0).all()
