@@ -11,6 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.prepared import with_rates
 from lagcli.engine.layout import RatesLayout
@@ -21,7 +22,7 @@ from lagcli.engine.tape.inputs import PiecewiseFunction
 from lagcli.engine.tape.tape import Arithmetic, Tape
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.equations.derivation.lagrange import derive
-from lagcli.errors import UsageError
+from lagcli.errors import NumericalError, UsageError
 from lagcli.model.model import Model
 from lagcli.named_tuples import NamedTuple
 from lagcli.settings.settings import Settings, SettingsOverrides, resolve
@@ -266,15 +267,37 @@ def independent_constraints(simulation: Simulation) -> tuple[int, ...] | None:
     """Return constraints whose rows of B are independent and span all, holonomic ones first.
 
     None if that is not clear at the initial state.
+
+    Raises
+    ------
+    NumericalError
+        The initial state is a singular configuration: more rows are independent elsewhere.
     """
     system, start = simulation.system, simulation.start
     if start.rank == len(system.constraints):
         return tuple(range(start.rank))
+    _check_start(simulation)
     state, holonomic = start.state, list(system.holonomic)
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     others = [i for i in range(len(d.rhs)) if i not in holonomic]
     kept = independent_rows(d.jacobian, [*holonomic, *others])
     return kept if len(kept) == start.rank else None
+
+
+def _check_start(simulation: Simulation) -> None:
+    """Raise NumericalError if the initial state is a singular configuration."""
+    from lagcli.engine.constraints.index1 import Index1
+    from lagcli.engine.constraints.projection import Projection
+    from lagcli.engine.constraints.singular import RankWatch
+
+    state, rank = simulation.start.state, simulation.start.rank
+    motion = Index1(Evaluator(simulation.system, state.p), rank)
+    motion.measure(state.t, state.q, state.v)
+    try:
+        watch = RankWatch(motion)
+        watch.check_start(state.t, state.q, state.v, Projection(motion.evaluator, rank))
+    except Stop as stop:
+        raise NumericalError(str(stop)) from None
 
 
 def independent_rows(jacobian: Array, order: Sequence[int]) -> tuple[int, ...]:

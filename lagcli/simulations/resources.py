@@ -21,6 +21,7 @@ from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.system import System
 from lagcli.engine.tape.differentiation import directional
 from lagcli.engine.tape.tape import Arithmetic, Tape
+from lagcli.errors import NumericalError
 from lagcli.model.model import Model
 from lagcli.model.values import dependent_values, independent_parameters
 from lagcli.named_tuples import NamedTuple
@@ -58,12 +59,21 @@ def settable_parameters(model: Model) -> list[str]:
 
 
 def method_of(simulation: Simulation) -> str:
-    """Return the method of the model's settings; of `auto`, the last one that a run takes."""
+    """Return the method of the model's settings; of `auto`, the last one that a run takes.
+
+    Raises
+    ------
+    NumericalError
+        The run takes no step.
+    """
     chosen = simulation.settings.method
     if chosen != "auto":
         return chosen
     record = simulation.run(lambda samples: None)
-    return str(record.options["method"]).split(", ")[-1]
+    method = str(record.options["method"]).split(", ")[-1]
+    if method == "auto":
+        raise NumericalError(record.message)
+    return method
 
 
 def resources(

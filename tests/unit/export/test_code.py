@@ -6,6 +6,7 @@ import io
 import shutil
 import subprocess
 from ctypes import c_double
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from exported import Point, close, compiled, exported, module, pointers, points
 from shipped import PATHS, every_model
 
 import lagcli
-from lagcli.errors import UsageError
+from lagcli.errors import NumericalError, UsageError
 from lagcli.export.c import write_c
 from lagcli.export.content import content_of, independent_rows
 from lagcli.export.dynamics import DynamicsFunction
@@ -351,3 +352,19 @@ def test_an_unknown_format_is_refused(to: str | None, path: str | None) -> None:
 def test_independent_rows_span_all() -> None:
     matrix = np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 3.0], [1.0, 1.0]])
     assert independent_rows(matrix, [2, 0, 1, 3]) == (0, 2)
+
+
+@pytest.mark.parametrize("method", ["auto", "DOP853"])
+def test_a_singular_start_is_not_exported(method: str) -> None:
+    """The constraint has no gradient there; it counted as redundant, and was left out for good."""
+    model = lagcli.load_text(f"""
+coordinates: [a, b]
+T: (a'^2 + b'^2)/2
+constraints: {{bar: cos(a) = cos(b)}}
+initial: {{a: 0, b: 0, a': 1, b': {{guess: 1}}}}
+simulation: {{t_end: 1, method: {method}}}
+""")
+    exports = [partial(lagcli.code, model, to) for to in ("c", "python", "matlab")]
+    for export in (*exports, partial(lagcli.fmu, model), partial(lagcli.dynamics, model)):
+        with pytest.raises(NumericalError, match=r"the start is a singular configuration: .*`bar`"):
+            export()
