@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import lagcli
 from lagcli.analysis.equilibria.diagram import follow_equilibria
 from lagcli.analysis.equilibria.equilibrium import Equilibrium
 from lagcli.analysis.linear.mode_motion import mode_motion
+from lagcli.arrays import Array
 from lagcli.errors import NumericalError, UsageError
 
 CONTACT = Path(__file__).parents[2] / "models" / "contact"
@@ -175,6 +177,38 @@ initial: {z: 0, u: 0, w: 0, z': 0, u': 0, w': 0}
     assert sum(loads.values()) == pytest.approx(10)
     assert loads["B"] + loads["D"] == pytest.approx(9)
     assert loads["C"] + loads["D"] == pytest.approx(9)
+
+
+def least_loads(places: list[float], load: float, at: float) -> Array:
+    """Return the forces of least norm of supports that push, by trial of those that do."""
+    best = np.full(len(places), np.inf)
+    for pushes in itertools.product([0.0, 1.0], repeat=len(places)):
+        rows = np.array([np.ones(len(places)), places]) * pushes
+        force = np.linalg.lstsq(rows, load * np.array([1.0, at]), rcond=None)[0]
+        carries = rows @ force == pytest.approx([load, at * load], abs=1e-9)
+        if carries and force.min() > -1e-12 and force @ force < best @ best - 1e-12:
+            best = force
+    return best
+
+
+def test_a_contact_that_only_touches_does_not_change_how_others_share_their_load() -> None:
+    """A beam with its load at `at` on five supports, beside a wall that no force presses."""
+    rng = np.random.default_rng(6)
+    for at in [0.7, 0.8, 0.9] * 10:
+        places = [-1.0, 1.0, *rng.uniform(-1, 1, 3).tolist()]
+        a, b, c = rng.uniform(-1, 1, 3).tolist()
+        supports = ", ".join(f"s{i}: y + {x!r}*phi >= 0" for i, x in enumerate(places))
+        found = only(
+            lagcli.load_text(f"""
+coordinates: [x, y, phi]
+T: (x'^2 + y'^2 + phi'^2/3)/2
+V: 9*y + {9 * at!r}*phi + x^2/2
+constraints: {{{supports}, wall: {a!r}*x + {b!r}*y + {c!r}*phi >= 0}}
+initial: {{x: 0, y: 0, phi: 0, x': 0, y': 0, phi': 0}}
+""")
+        )
+        forces = list(multipliers(found).values())
+        assert forces == pytest.approx([*least_loads(places, 9, at), 0], abs=1e-8)
 
 
 def test_without_an_equilibrium_the_forces_that_remain_are_named() -> None:

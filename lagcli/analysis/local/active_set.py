@@ -292,7 +292,10 @@ def distributed(local: ModeEquations, problem: SteadyProblem, root: Residual) ->
     for k, (row, name) in enumerate(zip(local.switched.rows, local.switched.names, strict=True)):
         if name not in names:
             continue
-        own = free[names.index(name)]
+        i = names.index(name)
+        own = free[i]
+        if np.abs(dependent[i]).max() <= ZERO:  # it has its own force, whatever the others bear
+            continue
         if row.sign:
             rows.append(row.sign * own)
             bounds.append(-float(values.multiplier[k]))
