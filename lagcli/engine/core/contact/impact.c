@@ -145,7 +145,7 @@ static void eliminate(double *a, int m, const double *whole, int n, const int *r
 }
 
 /* The z of m redundant rows' impulses with A z = 0, by the columns that `eliminate` left: `count` rows of m, each with
- * the largest z/d of 1. */
+ * the largest z/d of 1, and without rounding errors. */
 static int shares(const phases *p, const lag_impact *of, int m, const int *rows, const int *done, double *z)
 {
     const int n = of->n;
@@ -157,10 +157,10 @@ static int shares(const phases *p, const lag_impact *of, int m, const int *rows,
             continue;
         for (int k = 0; k < m; ++k) {
             own[k] = k == f ? 1.0 : done[k] ? -p->shared[k * m + f] : 0.0;
-            largest = fmax(largest, fabs(own[k]) * sqrt(of->matrix[rows[k] * n + rows[k]]));
+            largest = fmax(largest, fabs(own[k]) * sqrt(of->matrix[rows[k] * (n + 1)]));
         }
         for (int k = 0; k < m; ++k)
-            own[k] /= largest;
+            own[k] = fabs(own[k]) * sqrt(of->matrix[rows[k] * (n + 1)]) > SHARED * largest ? own[k] / largest : 0.0;
         for (int i = 0; i < n; ++i)
             moves |= velocity(of, i, m, rows, own, 0) != 0.0;
         count += !moves;

@@ -420,3 +420,24 @@ int lag_contact_try(lag_contact_work *w)
         suggest(w, tolerance);
     return motions;
 }
+
+void lag_contact_close(lag_contact_work *w)
+{
+    double tolerance;
+    int closes = 0;
+    memcpy(w->next, w->mode, w->n * sizeof *w->next);
+    for (int i = 0; i < w->n; ++i)
+        if (w->problem->law[i] == LAG_UNILATERAL && w->mode[i] == LAG_OPEN
+            && w->motion[i] * w->scale[i] <= w->allowed[i]) {
+            w->mode[i] = LAG_HOLDS;
+            closes = 1;
+        }
+    if (!closes)
+        return;
+    lag_contact_rouse(w, w->mode);
+    if (!lag_contact_solve(w, &tolerance) || !w->freedom) {
+        memcpy(w->mode, w->next, w->n * sizeof *w->mode);
+        lag_contact_solve(w, &tolerance);
+    }
+    clean(w);
+}

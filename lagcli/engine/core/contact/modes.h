@@ -71,6 +71,10 @@ int lag_contact_solve(lag_contact_work *work, double *tolerance);
  */
 int lag_contact_try(lag_contact_work *work);
 
+/* After lag_contact_try has found a solution: let open contacts that do not move hold, too, where they can share the
+ * forces. */
+void lag_contact_close(lag_contact_work *work);
+
 /*
  * Find the shortest z with normal . z >= bound: Lawson and Hanson's least distance programming by
  * nonnegative least squares. Returns whether there is one.

@@ -93,6 +93,7 @@ static void newton(search *s)
     lag_contact_rouse(w, w->mode);
     for (int k = 0; k < FEWEST + ATTEMPTS * w->n; ++k) {
         if (lag_contact_try(w)) {
+            lag_contact_close(w);
             enter(s);
             return;
         }

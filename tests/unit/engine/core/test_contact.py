@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from core_parts import least_distance, lemke_modes, solve_contacts, solve_impact
-from scipy.optimize import nnls
+from scipy.optimize import linprog, nnls
 
 from lagcli.arrays import Array
 from lagcli.engine.core.contact_problem import ContactLaw, ContactProblem
@@ -618,6 +619,87 @@ def test_a_redundant_contact_ends_a_sequence_of_many_impacts() -> None:
         )
         assert found == 1
         assert after.min() > -1e-9
+
+
+def depends_on_shares(rows: Array, before: Array, restitution: Array) -> bool:
+    """Return whether impulses of the compression of a unit mass return different velocities.
+
+    All of them have the velocity u after it; a random part of what they return is constant or not.
+    """
+    impulse, _ = nnls(rows.T, -before)
+    u = before + rows.T @ impulse
+    closed = np.abs(rows @ u) < 1e-9
+    pressed = rows[closed]
+    if not len(pressed):
+        return False
+    part = np.random.default_rng(0).normal(size=rows.shape[1]) @ (pressed.T * restitution[closed])
+    ends = [
+        linprog(side * part, A_eq=pressed.T, b_eq=u - before, bounds=(0, None)) for side in (1, -1)
+    ]
+    if any(x.status == 3 for x in ends):  # unbounded
+        return True
+    return bool(-ends[1].fun - ends[0].fun > 1e-7)
+
+
+#: Contacts of a unit mass, among them some that stay in place although others bear all the force:
+#: their directions, the mass's velocity or the force on it.
+DIRECTIONS = [
+    ([[0, 1, 1], [2, 1, -1], [1, -1, -2], [1, 1, 1]], [-1, -2, 1]),
+    ([[2, 0, 1], [1, -1, -1], [2, -1, 0], [1, 0, 1], [2, 0, 0], [1, 1, 1]], [-2, 1, -2]),
+    ([[1, -2, -2], [1, 0, 1], [0, -1, -1], [1, 1, 1]], [-1, 0, 0]),
+    ([[0, 0, -1], [0, 2, -1], [1, 2, 1], [1, 2, 2], [0, 2, 2], [1, 1, 1]], [1, -1, 0]),
+    ([[2, -1, 0], [0, 2, 2], [1, 0, 0], [1, 0, 0], [1, 2, 2], [1, 1, 1]], [-1, -2, 0]),
+]
+
+
+def directions(rng: np.random.Generator, count: int) -> Iterator[tuple[Array, Array]]:
+    """Yield contacts in directions of small integers, and velocities or forces."""
+    for rows, load in DIRECTIONS:
+        yield np.array(rows, dtype=float), np.array(load, dtype=float)
+    for _ in range(count):
+        dimension = int(rng.integers(1, 4))
+        rows = rng.integers(-1, 3, (int(rng.integers(1, 8)), dimension)) + 0.0
+        rows = np.vstack([rows[rows.any(axis=1)], np.ones(dimension)])
+        load = rng.integers(-2, 2, dimension) * rng.choice([0.0, 1.0], p=[0.2, 0.8])
+        yield np.where((rows @ load > 0)[:, None], -rows, rows), load
+
+
+def test_motions_that_depend_on_shares_of_impulses() -> None:
+    """Beside SciPy's linear program."""
+    rng, counts = np.random.default_rng(2), np.zeros(2, dtype=int)
+    given = [[0.5, 0.0, 0.5, 0.5], [0.5, 0.5, 0.25, 0.0, 0.0, 0.25], [0.0, 0.5, 0.5, 0.5]]
+    for k, (rows, before) in enumerate(directions(rng, 300)):
+        n = len(rows)
+        parts = np.array(given[k]) if k < len(given) else rng.choice([0.0, 0.25, 0.5, 0.5], n)
+        found, *_ = solve_impact(
+            rows @ rows.T, rows @ before, [UNILATERAL] * n, parts, np.zeros((n, n)), POISSON
+        )
+        expected = depends_on_shares(rows, before, parts)
+        assert found == 1 + expected, (rows, before, parts)
+        counts[int(expected)] += 1
+    assert counts.min() > 50
+
+
+def least_forces(rows: Array, total: Array) -> Array:
+    """Return the pushing forces of least norm with a sum, by trial of those that are not zero."""
+    best = np.full(len(rows), np.inf)
+    for pushes in itertools.product([0.0, 1.0], repeat=len(rows)):
+        some = rows * np.array(pushes)[:, None]
+        force = np.linalg.lstsq(some.T, total, rcond=None)[0]
+        if force.min() < -1e-12 or not force @ force < best @ best - 1e-12:
+            continue
+        if np.abs(some.T @ force - total).max() < 1e-9:
+            best = force
+    return best
+
+
+def test_all_contacts_that_do_not_move_share_the_forces() -> None:
+    for rows, load in directions(np.random.default_rng(5), 40):
+        n = len(rows)
+        [(force, motion, _)] = solve_contacts(problem(rows @ rows.T, rows @ load, [UNILATERAL] * n))
+        closed = np.abs(motion) < 1e-12
+        expected = least_forces(rows * closed[:, None], rows.T @ force)
+        assert force == pytest.approx(expected, abs=1e-9), (rows, load)
 
 
 def test_a_sequence_without_end_ends() -> None:
