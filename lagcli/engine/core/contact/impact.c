@@ -145,22 +145,21 @@ static void eliminate(double *a, int m, const double *whole, int n, const int *r
 }
 
 /* The z of m redundant rows' impulses with A z = 0, by the columns that `eliminate` left: `count` rows of m, each with
- * the largest z/d of 1, and without rounding errors. */
+ * z/d = 1 of another of these columns, and without rounding errors. */
 static int shares(const phases *p, const lag_impact *of, int m, const int *rows, const int *done, double *z)
 {
     const int n = of->n;
     int count = 0;
     for (int f = 0; f < m; ++f) {
-        double *own = z + count * m, largest = 0.0;
+        double *own = z + count * m;
+        const double unit = sqrt(of->matrix[rows[f] * (n + 1)]);
         int moves = 0;
         if (done[f])
             continue;
         for (int k = 0; k < m; ++k) {
-            own[k] = k == f ? 1.0 : done[k] ? -p->shared[k * m + f] : 0.0;
-            largest = fmax(largest, fabs(own[k]) * sqrt(of->matrix[rows[k] * (n + 1)]));
+            const double part = k == f ? 1.0 : done[k] ? -p->shared[k * m + f] : 0.0;
+            own[k] = fabs(part) * sqrt(of->matrix[rows[k] * (n + 1)]) > SHARED * unit ? part / unit : 0.0;
         }
-        for (int k = 0; k < m; ++k)
-            own[k] = fabs(own[k]) * sqrt(of->matrix[rows[k] * (n + 1)]) > SHARED * largest ? own[k] / largest : 0.0;
         for (int i = 0; i < n; ++i)
             moves |= velocity(of, i, m, rows, own, 0) != 0.0;
         count += !moves;

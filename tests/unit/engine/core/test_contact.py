@@ -204,6 +204,31 @@ def test_box_at_rest_shares_friction_within_the_cones() -> None:
     assert force[2] == pytest.approx(-0.2 * force[0], rel=1e-8)
 
 
+@pytest.mark.parametrize("row", range(4))
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_shares_within_the_cones_do_not_depend_on_the_unit_of_a_row(row: int, unit: float) -> None:
+    given, units = box(10.0, 0.2), np.ones(4)
+    units[row] = unit
+    for order in itertools.permutations(range(4)):
+        every = np.ix_(order, order)
+        slopes = (given.kinetic_slopes * units / units[:, None])[every]
+        scaled = ContactProblem(
+            (given.matrix * np.outer(units, units))[every],
+            (given.offset * units)[[*order]],
+            given.laws[[*order]],
+            *[np.zeros(4)] * 2,
+            *[slopes] * 2,
+        )
+        [(found, motion, modes)] = solve_contacts(scaled)
+        force = np.empty(4)
+        force[[*order]] = found
+        force *= units
+        assert modes.tolist() == [HOLDS] * 4
+        assert motion.tolist() == [0.0] * 4
+        assert force[:2] == pytest.approx([35.52865561340440489517369, 61.08098495709320572870380])
+        assert force[2] + force[3] == pytest.approx(-17.03488622912586722235340, rel=1e-12)
+
+
 def test_box_slides() -> None:
     force, motion, modes = solve(box(25.0, 0.4))
     assert modes == [HOLDS, HOLDS, SLIPS_FORWARD, SLIPS_FORWARD]
@@ -305,6 +330,19 @@ def test_constant_limit() -> None:
     assert (force[0], motion[0], modes) == (4.0, 0.0, [HOLDS])
 
 
+@pytest.mark.parametrize("row", range(3))
+def test_a_row_whose_force_is_at_its_limit_but_for_rounding_holds(row: int) -> None:
+    """Also where no other row has a force."""
+    offset, limits = np.zeros(3), np.ones(3)
+    offset[row], limits[row] = -3.0, 6.0 * (1 - 1e-13)
+    [(force, motion, modes)] = solve_contacts(
+        problem(0.5 * np.eye(3), offset, [LIMITED] * 3, limits=limits)
+    )
+    assert modes.tolist() == [HOLDS] * 3
+    assert motion.tolist() == [0.0] * 3
+    assert force[row] == 6.0
+
+
 def test_no_rows() -> None:
     assert len(solve_contacts(problem(np.zeros((0, 0)), [], []))) == 1
 
@@ -312,16 +350,19 @@ def test_no_rows() -> None:
 # --- many contacts: Lemke's method ----------------------------------------------------------------
 
 
+@pytest.mark.parametrize("weight", [1e-20, 1.0])
 @pytest.mark.parametrize("balls", [11, 40])
-def test_a_column_of_balls_under_weight(balls: int) -> None:
+def test_a_column_of_balls_under_weight(balls: int, weight: float) -> None:
     """Contact k bears the weight of all above it; the column's A is tridiagonal."""
     matrix = 2.0 * np.eye(balls) - np.eye(balls, k=1) - np.eye(balls, k=-1)
     matrix[0, 0] = 1.0
     offset = np.zeros(balls)
-    offset[0] = -G
-    force, _, modes = solve(problem(matrix, offset, [UNILATERAL] * balls))
-    assert force == pytest.approx(G * np.arange(balls, 0, -1), rel=1e-11)
+    offset[0] = -weight
+    given = problem(matrix, offset, [UNILATERAL] * balls)
+    force, _, modes = solve(given)
+    assert force == pytest.approx(weight * np.arange(balls, 0, -1), rel=1e-11)
     assert modes == [HOLDS] * balls
+    assert lemke_modes(given)[2].tolist() == modes
 
 
 def test_many_frictional_contacts() -> None:
@@ -517,6 +558,20 @@ def test_a_ball_on_the_floor(law: int) -> None:
     assert (impulse[0], after[0], loss[0]) == pytest.approx((2 * 1.8 * 3, 2.4, 9 * (1 - 0.64)))
 
 
+def test_a_contact_that_opens_is_not_moved_back_by_newtons_law() -> None:
+    """A = 4/3 of [[1, -1/2], [-1/2, 1]]: the first pushes the second, which stays in contact."""
+    matrix, none = np.array([[4.0, -2.0], [-2.0, 4.0]]) / 3, np.zeros((2, 2))
+    for leaves in (0.0, 0.1, 2.0):
+        found, impulse, after, _ = solve_impact(
+            matrix, [-1.0, leaves], [UNILATERAL] * 2, [0.5, 0.5], none, NEWTON
+        )
+        alone = leaves - 0.75
+        second = max(0.0, -alone)
+        assert found == 1
+        assert after == pytest.approx([0.5, max(alone, 0.0)], abs=1e-15)
+        assert impulse == pytest.approx([1.125 + second / 2, second], rel=1e-14)
+
+
 def cradle(balls: int, struck: int, restitution: float) -> tuple[object, ...]:
     """Return an impact of `struck` balls of mass 1 and velocity 1 on the others, all in contact."""
     matrix = 2.0 * np.eye(balls - 1) - np.eye(balls - 1, k=1) - np.eye(balls - 1, k=-1)
@@ -671,8 +726,9 @@ def test_motions_that_depend_on_shares_of_impulses() -> None:
     for k, (rows, before) in enumerate(directions(rng, 300)):
         n = len(rows)
         parts = np.array(given[k]) if k < len(given) else rng.choice([0.0, 0.25, 0.5, 0.5], n)
+        scaled = rows * 2.0 ** rng.integers(-5, 6, (n, 1))
         found, *_ = solve_impact(
-            rows @ rows.T, rows @ before, [UNILATERAL] * n, parts, np.zeros((n, n)), POISSON
+            scaled @ scaled.T, scaled @ before, [UNILATERAL] * n, parts, np.zeros((n, n)), POISSON
         )
         expected = depends_on_shares(rows, before, parts)
         assert found == 1 + expected, (rows, before, parts)
