@@ -407,7 +407,11 @@ simulation: {{times: [0, 2.2]}}
 @pytest.mark.parametrize(
     ("method", "kick", "rtol", "size"),
     [(x, y, 1e-2, 1.0) for x in ("DOP853", "Taylor") for y in (1e-2, 1e-4, 1e-6)]
-    + [(x, 0.1, 1e-8, 1e6) for x in ("Radau", "Rodas5P")],
+    + [
+        (x, y, z, 1e6)
+        for x in ("Radau", "Rodas5P")
+        for y, z in ((0.1, 1e-8), (1e-3, 1e-8), (1e-5, 1e-4))
+    ],
 )
 def test_hops_are_seen_beside_larger_motions(
     method: str, kick: float, rtol: float, size: float
@@ -472,12 +476,60 @@ constraints: {{floor: {{expr: "y {way} {h!r} + x/3", restitution: 0}}}}
 initial: {{x: {scale}, x': {drift!r}, y: {h + scale / 3!r}, y': {drift / 3!r}}}
 events:
   there: {{when: "y - x/3 = {h!r}"}}
+  back: {{when: "{h!r} + x/3 = y"}}
   still: {{when: "y' = x'/3"}}
+  stays: {{when: "x'/3 = y'"}}
+  other: {{when: t >= 0.5}}
   kick: {{when: t >= 1, impulse: {{y: {up * kick!r}}}}}
 simulation: {{times: [0, {1 + 3 * kick / g!r}]}}
 """)
         found = run_contact(model)
-        for name, time in (("there", 1 + 2 * kick / g), ("still", 1 + kick / g)):
-            assert [x.time for x in found.entries("event", name)] == pytest.approx(
-                [time], rel=1e-11
-            )
+        for names, time in (("there back", 1 + 2 * kick / g), ("still stays", 1 + kick / g)):
+            for name in names.split():
+                times = [x.time for x in found.entries("event", name)]
+                assert times == pytest.approx([time], rel=1e-11), name
+
+
+@pytest.mark.parametrize("way", ["=", ">="])
+@pytest.mark.parametrize("factor", ["1", "(1 + t)"])
+def test_a_triple_root_at_the_instant_of_another_event(factor: str, way: str) -> None:
+    """The condition is zero there, and has no slope, but does not rest."""
+    found = run(f"""
+coordinates: [x]
+T: x'^2/2
+initial: {{x: 0, x': 1}}
+events:
+  crosses: {{when: '{factor}*(t - 1)^3 {way} 0'}}
+  clock: {{every: 1}}
+simulation: {{times: [0, 3]}}
+""")
+    times = [x.time for x in found.entries("event", "crosses")]
+    assert times == pytest.approx([1], rel=1e-15)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau", "Rodas5P"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_a_block_lifts_off_and_lands_however_large_its_coordinate_is(
+    rtol: float, method: str
+) -> None:
+    """Under 2 m g sin(2 pi t): from 1/12 of each period on, wherever the floor is.
+
+    Tolerances are those of y, beside which a hop may be small.
+    """
+    for height in (0.0, 50.0, 1e4, 1e6):
+        found = run(
+            f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+Q: {{y: 2*9.81*sin(2*pi*t)}}
+constraints: {{far: x >= 0, floor: {{expr: y >= {height}, restitution: 0}}}}
+initial: {{x: 1, y: {height}, x': 0, y': 0}}
+simulation: {{t_end: 6, samples: 200}}
+""",
+            method=method,
+            rtol=rtol,
+        )
+        opens = [x.time for x in found.entries("opens", "floor")]
+        assert opens == pytest.approx(np.arange(6) + 1 / 12, abs=1e-9), height
+        assert len(found.entries("impact", "floor")) == 6

@@ -353,6 +353,14 @@ int lag_watched_ends(lag_run *run, enum lag_of which, double t, const double *y,
     return rates(run, which, t, y, f, values, slopes);
 }
 
+/* Whether a function is the gap of a contact that is open at the state that was measured last. */
+static int is_open(lag_run *run, const lag_watched_function *w)
+{
+    const lag_switching *sw = &run->switching;
+    return w->what == LAG_WATCH_GAP
+           && sw->sign[w->which] * OUT(&sw->functions, sw->place[w->which]) > lag_watched_noise(run, w);
+}
+
 int lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
 {
     lag_switching *sw = &run->switching;
@@ -361,7 +369,7 @@ int lag_watch_on(lag_run *run, double t, const double *y, const double *values, 
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         if (lag_is_enclosed(w->what)) {
-            if (w->clear)
+            if (w->clear || is_open(run, w)) /* then so is the dense output as the next step begins */
                 w->noise = 0.0;
             if (w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].rests == LAG_LEAVES_ZERO)
                 sw->condition[w->which].rests = LAG_OFF_ZERO;
