@@ -96,8 +96,10 @@ AREAS = {
             "tests/physics/test_impacts_at_one_instant.py",
             "tests/physics/test_impacts_of_mechanisms.py",
             "tests/physics/test_mechanisms_side_by_side.py",
+            "tests/physics/test_origins_of_contacts.py",
             "tests/physics/test_sensitivities_through_events.py",
             "tests/physics/test_textbook_contacts.py",
+            "tests/physics/test_undetermined_contacts.py",
         ),
     ),
     "units": Area(

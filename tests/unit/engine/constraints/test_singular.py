@@ -562,16 +562,26 @@ def test_rounding_of_far_states_does_not_end_a_passage() -> None:
     np.testing.assert_allclose(crossing.state[:4], crank_state(SINGULAR)[:4], atol=1e-6)
 
 
-def test_where_states_beyond_do_not_settle_there_is_no_continuation() -> None:
+@pytest.mark.parametrize("first", [0.0, 1.0])
+@pytest.mark.parametrize("last", [0.0, 1.0])
+def test_where_states_beyond_do_not_settle_there_is_no_continuation(
+    first: float, last: float
+) -> None:
+    """Whichever of them does not."""
     found = crank_motion()
     calls = [0]
+    mirrored = [2 * SINGULAR - t for t, _ in BEFORE]
+    restless = {min(mirrored): first, max(mirrored): last}
 
-    def restless(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         calls[0] += 1
-        return q + 0.01 * math.sin(calls[0]), v
+        return q + 0.01 * math.sin(calls[0]) * restless.get(t, 0.0), v
 
+    if not first and not last:
+        assert Crossing(found, project, BEFORE, SINGULAR, guess).end == min(mirrored)
+        return
     with pytest.raises(Stop, match="cannot be continued through the singular configuration"):
-        Crossing(found, restless, BEFORE, SINGULAR, guess)
+        Crossing(found, project, BEFORE, SINGULAR, guess)
 
 
 def test_states_without_accelerations_end_it() -> None:

@@ -284,8 +284,10 @@ def test_jamming_in_a_guide() -> None:
     solutions = solve_contacts(problem(matrix, [-1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
     # y0 = x0 − 0.9·1.5|x0| − 1 = 0 has no answer; with an offset of the other sign, two
     assert solutions == []
-    solutions = solve_contacts(problem(matrix, [1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
-    assert sorted(s[0][0] for s in solutions) == pytest.approx([-1 / 2.35, 1 / 0.35])
+    for static in (1.5, 0.0):  # which a row that slips does not have
+        given = problem(matrix, [1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}, {(1, 0): static})
+        solutions = solve_contacts(given)
+        assert sorted(s[0][0] for s in solutions) == pytest.approx([-1 / 2.35, 1 / 0.35])
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
