@@ -533,3 +533,26 @@ simulation: {{t_end: 6, samples: 200}}
         opens = [x.time for x in found.entries("opens", "floor")]
         assert opens == pytest.approx(np.arange(6) + 1 / 12, abs=1e-9), height
         assert len(found.entries("impact", "floor")) == 6
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau", "Rodas5P"])
+@pytest.mark.parametrize("height", [1.0, 1e3, 1e6])
+def test_a_hop_within_the_first_step_after_a_kick_is_seen(height: float, method: str) -> None:
+    """A step of this rtol is longer than the hop, and its tolerance is larger."""
+    for kick in (1.0, 1e-1, 1e-2, 1e-3):
+        found = run(
+            f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 2*y
+constraints: {{far: x >= 0, floor: {{expr: y >= {height}, restitution: 0}}}}
+initial: {{x: 1, x': 1, y: {height}, y': 0}}
+events: {{kick: {{when: t >= 2, impulse: {{y: {kick}}}}}}}
+simulation: {{t_end: 4, samples: 2}}
+""",
+            method=method,
+            rtol=1e-4,
+        )
+        times = [x.time for x in found.entries("impact", "floor")]
+        # y has rounding errors of 1e-16 of its size, and the hop ends with the speed of the kick
+        assert times == pytest.approx([2 + kick], abs=1e-14 + 1e-14 * height / kick), kick

@@ -22,7 +22,7 @@
 #include "switching/watched.h"
 #include "watch.h"
 
-#define SHORTER 0.3         /* of a step that passed a singular configuration */
+#define SHORTER 0.3         /* of a step that passed a singular configuration, or in which a contact closes unseen */
 #define SOUND 1e-4          /* largest residual of an elimination that refinement can correct */
 #define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
 #define ACCURATE_STEPS 20   /* consecutive accurate steps after which solutions are no longer refined */
@@ -273,6 +273,10 @@ int lag_advance(lag_run *run, int64_t slice)
             if (refine(run))
                 continue;
             return LAG_INACCURATE;
+        }
+        if (run->switching.used && lag_sinks(run)) {
+            take_back(run, SHORTER);
+            continue;
         }
         run->rows.contradicted = lag_projects(run) && !lag_left_out(run)
                             && lag_contradiction(run, run->step.t, run->step.y_new) > CONTRADICTION;

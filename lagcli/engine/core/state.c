@@ -226,7 +226,7 @@ static void watched(lag_archive *a, lag_switching *sw)
     }
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
-        double *one[] = {&w->sign, &w->shift, &w->noise, &w->value, &w->rate, &w->resolved, &w->ended};
+        double *one[] = {&w->sign, &w->shift, &w->noise, &w->stray, &w->value, &w->rate, &w->resolved, &w->ended};
         reals(a, one, LENGTH(one), 1);
         flag(a, &w->clear);
         flag(a, &w->hit);

@@ -390,7 +390,7 @@ static double first_after(lag_run *run, int k, double from, const double *nodes)
     along_step f = {.run = run, .k = k, .rounding = lag_watched_noise(run, w)};
     if (w->what == LAG_WATCH_CONDITION) /* the enclosures contain rounding errors */
         f.rounding = 0.0;
-    f.noise = fmax(w->noise, f.rounding);
+    f.noise = fmax(fmax(w->noise, w->stray), f.rounding);
     if (lag_is_enclosed(w->what)) {
         const double time = first_enclosed(&f, fmax(from, w->resolved), run->step.t);
         w->clear = f.noise <= f.rounding;

@@ -49,6 +49,7 @@ typedef struct {
     double shift;                      /* value below zero at the beginning of the mode, due to rounding */
     double noise;                      /* the function is negative below this, less; else it may be rounding */
     int clear;                         /* whether it has been positive beyond that in the step */
+    double stray;                      /* of a gap that opens: how far the dense output is off it in the first step */
     double value, rate;                /* at the beginning of the step; of functions of a and lambda alone */
     int hit;                           /* whether it may cross zero in the step; whether it does at the instant */
     double resolved;                   /* until then it counts as positive: it has just changed its sign */

@@ -353,14 +353,6 @@ int lag_watched_ends(lag_run *run, enum lag_of which, double t, const double *y,
     return rates(run, which, t, y, f, values, slopes);
 }
 
-/* Whether a function is the gap of a contact that is open at the state that was measured last. */
-static int is_open(lag_run *run, const lag_watched_function *w)
-{
-    const lag_switching *sw = &run->switching;
-    return w->what == LAG_WATCH_GAP
-           && sw->sign[w->which] * OUT(&sw->functions, sw->place[w->which]) > lag_watched_noise(run, w);
-}
-
 int lag_watch_on(lag_run *run, double t, const double *y, const double *values, const double *slopes)
 {
     lag_switching *sw = &run->switching;
@@ -369,8 +361,9 @@ int lag_watch_on(lag_run *run, double t, const double *y, const double *values, 
     for (int k = 0; k < sw->watched_count; ++k) {
         lag_watched_function *w = sw->watched + k;
         if (lag_is_enclosed(w->what)) {
-            if (w->clear || is_open(run, w)) /* then so is the dense output as the next step begins */
+            if (w->clear)
                 w->noise = 0.0;
+            w->stray = 0.0;
             if (w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].rests == LAG_LEAVES_ZERO)
                 sw->condition[w->which].rests = LAG_OFF_ZERO;
             continue;
@@ -381,6 +374,17 @@ int lag_watch_on(lag_run *run, double t, const double *y, const double *values, 
         w->rate = slopes[k];
     }
     sw->since = t;
+    return 0;
+}
+
+int lag_sinks(lag_run *run)
+{
+    for (int k = 0; k < run->switching.watched_count; ++k) {
+        const lag_watched_function *w = run->switching.watched + k;
+        if (w->stray > 0.0
+            && lag_watched_value(run, w, run->step.t, run->step.y_new) < -fmax(w->noise, lag_watched_noise(run, w)))
+            return 1;
+    }
     return 0;
 }
 
@@ -497,8 +501,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         w->noise = values[k] < rounding ? fmax(rounding, -values[k]) : 0.0;
         if (w->what == LAG_WATCH_CONDITION && slopes[k] == 0.0 && fabs(values[k]) <= lag_watched_noise(run, w))
             w->noise = fmax(w->noise, lag_watched_noise(run, w)); /* it rests next to zero, by a rounding error */
-        if (w->what == LAG_WATCH_GAP && w->noise > 0.0)
-            w->noise = fmax(w->noise, error_of_gap(run, w->which, y));
+        w->stray = w->what == LAG_WATCH_GAP && w->noise > 0.0 ? error_of_gap(run, w->which, y) : 0.0;
         if (w->what >= LAG_WATCH_CONDITION
             && w->noise > fmax(WRONG * lag_watched_noise(run, w), TWICE * sw->condition[w->which].off))
             w->noise = rounding; /* it jumps at the instant */
