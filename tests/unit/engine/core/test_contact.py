@@ -119,19 +119,22 @@ def test_a_block_without_forces_stays() -> None:
         assert modes.tolist() == [HOLDS] * (2 * n)
 
 
-def test_a_block_sticks_if_it_can() -> None:
+@pytest.mark.parametrize("first", [UNILATERAL, LIMITED])
+def test_a_block_sticks_if_it_can(first: ContactLaw) -> None:
     """Static friction 0.4, kinetic 0.3: between them both are solutions, and it sticks."""
-    for present in (None, [HOLDS, SLIPS_FORWARD], [HOLDS, HOLDS]):
-        given = problem(
-            np.eye(2), [-10.0, 3.5], [UNILATERAL, LIMITED], {(1, 0): 0.3}, {(1, 0): 0.4}
-        )
-        [(force, motion, modes)] = solve_contacts(given, present)
-        assert list(modes) == [HOLDS, HOLDS]
-        assert force == pytest.approx([10.0, -3.5])
-        slides = given._replace(offset=np.array([-10.0, 4.5]))
-        [(force, motion, modes)] = solve_contacts(slides, present)
-        assert list(modes) == [HOLDS, SLIPS_FORWARD]
-        assert motion[1] == pytest.approx(1.5)
+    n, t = (0, 1) if first == UNILATERAL else (1, 0)
+    laws = [UNILATERAL, LIMITED] if first == UNILATERAL else [LIMITED, UNILATERAL]
+    for present in ((HOLDS, SLIPS_FORWARD), (HOLDS, HOLDS), None):
+        for load, mode in ((3.5, HOLDS), (4.5, SLIPS_FORWARD)):
+            offset = np.empty(2)
+            offset[[n, t]] = -10.0, load
+            given = problem(np.eye(2), offset, laws, {(t, n): 0.3}, {(t, n): 0.4})
+            begin = None if present is None else np.array(present)[[n, t]]
+            [(force, motion, modes)] = solve_contacts(given, begin)
+            assert modes[[n, t]].tolist() == [HOLDS, mode]
+            assert force[n] == pytest.approx(10.0)
+            assert force[t] == pytest.approx(-3.5 if mode == HOLDS else -3.0)
+            assert motion[t] == pytest.approx(0.0 if mode == HOLDS else 1.5)
 
 
 # --- Painlevé's rod: benchmark painleve_rod -------------------------------------------------------
