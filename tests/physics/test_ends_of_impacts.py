@@ -247,6 +247,23 @@ simulation: {t_end: 2}
         assert log.loss.sum() == pytest.approx(9.81, rel=1e-12)
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_impacts_that_begin_and_end_as_the_run_starts(law: str) -> None:
+    """Their rest is listed, and has the energy that they lose: v²/2 in all."""
+    v, e, g = 1e-4, 0.5, 9.81
+    _, log = simulate(f"""
+coordinates: [y]
+T: y'^2/2
+V: {g}*y
+constraints: {{floor: {{expr: y >= 1, restitution: {e}}}}}
+initial: {{y: 1, y': {-v}}}
+simulation: {{t_end: 1, samples: 2, impacts: {law}}}
+""")
+    assert log.kinds == ("impact", "rest")
+    assert log.time == pytest.approx([0, 2 * e * v / g / (1 - e)])
+    assert log.loss == pytest.approx([v * v / 2 * (1 - e * e), v * v / 2 * e * e])
+
+
 def test_a_rest_after_the_run_is_not_listed() -> None:
     """A ball with e = 0.99 bounces lower than the tolerance long before it rests."""
     text = """

@@ -449,8 +449,9 @@ int lag_do_instant(lag_run *run)
             status = lag_choose_sides(run);
         if (status != LAG_RUNNING)
             return status;
-        if (sw->begun)
-            log_changes(run);
+        if (!sw->begun) /* the first modes are no changes */
+            memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
+        log_changes(run);
         if ((status = update_conditions(run)) != LAG_RUNNING)
             return status;
         lag_log_modes(run);
@@ -468,7 +469,6 @@ int lag_do_instant(lag_run *run)
         sw->begun = 1;
         sw->stage = NOTHING_REPORTED;
         memcpy(sw->first_mode, sw->mode, (size_t)sw->rows * sizeof(int));
-        memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
         return LAG_RUNNING; /* lag_start does the rest */
     }
     if (sw->stage != END_REPORTED && (status = restart(run)) != LAG_RUNNING)
