@@ -529,6 +529,23 @@ def test_the_motion_continues_as_one_pendulum() -> None:
         np.testing.assert_allclose(multipliers, [G], rtol=1e-6)
 
 
+def test_the_work_goes_on_by_the_power(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = crank_motion()
+    accelerations = found.accelerations
+
+    def powered(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        a, multipliers, _ = accelerations(t, q, v)
+        return a, multipliers, 3.0 + 1000.0 * (t - SINGULAR)
+
+    monkeypatch.setattr(found, "accelerations", powered)
+    before = [(t, y + 7.0 * np.eye(5)[4]) for t, y in BEFORE]
+    crossing = Crossing(found, Projection(found.evaluator, 1), before, SINGULAR, guess)
+    for after in (-0.002, 0.0, 0.003):
+        work = 7.0 + 3.0 * (after + 0.004) + 500.0 * (after**2 - 0.004**2)
+        assert crossing(SINGULAR + after)[4] == pytest.approx(work, rel=1e-12)
+    assert crossing.state[4] == pytest.approx(7.0 + 3.0 * 0.008, rel=1e-12)
+
+
 def test_the_states_beyond_are_iterated_until_they_settle() -> None:
     found = crank_motion()
     before = [(t, crank_state(t)) for t in SINGULAR - np.array([0.06, 0.04, 0.03, 0.02])]
