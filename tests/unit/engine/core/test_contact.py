@@ -608,6 +608,26 @@ def test_bilateral_rows_meet_their_equation_by_each_law() -> None:
         assert loss.sum() == pytest.approx(0.3**2 / 2.0 / 2.0)
 
 
+def test_a_guide_rubs_in_the_impacts_of_a_sequence() -> None:
+    """With one contact, beside a guide with friction, they are those of Poisson's law."""
+    rng, slips = np.random.default_rng(0), 0
+    for _ in range(30):
+        rows = rng.normal(size=(3, 4))
+        before = np.array([-1.0, 0.0, rng.uniform(-1, 1)])
+        friction = np.zeros((3, 3))
+        friction[2, 1] = 0.4
+        given = rows @ rows.T, before, [UNILATERAL, FREE, LIMITED], [0.5, 0.0, 0.0], friction
+        found, *expected = solve_impact(*given, POISSON)
+        if found != 1:
+            continue
+        count, *made = solve_impact(*given, SEQUENTIAL)
+        assert count == 1
+        np.testing.assert_allclose(made[0], expected[0], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(made[1], expected[1], rtol=1e-9, atol=1e-12)
+        slips += abs(made[0][2]) > 1e-3
+    assert slips > 10
+
+
 @pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 def test_velocities_before_impacts_are_known_within_rounding(law: int, unit: float) -> None:
