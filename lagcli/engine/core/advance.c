@@ -274,7 +274,7 @@ int lag_advance(lag_run *run, int64_t slice)
                 continue;
             return LAG_INACCURATE;
         }
-        if (run->switching.used && lag_sinks(run)) {
+        if (run->switching.used && lag_penetrates(run)) {
             take_back(run, SHORTER);
             continue;
         }

@@ -377,7 +377,7 @@ int lag_watch_on(lag_run *run, double t, const double *y, const double *values, 
     return 0;
 }
 
-int lag_sinks(lag_run *run)
+int lag_penetrates(lag_run *run)
 {
     for (int k = 0; k < run->switching.watched_count; ++k) {
         const lag_watched_function *w = run->switching.watched + k;

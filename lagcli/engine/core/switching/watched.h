@@ -42,7 +42,7 @@ double lag_condition_noise(const lag_condition *condition);
 
 /* Whether a contact that opens is closed again where the last step ends, in which the dense output may be off its gap:
  * when it closes is known from shorter steps. */
-int lag_sinks(lag_run *run);
+int lag_penetrates(lag_run *run);
 
 /* Whether a function may become negative without an effect: that of a condition that triggers when it begins. */
 int lag_ends_silently(const lag_switching *sw, const lag_watched_function *w);
