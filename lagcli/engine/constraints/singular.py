@@ -445,15 +445,16 @@ class RankWatch:
         # branches may lie between the directions, so a mixture of all is tried too
         mixture = free @ np.cos(1.0 + np.arange(free.shape[1]))
         for direction in (*free.T, mixture):
+            along = direction / self.motion.sizes
+            length = along @ along
             moved = 0.0  # part of the displacement that the constraints allow
             for side in (-size, size):
                 try:
                     beside, _ = project(t, q + side * direction, v)
                 except Stop:
                     continue
-                along = direction / self.motion.sizes
-                part = along @ ((beside - q) / self.motion.sizes) / (side * (along @ along))
-                moved = max(moved, float(part))
+                kept = along @ ((beside - q) / self.motion.sizes)
+                moved = max(moved, float(kept / (side * length))) if length else 1.0
                 values = self.values(t, beside, v)
                 jacobian = self.motion.evaluator.constraints(t, beside, v).jacobian
                 gone &= self._vanishing(jacobian)

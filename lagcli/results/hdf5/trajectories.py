@@ -253,8 +253,7 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
                 what = f"the result of lagcli {opened.kind}"
             raise FileError(
                 f"cannot read {path}: it contains {what}, not a {KIND}; `lagcli info {path}`"
-                " describes it,"
-                " `lagcli plot` draws it"
+                " describes it, and in Python lagcli.open reads it"
             )
         yield Hdf5Reader(opened)
 
