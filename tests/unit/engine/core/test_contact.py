@@ -103,6 +103,16 @@ def test_a_contact_that_no_force_moves() -> None:
         [(force, motion, _)] = solve_contacts(problem(matrix, [-2.0, -2.0], [UNILATERAL] * 2))
         assert force == pytest.approx(2 / np.diag(matrix), rel=1e-15)
         assert motion.tolist() == [0.0, 0.0]
+    # also beside a row that no force moves
+    for first in (0.0, 1e-30):
+        given = problem(np.diag([first, 1e-30 - first]), [2.0, 2.0], [UNILATERAL] * 2)
+        moved = int(first == 0.0)
+        given.offset[moved] = -3.0
+        [(force, motion, _)] = solve_contacts(given)
+        assert force[moved] == pytest.approx(3e30, rel=1e-15)
+        assert force[1 - moved] == 0.0
+        assert motion[moved] == 0.0
+        assert motion[1 - moved] == 2.0
 
 
 def test_a_block_without_forces_stays() -> None:
@@ -261,6 +271,25 @@ def test_a_plank_on_three_supports() -> None:
     force, _, _ = solve(off)
     assert force[0] == pytest.approx(0.0, abs=1e-9)
     assert force[1:] == pytest.approx([0.2 * 2 * G, 0.8 * 2 * G], rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e3, 2e5])
+def test_a_sled_shares_its_weight_whatever_its_friction(ratio: float) -> None:
+    """A_tt is ratio² times 1/m. Shares of least norm are linear: those of four equal springs."""
+    place, count = np.array([-0.7, -0.31, 0.23, 0.59]), 4
+    matrix = np.diag([0.0] * count + [ratio**2 / 3.0])
+    matrix[:count, :count] = 1 / 3.0 + np.outer(place, place) / 0.7
+    given = problem(
+        matrix, [-G] * count + [1.0], [UNILATERAL] * count + [FORWARD],
+        {(count, k): 1.0 for k in range(count)},
+    )  # fmt: skip
+    [(force, motion, modes)] = solve_contacts(given)
+    balance = [[count, place.sum()], [place.sum(), place @ place]]
+    mean, slope = np.linalg.solve(balance, [3.0 * G, 0.0])
+    assert modes.tolist() == [HOLDS] * count + [SLIPS_FORWARD]
+    assert force[:count] == pytest.approx(mean + slope * place, rel=1e-9)
+    assert force[count] == pytest.approx(-3.0 * G, rel=1e-9)
+    assert motion[:count].tolist() == [0.0] * count
 
 
 def test_forces_that_exceed_their_cones_have_no_share() -> None:
@@ -503,6 +532,21 @@ def test_least_distances() -> None:
         r = target - columns @ weights
         assert found == pytest.approx(-r[:n] / r[n], abs=1e-9 / r[n])
     assert 100 < feasible < 250
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0])
+def test_a_row_that_is_nearly_another_leaves_the_nearest_point(first: float) -> None:
+    """Also with the rows that are found later, since they ask for less.
+
+    Without the fourth row, which differs by 1e-7 from the second, the corner is the nearest point.
+    """
+    rows = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 1, -1e-7, 0], [0, 0, 0, 1]])
+    for order in itertools.permutations(range(5)):
+        bound = np.array([first, 1.0, 1.0, 1.0, 1e-8])
+        found = least_distance(rows[[*order]], bound[[*order]])
+        assert found == pytest.approx([first, 1.0, 1.0, 1e-8], abs=2e-7)
+        assert found is not None
+        assert found[3] == pytest.approx(1e-8, rel=1e-6)
 
 
 # --- impacts --------------------------------------------------------------------------------------
