@@ -205,6 +205,47 @@ simulation: {{t_end: 2, closed: 2e-4, impacts: newton}}
         assert [x.time for x in log.rests()] == pytest.approx([rest] * 2, rel=1e-11)
 
 
+@pytest.mark.parametrize(
+    ("c", "falls", "e", "speeds"),
+    [
+        (0.28, (3.9, 0.5), (0.83, 0.29), (0.8, 0.4)),
+        (0.72, (0.5, 4.3), (0.25, 0.87), (1.4, 1.6)),
+        (0.67, (0.6, 3.7), (0.21, 0.89), (1.0, 1.8)),
+    ],
+)
+def test_contacts_that_strike_in_turn_rest_at_the_limit_of_their_flights(
+    c: float, falls: tuple[float, float], e: tuple[float, float], speeds: tuple[float, float]
+) -> None:
+    """Free parabolas between impacts of one contact, until they are 1e-15 of the whole time.
+
+    x and y are coupled by c/2 of their mass; both strike at first, then the other one is open.
+    """
+    fall, restitution = np.array(falls), np.array(e)
+    mass = np.array([[1.0, c / 2], [c / 2, 1.0]])
+    inverse, load = np.linalg.inv(mass), mass @ fall
+    gap, speed, rest, flight = np.zeros(2), restitution * speeds, 0.0, math.inf
+    while flight > 1e-15 * rest:
+        flights = (speed + np.sqrt(speed**2 + 2 * fall * gap)) / fall
+        k = int(flights.argmin())
+        flight = flights[k]
+        gap = gap + flight * (speed - fall * flight / 2)
+        speed = speed - fall * flight
+        speed = speed - inverse[k] * (1 + restitution[k]) * speed[k] / inverse[k, k]
+        gap[k] = 0.0
+        rest += flight
+    _, log = simulate(f"""
+coordinates: [x, y]
+T: (x'^2 + {c}*x'*y' + y'^2)/2
+V: {load[0]}*x + {load[1]}*y
+constraints:
+  first: {{expr: x >= 1000, restitution: {e[0]}}}
+  second: {{expr: y >= 1000, restitution: {e[1]}}}
+initial: {{x: 1000, y: 1000, x': {-speeds[0]}, y': {-speeds[1]}}}
+simulation: {{t_end: 4, closed: 1e-3, impacts: newton}}
+""")
+    assert [x.time for x in log.rests()] == pytest.approx([rest] * 2, rel=1e-11)
+
+
 def scaled(text: str, scale: float) -> str:
     """Return a model whose masses and forces are larger by a factor."""
     return re.sub(r"^([TV]): (.*)$", rf"\1: {scale!r}*(\2)", text, flags=re.MULTILINE)
