@@ -290,6 +290,25 @@ simulation: {t_end: 2}
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_coefficients_of_impacts_are_those_of_the_instant(law: str) -> None:
+    """A ball falls from 1 m at g = 2 m/s² and strikes at 1 s with e = 0.5, at 2 s with 0.8."""
+    _, log = simulate(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 2*y
+constraints:
+  floor: {{expr: y >= 0, restitution: 0.2 + 0.3*t, friction: 0.1*x, slip: x'}}
+initial: {{x: 0, y: 1, x': 1, y': 0}}
+simulation: {{t_end: 2.5, samples: 2, impacts: {law}}}
+""")
+    assert log.kinds == ("impact", "impact")
+    assert log.time == pytest.approx([1.0, 2.0], rel=1e-12)
+    # friction 0.1 x of the impulse: x = 1 at first, then slower by 0.1 · 3
+    assert log.after[0] == pytest.approx([0.7, 1.0], rel=1e-12)
+    assert log.after[1] == pytest.approx([0.7 - 0.17 * 1.8, 0.8], rel=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_impacts_that_begin_and_end_as_the_run_starts(law: str) -> None:
     """Their rest is listed, and has the energy that they lose: v²/2 in all."""
     v, e, g = 1e-4, 0.5, 9.81
