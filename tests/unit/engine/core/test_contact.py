@@ -549,6 +549,23 @@ def test_a_row_that_is_nearly_another_leaves_the_nearest_point(first: float) -> 
         assert found[3] == pytest.approx(1e-8, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("rows", "bound", "corner"),
+    [
+        ([[-2, 1], [2.00001, -1], [-2, 3]], [2, -2, 0], [0, 2]),
+        ([[1, 3], [-1.00001, -2.99998], [-2, 0]], [-2, 2.00002, 0], [-2, 0]),
+        ([[-1, -3], [-1, -2], [0.99998, 2]], [-3, 2, -1.99998], [-1, -0.5]),
+    ],
+)
+def test_the_corner_of_a_thin_wedge_is_its_nearest_point(
+    rows: list[list[float]], bound: list[float], corner: list[float]
+) -> None:
+    """Two rows are nearly opposite, and the wedge leads away from zero; the third row holds."""
+    for order in itertools.permutations(range(3)):
+        found = least_distance([rows[i] for i in order], [bound[i] for i in order])
+        assert found == pytest.approx(corner, abs=1e-4)
+
+
 # --- impacts --------------------------------------------------------------------------------------
 
 
