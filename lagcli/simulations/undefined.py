@@ -114,6 +114,10 @@ class _ExpressionSearch:
             for side in (c.left, c.right):
                 if side is not None:
                     yield _Written(side, "constraints", c.name, c.indices)
+        for key, tree in trees.items():
+            block, _, name = key.partition(".")
+            if block == "constraints" and "[" not in name:
+                yield _Written(tree, block, name)
 
     # parts
 

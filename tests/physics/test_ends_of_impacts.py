@@ -641,3 +641,29 @@ def test_balls_above_each_other_rest_near_where_a_finer_tolerance_finds_it(seed:
     assert [x.name for x in coarse] == [x.name for x in fine]
     # what is left is 1e-2 of the time, of which the gap is another such part
     assert [x.time for x in coarse] == pytest.approx([x.time for x in fine], rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("friction", "restitution", "named"),
+    [
+        ("0.2", "0.2 + 0.3*sqrt(0.5 - t)", "floor.restitution"),
+        ("0.2*sqrt(0.5 - t)", "0.3", "floor.friction"),
+    ],
+)
+def test_an_impact_whose_coefficients_have_no_value(
+    friction: str, restitution: str, named: str
+) -> None:
+    """The ball from y = 1 with y'' = -2 strikes at t = 1; it stopped there as if plastic."""
+    model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 2*y
+constraints:
+  floor: {{expr: y >= 0, friction: "{friction}", slip: x', restitution: "{restitution}"}}
+initial: {{x: 0, x': 1, y: 1, y': 0}}
+simulation: {{t_end: 2, samples: 5}}
+""")
+    found = lagcli.simulate(model)
+    assert found.status == "failed"
+    assert "at t = 1 s" in found.message
+    assert f"`sqrt(0.5 - t)` in constraint `{named}` has no finite value" in found.message

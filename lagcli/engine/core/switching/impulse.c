@@ -100,8 +100,10 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     lag_problem_arrays p = lag_arrays_of(sw);
     double *restitution = p.limit[0], *friction = p.slope[0];
     int n = 0;
-    if (evaluate(run, t, y))
+    if (evaluate(run, t, y)) {
+        lag_failed(run, t, y);
         return -1;
+    }
     for (int i = 0; i < sw->rows; ++i) /* sequences that lose no energy do not end */
         report->together &= !lag_is_closed(run, i) || restitution_of(sw, i) < 1.0;
     for (int i = 0; i < sw->rows; ++i) {
@@ -109,7 +111,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
         if (sw->law[i] == LAG_UNILATERAL)
             report->takes_part[i] = report->together ? lag_is_closed(run, i) : lag_meets(run, i);
         else
-            report->takes_part[i] = sw->active[i] && (sw->law[i] == LAG_FREE || friction_of(sw, i) > 0.0);
+            report->takes_part[i] = sw->active[i] && (sw->law[i] == LAG_FREE || !(friction_of(sw, i) <= 0.0));
     }
     for (int i = 0; i < sw->rows; ++i) {
         if (sw->law[i] == LAG_LIMITED && report->takes_part[i])
@@ -119,7 +121,7 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     }
     lag_matrix_of(run, n, p.rows, p.matrix);
     memset(friction, 0, (size_t)n * n * sizeof(double));
-    double least = INFINITY, most = -INFINITY;
+    double least = INFINITY, most = -INFINITY, sum = 0.0;
     for (int i = 0; i < n; ++i) {
         const int row = p.rows[i];
         p.law[i] = sw->law[row];
@@ -134,6 +136,13 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
         for (int j = 0; j < n; ++j)
             if (sw->law[row] == LAG_LIMITED && p.rows[j] == sw->normal[row])
                 friction[i * n + j] = friction_of(sw, row);
+        for (int j = 0; j < n; ++j)
+            sum += p.matrix[i * n + j] + friction[i * n + j];
+        sum += restitution[i];
+    }
+    if (!isfinite(sum)) {
+        lag_failed(run, t, y);
+        return -1;
     }
     report->equal_restitution = !(least < most);
     lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
