@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from lagcli.analysis.linear.modes import ModalAnalysis
     from lagcli.model.model import Model
 
-#: The formats of equilibria and comparisons.
-_SUFFIXES = (".json", ".h5")
-
 
 def write(
     result: Trajectory
@@ -119,7 +116,11 @@ def _write_analysis(result: object, path: str, force: bool) -> None:
 def _write_content(
     content: Mapping[str, Any], arrays: Mapping[str, Any], model: Model, path: str, force: bool
 ) -> None:
-    from lagcli.analysis.output.files import check_analysis_target, write_content
+    from lagcli.analysis.output.files import (
+        ANALYSIS_SUFFIXES,
+        check_analysis_target,
+        write_content,
+    )
 
-    check_analysis_target(path, _SUFFIXES, force)
+    check_analysis_target(path, ANALYSIS_SUFFIXES, force)
     write_content(content, arrays, model, path, force)

@@ -227,24 +227,7 @@ def write(
 ) -> None:
     """Write a trajectory in the format given by the suffix, atomically.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run; nt, nq, nc and the number of outputs may be 0.
-    output : str or path
-        File name ending in ``.h5`` (``.hdf5``) or ``.csv``; ``-`` is CSV on standard output.
-    force : bool
-        Replace an existing file.
-    meta : bool
-        Write the sidecar of a CSV file; HDF5 files contain all metadata.
-
-    Raises
-    ------
-    FileError
-        The file exists and ``force`` is false, or it cannot be written; standard output cannot be
-        written (a full disk). A closed pipe remains a ``BrokenPipeError``.
-    UsageError
-        The suffix is unknown, or a sidecar is requested with standard output.
+    For the parameters and errors see `lagcli.write`, which also writes results of analyses.
     """
     check_target(output, force, meta)
     with open_writer(output, force, meta) as writer:
@@ -255,7 +238,7 @@ def write(
 def open_writer(
     output: str | os.PathLike[str], force: bool = False, meta: bool = False
 ) -> AbstractContextManager[Writer]:
-    """Return a writer for a run in progress; for the parameters and errors see `write`.
+    """Return a writer for a run in progress; for the parameters and errors see `lagcli.write`.
 
     `check_target` checks in advance whether the file could be written.
     """

@@ -91,6 +91,29 @@ def test_balls(part: int) -> None:
         assert (log.impulse[:, 0] >= 0.0).all()
 
 
+def ball_and_block(
+    c: float,
+    g: float,
+    e: float,
+    limit: str,
+    start: tuple[float, float],
+    end: float,
+    rng: random.Random,
+) -> str:
+    """Return a ball that drags a block along, M = [[1, c], [c, 1]], from its height and the block's
+    speed."""
+    return f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2 + {c!r}*x'*y'
+V: {g!r}*y
+constraints:
+  floor: {{expr: y >= 0, restitution: {e!r}}}
+  block: {{expr: x' = 0, limit: {limit}}}
+initial: {{x: 0, y: {start[0]!r}, x': {start[1]!r}, y': 0}}
+simulation: {{t_end: {end!r}, samples: 14, impacts: {rng.choice(LAWS)}}}
+"""
+
+
 def test_friction_beside_the_contact_changes_the_fall() -> None:
     """A ball that drags a sliding block along: M = [[1, c], [c, 1]], forces −F and −g.
 
@@ -105,16 +128,10 @@ def test_friction_beside_the_contact_changes_the_fall() -> None:
         first = math.sqrt(2 * h / a)
         rest = first * (1 + e) / (1 - e)
         along = rng.choice([-1, 1])
-        run, log = simulate(f"""
-coordinates: [x, y]
-T: (x'^2 + y'^2)/2 + {along * c!r}*x'*y'
-V: {g!r}*y
-constraints:
-  floor: {{expr: y >= 0, restitution: {e!r}}}
-  block: {{expr: x' = 0, limit: {friction!r}}}
-initial: {{x: 0, y: {h!r}, x': {along * 20 * (g + friction) * rest!r}, y': 0}}
-simulation: {{t_end: {1.3 * rest!r}, samples: 14, impacts: {rng.choice(LAWS)}}}
-""")
+        speed = along * 20 * (g + friction) * rest
+        run, log = simulate(
+            ball_and_block(along * c, g, e, repr(friction), (h, speed), 1.3 * rest, rng)
+        )
         assert log.instants("floor", "impact")[0] == pytest.approx(first, rel=1e-9)
         assert [x.time for x in log.rests()] == pytest.approx([rest], rel=2e-8)
         assert run.multipliers[-1] == pytest.approx([g - c * friction, -along * friction])
@@ -139,16 +156,8 @@ def test_a_block_that_slides_after_each_impact_and_sticks_then() -> None:
         u = math.sqrt(2 * g * h)
         rest = u / g + u * flight / (1 - ratio)
         for sign in (-1, 1):
-            _, log = simulate(f"""
-coordinates: [x, y]
-T: (x'^2 + y'^2)/2 + {sign * c!r}*x'*y'
-V: {g!r}*y
-constraints:
-  floor: {{expr: y >= 0, restitution: {e!r}}}
-  block: {{expr: x' = 0, limit: {{static: 30, kinetic: {friction!r}}}}}
-initial: {{x: 0, y: {h!r}, x': 0, y': 0}}
-simulation: {{t_end: {1.3 * rest!r}, samples: 14, impacts: {rng.choice(LAWS)}}}
-""")
+            limit = f"{{static: 30, kinetic: {friction!r}}}"
+            _, log = simulate(ball_and_block(sign * c, g, e, limit, (h, 0.0), 1.3 * rest, rng))
             assert [x.time for x in log.rests()] == pytest.approx([rest], rel=2e-8)
 
 

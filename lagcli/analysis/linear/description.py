@@ -13,7 +13,11 @@ from lagcli.analysis.linear.linear_model import LinearModel
 from lagcli.analysis.linear.modes import ModalAnalysis, Mode
 from lagcli.analysis.local.contacts import contact_lines, describe_contacts
 from lagcli.analysis.local.operating_point import OperatingPoint
-from lagcli.analysis.output.files import check_analysis_target, write_content
+from lagcli.analysis.output.files import (
+    ANALYSIS_SUFFIXES,
+    check_analysis_target,
+    write_content,
+)
 from lagcli.analysis.output.tables import (
     Cell,
     ModelName,
@@ -348,7 +352,6 @@ def _notes(content: Mapping[str, Any]) -> Iterator[str]:
 
 
 LINEAR_SUFFIXES = (".json", ".npz", ".mat", ".h5")
-MODES_SUFFIXES = (".json", ".h5")
 
 
 def write_linear(linear: LinearModel, path: str, force: bool) -> None:
@@ -392,7 +395,7 @@ def write_modes(analysis: ModalAnalysis, path: str, force: bool) -> None:
     UsageError, FileError
         As `check_analysis_target`.
     """
-    check_analysis_target(path, MODES_SUFFIXES, force)
+    check_analysis_target(path, ANALYSIS_SUFFIXES, force)
     arrays = {"eigenvalue": _parts(np.array([m.eigenvalue for m in analysis.modes]))}
     for name in ("position", "velocity", "multipliers"):
         arrays[name] = _parts(np.array([getattr(m, name) for m in analysis.modes]))

@@ -15,6 +15,9 @@ from lagcli.results.metadata import to_json
 from lagcli.simulations.inputs import input_data, input_tables
 from lagcli.version import __version__
 
+#: The formats of results of analyses, unless they have others.
+ANALYSIS_SUFFIXES = (".json", ".h5")
+
 
 def check_analysis_target(path: str, suffixes: tuple[str, ...], force: bool) -> None:
     """Raise if a file of an analysis could not be written under this name.

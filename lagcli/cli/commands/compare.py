@@ -72,10 +72,10 @@ def compare(
         format_comparison,
     )
     from lagcli.analysis.compare.two_models import compare_models
-    from lagcli.analysis.output.files import write_content
+    from lagcli.analysis.output.files import ANALYSIS_SUFFIXES, write_content
     from lagcli.model.loader import load
 
-    check_target(model, output, (".json", ".h5"), force)
+    check_target(model, output, ANALYSIS_SUFFIXES, force)
     chosen = [_names(x) for x in (formulation, method, rtol)]
     if other is not None:
         refuse_same_file(other, output)

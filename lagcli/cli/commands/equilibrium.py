@@ -70,13 +70,13 @@ def equilibrium(
     )
     from lagcli.analysis.equilibria.diagram import follow_equilibria
     from lagcli.analysis.equilibria.equilibrium import equilibrium as find
-    from lagcli.analysis.output.files import write_content
+    from lagcli.analysis.output.files import ANALYSIS_SUFFIXES, write_content
 
     if along is not None and all:
         raise UsageError("--along follows one equilibrium, --all looks for many; choose one")
     if branches and along is None:
         raise UsageError("--branches needs --along, as in --along P=0:3 --branches")
-    check_target(model, output, (".json", ".h5"), force)
+    check_target(model, output, ANALYSIS_SUFFIXES, force)
     loaded, held = load_steady(model, set, set_initial, steady, preset)
     arrays, note = {}, ""
     if along is None:

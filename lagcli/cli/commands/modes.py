@@ -40,15 +40,11 @@ def modes(
     The motions are about the initial state, or about the state that --equilibrium, --steady or
     --at choose; shapes are δq and δλ.
     """
-    from lagcli.analysis.linear.description import (
-        MODES_SUFFIXES,
-        describe_modes,
-        format_modes,
-        write_modes,
-    )
+    from lagcli.analysis.linear.description import describe_modes, format_modes, write_modes
     from lagcli.analysis.linear.modes import modes as find_modes
+    from lagcli.analysis.output.files import ANALYSIS_SUFFIXES
 
-    check_target(model, output, MODES_SUFFIXES, force)
+    check_target(model, output, ANALYSIS_SUFFIXES, force)
     loaded, held = load_steady(model, set, set_initial, steady, preset)
     analysis = find_modes(loaded, at=at, equilibrium=equilibrium, steady=held)
     if output is not None:

@@ -244,7 +244,7 @@ static void switching(lag_archive *a, lag_run *run, const lag_method *chosen)
     double *one[] = {&sw->margin, &sw->strength, &sw->instant, &sw->last, &sw->since, &sw->interval, &sw->gained,
                      &sw->remainder};
     int *other[] = {&sw->acting, &sw->redundant, &sw->begun, &sw->due, &sw->report, &sw->moved, &sw->settled, &sw->with_friction,
-                    &sw->equal_restitution, &sw->has_sides, &sw->holds_sides};
+                    &sw->equal_restitution, &sw->holds_sides};
     for (size_t i = 0; i < LENGTH(modes); ++i)
         lag_archive_integers(a, modes[i], rows, LAG_OPEN, LAG_SLIPS_BACKWARD);
     flags(a, marks, LENGTH(marks), rows);

@@ -117,6 +117,8 @@ class _Signs:
 
     def functions(self, laws: Sequence[Tape]) -> Tape:
         """Return the tape of the functions and their sizes."""
+        if not self.numbers:
+            return laws[0].selected(())
         builder = self.with_inputs(laws[0])
         functions: dict[int, int] = {}
         sizes: dict[int, int] = {}

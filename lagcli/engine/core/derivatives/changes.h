@@ -8,9 +8,9 @@
 double *lag_change(const lag_run *run, double *y, int k);
 lag_direction lag_direction_of(const lag_run *run, const double *y, int k, double time);
 
-/* Evaluate the derivative of a tape of (t, q, v, p), or of (t, q, v, a, lambda, signs, p), along a direction. The latter
- * with the changes of a (nq), and of lambda of all constraints by those of the system's and of the rows' z; signs are
- * constant. */
+/* Evaluate the derivative of a tape of (t, q, v, p), or of (t, q, v, a, lambda, signs, p), along a direction. The
+ * latter with the changes of a (nq), and of lambda of all constraints by those of the system's and of the rows' z;
+ * signs are constant. */
 void lag_evaluate_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d);
 void lag_evaluate_laws_along(const lag_run *run, const lag_tape *tape, double t, const double *y, lag_direction d,
                              const double *of_a, const double *of_z);

@@ -158,7 +158,8 @@ static void read_switching_directions(lag_reader *in, lag_fmu *fmu)
     const lag_switching_rules *r = &fmu->model.rules;
     lag_fmu_directions *d = &fmu->directions;
     lag_directions *along = &d->along;
-    const int64_t p = d->parameters, state = 1 + 2 * (int64_t)e->nq, forces = 2 * (state + e->nq + fmu->nc + r->signs) + p + e->np;
+    const int64_t p = d->parameters, state = 1 + 2 * (int64_t)e->nq;
+    const int64_t forces = 2 * (state + e->nq + fmu->nc + r->signs) + p + e->np;
     if (!(fmu->model.contents & LAG_MODEL_SWITCHING))
         return;
     along->parameters = d->parameters;

@@ -131,10 +131,9 @@ typedef struct {
     int signs;                         /* of functions of forces, inputs of limits and forces */
     lag_tape sign_tape;                /* of (t, q, v, a, lambda, signs, p): the functions, their sizes */
     double *side, *found_side;         /* signs: in steps; of the functions as evaluated last */
-    int *turned;                       /* signs: whether the function has crossed zero at this instant */
+    int *turned;                       /* signs: 1 where the function crosses zero at this instant, -1 if not after all */
     double *sign_value, *sign_size;    /* signs: the functions at the last evaluation of all forces; largest sizes */
     double *sign_before;               /* signs: the functions at the beginning of the instant */
-    int has_sides;                     /* whether they have been found */
     int holds_sides;                   /* from the end of an instant to the next one, in which they are found again */
     lag_tape limits, impact;
     int nl, pattern_count;

@@ -84,6 +84,7 @@ static int settle_sides(lag_run *run)
             const int reached = sw->side[s] < 0.0 && sw->sign_before[s] < -noise && value >= -noise; /* by a jump */
             if (reached || sw->side[s] * value < -noise) {
                 sw->side[s] = -sw->side[s];
+                sw->turned[s] = -sw->turned[s];
                 changed = 1;
             }
         }
@@ -98,23 +99,20 @@ int lag_choose_sides(lag_run *run)
     lag_switching *sw = &run->switching;
     if (!sw->signs)
         return LAG_RUNNING;
-    if (!sw->has_sides) {
+    if (!sw->begun) {
         if (lag_all_forces(run, run->step.t, run->step.y))
             return LAG_UNDEFINED;
         for (int s = 0; s < sw->signs; ++s)
             sw->side[s] = sw->sign_value[s] < 0.0 ? -1.0 : 1.0;
     }
-    for (int s = 0; s < sw->signs; ++s) {
+    for (int s = 0; s < sw->signs; ++s)
         if (sw->turned[s])
             sw->side[s] = -sw->side[s];
-        sw->turned[s] = sw->turned[s] ? (int)sw->side[s] : 0;
-    }
-    sw->has_sides = sw->holds_sides = 1;
+    sw->holds_sides = 1;
     int status = settle_sides(run);
     for (int s = 0; s < sw->signs; ++s) {
         /* it is back, where it was about to leave */
-        if (status == LAG_RUNNING && sw->turned[s] && sw->turned[s] != (int)sw->side[s]
-            && fabs(sw->sign_value[s]) <= noise_of_sign(sw, s))
+        if (status == LAG_RUNNING && sw->turned[s] < 0 && fabs(sw->sign_value[s]) <= noise_of_sign(sw, s))
             status = LAG_NO_SIDE;
         sw->turned[s] = 0;
         sw->sign_before[s] = sw->sign_value[s];
