@@ -65,7 +65,7 @@ class EventEntry(NamedTuple):
         Impulse of all constraints at that instant; 0 without an impact.
     loss : float
         Energy absorbed by this row's impulse, −Λ (γ⁻ + γ⁺)/2 including its friction; for "rest",
-        energy that the remaining impacts absorb; J.
+        energy that the remaining impacts absorb besides friction; J.
     supplied : float
         Energy supplied by the impulses of moving constraints; J.
     work : float

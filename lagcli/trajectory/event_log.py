@@ -171,7 +171,7 @@ class EventLog:
         impact.
     loss : (ne,) array
         Energy absorbed by the entry's own impulse, −Λ (γ⁻ + γ⁺)/2 including its friction, J; for
-        "rest", energy that the remaining impacts absorb.
+        "rest", energy that the remaining impacts absorb besides friction.
     supplied : (ne,) array
         Energy supplied by the impulses of moving constraints, J.
     work : (ne,) array

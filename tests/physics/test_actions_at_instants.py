@@ -225,3 +225,29 @@ def test_a_body_that_stops_on_the_bound_but_for_rounding(sign: str, way: int) ->
     found = happened(events, initial={"x": 1, "x'": 0}, simulation={"t_end": 6})
     there = [(4.37, "there")] if sign != ">=" else []
     assert found == [(2.37, "begin"), (4.37, "stop"), *there, (5.37, "push")]
+
+
+@pytest.mark.parametrize(
+    ("guide", "push", "impulse"),
+    [("  guide: y = 0.8*l", "{x: 3}", [-0.5, 4.0]), ("", "{x: 3, y: 4}", [-0.5])],
+)
+def test_an_impulse_that_the_constraints_bear(guide: str, push: str, impulse: list[float]) -> None:
+    """B^T Λ = -p at (3, 4), where nothing moves: rows (2 x, 2 y) of the rod and (0, 1) of the guide."""
+    run = lagcli.simulate(
+        load_text(f"""
+coordinates: [x, y]
+parameters: {{m: 2, l: 5}}
+T: m/2*(x'^2 + y'^2)
+V: 0
+constraints:
+  rod: x^2 + y^2 = l^2
+{guide}
+events: {{kick: {{when: t >= 1, impulse: {push}}}}}
+initial: {{x: 3, y: 4, x': 0, y': 0}}
+simulation: {{t_end: 2}}
+""")
+    )
+    assert run.events is not None
+    np.testing.assert_allclose(run.events.impulse, [impulse], rtol=1e-14)
+    assert not run.events.after.any()
+    assert run.events.work == pytest.approx([0.0], abs=1e-14)

@@ -157,8 +157,60 @@ def test_a_block_that_slides_after_each_impact_and_sticks_then() -> None:
         rest = u / g + u * flight / (1 - ratio)
         for sign in (-1, 1):
             limit = f"{{static: 30, kinetic: {friction!r}}}"
-            _, log = simulate(ball_and_block(sign * c, g, e, limit, (h, 0.0), 1.3 * rest, rng))
+            text = ball_and_block(sign * c, g, e, limit, (h, 0.0), 1.3 * rest, rng)
+            run, log = simulate(text)
             assert [x.time for x in log.rests()] == pytest.approx([rest], rel=2e-8)
+            finer, _ = simulate(text, closed=1e-13)
+            assert run.q[-1] == pytest.approx(finer.q[-1], abs=1e-7)
+
+
+def test_what_slides_has_the_friction_of_the_impacts_that_are_left() -> None:
+    """A ball that bounces and slides: the floor's impulses are m (g t − v₀), and u = u₀ − μ (g t − v₀)."""
+    rng = random.Random(5)
+    for number in range(12):
+        mu, e, g = rng.uniform(0.05, 0.5), rng.choice([0.2, 0.5, 0.8]), rng.uniform(3, 15)
+        u, v, m = rng.choice([-1, 1]) * rng.uniform(20, 40), rng.uniform(-2, 0.5), rng.uniform(1, 9)
+        run, log = simulate(f"""
+coordinates: [x, y]
+T: {m!r}/2*(x'^2 + y'^2)
+V: {m * g!r}*y
+constraints:
+  floor: {{expr: y >= 0, restitution: {e!r}, friction: {mu!r}, slip: x'}}
+initial: {{x: 0, y: {0.1 * rng.random()!r}, x': {u!r}, y': {v!r}}}
+simulation: {{t_end: 3, samples: 2, impacts: {LAWS[number % 3]}}}
+""")
+        assert len(list(log.rests())) == 1
+        exact = math.copysign(abs(u) - mu * (3 * g - v), u)
+        assert run.v[-1] == pytest.approx([exact, 0], rel=1e-12, abs=1e-12)
+
+
+def test_a_guide_has_the_friction_of_the_impacts_that_are_left() -> None:
+    """A ball on an inclined guide, z = c y: the guide's friction is μ times the sum of all its impulses.
+
+    In flights y″ = −a = −g/(1 + c²) and the guide's force is m c a, in impacts with the speed w its impulse is
+    m c (1 + e) w; at rest it bears nothing.
+    """
+    rng = random.Random(6)
+    for number in range(9):
+        mu, e, c = rng.uniform(0.05, 0.5), rng.choice([0.2, 0.5, 0.7]), rng.uniform(0.1, 0.8)
+        h, u, m = rng.uniform(0.01, 0.2), rng.choice([-30.0, 30.0]), rng.uniform(1, 9)
+        a = 9.81 / (1 + c * c)
+        first = math.sqrt(2 * h / a)
+        rest = first * (1 + e) / (1 - e)
+        impulses = c * (a * rest + (1 + e) * a * first / (1 - e))
+        run, log = simulate(f"""
+coordinates: [x, y, z]
+T: {m!r}/2*(x'^2 + y'^2 + z'^2)
+V: {m * 9.81!r}*y
+constraints:
+  guide: {{expr: "z = {c!r}*y", friction: {mu!r}, slip: x'}}
+  floor: {{expr: y >= 0, restitution: {e!r}}}
+initial: {{x: 0, y: {h!r}, z: {c * h!r}, x': {u!r}, y': 0, z': 0}}
+simulation: {{t_end: {1.5 * rest!r}, samples: 2, impacts: {LAWS[number % 3]}}}
+""")
+        assert [x.time for x in log.rests()] == pytest.approx([rest], rel=1e-8)
+        exact = math.copysign(abs(u) - mu * impulses, u)
+        assert run.v[-1] == pytest.approx([exact, 0, 0], rel=2e-10, abs=1e-10)
 
 
 def test_forces_by_multipliers_act_in_what_is_left_of_a_sequence() -> None:

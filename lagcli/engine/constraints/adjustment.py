@@ -299,7 +299,7 @@ def impulse_of(
     """
     impulse = np.zeros(len(evaluator.system.constraints))
     some = list(rows)
-    if not some or not free.any() or not change.any():
+    if not some or not free.any() or (given is None and not change.any()):
         return impulse
     d = evaluator.dynamics(t, q, v)
     momentum = d.mass_matrix @ change - (0.0 if given is None else given)

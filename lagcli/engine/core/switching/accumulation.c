@@ -34,16 +34,17 @@ typedef struct {
     double *matrix, *friction, *slope[2];       /* n * n */
     double *b, *limit[2], *restitution;
     double *phi, *psi, *acceleration, *none;    /* n; none: velocities that count as zero */
+    double *impulse;                /* n: of impacts and of forces, so far */
     double *part_matrix, *part_friction, *part_slope[2];
     double *offset, *part_limit[2], *part_restitution, *force[2], *motion[2], *loss;
-    double *kept;                   /* STATES * (2 n + 2): time, size, phi, psi */
+    double *kept;                   /* STATES * (3 n + 2): time, size, impulse, phi, psi */
     void *memory;
     int law_of_impact;
 } patch;
 
 int64_t lag_accumulation_doubles(int64_t rows)
 {
-    return 8 * rows * rows + 16 * rows + STATES * (2 * rows + 2);
+    return 8 * rows * rows + 17 * rows + STATES * (3 * rows + 2);
 }
 
 int64_t lag_accumulation_integers(int64_t rows)
@@ -60,7 +61,7 @@ static patch prepare(const lag_run *run)
     double **const square[] = {&p.matrix,        &p.friction,      &p.slope[0],      &p.slope[1],
                                &p.part_matrix,   &p.part_friction, &p.part_slope[0], &p.part_slope[1]};
     double **const vector[] = {&p.b,      &p.limit[0],      &p.limit[1],      &p.restitution,
-                               &p.phi,    &p.psi,           &p.acceleration,  &p.none,
+                               &p.phi,    &p.psi,           &p.acceleration,  &p.none,           &p.impulse,
                                &p.offset, &p.part_limit[0], &p.part_limit[1], &p.part_restitution,
                                &p.force[0], &p.force[1],    &p.motion[0],     &p.motion[1]};
     int **const list[] = {&p.rows, &p.law, &p.part, &p.part_law, &p.mode[0], &p.mode[1]};
@@ -145,7 +146,7 @@ static int fill(lag_run *run, double t, const double *y, int row, const int *res
         p->law[i] = sw->law[of];
         p->b[i] = lag_along(run, of, free) - sw->gamma[of];
         p->psi[i] = fabs(sw->psi[of]) <= lag_no_speed(sw, of) ? 0.0 : sw->psi[of];
-        p->phi[i] = p->acceleration[i] = 0.0;
+        p->phi[i] = p->acceleration[i] = p->impulse[i] = 0.0;
         p->restitution[i] = sw->restitution[of] < 0 ? 0.0 : OUT(&sw->impact, sw->restitution[of]);
         for (int j = 0; j < n; ++j)
             if (sw->law[of] == LAG_LIMITED && sw->friction[of] >= 0 && p->rows[j] == sw->normal[of])
@@ -244,6 +245,13 @@ static double fly(patch *p)
     return least;
 }
 
+/* Add the forces of the part, for a time, or its impulses to those so far. */
+static void push(patch *p, double time)
+{
+    for (int j = 0; j < p->m; ++j)
+        p->impulse[p->part[j]] += time * p->force[0][j];
+}
+
 /* One impact, of contacts that approach. Returns 1, -1 where none does, or 0 where it has no solution. */
 static int strike_once(patch *p)
 {
@@ -267,6 +275,7 @@ static int strike_once(patch *p)
     lag_impact_result result = {p->force[0], p->motion[0], p->loss};
     if (lag_solve_impact(&impact, p->law_of_impact, p->memory, &result) == LAG_NO_MOTION)
         return 0;
+    push(p, 1.0);
     for (int i = 0; i < p->n; ++i)
         for (int j = 0; j < p->m; ++j)
             p->psi[i] += p->matrix[i * p->n + p->part[j]] * p->force[0][j];
@@ -302,7 +311,7 @@ static double size(const patch *p)
 /* Whether the contacts move like those of a state before, but slower. */
 static int similar(const patch *p, const double *other, double now)
 {
-    const double ratio = now / other[1], *phi = other + 2, *psi = phi + p->n;
+    const double ratio = now / other[1], *phi = other + 2 + p->n, *psi = phi + p->n;
     if (!(ratio < 1.0 - SIMILAR))
         return 0;
     for (int i = 0; i < p->n; ++i) {
@@ -315,12 +324,30 @@ static int similar(const patch *p, const double *other, double now)
     return 1;
 }
 
-double lag_end_of_impacts(lag_run *run, double t, const double *y, int row, const int *rests, int *member)
+/* The end of a sequence that repeats `ratio` times as fast since another state, and the impulses until then. */
+static double extrapolate(patch *p, const double *other, double time, double ratio)
 {
-    patch whole = prepare(run), *p = &whole;
-    if (fill(run, t, y, row, rests, member, p))
-        return NAN;
-    const int n = p->n, width = 2 * n + 2;
+    for (int i = 0; i < p->n; ++i)
+        p->impulse[i] = other[2 + i] + (p->impulse[i] - other[2 + i]) / (1.0 - ratio);
+    return other[0] + (time - other[0]) / (1.0 - ratio);
+}
+
+/* Subtract the impulses of the forces at rest, for a time. Returns whether they are unique. */
+static int subtract_rest(patch *p, double time)
+{
+    for (int i = 0; i < p->n; ++i)
+        if (p->law[i] == LAG_UNILATERAL)
+            p->phi[i] = p->psi[i] = 0.0;
+    if (!accelerate(p))
+        return 0;
+    push(p, -time);
+    return 1;
+}
+
+/* The time from a state until its impacts end, with their impulses; NAN where they do not end. */
+static double follow(patch *p)
+{
+    const int n = p->n, width = 3 * n + 2;
     const double first = size(p);
     double time = 0.0;
     for (int i = 0; i < n; ++i)
@@ -328,23 +355,41 @@ double lag_end_of_impacts(lag_run *run, double t, const double *y, int row, cons
     for (int k = 0; k < FLIGHTS; ++k) {
         const double now = size(p);
         if (now <= SMALL * first)
-            return t + time;
+            return time;
         for (int j = 0; j < STATES && j < k; ++j) {
             const double *other = p->kept + j * width;
             if (similar(p, other, now))
-                return t + other[0] + (time - other[0]) / (1.0 - now / other[1]);
+                return extrapolate(p, other, time, now / other[1]);
         }
         double *state = p->kept + k % STATES * width;
         state[0] = time;
         state[1] = now;
-        memcpy(state + 2, p->phi, (size_t)n * sizeof(double));
-        memcpy(state + 2 + n, p->psi, (size_t)n * sizeof(double));
+        memcpy(state + 2, p->impulse, (size_t)n * sizeof(double));
+        memcpy(state + 2 + n, p->phi, (size_t)n * sizeof(double));
+        memcpy(state + 2 + 2 * n, p->psi, (size_t)n * sizeof(double));
         if (!accelerate(p))
             return NAN;
         const double flight = fly(p);
-        if (!isfinite(flight) || !strike(p))
+        if (!isfinite(flight))
+            return NAN;
+        push(p, flight);
+        if (!strike(p))
             return NAN;
         time += flight;
     }
     return NAN;
+}
+
+double lag_end_of_impacts(
+    lag_run *run, double t, const double *y, int row, const int *rests, int *member, double *friction)
+{
+    patch whole = prepare(run), *p = &whole;
+    if (fill(run, t, y, row, rests, member, p))
+        return NAN;
+    const double time = follow(p);
+    if (isfinite(time) && subtract_rest(p, time))
+        for (int i = 0; i < p->n; ++i)
+            if (p->law[i] == LAG_LIMITED)
+                friction[p->rows[i]] = p->impulse[i];
+    return t + time;
 }

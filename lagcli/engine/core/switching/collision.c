@@ -55,6 +55,27 @@ static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
     return any;
 }
 
+/* When the impacts end that contacts at rest still would have, and the friction that these impacts have beyond that at
+ * rest. */
+static void follow_impacts(lag_run *run, const lag_impact_report *report)
+{
+    lag_switching *sw = &run->switching;
+    const double t = run->step.t;
+    memset(sw->ends, 0, (size_t)sw->rows * sizeof(int));
+    memset(sw->rest_friction, 0, (size_t)sw->rows * sizeof(double));
+    for (int i = 0; i < sw->rows; ++i) {
+        if (!sw->rests[i] || sw->ends[i])
+            continue;
+        const double time =
+            lag_end_of_impacts(run, t, sw->struck, i, sw->rests, sw->member, sw->rest_friction);
+        for (int j = 0; j < sw->rows; ++j)
+            if (sw->member[j] && sw->law[j] == LAG_UNILATERAL && (sw->rests[j] || report->impulse[j] != 0.0)) {
+                sw->ends[j] = sw->came_to_rest[j] = 1;
+                sw->rest_time[j] = isfinite(time) ? time : t;
+            }
+    }
+}
+
 /* Bring to rest the rows that would bounce no higher than a gap that counts as none, after an impact: those that take
  * part in it, and others that come to rest only then. Returns what lag_solve_contacts does, or -1. */
 static int end_impacts(lag_run *run, const lag_impact_report *report)
@@ -70,7 +91,8 @@ static int end_impacts(lag_run *run, const lag_impact_report *report)
     memcpy(sw->struck, y, size);
     do {
         memcpy(y, sw->struck, size);
-        motions = lag_bring_to_rest(run, t, y, sw->rests, &lost);
+        follow_impacts(run, report);
+        motions = lag_bring_to_rest(run, t, y, sw->rests, sw->rest_friction, &lost);
     } while (motions != LAG_NO_MOTION && motions >= 0 && falls_back(run, report, sw->rests));
     if (motions < 0 || motions == LAG_NO_MOTION)
         return motions;
@@ -78,17 +100,6 @@ static int end_impacts(lag_run *run, const lag_impact_report *report)
     for (int i = 0; i < sw->rows; ++i)
         if (sw->rests[i])
             run->derivatives.rested = i;
-    memset(sw->ends, 0, (size_t)sw->rows * sizeof(int));
-    for (int i = 0; i < sw->rows; ++i) {
-        if (!sw->rests[i] || sw->ends[i])
-            continue;
-        const double time = lag_end_of_impacts(run, t, sw->struck, i, sw->rests, sw->member);
-        for (int j = 0; j < sw->rows; ++j)
-            if (sw->member[j] && sw->law[j] == LAG_UNILATERAL && (sw->rests[j] || report->impulse[j] != 0.0)) {
-                sw->ends[j] = sw->came_to_rest[j] = 1;
-                sw->rest_time[j] = isfinite(time) ? time : t;
-            }
-    }
     return motions;
 }
 

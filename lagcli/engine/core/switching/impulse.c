@@ -178,7 +178,20 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     return motions;
 }
 
-int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, double *lost)
+/* Whether a row has an impulse where contacts come to rest: these, closed ones, the friction of both, and what has a
+ * given one. */
+static int takes_part_at_rest(const lag_run *run, int row, const int *rests, const double *friction)
+{
+    const lag_switching *sw = &run->switching;
+    if (!sw->active[row] || sw->law[row] == LAG_FREE)
+        return sw->active[row];
+    if (sw->law[row] == LAG_UNILATERAL)
+        return rests[row] || lag_meets(run, row);
+    return friction[row] != 0.0
+           || (friction_of(sw, row) > 0.0 && takes_part_at_rest(run, sw->normal[row], rests, friction));
+}
+
+int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, const double *friction, double *lost)
 {
     lag_switching *sw = &run->switching;
     lag_problem_arrays p = lag_arrays_of(sw);
@@ -186,20 +199,21 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, doubl
     if (evaluate(run, t, y))
         return -1;
     for (int i = 0; i < sw->rows; ++i) {
-        const int normal = sw->normal[i];
-        if (sw->law[i] == LAG_UNILATERAL ? !rests[i] && !lag_meets(run, i) : !sw->active[i])
-            continue;
-        if (sw->law[i] == LAG_LIMITED
-            && (!(friction_of(sw, i) > 0.0) || !(fabs(sw->psi[i]) <= lag_no_speed(sw, i)) || !sw->active[normal]
-                || (sw->law[normal] == LAG_UNILATERAL && !rests[normal] && !lag_meets(run, normal))))
+        if (!takes_part_at_rest(run, i, rests, friction))
             continue;
         p.law[n] = sw->law[i] == LAG_UNILATERAL && !rests[i] ? LAG_UNILATERAL : LAG_FREE;
+        p.limit[1][n] = 0.0;
+        if (sw->law[i] == LAG_LIMITED && (fabs(sw->psi[i]) > lag_no_speed(sw, i) || !(friction_of(sw, i) > 0.0))) {
+            p.law[n] = friction[i] < 0.0 ? LAG_FORWARD : LAG_BACKWARD;
+            p.limit[1][n] = fabs(friction[i]);
+        }
         p.offset[n] = sw->psi[i];
         p.rounding[n] = ROUNDING_ERROR * sw->speed[i];
         p.rows[n++] = i;
     }
     lag_matrix_of(run, n, p.rows, p.matrix);
-    /* no row has a limit */
+    memset(p.slope[1], 0, (size_t)n * n * sizeof(double));
+    /* nothing has a static limit */
     const lag_contacts problem = {n,          p.matrix,   p.offset,   p.law,     p.limit[0],
                                   p.slope[0], p.limit[1], p.slope[1], p.rounding};
     lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
@@ -208,8 +222,9 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, doubl
     *lost = 0.0;
     if (motions == LAG_NO_MOTION)
         return motions;
-    for (int j = 0; j < n; ++j) /* what has an impulse is at rest after it */
-        *lost -= first.force[j] * p.offset[j] / 2.0;
+    for (int j = 0; j < n; ++j) /* what does not slide, and has an impulse, is at rest after it */
+        if (p.law[j] == LAG_FREE || p.law[j] == LAG_UNILATERAL)
+            *lost -= first.force[j] * p.offset[j] / 2.0;
     apply(run, y, n, p.rows, first.force, p.extra);
     return motions;
 }

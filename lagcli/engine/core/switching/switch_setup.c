@@ -26,7 +26,7 @@ static void allocate(lag_run *run)
                      &sw->takes_part, &sw->rests, &sw->ends, &sw->member, &sw->came_to_rest, &sw->first_mode,
                      &sw->tight, &sw->shares};
     double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed, &sw->tried,
-                          &sw->stray, &sw->trial_force, &sw->slack, &sw->rest_time};
+                          &sw->stray, &sw->trial_force, &sw->slack, &sw->rest_time, &sw->rest_friction};
     double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,
                            &sw->struck, &sw->acceleration};
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i)

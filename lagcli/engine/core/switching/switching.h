@@ -211,6 +211,7 @@ typedef struct {
     int *rests, *ends, *member;        /* rows: scratch of collision.c */
     int *came_to_rest;                 /* rows: at this instant ... */
     double *rest_time;                 /* rows: ... and the limit of the impacts' times */
+    double *rest_friction;             /* rows: scratch of collision.c */
     double remainder;                  /* energy that impacts after this instant still would lose */
     double *struck;                    /* n: the state after the last impact, before rows come to rest */
     double *accumulation;              /* scratch of accumulation.c */
