@@ -232,7 +232,7 @@ def test_a_body_that_stops_on_the_bound_but_for_rounding(sign: str, way: int) ->
     [("  guide: y = 0.8*l", "{x: 3}", [-0.5, 4.0]), ("", "{x: 3, y: 4}", [-0.5])],
 )
 def test_an_impulse_that_the_constraints_bear(guide: str, push: str, impulse: list[float]) -> None:
-    """B^T Λ = -p at (3, 4), where nothing moves: rows (2 x, 2 y) of the rod and (0, 1) of the guide."""
+    """Bᵀ Λ = −p at (3, 4), where nothing moves; rows of B: (2 x, 2 y), and (0, 1) of the guide."""
     run = lagcli.simulate(
         load_text(f"""
 coordinates: [x, y]

@@ -165,7 +165,7 @@ def test_a_block_that_slides_after_each_impact_and_sticks_then() -> None:
 
 
 def test_what_slides_has_the_friction_of_the_impacts_that_are_left() -> None:
-    """A ball that bounces and slides: the floor's impulses are m (g t − v₀), and u = u₀ − μ (g t − v₀)."""
+    """A ball bounces and slides: the floor's impulses are m (g t − v₀), and u = u₀ − μ (g t − v₀)."""
     rng = random.Random(5)
     for number in range(12):
         mu, e, g = rng.uniform(0.05, 0.5), rng.choice([0.2, 0.5, 0.8]), rng.uniform(3, 15)
@@ -185,10 +185,10 @@ simulation: {{t_end: 3, samples: 2, impacts: {LAWS[number % 3]}}}
 
 
 def test_a_guide_has_the_friction_of_the_impacts_that_are_left() -> None:
-    """A ball on an inclined guide, z = c y: the guide's friction is μ times the sum of all its impulses.
+    """A ball on an inclined guide, z = c y, whose friction is μ times the sum of all its impulses.
 
-    In flights y″ = −a = −g/(1 + c²) and the guide's force is m c a, in impacts with the speed w its impulse is
-    m c (1 + e) w; at rest it bears nothing.
+    In flights y″ = −a = −g/(1 + c²) and the guide's force is m c a; in impacts with the speed w its
+    impulse is m c (1 + e) w; at rest it bears nothing.
     """
     rng = random.Random(6)
     for number in range(9):
