@@ -165,7 +165,7 @@ def test_a_block_that_slides_after_each_impact_and_sticks_then() -> None:
 
 
 def test_what_slides_has_the_friction_of_the_impacts_that_are_left() -> None:
-    """A ball bounces and slides: the floor's impulses are m (g t − v₀), and u = u₀ − μ (g t − v₀)."""
+    """A ball bounces and slides: the impulses are m (g t − v₀), and u = u₀ − μ (g t − v₀)."""
     rng = random.Random(5)
     for number in range(12):
         mu, e, g = rng.uniform(0.05, 0.5), rng.choice([0.2, 0.5, 0.8]), rng.uniform(3, 15)
