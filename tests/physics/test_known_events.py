@@ -12,7 +12,7 @@ from known_event_cases import EVENT_CASES
 from known_events import METHODS, judge
 from known_force_cases import FORCE_CASES
 from known_rest_cases import REST_CASES
-from scipy.special import ellipk
+from scipy.special import ellipk, ellipkinc
 
 import lagcli
 from lagcli.engine.core.switching import SwitchingIntegrator
@@ -192,6 +192,59 @@ def test_passages_of_a_pendulum_in_both_directions(method: str) -> None:
     expected = (np.arange(19) + 0.5) * half
     assert run.events is not None
     np.testing.assert_allclose(run.events.time, expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "action",
+    [
+        "set: {x': -x'}",
+        "set: {x': -x', y': -y'}",
+        "impulse: {x: -2*x', y: -2*y'}",
+    ],
+)
+def test_a_pendulum_on_a_rod_that_turns_back_at_a_stop(action: str, method: str) -> None:
+    """The projection moves the states at its roots off them, by the error of the dense output."""
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        g, largest = rng.uniform(5, 15), rng.uniform(0.5, 1.2)
+        stop = rng.uniform(-0.9, 0.9) * largest
+        k = math.sin(largest / 2)
+        phase = math.asin(math.sin(stop / 2) / k)  # of the stop; F is the time from the bottom
+        quarter, passes = (x / math.sqrt(g) for x in (ellipk(k * k), ellipkinc(phase, k * k)))
+        first = passes if stop > 0 else 2 * quarter - passes
+        expected = first + 2 * (quarter + abs(passes)) * np.arange(4)
+        model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: {g!r}*y
+constraints: {{rod: x^2 + y^2 = 1}}
+initial: {{x: 0, y: -1, x': {2 * k * math.sqrt(g)!r}, y': 0}}
+events: {{stop: {{when: x = {math.sin(stop)!r}, {action}, record: false}}}}
+""")
+        run = lagcli.simulate(model, method=method, t_end=1.01 * expected[-1])
+        assert run.events is not None
+        np.testing.assert_allclose(run.events.time, expected, rtol=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("action", ["set: {x': 0, y': 0}", "impulse: {x: -x', y: -y'}"])
+def test_a_pendulum_on_a_rod_that_is_stopped_once(action: str, method: str) -> None:
+    """It leaves the place where an event has stopped it without another event."""
+    rng = np.random.default_rng(6)
+    for _ in range(6):
+        stop, speed = float(rng.choice([-1, 1]) * rng.uniform(0.1, 0.8)), rng.uniform(5, 9)
+        model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {{rod: x^2 + y^2 = 1}}
+initial: {{x: 0, y: -1, x': {math.copysign(speed, stop)!r}, y': 0}}
+events: {{stop: {{when: x = {stop!r}, {action}, record: false}}}}
+""")
+        run = lagcli.simulate(model, method=method, t_end=1)
+        assert run.events is not None
+        assert len(run.events.time) == 1
 
 
 def test_passages_of_a_pendulum_on_a_rope() -> None:

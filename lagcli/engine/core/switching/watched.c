@@ -429,7 +429,15 @@ static int begins(const lag_run *run, const lag_watched_function *w, double t)
     return condition->happened || condition->rests || !(t > run->step.t_start);
 }
 
-/* Whether a condition that happens either way is zero at the beginning, but for rounding, and leaves zero towards its
+/* What a condition may be off zero where it begins at zero: its rounding error or, where it has just happened, that of
+ * the root. */
+static double error_at_zero(const lag_condition *condition, double rounding)
+{
+    const double error = fmax(rounding, lag_condition_noise(condition));
+    return condition->happened ? fmax(error, TWICE * condition->off) : error;
+}
+
+/* Whether a condition that happens either way is zero at the beginning, but for its error there, and leaves zero towards its
  * other side: it has just happened and turns back, or begins at zero. The difference, which may be rounding or reach
  * beyond another root, is for functions that have no slope there. */
 static int turns_back(const lag_run *run, const lag_watched_function *w, double value, double difference,
@@ -439,7 +447,7 @@ static int turns_back(const lag_run *run, const lag_watched_function *w, double 
     const double along = lag_interval_sign(slope) ? 0.5 * (slope.low + slope.high) : difference;
     if (!condition->either || !begins(run, w, run->step.t) || !(along < 0.0))
         return 0;
-    return fabs(value) <= -along * (w->resolved - run->step.t) + fmax(rounding, lag_condition_noise(condition));
+    return fabs(value) <= -along * (w->resolved - run->step.t) + error_at_zero(condition, rounding);
 }
 
 /* Whether a condition that happens either way is zero at the beginning and remains so at first: one that begins so, or
@@ -451,7 +459,7 @@ static int rests_at_zero(lag_run *run, const lag_watched_function *w, double val
     const lag_condition *condition = run->switching.condition + w->which;
     const double t = run->step.t;
     const double along = lag_interval_size(slope) < INFINITY ? 0.5 * (slope.low + slope.high) : difference;
-    const double zero = along == 0.0 ? fmax(rounding, lag_condition_noise(condition)) : rounding;
+    const double zero = along == 0.0 || condition->happened ? error_at_zero(condition, rounding) : rounding;
     if (!condition->either || !begins(run, w, t) || fabs(value) + fabs(SOON * along * run->step.h) > zero)
         return 0;
     return condition->rests || !(t > run->step.t_start) || !(lag_held_error(run, w->which, t, run->step.y) > 0.0);
@@ -503,6 +511,8 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         if (w->what >= LAG_WATCH_CONDITION
             && w->noise > fmax(WRONG * lag_watched_noise(run, w), TWICE * sw->condition[w->which].off))
             w->noise = rounding; /* it jumps at the instant */
+        if (w->what >= LAG_WATCH_CONDITION && sw->condition[w->which].rests)
+            w->noise = fmax(w->noise, fabs(values[k]));
         w->value = fmax(values[k] + w->shift, 0.0);
         w->rate = slopes[k];
     }
