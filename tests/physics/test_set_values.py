@@ -116,6 +116,27 @@ def on_slope(values: str) -> Trajectory:
     return lagcli.simulate(lagcli.load_text(SLOPE.replace("VALUES", values)))
 
 
+@pytest.mark.parametrize("e", [0.0, 0.3])
+def test_values_of_a_body_at_rest_are_consistent_but_for_rounding(e: float) -> None:
+    """The pendulum rests on the floor with velocities of 1e-16, which the clock turns back."""
+    model = lagcli.load_text(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints:
+  rod: x^2 + y^2 = 0.6211^2
+  floor: {{expr: y >= -0.4554, restitution: {e}}}
+events: {{turn: {{every: 0.11, offset: 1.5, set: {{x': -x', y': -y'}}}}}}
+initial: {{x: {{guess: -0.55}}, y: -0.29, x': 0, y': 0}}
+simulation: {{t_end: 2}}
+""")
+    run = lagcli.simulate(model)
+    assert run.status == "completed"
+    assert run.events is not None
+    assert run.events.kinds.count("event") == 5
+    np.testing.assert_allclose(run.v[-1], 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_closed_contact_holds_while_a_velocity_is_set(speed: float) -> None:
     run = on_slope(f"{{x': {speed}}}")

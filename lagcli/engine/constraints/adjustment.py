@@ -118,7 +118,13 @@ def held_during(
 
 
 def adjusted(
-    evaluator: Evaluator, t: float, q: Array, v: Array, fixed: Flags, rows: HeldRows
+    evaluator: Evaluator,
+    t: float,
+    q: Array,
+    v: Array,
+    fixed: Flags,
+    rows: HeldRows,
+    accuracy: Array,
 ) -> Adjustment:
     """Return the state on the constraints nearest to given values.
 
@@ -131,6 +137,8 @@ def adjusted(
     fixed : (2, nq) array of bool
         The coordinates and the velocities that hold.
     rows : HeldRows
+    accuracy : (nq,) array
+        Errors that velocities may have.
 
     Raises
     ------
@@ -138,7 +146,9 @@ def adjusted(
         See `adjusted_positions` and `adjusted_velocities`.
     """
     q = adjusted_positions(evaluator, t, q, v, fixed[0], rows.positions, rows.contacts)
-    return adjusted_velocities(evaluator, t, q, v, fixed[1], rows.velocities, rows.contacts)
+    return adjusted_velocities(
+        evaluator, t, q, v, fixed[1], rows.velocities, rows.contacts, accuracy
+    )
 
 
 def adjusted_positions(
@@ -195,6 +205,7 @@ def adjusted_velocities(
     fixed: Flags,
     held: Sequence[int],
     contacts: Mapping[int, ClosedContact],
+    accuracy: Array,
 ) -> Adjustment:
     """Return the velocities on the constraints nearest to given ones, and the impulse.
 
@@ -202,6 +213,8 @@ def adjusted_velocities(
     ----------
     evaluator, t, held
         See `adjusted_positions`.
+    accuracy : (nq,) array
+        See `adjusted`.
     q : (nq,) array
         On the constraints.
     v : (nq,) array
@@ -223,7 +236,8 @@ def adjusted_velocities(
     touching = [k for k, x in contacts.items() if abs(c.position[place[k]]) <= _TOUCHES * x.no_gap]
 
     def solve(rows: Sequence[int]) -> Adjustment:
-        after = ConsistentSearch(evaluator, t, nothing, fixed, rows).velocities(q, v)
+        search = ConsistentSearch(evaluator, t, nothing, fixed, rows, accuracy=accuracy)
+        after = search.velocities(q, v)
         return Adjustment(q, after, impulse_of(evaluator, t, q, after, after - v, rows, ~fixed))
 
     def violated(candidate: Adjustment) -> list[int]:

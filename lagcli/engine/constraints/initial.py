@@ -194,6 +194,8 @@ class ConsistentSearch:
         The constraints that hold; by default those at the start.
     spins : sequence of Spin, optional
         See `consistent_state`.
+    accuracy : (nq,) array, optional
+        Errors that velocities may have besides rounding.
     """
 
     def __init__(
@@ -204,8 +206,10 @@ class ConsistentSearch:
         fixed_v: Flags,
         held: Sequence[int] | None = None,
         spins: Sequence[Spin] = (),
+        accuracy: Array | None = None,
     ):
         self.spins = tuple(spins)
+        self.accuracy = accuracy
         self.evaluator, self.system, self.t = evaluator, evaluator.system, t
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.held = list(self.system.held_at_start if held is None else held)
@@ -409,8 +413,10 @@ class ConsistentSearch:
         if self.hardly(q, v, solution):
             solution, residual, scale, jacobian = self.least_velocities(q, v.copy(), _HARDLY)
         if np.abs(residual / scale).max() > ACCEPTED:
-            sizes = self.evaluator.sizes(self.t, q, v)
-            raise self.failure("velocity", q, residual, scale, np.asarray(jacobian), sizes)
+            rows = np.asarray(jacobian)
+            if self.accuracy is None or (np.abs(residual) > np.abs(rows) @ self.accuracy).any():
+                sizes = self.evaluator.sizes(self.t, q, v)
+                raise self.failure("velocity", q, residual, scale, rows, sizes)
         return solution
 
     def least_velocities(

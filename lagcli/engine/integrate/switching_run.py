@@ -543,7 +543,9 @@ class Actions:
             return after, np.zeros(count)
         self.rows = held_during(self.switching, rule, count, self.active, core.modes, core.no_gap)
         try:
-            adjustment = adjusted(self.evaluator, core.t, q, v, self.fixed, self.rows)
+            adjustment = adjusted(
+                self.evaluator, core.t, q, v, self.fixed, self.rows, self.accuracy
+            )
         except UndefinedStart as error:
             raise Undefined(error.state) from None
         except NoConsistentState as error:
@@ -585,6 +587,11 @@ class Actions:
             f" t = {self.core.t:.9g} s: {', '.join(listed)}{more}; set them, too, if they are to be"
             " elsewhere"
         )
+
+    @property
+    def accuracy(self) -> Array:
+        """The absolute tolerances of the velocities, (nq,)."""
+        return self._split(self.core.absolute_tolerances)[1]
 
     def _split(self, y: Array) -> tuple[Array, Array]:
         """Return q and v as views."""

@@ -223,6 +223,7 @@ class DifferentiatedActions(Actions):
                     at[self.nq :],
                     self.fixed,
                     self.rows,
+                    self.accuracy,
                 )
                 difference += side * weight * size / _STEP * np.concatenate([near.q, near.v])
         return difference

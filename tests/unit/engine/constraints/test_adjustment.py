@@ -39,6 +39,7 @@ constraints:
 events: {go: {when: t >= 9, engage: pin}}
 initial: {x: 1, y: 1, z: 1, x': 0, y': 0, z': 0}
 """
+EXACT = np.zeros(3)
 FREE = np.zeros((2, 3), dtype=bool)
 
 
@@ -88,15 +89,21 @@ def test_the_nearest_position_in_the_metric_of_mass() -> None:
 
 def test_contacts_push_and_do_not_pull() -> None:
     q, closed = np.array([1.0, 1.0, 1.0]), {1: ClosedContact(1, 1e-9)}
-    up = adjusted_velocities(evaluator(), 0.0, q, np.array([-7.0, 0, 0]), FREE[1], [0], closed)
+    up = adjusted_velocities(
+        evaluator(), 0.0, q, np.array([-7.0, 0, 0]), FREE[1], [0], closed, EXACT
+    )
     np.testing.assert_allclose(up.v, [-3, 2, 1], atol=1e-14)
     np.testing.assert_allclose(up.impulse, [4, 0, 0, 0, 0], atol=1e-13)
-    down = adjusted_velocities(evaluator(), 0.0, q, np.array([3.0, 0, 0]), FREE[1], [0], closed)
+    down = adjusted_velocities(
+        evaluator(), 0.0, q, np.array([3.0, 0, 0]), FREE[1], [0], closed, EXACT
+    )
     np.testing.assert_allclose(down.v, [1, -1, 0], atol=1e-14)
     np.testing.assert_allclose(down.impulse, [-2, 2, 0, 0, 0], atol=1e-13)
     # a fixed velocity into the floor: an impact follows, which is none of this
     fixed = np.array([False, False, True])
-    into = adjusted_velocities(evaluator(), 0.0, q, np.array([0, 0, -3.0]), fixed, [0], closed)
+    into = adjusted_velocities(
+        evaluator(), 0.0, q, np.array([0, 0, -3.0]), fixed, [0], closed, EXACT
+    )
     np.testing.assert_allclose(into.v, [2, 1, -3], atol=1e-14)
     np.testing.assert_allclose(into.impulse, [2, 0, 0, 0, 0], atol=1e-13)
 
@@ -111,7 +118,7 @@ def test_a_contact_away_from_its_surface_takes_no_part() -> None:
     held = held_during(
         switching, EventRule("e"), 5, [True] * 4, [RowMode.HOLDS] * 4, lambda k: 1e-9
     )
-    found = adjusted(evaluator(), 0.0, q, np.array([0, 0, -1.0]), fixed, held)
+    found = adjusted(evaluator(), 0.0, q, np.array([0, 0, -1.0]), fixed, held, EXACT)
     assert held.contacts == closed
     assert found.v[2] < 0
     assert found.impulse[1] == 0
