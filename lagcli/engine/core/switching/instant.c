@@ -130,7 +130,7 @@ static int begin_instant(lag_run *run)
             condition->rests = fabs(condition->value) <= zero ? LAG_AT_ZERO : LAG_OFF_ZERO;
         }
         const int root = c < sw->conditions && fabs(condition->off) <= WRONG * lag_condition_noise(condition);
-        condition->off = root ? fabs(condition->value - condition->off) : 0.0;
+        condition->off = root ? fabs(condition->value) : 0.0;
     }
     memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
     memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
@@ -329,8 +329,11 @@ static int update_conditions(lag_run *run)
         condition->largest = fmax(condition->largest, fabs(value));
         condition->value = value;
         const int reached = c >= sw->conditions && before < -zero && fabs(value) <= zero; /* by a jump of forces */
-        if (sw->begun && (!(fabs(value - before) > noise) || (fabs(value) <= zero && !reached)))
+        if (sw->begun && (!(fabs(value - before) > noise) || (fabs(value) <= zero && !reached))) {
+            if (condition->happened && fabs(value) <= zero)
+                condition->off = fmax(condition->off, fabs(value));
             continue;
+        }
         const int holds = value >= 0.0 || reached, changes = holds != condition->holds;
         condition->holds = holds;
         if (condition->rests) { /* it leaves zero */

@@ -89,7 +89,7 @@ typedef struct {
     int rests;                         /* whether it triggers in both directions and has no side: a lag_at_zero */
     double largest;                    /* value so far */
     double value;                      /* at the beginning of the instant ... */
-    double off;                        /* ... by how much the projection has moved it off zero there */
+    double off;                        /* ... by how much it is off zero there, as by the projection */
 } lag_condition;
 
 /* A clock of events: tick k is at (first + k step) / per. */

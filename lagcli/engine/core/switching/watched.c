@@ -433,8 +433,8 @@ static int begins(const lag_run *run, const lag_watched_function *w, double t)
  * the root. */
 static double error_at_zero(const lag_condition *condition, double rounding)
 {
-    const double error = fmax(rounding, lag_condition_noise(condition));
-    return condition->happened ? fmax(error, TWICE * condition->off) : error;
+    const double noise = lag_condition_noise(condition);
+    return fmax(rounding, condition->happened ? fmax(noise, TWICE * condition->off) : noise);
 }
 
 /* Whether a condition that happens either way is zero at the beginning, but for its error there, and leaves zero towards its
