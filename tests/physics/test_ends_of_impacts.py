@@ -213,6 +213,37 @@ simulation: {{t_end: {1.5 * rest!r}, samples: 2, impacts: {LAWS[number % 3]}}}
         assert run.v[-1] == pytest.approx([exact, 0, 0], rel=2e-10, abs=1e-10)
 
 
+RODS = """
+T: 0.8087/2*(x0'^2 + y0'^2) + 1.485/2*(x1'^2 + y1'^2)
+V: 9.81*(0.8087*y0 + 1.485*y1)
+outputs: {px0: x0, py0: y0, px1: x1, py1: y1}
+simulation: {t_end: 1.319, samples: 5}
+constraints:
+  floor0: {expr: y0 >= 0, restitution: 0.5, friction: 0.5, slip: x0'}
+  floor1: {expr: y1 >= 0, restitution: 0.5, friction: 0.5, slip: x1'}
+"""
+X, VX, VY0, VY1 = 0.304350584071124, 2.2165628743325216, 1.0785859581142794, 2.1879127200936574
+
+
+def test_two_masses_that_stick_on_a_rod_rest_as_one_body() -> None:
+    """Their frictions are redundant with the rod, and contradict each other by rounding errors."""
+    points, _ = simulate(f"""
+coordinates: [x0, y0, x1, y1]
+{RODS}
+  rod: (x1 - x0)^2 + (y1 - y0)^2 = 0.8475^2
+initial:
+  {{x0: 0, y0: {X}, x1: 0.8475, y1: {X}, x0': {VX}, y0': {VY0}, x1': {VX}, y1': {VY1}}}
+""")
+    body, _ = simulate(f"""
+coordinates: [x0, y0, a]
+definitions: {{x1: x0 + 0.8475*cos(a), y1: y0 + 0.8475*sin(a)}}
+{RODS}
+initial: {{x0: 0, y0: {X}, a: 0, x0': {VX}, y0': {VY0}, a': {(VY1 - VY0) / 0.8475!r}}}
+""")
+    for name in ("px0", "py0", "px1", "py1"):
+        assert points.outputs[name] == pytest.approx(body.outputs[name], abs=1e-8)
+
+
 def test_forces_by_multipliers_act_in_what_is_left_of_a_sequence() -> None:
     """A rail bears the force N, and its friction pulls the ball down by μ N: y″ = −g − μ N."""
     for e, mu, law in zip((0.3, 0.6, 0.9), (0.5, -0.2, 0.1), LAWS, strict=True):

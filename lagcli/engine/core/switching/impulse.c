@@ -201,13 +201,14 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, const
     for (int i = 0; i < sw->rows; ++i) {
         if (!takes_part_at_rest(run, i, rests, friction))
             continue;
+        const int moves = fabs(sw->psi[i]) > lag_no_speed(sw, i);
         p.law[n] = sw->law[i] == LAG_UNILATERAL && !rests[i] ? LAG_UNILATERAL : LAG_FREE;
         p.limit[1][n] = 0.0;
-        if (sw->law[i] == LAG_LIMITED && (fabs(sw->psi[i]) > lag_no_speed(sw, i) || !(friction_of(sw, i) > 0.0))) {
+        if (sw->law[i] == LAG_LIMITED && (moves || !(friction_of(sw, i) > 0.0))) {
             p.law[n] = friction[i] < 0.0 ? LAG_FORWARD : LAG_BACKWARD;
             p.limit[1][n] = fabs(friction[i]);
         }
-        p.offset[n] = sw->psi[i];
+        p.offset[n] = moves ? sw->psi[i] : 0.0; /* redundant rows contradict each other by less */
         p.rounding[n] = ROUNDING_ERROR * sw->speed[i];
         p.rows[n++] = i;
     }
