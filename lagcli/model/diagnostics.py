@@ -62,7 +62,7 @@ class Diagnostics:
         if isinstance(node, Scalar) and node.value.count("(") > node.value.count(")"):
             line, column = node.end
             if node.source.lines[line][column : column + 1] == ",":
-                self._cut.setdefault(line + 1, column)
+                self._cut.setdefault(line + 1, column + 1)
         self.add(error.kind, error.message, location, error.help, subject=error.subject)
 
     @contextmanager

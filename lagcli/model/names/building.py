@@ -64,7 +64,8 @@ def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
             elif isinstance(part, CallExpr):
                 check_call(part, inside)
             elif isinstance(part, IndexedSumExpr):
-                inside = inside.check_series(part)
+                outside, inside = inside, inside.check_series(part)
+                outside.check_index(part.range)
             elif isinstance(part, ComponentExpr):
                 for index in part.indices:
                     inside.check_index(index)

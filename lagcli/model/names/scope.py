@@ -165,9 +165,7 @@ class Scope:
         ------
         ExpressionError
             The name of the index is already in use, or the index is not used.
-        Broken
         """
-        self.check_index(tree.range)
         self.check_index_name(tree.index, tree)
         if not uses(tree.term, tree.index):
             raise error_at(

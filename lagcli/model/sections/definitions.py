@@ -309,6 +309,7 @@ def read_outputs(draft: Draft) -> tuple[dict[str, Basic], dict[str, str]]:
             value = formula.scalar(members[name].indices)
             if value is not None:
                 outputs[name] = value
+    draft.names.broken.update(family_of(name) for name in members if name not in outputs)
     return outputs, units
 
 

@@ -26,7 +26,7 @@ from lagcli.model.model import (
 from lagcli.model.names.draft import Draft, Formula, Indices, Parsed, QuantityValue, read_quantity
 from lagcli.model.names.expansion import expand
 from lagcli.model.names.families import Declaration, by_name, declarations, expanded
-from lagcli.model.names.members import IndexEvaluator, with_indices
+from lagcli.model.names.members import IndexEvaluator, family_of, with_indices
 from lagcli.model.names.namespace import Allowed
 from lagcli.model.sections.energies import read_forces
 from lagcli.model.sections.initial import canonical_name
@@ -528,7 +528,7 @@ class _EventReader:
             every = [*names.coordinates, *(f"{q}'" for q in names.coordinates), *self.draft.outputs]
             if name in every or read_column_name(column, *known) is not None:
                 columns.append(column)
-            elif not names.incomplete:
+            elif not names.incomplete and family_of(name) not in names.broken:
                 self.fault(
                     node,
                     "unknown-name",

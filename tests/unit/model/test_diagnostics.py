@@ -7,6 +7,7 @@ import pytest
 from lagcli.errors import ModelError, SourceLocation
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken, Diagnostics
 from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.loader import load_text
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Source
 
@@ -59,3 +60,36 @@ def test_errors_of_expressions_have_their_place_in_the_file() -> None:
     (found,) = error.value.diagnostics
     assert found.location == SourceLocation("m.yaml", 1, 6, 1, "T: m*x")
     Diagnostics([]).finish()
+
+
+USES = """
+coordinates: {x[1..N]: m, y: m}
+parameters: {N: 3, m: 2 kg, k: 4 kN/m, l[1..N]: 1 m}
+definitions: {r: y + x[1]}
+T: sum(m/2*x[i]'^2, i = 1..N) + m/2*y'^2
+V: sum(k/2*(x[i] - l[i])^2, i = 1..N)
+constraints: {floor: {expr: r >= 0, restitution: 0.5}}
+outputs: {rope: k*y, size: sum(x[i], i = 1..N)}
+events: {low: {when: r <= 0.1, record: [rope, size], set: {k: 2*k}}}
+initial: {x[1..N]: 0 m, x[1..N]': 0 m/s, y: 1 m, y': 0 m/s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ("N: 3", "N: 2 kgg"),
+        ("m: 2 kg", "m: sin("),
+        ("k: 4 kN/m", "k: 2*nosuch"),
+        ("l[1..N]: 1 m", "l[1..N]: 1 kgg"),
+        ("r: y + x[1]", "r: y + nosuch"),
+        ("rope: k*y", "rope: k*nosuch"),
+        ("size: sum(x[i]", "size: sum(nosuch[i]"),
+        ("r >= 0,", "r >= nosuch,"),
+    ],
+)
+def test_one_mistake_is_one_error_wherever_the_name_is_used(good: str, bad: str) -> None:
+    load_text(USES)
+    with pytest.raises(ModelError) as raised:
+        load_text(USES.replace(good, bad))
+    assert len(raised.value.diagnostics) == 1
