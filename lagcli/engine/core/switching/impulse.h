@@ -26,8 +26,8 @@ int lag_meets(const lag_run *run, int row);
 int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report);
 
 /* Stop contacts that come to rest, `rests`, at (t, y), while others that are closed do not approach and what sticks
- * does not slip; what slips, or limits a force alone, has given impulses, `friction`. `lost` is the energy that is lost, but for these. Changes the
- * velocities in y; returns as lag_collide. */
+ * does not slip; what slips, and what limits a force without a contact, has a given impulse, `friction`. `lost` is the
+ * energy that is lost besides the work of these. Changes the velocities in y; returns as lag_collide. */
 int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, const double *friction, double *lost);
 
 #endif

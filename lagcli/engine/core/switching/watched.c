@@ -437,9 +437,9 @@ static double error_at_zero(const lag_condition *condition, double rounding)
     return fmax(rounding, condition->happened ? fmax(noise, TWICE * condition->off) : noise);
 }
 
-/* Whether a condition that happens either way is zero at the beginning, but for its error there, and leaves zero towards its
- * other side: it has just happened and turns back, or begins at zero. The difference, which may be rounding or reach
- * beyond another root, is for functions that have no slope there. */
+/* Whether a condition that happens either way is zero at the beginning, but for its error there, and leaves zero
+ * towards its other side: it has just happened and turns back, or begins at zero. The difference, which may be rounding
+ * or reach beyond another root, is for functions that have no slope there. */
 static int turns_back(const lag_run *run, const lag_watched_function *w, double value, double difference,
                       lag_interval slope, double rounding)
 {
