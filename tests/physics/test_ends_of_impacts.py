@@ -14,6 +14,7 @@ import pytest
 import lagcli
 from lagcli.trajectory.event_log import EventLog
 from lagcli.trajectory.trajectory import Trajectory
+from tests.support.switching_models import KANE
 
 FOUND = Path(__file__).parents[1] / "found"
 LAWS = ("poisson", "newton", "sequential")
@@ -510,6 +511,38 @@ def test_a_gain_by_rounding_is_none(scale: float) -> None:
     assert_admissible(run, log, {f"f{k}": 1 for k in range(4)}, 0.023, 37.8 * scale)
 
 
+@pytest.mark.parametrize(("mass", "rate"), [(1.0, 1.0), (1e3, 1e3)])
+def test_a_gain_counts_next_to_the_energy_of_the_largest_velocities_so_far(
+    mass: float, rate: float
+) -> None:
+    """Kane and Levinson's pendulum, which gains 1.757611 of its energy under Newton's law.
+
+    It turns with `rate` at first; then the impact with 0.1 of a part of it.
+    """
+    inertia = np.array([[4 / 3, math.cos(math.radians(10)) / 2], [0.0, 1 / 3]])
+    inertia[1, 0] = inertia[0, 1]
+    for part, refused in ((1e-4, True), (1e-8, False)):
+        v = -rate * part * np.array([0.1, 0.2])
+        text = KANE.replace("m: 1 kg", f"m: {mass!r} kg")
+        text = text.replace("q1': -0.1, q2': -0.2", f"q1': {rate!r}, q2': {rate!r}")
+        run = lagcli.simulate(
+            lagcli.load_text(f"""{text}
+events:
+  slow: {{when: t >= {0.001 / rate!r}, times: 1, set: {{q1: a, q2: b, "q1'": {v[0]}, "q2'": {v[1]}}}}}
+simulation: {{t_end: {0.002 / rate!r}, samples: 3, impacts: newton}}
+""")
+        )
+        gain = 1.757611078697391955669194 * mass * (v @ inertia @ v) / 2
+        if refused:
+            assert run.status == "failed"
+            assert f"would gain {gain:.4g} J" in run.message
+        else:
+            assert run.status == "completed"
+            assert run.events is not None
+            loss = run.events.loss[run.events.kinds.index("impact")]
+            assert loss == pytest.approx(-gain, rel=1e-4)
+
+
 def test_the_drift_of_a_velocity_is_no_impact() -> None:
     _, log = simulate((FOUND / "baumgarte_drift.yaml").read_text())
     assert "impact" not in log.kinds
@@ -759,3 +792,49 @@ simulation: {{t_end: 2, samples: 5}}
     assert found.status == "failed"
     assert "at t = 1 s" in found.message
     assert f"`sqrt(0.5 - t)` in constraint `{named}` has no finite value" in found.message
+
+
+def test_a_ball_rests_on_two_contacts_that_move_fast() -> None:
+    """Its velocity is 0.05 in its last impacts, and that of the contacts 1e5, of which one is a third.
+
+    Their velocities differ by rounding errors, 1e-11. It falls for 1 s; all flights after that take
+    2/3 s, and 50 J are lost.
+    """
+    run, log = simulate("""
+coordinates: [y]
+T: y'^2/2
+V: 10*y
+constraints:
+  left: {expr: y - 1e5*t >= 0, restitution: 0.25}
+  right: {expr: y/3 - 1e5/3*t >= 0, restitution: 0.25}
+initial: {y: 5, y': 1e5}
+simulation: {t_end: 2, samples: 5}
+""")
+    assert run.q[-1] == pytest.approx([2e5], abs=1e-5)
+    assert run.v[-1] == pytest.approx([1e5], abs=1e-9)
+    assert {x.name for x in log.rests()} == {"left", "right"}
+    assert all(1.65 < x.time < 5 / 3 for x in log.rests())
+    assert log.loss.sum() == pytest.approx(50, rel=1e-3)
+
+
+@pytest.mark.parametrize("value", ["0", "sqrt(y - 1)"])
+@pytest.mark.parametrize("mass", ["m*y'^2 + z'^2", "y'^2 + m*z'^2", "m*(y'^2 + z'^2)"])
+def test_an_impact_without_a_mass(mass: str, value: str) -> None:
+    """It is the mass matrix that has no value, not the law of impacts."""
+    model = lagcli.load_text(f"""
+coordinates: [y, z]
+parameters: {{m: 1}}
+T: ({mass})/2
+V: 5*y
+constraints:
+  floor: {{expr: y >= 0, restitution: 0.5}}
+events:
+  loses: {{when: y <= 0, set: {{m: "{value}"}}}}
+initial: {{y: 5, y': 0, z: 0, z': 0}}
+simulation: {{t_end: 3, samples: 5}}
+""")
+    found = lagcli.simulate(model)
+    assert found.status == "failed"
+    assert "at t = 1.41421356 s; the mass matrix does not determine" in found.message
+    assert found.events is not None
+    assert found.events.kinds == ("event",)

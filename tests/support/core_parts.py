@@ -334,11 +334,11 @@ def lemke_modes(problem: ContactProblem) -> tuple[bool, bool, Any]:
 
 def share_contacts(
     problem: ContactProblem, modes: ArrayLike, force: ArrayLike
-) -> tuple[Array, Array, Any]:
-    """Return the forces of given modes, the common slack of the laws of redundant rows, and which
-    are tight.
+) -> tuple[bool, Array, Array, Any]:
+    """Return whether rows are redundant, the forces of given modes, the common slack of the laws of
+    redundant rows, and which are tight.
 
-    Where the rows are not redundant, the forces are those given, and no slack is finite.
+    Where they are not redundant, the forces are those given, and no slack is finite.
 
     Parameters
     ----------
@@ -353,10 +353,10 @@ def share_contacts(
     shared, slack = np.array(force, dtype=float), np.full(n, np.inf)
     tight = np.zeros(n, dtype=np.int32)
     memory = _unwritten(parts.lag_part_contact_memory(n))
-    parts.lag_part_share(
+    redundant = parts.lag_part_share(
         byref(record), given.integers(modes), *map(address, (memory, shared, slack, tight))
     )
-    return shared, slack, tight.astype(bool)
+    return bool(redundant), shared, slack, tight.astype(bool)
 
 
 def least_distance(normal: ArrayLike, bound: ArrayLike) -> Array | None:

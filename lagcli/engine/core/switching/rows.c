@@ -89,7 +89,7 @@ static int is_inert(const lag_run *run, const double *along, const double *respo
         entry += along[k] * response[k];
         whole += (along[k] * run->rows.sizes[k]) * (along[k] * run->rows.sizes[k]);
     }
-    return !(entry > INERT * whole);
+    return entry <= INERT * whole;
 }
 
 const double *lag_row_response(lag_run *run, int k)

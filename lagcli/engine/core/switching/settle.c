@@ -156,7 +156,7 @@ void lag_matrix_of(lag_run *run, int n, const int *rows, double *matrix)
         for (int j = 0; j < i; ++j)
             matrix[i * n + j] = matrix[j * n + i] = 0.5 * (matrix[i * n + j] + matrix[j * n + i]);
     for (int i = 0; i < n; ++i)
-        for (int j = 0; !(matrix[i * n + i] > 0.0) && j < n; ++j)
+        for (int j = 0; matrix[i * n + i] <= 0.0 && j < n; ++j)
             matrix[i * n + j] = matrix[j * n + i] = 0.0;
 }
 

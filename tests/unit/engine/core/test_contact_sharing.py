@@ -81,11 +81,12 @@ def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
 def test_random_shares(seed: int) -> None:
     """Beside SciPy's linear program, and the forces of least norm of an independent program."""
     problem, given = random_shares(np.random.default_rng(seed))
-    force, slack, tight = share_contacts(problem, [HOLDS] * len(given), given)
+    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * len(given), given)
     size = np.abs(given).max()
     np.testing.assert_allclose(problem.matrix @ force, problem.matrix @ given, atol=1e-9 * size)
     free = null_space(problem.matrix, rcond=1e-9)
-    if not free.shape[1]:
+    assert redundant == bool(free.shape[1])
+    if not redundant:
         assert np.isinf(slack).all()
         return
     expected, owners = common_slack(problem, force, given)
@@ -108,7 +109,8 @@ def test_two_feet_of_one_block() -> None:
     friction = np.zeros((4, 4))
     friction[2, 0] = friction[3, 1] = 0.5
     problem = held(jacobian, np.array([1.0, 3.0, 0.8, 0.8]), friction)
-    force, slack, tight = share_contacts(problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8]))
+    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8]))
+    assert redundant
     np.testing.assert_allclose(force, [1, 3, 0.5, 1.1], rtol=1e-12)
     # 0.5 − x = s, 1.5 − (1.6 − x) = s
     np.testing.assert_allclose(slack, [np.inf, np.inf, 0.2, 0.2], rtol=1e-12)
@@ -118,7 +120,8 @@ def test_two_feet_of_one_block() -> None:
 def test_forces_beyond_what_all_shares_bear() -> None:
     """The slack is then negative: by so much each law is broken at best."""
     problem = held(np.array([[1.0], [1.0]]), np.array([-3.0, 1.0]), np.zeros((2, 2)))
-    force, slack, tight = share_contacts(problem, [HOLDS] * 2, np.array([-3.0, 1.0]))
+    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * 2, np.array([-3.0, 1.0]))
+    assert redundant
     np.testing.assert_allclose(force, [-1, -1], rtol=1e-12)
     np.testing.assert_allclose(slack, [-1, -1], rtol=1e-12)
     assert tight.all()
@@ -126,7 +129,8 @@ def test_forces_beyond_what_all_shares_bear() -> None:
 
 def test_forces_that_are_unique_stay() -> None:
     problem = held(np.eye(2), np.array([2.0, -1.0]), np.zeros((2, 2)))
-    force, slack, tight = share_contacts(problem, [HOLDS] * 2, np.array([2.0, -1.0]))
+    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * 2, np.array([2.0, -1.0]))
+    assert not redundant
     assert force.tolist() == [2.0, -1.0]
     assert np.isinf(slack).all()
     assert not tight.any()
