@@ -523,12 +523,13 @@ def test_a_gain_counts_next_to_the_energy_of_the_largest_velocities_so_far(
     inertia[1, 0] = inertia[0, 1]
     for part, refused in ((1e-4, True), (1e-8, False)):
         v = -rate * part * np.array([0.1, 0.2])
+        start = f"""q1: a, q2: b, "q1'": {v[0]}, "q2'": {v[1]}"""
         text = KANE.replace("m: 1 kg", f"m: {mass!r} kg")
         text = text.replace("q1': -0.1, q2': -0.2", f"q1': {rate!r}, q2': {rate!r}")
         run = lagcli.simulate(
             lagcli.load_text(f"""{text}
 events:
-  slow: {{when: t >= {0.001 / rate!r}, times: 1, set: {{q1: a, q2: b, "q1'": {v[0]}, "q2'": {v[1]}}}}}
+  slow: {{when: t >= {0.001 / rate!r}, times: 1, set: {{{start}}}}}
 simulation: {{t_end: {0.002 / rate!r}, samples: 3, impacts: newton}}
 """)
         )
@@ -795,10 +796,10 @@ simulation: {{t_end: 2, samples: 5}}
 
 
 def test_a_ball_rests_on_two_contacts_that_move_fast() -> None:
-    """Its velocity is 0.05 in its last impacts, and that of the contacts 1e5, of which one is a third.
+    """Its velocity is 0.05 in its last impacts, and that of the contacts 1e5.
 
-    Their velocities differ by rounding errors, 1e-11. It falls for 1 s; all flights after that take
-    2/3 s, and 50 J are lost.
+    One of them is measured in thirds, so that their velocities differ by rounding errors, 1e-11. It
+    falls for 1 s; all flights after that take 2/3 s, and 50 J are lost.
     """
     run, log = simulate("""
 coordinates: [y]

@@ -17,7 +17,7 @@ typedef struct phases {
     double *before, *restitution;   /* n each, likewise */
     double *error;                  /* n, likewise: of `before` */
     double *taken, *changed;        /* n each, likewise */
-    double *shared, *share;         /* n * n, n: of redundant rows */
+    double *shared, *share;         /* n * n, n: of redundant contacts, and their diagonal */
     lag_contact_motion first, second;
     void *memory;
     int *law, *row, *tied;
@@ -105,29 +105,29 @@ static int newton(phases *p, const lag_impact *of, double *impulse, double *afte
     return motions;
 }
 
-/* The velocity of row i by impulses of listed rows, or of their returned parts, if it is not zero but for rounding. */
+/* The velocity of row i by impulses of listed contacts, or of their returned parts, if it is not zero but for
+ * rounding. */
 static double velocity(const lag_impact *of, int i, int count, const int *rows, const double *impulse, int returned)
 {
     double sum = 0.0, terms = 0.0;
     for (int k = 0; k < count; ++k) {
         const int j = rows[k];
-        const double part = of->law[j] == LAG_UNILATERAL ? of->restitution[j] : 0.0;
-        const double x = of->matrix[i * of->n + j] * impulse[k] * (returned ? part : 1.0);
+        const double x = of->matrix[i * of->n + j] * impulse[k] * (returned ? of->restitution[j] : 1.0);
         sum += x;
         terms += fabs(x);
     }
     return fabs(sum) > SHARED * terms ? sum : 0.0;
 }
 
-/* Eliminate the redundant rows' matrix, m * m, from those that depend least on others. Marks the pivots in `done`. */
-static void eliminate(double *a, int m, const double *whole, int n, const int *rows, int *done)
+/* Eliminate rows of a matrix, m * m, from those that depend least on others: those not yet `done`. Marks the pivots
+ * there. own: m, the diagonal. */
+static void eliminate(double *a, int m, const double *own, int *done)
 {
-    memset(done, 0, (size_t)m * sizeof *done);
     for (;;) {
         double most = SHARED;
         int at = -1;
         for (int k = 0; k < m; ++k) {
-            const double part = a[k * m + k] / whole[rows[k] * n + rows[k]];
+            const double part = a[k * m + k] / own[k];
             if (!done[k] && part > most)
                 most = part, at = k;
         }
@@ -144,8 +144,23 @@ static void eliminate(double *a, int m, const double *whole, int n, const int *r
     }
 }
 
-/* The z of m redundant rows' impulses with A z = 0, by the columns that `eliminate` left: `count` rows of m, each with
- * z/d = 1 of another of these columns, and without rounding errors. */
+/* A where the free rows do not move: zero of these, and of rows that do not move without them. own, done: n. */
+static void hold_free(const lag_impact *of, double *own, int *done, double *a)
+{
+    const int n = of->n;
+    memcpy(a, of->matrix, (size_t)n * n * sizeof *a);
+    for (int i = 0; i < n; ++i) {
+        own[i] = a[i * n + i];
+        done[i] = of->law[i] != LAG_FREE;
+    }
+    eliminate(a, n, own, done);
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; (of->law[i] == LAG_FREE || !(a[i * n + i] > SHARED * own[i])) && j < n; ++j)
+            a[i * n + j] = a[j * n + i] = 0.0;
+}
+
+/* The z of m redundant contacts' impulses with A z = 0, by the columns that `eliminate` left: `count` rows of m, each
+ * with z/d = 1 of another of these columns, and without rounding errors. */
 static int shares(const phases *p, const lag_impact *of, int m, const int *rows, const int *done, double *z)
 {
     const int n = of->n;
@@ -169,44 +184,45 @@ static int shares(const phases *p, const lag_impact *of, int m, const int *rows,
 
 /* Whether the velocities after the expansion depend on how redundant contacts share the impulses of the compression:
  * z with A z = 0, by which these may change without that one of them pulls, but A (e z) is not 0. */
-static int depends_on_shares(phases *p, const lag_impact *of, const double *impulse)
+static int depends_on_shares(phases *p, const lag_impact *whole, const double *impulse)
 {
-    const int n = of->n;
-    int m = 0, differ = 0, bounds = 0, *rows = p->tied, first = -1;
+    const int n = whole->n;
+    int m = 0, differ = 0, bounds = 0, *rows = p->tied, *done = p->second.mode; /* which is not read */
     double largest = 0.0;
+    double *z = p->memory, *normal = z + n * n, *bound = normal + (n + 1) * n, *found = bound + n + 1;
+    double *scratch = found + n, *a = scratch + (n + 1) * (n + 4) + 2 * (n + 1);
+    int *place = (int *)(a + n * n), *bounded = place + n + 1;
+    lag_impact held = *whole, *of = &held;
+    held.matrix = a;
+    hold_free(whole, p->share, done, a);
     for (int i = 0; i < n; ++i) {
-        if (of->law[i] == LAG_LIMITED || p->first.mode[i] == LAG_OPEN || !(of->matrix[i * n + i] > 0.0))
+        if (of->law[i] != LAG_LIMITED)
+            largest = fmax(largest, fabs(impulse[i]) * sqrt(whole->matrix[i * n + i]));
+        if (of->law[i] != LAG_UNILATERAL || p->first.mode[i] == LAG_OPEN || !(a[i * n + i] > 0.0))
             continue;
         rows[m++] = i;
-        largest = fmax(largest, fabs(impulse[i]) * sqrt(of->matrix[i * n + i]));
-        if (of->law[i] == LAG_UNILATERAL) {
-            first = first < 0 ? i : first;
-            differ |= of->restitution[i] != of->restitution[first];
-        }
+        differ |= of->restitution[i] != of->restitution[rows[0]];
     }
     if (!differ)
         return 0;
-    for (int i = 0; i < m; ++i)
+    for (int i = 0; i < m; ++i) {
         for (int j = 0; j < m; ++j)
-            p->shared[i * m + j] = of->matrix[rows[i] * n + rows[j]];
-    int *done = p->first.mode; /* which the expansion writes next */
-    eliminate(p->shared, m, of->matrix, n, rows, done);
-    double *z = p->memory, *normal = z + n * n, *bound = normal + (n + 1) * n, *found = bound + n + 1;
-    double *scratch = found + n;
-    int *place = (int *)(scratch + (n + 1) * (n + 4) + 2 * (n + 1)), *bounded = place + n + 1;
+            p->shared[i * m + j] = a[rows[i] * n + rows[j]];
+        p->share[i] = p->shared[i * m + i];
+        done[i] = 0;
+    }
+    eliminate(p->shared, m, p->share, done);
     const int count = shares(p, of, m, rows, done, z);
     for (int k = 0; k < m; ++k)
-        if (of->law[rows[k]] == LAG_UNILATERAL &&
-            !(impulse[rows[k]] * sqrt(of->matrix[rows[k] * n + rows[k]]) > SHARED * largest))
+        if (!(impulse[rows[k]] * sqrt(a[rows[k] * (n + 1)]) > SHARED * largest))
             bounded[bounds++] = k;
     for (int i = 0; count && i < n; ++i)
-        for (int side = -1; side <= 1; side += 2) { /* z >= 0 of the bounded ones, side (A e z)_i >= 1 */
+        for (int side = -1; side <= 1 && a[i * n + i] > 0.0; side += 2) { /* z >= 0 of these, side (A e z)_i >= 1 */
             for (int b = 0; b < bounds; ++b)
                 for (int f = 0; f < count; ++f)
-                    normal[b * count + f] = z[f * m + bounded[b]] * sqrt(of->matrix[rows[bounded[b]] * (n + 1)]);
+                    normal[b * count + f] = z[f * m + bounded[b]] * sqrt(a[rows[bounded[b]] * (n + 1)]);
             for (int f = 0; f < count; ++f)
-                normal[bounds * count + f] =
-                    side * velocity(of, i, m, rows, z + f * m, 1) / sqrt(of->matrix[i * (n + 1)]);
+                normal[bounds * count + f] = side * velocity(of, i, m, rows, z + f * m, 1) / sqrt(a[i * (n + 1)]);
             memset(bound, 0, bounds * sizeof *bound);
             bound[bounds] = 1.0;
             if (lag_least_distance(count, bounds + 1, normal, bound, found, scratch, place))

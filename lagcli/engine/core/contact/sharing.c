@@ -84,10 +84,10 @@ static int leaving(const simplex *x, int column)
     return leaving;
 }
 
-/* Return the largest s; the prices p go to `price` (columns). */
-static double largest_slack(simplex *x, double *price)
+/* Return the largest s; the prices p take the places of the reduced costs. */
+static double largest_slack(simplex *x)
 {
-    const double *cost = row_of(x, x->equations);
+    double *cost = row_of(x, x->equations);
     begin(x);
     for (int k = 0; k < PIVOTS * x->columns; ++k) {
         int column = 0, row;
@@ -97,10 +97,10 @@ static double largest_slack(simplex *x, double *price)
             break;
         pivot(x, row, column);
     }
-    memset(price, 0, (size_t)x->columns * sizeof *price);
+    memset(cost, 0, (size_t)x->columns * sizeof *cost);
     for (int i = 0; i < x->equations; ++i)
         if (x->basis[i] >= 0)
-            price[x->basis[i]] = row_of(x, i)[x->columns];
+            cost[x->basis[i]] = row_of(x, i)[x->columns];
     return -cost[x->columns];
 }
 
@@ -162,8 +162,7 @@ int lag_share_contacts(
     }
     for (int i = 0; i <= x.equations; ++i)
         row_of(&x, i)[x.columns] = i == freedom;
-    double *price = x.table + (x.equations + 1) * (x.columns + 1);
-    const double s = large * largest_slack(&x, price);
+    const double s = large * largest_slack(&x), *price = row_of(&x, x.equations);
     for (int i = 0; i < count; ++i) {
         const int row = w->owner[i];
         slack[row] = s;

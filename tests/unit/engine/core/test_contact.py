@@ -767,6 +767,8 @@ def depends_on_shares(rows: Array, before: Array, restitution: Array) -> bool:
 
     All of them have the velocity u after it; a random part of what they return is constant or not.
     """
+    if not len(rows):
+        return False
     impulse, _ = nnls(rows.T, -before)
     u = before + rows.T @ impulse
     closed = np.abs(rows @ u) < 1e-9
@@ -820,6 +822,55 @@ def test_motions_that_depend_on_shares_of_impulses() -> None:
         assert found == 1 + expected, (rows, before, parts)
         counts[int(expected)] += 1
     assert counts.min() > 50
+
+
+def test_motions_with_guides_that_depend_on_shares_of_impulses() -> None:
+    """They are those of a mass that moves within its guides."""
+    rng, counts = np.random.default_rng(3), np.zeros(2, dtype=int)
+    for rows, before in directions(rng, 200):
+        guide = rng.integers(-1, 2, (int(rng.integers(1, 3)), rows.shape[1])) + 0.0
+        guide = guide[guide.any(axis=1)]
+        every = np.vstack([guide, rows])
+        n, guides = len(every), len(guide)
+        parts = np.append(np.zeros(guides), rng.choice([0.0, 0.25, 0.5, 0.5], len(rows)))
+        laws = np.array([FREE] * guides + [UNILATERAL] * len(rows))
+        order = rng.permutation(n)
+        scaled = (every * 2.0 ** rng.integers(-5, 6, (n, 1)))[order]
+        found, *_ = solve_impact(
+            scaled @ scaled.T, scaled @ before, laws[order], parts[order], np.zeros((n, n)), POISSON
+        )
+        along = np.eye(rows.shape[1]) - np.linalg.pinv(guide) @ guide
+        moved = np.abs(rows @ along).max(axis=1) > 1e-9
+        expected = depends_on_shares((rows @ along)[moved], before, parts[guides:][moved])
+        assert found == 1 + expected, (guide, rows, before, parts)
+        counts[int(expected)] += 1
+    assert counts.min() > 20
+
+
+def test_equal_contacts_of_a_guided_box_have_one_motion() -> None:
+    """A guide keeps its angle, so that it does not matter which corner takes the impulse."""
+    rows = np.array([[0, 1, 0], [1, -1, 0], [1, 1, 0], [0, 0, 1]]) + 0.0
+    laws, none = [FREE, UNILATERAL, UNILATERAL, UNILATERAL], np.zeros((4, 4))
+    found, _, after, _ = solve_impact(
+        rows @ rows.T, rows @ [-1, 0, -1], laws, [0.0, 0.5, 0.5, 0.2], none, POISSON
+    )
+    assert found == 1
+    assert after == pytest.approx([0.0, 0.5, 0.5, 0.2], abs=1e-14)
+
+
+def test_a_contact_that_nothing_moves_has_no_part_in_shares_of_impulses() -> None:
+    """Two contacts in one place with equal restitution, one with another, and one that is inert."""
+    rows = np.array([[1, 0], [1, 0], [0, 1], [0, 0]]) + 0.0
+    found, _, after, _ = solve_impact(
+        rows @ rows.T,
+        rows @ [-1, -1],
+        [UNILATERAL] * 4,
+        [0.5, 0.5, 0.2, 0.1],
+        np.zeros((4, 4)),
+        POISSON,
+    )
+    assert found == 1
+    assert after == pytest.approx([0.5, 0.5, 0.2, 0.0], abs=1e-14)
 
 
 def least_forces(rows: Array, total: Array) -> Array:

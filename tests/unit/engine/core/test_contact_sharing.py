@@ -109,12 +109,29 @@ def test_two_feet_of_one_block() -> None:
     friction = np.zeros((4, 4))
     friction[2, 0] = friction[3, 1] = 0.5
     problem = held(jacobian, np.array([1.0, 3.0, 0.8, 0.8]), friction)
-    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8]))
+    redundant, force, slack, tight = share_contacts(
+        problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8])
+    )
     assert redundant
     np.testing.assert_allclose(force, [1, 3, 0.5, 1.1], rtol=1e-12)
     # 0.5 − x = s, 1.5 − (1.6 − x) = s
     np.testing.assert_allclose(slack, [np.inf, np.inf, 0.2, 0.2], rtol=1e-12)
     assert tight.tolist() == [False, False, True, True]
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3, 4], [3, 4, 0, 1, 2], [0, 3, 1, 4, 2]])
+def test_guides_without_friction_have_no_laws(order: list[int]) -> None:
+    """Three in one place share a force of 30 beside two contacts with the sum 4: by 10, by 2."""
+    jacobian = np.array([[1.0, 0.0]] * 3 + [[0.0, 1.0]] * 2)[order]
+    given = np.array([20.0, 10.0, 0.0, 3.0, 1.0])[order]
+    problem = held(jacobian, given, np.zeros((5, 5)))
+    guides = jacobian[:, 0] == 1.0
+    problem = problem._replace(laws=np.where(guides, int(FREE), problem.laws))
+    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * 5, given)
+    assert redundant
+    np.testing.assert_allclose(force, np.where(guides, 10.0, 2.0), rtol=1e-12)
+    np.testing.assert_allclose(slack, np.where(guides, np.inf, 2.0), rtol=1e-12)
+    assert tight.tolist() == (~guides).tolist()
 
 
 def test_forces_beyond_what_all_shares_bear() -> None:
