@@ -795,6 +795,31 @@ simulation: {{t_end: 2, samples: 5}}
     assert f"`sqrt(0.5 - t)` in constraint `{named}` has no finite value" in found.message
 
 
+@pytest.mark.parametrize("law", ["poisson", "sequential"])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_an_impact_in_a_narrow_wedge_ends_at_once(law: str, swapped: bool) -> None:
+    """The impulses are 1e4 times what the ball has: they cancel but for rounding."""
+    contacts = {
+        "left": "y*sin(1e-4) + x*cos(1e-4) >= 0",
+        "right": "y*sin(1.7e-4) - x*cos(1.7e-4) >= 0",
+    }
+    names = sorted(contacts, reverse=swapped)
+    lines = "\n".join(f"  {name}: {{expr: {contacts[name]}, restitution: 0}}" for name in names)
+    run, log = simulate(f"""
+coordinates: [x, y]
+T: 7*(x'^2 + y'^2)/2
+V: 70*y
+constraints:
+{lines}
+initial: {{x: -1e-5, x': 1e-5, y: 5, y': 0}}
+simulation: {{t_end: 2, samples: 5, impacts: {law}}}
+""")
+    assert log.kinds == ("impact", "impact", "closes", "closes")
+    assert log.time == pytest.approx([1.0] * 4, abs=1e-7)
+    assert log.loss.sum() == pytest.approx(350, rel=1e-7)
+    assert run.q[-1] == pytest.approx([0.0, 0.0], abs=1e-7)
+
+
 def test_a_ball_rests_on_two_contacts_that_move_fast() -> None:
     """Its velocity is 0.05 in its last impacts, and that of the contacts 1e5.
 

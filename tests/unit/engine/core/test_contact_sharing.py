@@ -103,6 +103,27 @@ def test_random_shares(seed: int) -> None:
     np.testing.assert_allclose(force, least, atol=1e-6 * size)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_random_forces_beyond_what_some_shares_bear(seed: int) -> None:
+    """Twice as much friction: the slack beside SciPy's, and where it is negative the least norm."""
+    problem, given = random_shares(np.random.default_rng(seed))
+    given = given * np.where(problem.laws == LIMITED, 3.0, 1.0)
+    problem = problem._replace(offset=-problem.matrix @ given)
+    redundant, force, slack, tight = share_contacts(problem, [HOLDS] * len(given), given)
+    free = null_space(problem.matrix, rcond=1e-9)
+    assert redundant == bool(free.shape[1])
+    if not redundant:
+        return
+    size = np.abs(given).max()
+    expected, owners = common_slack(problem, force, given)
+    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(slack)), owners)
+    np.testing.assert_allclose(slack[owners], expected, atol=1e-9 * size)
+    assert tight.any() == (expected < (1 - 1e-9) * np.abs(force).max())
+    np.testing.assert_allclose(problem.matrix @ force, problem.matrix @ given, atol=1e-9 * size)
+    if expected < -1e-9 * size:
+        np.testing.assert_allclose(force @ free, 0.0, atol=1e-9 * size)
+
+
 def test_two_feet_of_one_block() -> None:
     """Normal forces 1 and 3, friction 0.5 of each: half of 1.6 is too much for the first."""
     jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
