@@ -195,7 +195,7 @@ static int solve(lcp *l)
     return 0;
 }
 
-/* The modes of the basis. */
+/* The modes of the basis, in which z0 is no more. */
 static void modes(lcp *l)
 {
     lag_contact_work *w = l->work;
@@ -207,8 +207,6 @@ static void modes(lcp *l)
     }
     for (int i = 0; i < size; ++i) {
         const int column = l->basis[i], k = column % size, row = l->row[k];
-        if (column >= 2 * size)
-            continue;
         const int law = w->problem->law[row], z = column >= size;
         if (law == LAG_UNILATERAL && z)
             w->mode[row] = LAG_HOLDS;
@@ -232,7 +230,8 @@ int lag_contact_lemke(lag_contact_work *w)
     l.force = l.tableau + rows * (l.size + 1);
     forces(&l);
     fill(&l);
-    const int solved = solve(&l);
+    if (!solve(&l))
+        return 0;
     modes(&l);
-    return solved;
+    return 1;
 }

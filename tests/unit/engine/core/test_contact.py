@@ -90,6 +90,23 @@ def test_a_block_without_weight_leaves(kinetic: float, static: float) -> None:
         assert list(motion) == [1.0, -3.0]
 
 
+def test_friction_of_an_open_contact_is_open_beside_other_friction() -> None:
+    """Two blocks on a floor, of which one is lifted; friction may have any place in the list."""
+    laws = np.array([LIMITED, LIMITED, UNILATERAL, UNILATERAL])
+    offset, modes = np.array([3.0, -0.5, -10.0, 5.0]), np.array([HOLDS, OPEN, HOLDS, OPEN])
+    for order in itertools.permutations(range(4)):
+        place = np.argsort(order)
+        static = {(place[0], place[2]): 0.4, (place[1], place[3]): 0.4}
+        for kinetic in (0.4, 0.2, 0.0):
+            given = problem(
+                np.eye(4), offset[[*order]], laws[[*order]], dict.fromkeys(static, kinetic), static
+            )
+            [(force, motion, found)] = solve_contacts(given)
+            assert found.tolist() == modes[[*order]].tolist()
+            assert force[place] == pytest.approx([-3.0, 0.0, 10.0, 0.0], rel=1e-14)
+            assert motion[place] == pytest.approx([0.0, -0.5, 0.0, 5.0], rel=1e-14)
+
+
 def test_a_contact_that_no_force_moves() -> None:
     """It opens by itself, or there is no motion."""
     [(force, motion, modes)] = solve_contacts(problem([[0.0]], [2.0], [UNILATERAL]))
@@ -814,10 +831,9 @@ def test_motions_that_depend_on_shares_of_impulses() -> None:
     for k, (rows, before) in enumerate(directions(rng, 300)):
         n = len(rows)
         parts = np.array(given[k]) if k < len(given) else rng.choice([0.0, 0.25, 0.5, 0.5], n)
-        scaled = rows * 2.0 ** rng.integers(-5, 6, (n, 1))
-        found, *_ = solve_impact(
-            scaled @ scaled.T, scaled @ before, [UNILATERAL] * n, parts, np.zeros((n, n)), POISSON
-        )
+        scaled, speed = rows * 2.0 ** rng.integers(-5, 6, (n, 1)), 2.0 ** rng.integers(-50, 51)
+        start, none = speed * scaled @ before, np.zeros((n, n))
+        found, *_ = solve_impact(scaled @ scaled.T, start, [UNILATERAL] * n, parts, none, POISSON)
         expected = depends_on_shares(rows, before, parts)
         assert found == 1 + expected, (rows, before, parts)
         counts[int(expected)] += 1
