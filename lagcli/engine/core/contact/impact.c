@@ -220,7 +220,7 @@ static int depends_on_shares(phases *p, const lag_impact *whole, const double *i
         for (int side = -1; side <= 1 && a[i * n + i] > 0.0; side += 2) { /* z >= 0 of these, side (A e z)_i >= 1 */
             for (int b = 0; b < bounds; ++b)
                 for (int f = 0; f < count; ++f)
-                    normal[b * count + f] = z[f * m + bounded[b]] * sqrt(a[rows[bounded[b]] * (n + 1)]);
+                    normal[b * count + f] = z[f * m + bounded[b]];
             for (int f = 0; f < count; ++f)
                 normal[bounds * count + f] = side * velocity(of, i, m, rows, z + f * m, 1) / sqrt(a[i * (n + 1)]);
             memset(bound, 0, bounds * sizeof *bound);
