@@ -954,6 +954,20 @@ def test_all_contacts_that_do_not_move_share_the_forces() -> None:
         assert force == pytest.approx(expected, abs=1e-9), (rows, load)
 
 
+def test_lemkes_method_solves_problems_of_redundant_contacts() -> None:
+    """The contacts that it finds bear the load; zeros of its tableau are so but for rounding."""
+    rng = np.random.default_rng(2)
+    for decades in (0, 1):
+        for rows, load in directions(rng, 100):
+            scaled = rows * 10.0 ** (decades * rng.uniform(-1, 1, (len(rows), 1)))
+            given = problem(scaled @ scaled.T, scaled @ load, [UNILATERAL] * len(rows))
+            solved, _, modes = lemke_modes(given)
+            assert solved, (rows, load)
+            pressed = np.vstack([rows[modes == HOLDS], np.zeros(len(load))])
+            force, _ = nnls(pressed.T, -load)
+            assert (rows @ (load + pressed.T @ force)).min() > -1e-9, (rows, load)
+
+
 def test_a_sequence_without_end_ends() -> None:
     """In a narrow wedge with restitution 0.9, no energy is gained."""
     angle = math.pi / 20
