@@ -864,3 +864,31 @@ simulation: {{t_end: 3, samples: 5}}
     assert "at t = 1.41421356 s; the mass matrix does not determine" in found.message
     assert found.events is not None
     assert found.events.kinds == ("event",)
+
+
+@pytest.mark.parametrize("others", [0, 38])
+def test_an_impact_after_a_change_of_the_mass_matrix_at_the_same_instant(others: int) -> None:
+    """With x = π/2, M = [[2, 1], [1, 1]]: the impulse at ẏ = -10 is 7.5, M⁻¹ (0, 7.5) = (-7.5, 15).
+
+    Beside many others that share a momentum, M is not factored by an unrolled elimination.
+    """
+    more = f"  z[1..{others}]: m\n" if others else ""
+    energy = f" + sum(z[i]'^2, i=1..{others}) + sum(z[i]', i=1..{others})^2" if others else ""
+    start = f', z[1..{others}]: 0, "z[1..{others}]\'": 0' if others else ""
+    _, log = simulate(f"""
+coordinates:
+  x: m
+  y: m
+{more}
+T: (y' + sin(x)*x')^2/2 + x'^2/2{energy}
+V: 10*y
+constraints:
+  floor: {{expr: y >= 0, restitution: 0.5}}
+events:
+  turns: {{when: y <= 0, times: 1, set: {{x: pi/2}}}}
+initial: {{x: 0, x': 0, y: 5, y': 0{start}}}
+simulation: {{t_end: 1.1, samples: 3}}
+""")
+    assert log.kinds == ("event", "impact")
+    assert log.after[-1, :2] == pytest.approx([-7.5, 5.0], rel=1e-9)
+    assert log.loss[-1] == pytest.approx(7.5 * (10 - 5) / 2, rel=1e-9)
