@@ -27,9 +27,7 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
 {
     const int n = problem->n;
     double *next = memory;
-    w->problem = problem;
-    w->n = n;
-    w->floor = 0.0;
+    *w = (lag_contact_work){.problem = problem, .n = n};
     double **const parts[] = {&w->scale, &w->force, &w->motion, &w->right, &w->allowed};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
         *parts[i] = next;

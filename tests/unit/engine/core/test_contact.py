@@ -172,6 +172,18 @@ def test_a_block_sticks_if_it_can(first: ContactLaw) -> None:
             assert motion[t] == pytest.approx(0.0 if mode == HOLDS else 1.5)
 
 
+def test_many_blocks_stick_if_they_can() -> None:
+    """More than can be tried one by one, with constant limits; also where they slip at first."""
+    count = 9
+    for load, mode in ((3.5, HOLDS), (4.5, SLIPS_FORWARD)):
+        given = problem(np.eye(count), np.full(count, load), [LIMITED] * count)
+        given = given._replace(static=np.full(count, 4.0), kinetic=np.full(count, 3.0))
+        for present in (None, [SLIPS_FORWARD] * count, [HOLDS] * count):
+            [(force, _, modes)] = solve_contacts(given, present)
+            assert modes.tolist() == [mode] * count
+            assert force.tolist() == [-load if mode == HOLDS else -3.0] * count
+
+
 # --- Painlevé's rod: benchmark painleve_rod -------------------------------------------------------
 
 
