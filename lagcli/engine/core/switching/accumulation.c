@@ -134,8 +134,6 @@ static int fill(lag_run *run, double t, const double *y, int row, const int *res
     }
     const int n = p->n = gather(run, p, row, rests, member);
     lag_matrix_of(run, n, p->rows, p->matrix);
-    for (int part = 0; part < 2; ++part)
-        memset(p->limit[part], 0, (size_t)n * sizeof(double));
     const lag_problem_arrays limits = {.rows = p->rows, .limit = {p->limit[0], p->limit[1]},
                                        .slope = {p->slope[0], p->slope[1]}};
     lag_limits_of(run, t, y, free, n, NULL, 0, &limits);
