@@ -18,7 +18,7 @@ from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog, EventRecords
 from lagcli.trajectory.samples import Samples
 
-_EVENT, _REST = OCCURRENCES.index("event"), OCCURRENCES.index("rest")
+_EVENT, _REST, _REDUNDANT = (OCCURRENCES.index(x) for x in ("event", "rest", "redundant"))
 
 
 def event_log(
@@ -71,14 +71,22 @@ def event_log(
 
 
 def _ended_by_what_follows(time: Array, kinds: Indices, which: Indices) -> Array:
-    """Return the times of entries, with no contact at rest later than at its next change."""
+    """Return the times of entries, with no contact at rest later than at its next change.
+
+    A contact whose λ is not unique as it comes to rest is so from then on.
+    """
     ended = time.copy()
     of_rows = np.flatnonzero(kinds != _EVENT)
     of_rows = of_rows[np.argsort(which[of_rows], kind="stable")]
     rests = np.flatnonzero(kinds[of_rows[:-1]] == _REST)
-    for i, following in zip(of_rows[rests[::-1]], of_rows[rests[::-1] + 1], strict=True):
-        if which[i] == which[following]:
-            ended[i] = min(ended[i], ended[following])
+    for place in rests[::-1]:
+        i = of_rows[place]
+        later = [k for k in of_rows[place + 1 : place + 3] if which[k] == which[i]]
+        notes = [k for k in later[:1] if kinds[k] == _REDUNDANT]
+        for k in later[len(notes) :][:1]:
+            ended[i] = min(ended[i], ended[k])
+        for k in notes:
+            ended[k] = max(ended[k], ended[i])
     return ended
 
 

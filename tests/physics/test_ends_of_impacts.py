@@ -245,6 +245,27 @@ initial: {{x0: 0, y0: {X}, a: 0, x0': {VX}, y0': {VY0}, a': {(VY1 - VY0) / 0.847
         assert points.outputs[name] == pytest.approx(body.outputs[name], abs=1e-8)
 
 
+@pytest.mark.parametrize("speed", [0.0, 1.0, 1e3])
+def test_redundant_contacts_rest_when_one_does(speed: float) -> None:
+    """Two contacts in one place share all impulses; λ is not unique from the time of rest on."""
+    e, h = 0.5, 1.0
+    contact = f"{{expr: y >= {speed!r}*t, restitution: {e}, friction: 0.2, slip: x'}}"
+    _, log = simulate(f"""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints:
+  left: {contact}
+  right: {contact}
+initial: {{x: 0, y: {h}, x': 30, y': {speed!r}}}
+simulation: {{t_end: 2, samples: 2}}
+""")
+    rest = math.sqrt(2 * h / 9.81) * (1 + e) / (1 - e)
+    for kind in ("rest", "redundant"):
+        for name in ("left", "right"):
+            assert log.instants(name, kind) == pytest.approx([rest], rel=1e-9)
+
+
 def test_forces_by_multipliers_act_in_what_is_left_of_a_sequence() -> None:
     """A rail bears the force N, and its friction pulls the ball down by μ N: y″ = −g − μ N."""
     for e, mu, law in zip((0.3, 0.6, 0.9), (0.5, -0.2, 0.1), LAWS, strict=True):
