@@ -12,6 +12,7 @@ import numpy as np
 from lagcli.analysis.local.active_set import ActiveSet, ModeChange, distributed
 from lagcli.analysis.local.contact_mode import ModeEquations, Modes, SwitchedModel
 from lagcli.analysis.local.contacts import Acting
+from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.steady import Residual, SteadyProblem, SteadyState, completed, none_found
 from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import NoStart
@@ -127,6 +128,8 @@ def _keep(problem: SteadyProblem, root: Residual, known: list[_Known]) -> None:
     """Add a root to the known ones, unless it repeats one or is not steady."""
     if root.decomposition.rank > problem.local.start.rank:
         return  # near a singular configuration, where rounding hides dependent rows
+    if any(_repeats(problem, root.point, other) for other in known):
+        return  # known before its neutral changes, which take long
     try:
         state = completed(problem, root)
     except UsageError:
@@ -146,6 +149,15 @@ def fold(state: SteadyState, angles: Flags) -> SteadyState:
     q = point.q.copy()
     q[angles] = -((-q[angles] + np.pi) % (2 * np.pi) - np.pi)
     return state._replace(operating_point=replace(state.operating_point, point=point._replace(q=q)))
+
+
+def _repeats(problem: SteadyProblem, point: Point, known: _Known) -> bool:
+    """Whether a point is that of a known root, in all coordinates and multipliers."""
+    other = known.state.operating_point.point
+    scale = max(np.abs(x.multipliers).max(initial=0.0) for x in (point, other))
+    forces = np.abs(point.multipliers - other.multipliers).max(initial=0.0)
+    far = np.abs(_difference(problem, point.q, other.q) / problem.local.lengths)
+    return bool(far.max() < _SAME and forces <= _SAME * scale)
 
 
 def _alike(problem: SteadyProblem, a: _Known, b: _Known) -> bool:

@@ -96,7 +96,7 @@ def independent(
     basis : (nq, n) array
         Its rows of the chosen coordinates are the identity.
     """
-    from scipy.linalg import qr
+    from scipy.linalg.lapack import dgeqp3
 
     n = null.shape[1]
     if n in (0, len(null)):
@@ -105,8 +105,8 @@ def independent(
     # before others, unless the null space hardly moves them
     weight[list(next_best)] *= 30.0
     weight[list(preferred)] *= 1e3
-    _, _, pivots = qr((null * weight[:, None]).T, mode="economic", pivoting=True)
-    chosen = sorted(pivots[:n].tolist())
+    _, pivots, *_ = dgeqp3((null * weight[:, None]).T)
+    chosen = sorted((pivots[:n] - 1).tolist())
     basis = np.asarray(np.linalg.solve(null[chosen].T, null.T).T, dtype=np.float64)
     basis[chosen] = np.eye(n)
     return tuple(chosen), basis

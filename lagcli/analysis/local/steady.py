@@ -130,7 +130,7 @@ class IndependentVelocities(NamedTuple):
 
     def completed(self, rhs: Array) -> Array:
         """Return the X with B X = rhs, (m,) or (m, k), that is zero for these coordinates."""
-        if not self.decomposition.rank:
+        if not rhs.any() or not self.decomposition.rank:
             return np.zeros((len(self.basis), *rhs.shape[1:]))
         one = rhs.ndim == 1
         x = least(self.decomposition, rhs[:, None])[:, 0] if one else least(self.decomposition, rhs)
@@ -352,11 +352,10 @@ class SteadyProblem:
         jac, d = self.local.jacobians(residual.point), residual.dynamics
         dv, da = self._by_position(residual, jac)
         force = jac.force_position + jac.force_velocity @ dv - d.mass_matrix @ da
-        held, reactions = (
-            d.jacobian[self.holonomic],
-            self.local.reactions(residual.point, d.jacobian),
-        )
-        matrix = np.block([[force, reactions], [held, np.zeros((len(held), len(d.jacobian)))]])
+        nq, held = self.nq, d.jacobian[self.holonomic]
+        matrix = np.zeros((nq + len(held), nq + len(d.jacobian)))
+        matrix[:nq, :nq], matrix[nq:, :nq] = force, held
+        matrix[:nq, nq:] = self.local.reactions(residual.point, d.jacobian)
         if not (len(residual.speeds) or self.conditions):
             return matrix
         by_speed, da_s = self.by_speeds(residual, jac)
@@ -624,9 +623,10 @@ class SteadyProblem:
         """Return a point on the constraints near a guess, or None."""
         local = self.local
         free = np.zeros(len(q), bool)
-        given = local.evaluator(local.p).state(local.t, q, np.zeros(len(q)))
+        evaluator = local.evaluator(local.p)
+        given = evaluator.state(local.t, q, np.zeros(len(q)))
         try:
-            return consistent_state(local.system, given, free, free).state.q
+            return consistent_state(local.system, given, free, free, evaluator).state.q
         except NoStart:
             return None
 
