@@ -344,10 +344,19 @@ class RankWatch:
         rows: list[Array] = []
         for node in nodes:
             rows += [*self.motion.split(node.y), self._accelerations[node.t]]
-        polynomial = KroghInterpolator(np.repeat([node.t for node in nodes], 3), rows)
+        times = [node.t for node in nodes for _ in range(3)]
+        # of Newton's form: Σ c_k Π (t − t_j), j < k, and a last one of zero
+        coefficients = KroghInterpolator(times, rows).c
 
         def path(t: float) -> tuple[Array, Array]:
-            q, v = polynomial.derivatives(t, 2)
+            # `KroghInterpolator.derivatives` computes all of them, which takes eight times as long
+            product = slope = 1.0
+            q, v = coefficients[:2]
+            for k in range(1, len(times)):
+                product *= t - times[k - 1]
+                slope = (t - times[k]) * slope + product
+                q = q + product * coefficients[k]
+                v = v + slope * coefficients[k + 1]
             return q, v
 
         return path
