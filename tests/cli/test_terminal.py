@@ -179,7 +179,7 @@ COMMANDS = [
     ["simulate", "parallelogram", "--t-end", "0.05", "--no-color"],
     ["check", "heavy_top"],
     ["derive", "andrews_squeezer"],
-    ["equilibrium", "pendulum_cartesian", "--all"],
+    ["equilibrium", "pendulum_cartesian", "--all", "--starts", "8"],
     ["linearize", "chain", "--set", "N=5", "--equilibrium"],
     ["modes", "chain", "--set", "N=5", "--equilibrium"],
     ["compare", "slider_crank", "slider_crank_textbook", "--t-end", "0.2"],

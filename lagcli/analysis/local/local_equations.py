@@ -240,10 +240,12 @@ class LocalEquations(DerivedModel):
         The scale of a row is that of the terms of its constraint over large changes of the
         coordinates, so that a row of rounding errors counts as zero.
         """
-        rows = list(self.system.holonomic)
-        scale = row_lengths(c.jacobian, sizes, c.velocity_scale, largest(v, sizes))
-        reach = largest(self.lengths, sizes)
-        scale[rows] = row_lengths(c.jacobian[rows], sizes, c.position_scale, reach)
+        rows, reach = list(self.system.holonomic), largest(self.lengths, sizes)
+        scale = row_lengths(c.jacobian[rows], sizes, c.position_scale, reach)
+        if len(rows) < len(c.jacobian):
+            holonomic = scale
+            scale = row_lengths(c.jacobian, sizes, c.velocity_scale, largest(v, sizes))
+            scale[rows] = holonomic
         return decompose(c.jacobian, scale=scale, sizes=sizes)
 
     def response(self, point: Point, tangent: Tangent) -> Response:

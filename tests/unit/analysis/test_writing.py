@@ -23,7 +23,10 @@ ANALYSES: dict[str, tuple[Callable[[Model], Any], list[str]]] = {
         ["linearize", "--equilibrium", "--output", "x"],
     ),
     "modes": (lambda m: lagcli.modes(m, equilibrium=True), ["modes", "--equilibrium"]),
-    "equilibrium": (lambda m: lagcli.equilibrium(m, all=True), ["equilibrium", "--all"]),
+    "equilibrium": (
+        lambda m: lagcli.equilibrium(m, all=True, starts=8),
+        ["equilibrium", "--all", "--starts", "8"],
+    ),
     "branches": (
         lambda m: lagcli.follow_equilibria(m, "l", 1.0, 2.0),
         ["equilibrium", "--along", "l=1:2"],
