@@ -13,7 +13,7 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5d, h5z
+from h5py import h5d, h5f, h5z
 
 from lagcli.arrays import Array
 from lagcli.columns import REQUIRED, ResultQuantity
@@ -147,12 +147,13 @@ def text_attribute(root: h5py.Group, name: str) -> str | None:
     ValueError
         It is not a text of fixed length.
     """
-    if name not in root.attrs:
+    attributes = root.attrs
+    if name not in attributes:
         return None
-    attribute = root.attrs.get_id(name)
+    attribute = attributes.get_id(name)
     if attribute.dtype.kind != "S" or attribute.shape != ():
         raise ValueError(f"the attribute {name} is not a text of a fixed length")
-    value: bytes = root.attrs[name]
+    value: bytes = attributes[name]
     return value.decode()
 
 
@@ -162,23 +163,25 @@ def stored_within(dataset: h5py.Dataset, name: str) -> None:
     creation = dataset.id.get_create_plist()
     if creation.get_external_count():
         raise ValueError(f"{name} lies in another file (external storage), which is not read")
-    if creation.get_layout() == h5d.VIRTUAL:
+    layout = creation.get_layout()
+    if layout == h5d.VIRTUAL:
         raise ValueError(f"{name} is a view of other datasets (virtual), which is not read")
     filters = {creation.get_filter(i)[0] for i in range(creation.get_nfilters())}
     if not filters <= _FILTERS:
         raise ValueError(f"{name} has filters that lagcli does not use: {sorted(filters)}")
-    size = math.prod(dataset.shape) * dataset.dtype.itemsize
-    if creation.get_layout() == h5d.COMPACT:
+    itemsize = dataset.dtype.itemsize
+    size = math.prod(dataset.shape) * itemsize
+    if layout == h5d.COMPACT:
         return
     stored = dataset.id.get_storage_size()
-    largest = os.path.getsize(dataset.file.filename)
+    largest = os.path.getsize(h5f.get_name(dataset.id))
     room = min(stored, largest) * (_DEFLATED if h5z.FILTER_DEFLATE in filters else 1)
     if stored > largest or size > room:
         raise ValueError(
             f"{name} declares {size} bytes, and the file holds {min(stored, largest)} of it"
         )
     chunk = dataset.chunks
-    if chunk and math.prod(chunk) * dataset.dtype.itemsize > max(room, 1 << 24):
+    if chunk and math.prod(chunk) * itemsize > max(room, 1 << 24):
         raise ValueError(f"{name} has chunks that are larger than the file can hold")
 
 
