@@ -3,6 +3,7 @@
 import gc
 import signal
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +26,22 @@ gc.disable()
 limit_process()
 
 
-#: Folders whose tests share a browser, results of every model, or start processes: they come first
-#: and in one piece, so that one process runs them while another begins with the rest.
-FIRST = ("docs", "cli", "pictures")
+#: Tests that fork, while the process is small: a fork copies its page tables. Then folders whose
+#: tests share a browser, results of every model, or start processes. They come first and in one
+#: piece, so that one process runs them while another begins with the rest.
+FIRST = ("unit/results/test_atomic.py", "docs", "cli", "pictures")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Order tests for `--dist worksteal`, which takes from the end of another process's tests."""
-    places = {name: i for i, name in enumerate(FIRST)}
-    items.sort(key=lambda item: places.get(item.path.relative_to(TESTS).parts[0], len(FIRST)))
+    first = [TESTS / name for name in FIRST]
+
+    @cache
+    def place(path: Path) -> int:
+        holding = (i for i, one in enumerate(first) if path.is_relative_to(one))
+        return next(holding, len(first))
+
+    items.sort(key=lambda item: place(item.path))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
