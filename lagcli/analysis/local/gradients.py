@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
@@ -17,7 +17,7 @@ from lagcli.named_tuples import NamedTuple
 if TYPE_CHECKING:
     from symengine import Basic
 
-    from lagcli.engine.system import Pattern, System
+    from lagcli.engine.system import System
     from lagcli.engine.tape.tape import Tape
     from lagcli.equations.derivation.lagrange import Equations, Row
 
@@ -81,7 +81,7 @@ class Gradients:
 
         eq = equations
         self.shape = len(rows), columns
-        self.pattern: Pattern = tuple((i, j) for i, row in enumerate(rows) for j in row)
+        self._places = _places([(i, j) for i, row in enumerate(rows) for j in row])
         expressions = [x for row in rows for x in row.values()]
         self._run = ScalarTape(point_tape(eq, expressions)) if expressions else None
 
@@ -102,7 +102,7 @@ class Gradients:
         """Return the matrix of derivatives, (n, m)."""
         if self._run is None:
             return np.zeros(self.shape)
-        return _filled(self.shape, self.pattern, self._run(point.inputs()))
+        return _filled(self.shape, self._places, self._run(point.inputs()))
 
 
 class Reactive:
@@ -146,26 +146,29 @@ class MotionJacobianTape:
     def __init__(self, system: System):
 
         assert system.variation is not None
-        self.tapes = system.variation()
+        tapes = system.variation()
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
-        self._run = ScalarTape(self.tapes.tape)
+        self._run = ScalarTape(tapes.tape)
+        forces, rhs = (self.nq, self.nq), (self.nc, self.nq)
+        self._matrices = (
+            (forces, _places(tapes.force_position)),
+            (forces, _places(tapes.force_velocity)),
+            (rhs, _places(tapes.rhs_position)),
+            (rhs, _places(tapes.rhs_velocity)),
+        )
+        self._power = len(tapes.power_position) + len(tapes.power_velocity)
 
     def at(self, point: Point) -> MotionJacobians:
         """Return the Jacobians at a point."""
         numbers = self._run(point.inputs())
-        tapes, nq, nc = self.tapes, self.nq, self.nc
+        nq, nc = self.nq, self.nc
         matrices: list[Array] = []
         start = 0
-        for rows, pattern in (
-            (nq, tapes.force_position),
-            (nq, tapes.force_velocity),
-            (nc, tapes.rhs_position),
-            (nc, tapes.rhs_velocity),
-        ):
-            matrices.append(_filled((rows, nq), pattern, numbers[start : start + len(pattern)]))
-            start += len(pattern)
-        start += len(tapes.power_position) + len(tapes.power_velocity)
-        times = np.array(numbers[start:])
+        for shape, places in self._matrices:
+            end = start + len(places[0])
+            matrices.append(_filled(shape, places, numbers[start:end]))
+            start = end
+        times = np.array(numbers[start + self._power :])
         by_q, by_v, rates_by_q, rates_by_v = matrices
         return MotionJacobians(by_q, by_v, rates_by_q, rates_by_v, times[:nq], times[nq : nq + nc])
 
@@ -218,11 +221,19 @@ def motion_jacobians(equations: Equations, system: System) -> MotionJacobianTape
     return ForwardJacobians(equations)
 
 
-def _filled(shape: tuple[int, int], pattern: Pattern, numbers: Sequence[float]) -> Array:
+def _places(pattern: Sequence[tuple[int, int]]) -> tuple[Indices, Indices]:
+    """Return the rows and columns of a pattern."""
+    rows, columns = np.array(pattern, dtype=np.intp).reshape(-1, 2).T
+    return rows, columns
+
+
+def _filled(
+    shape: tuple[int, int], places: tuple[Indices, Indices], numbers: Sequence[float]
+) -> Array:
+    """Return a matrix with numbers at some places, and zeros."""
     matrix = np.zeros(shape)
-    if pattern:
-        rows, columns = zip(*pattern, strict=True)
-        matrix[list(rows), list(columns)] = numbers
+    if numbers:
+        matrix[places] = numbers
     return matrix
 
 

@@ -211,7 +211,7 @@ class LocalEquations(DerivedModel):
         if self._last is not None and self._last[0] is point:
             return self._last[1]
         jacobians = self.jacobian_tape.at(point)
-        if not all(np.isfinite(x).all() for x in jacobians):
+        if not np.isfinite(np.concatenate(jacobians, axis=None)).all():
             raise NumericalError(
                 f"the derivatives of the equations of {self.model.name} have no finite value at"
                 " this point: an expression is not smooth there; choose another point"
