@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.analysis.equilibria import search
 
 MODELS = Path(__file__).parents[4] / "models"
 
@@ -33,6 +34,13 @@ def test_a_set_of_equilibria_is_one() -> None:
     (one,) = lagcli.equilibrium(lagcli.load_text(text), all=True, starts=8).equilibria
     assert (one.dimension, one.neutral_coordinates) == (1, (0,))
     assert one.operating_point.point.multipliers == pytest.approx([9.81])
+
+
+def test_a_root_that_is_found_again_is_not_examined_again(count_calls) -> None:
+    counts = count_calls((search, "completed"), (search, "_keep"))
+    found = lagcli.equilibrium(lagcli.load(MODELS / "pendulum_cartesian.yaml"), all=True, starts=8)
+    assert counts["completed"] == len(found.equilibria) == 2
+    assert counts["_keep"] > 2
 
 
 @pytest.mark.slow
