@@ -403,6 +403,7 @@ class NotingCore:
         self.modes = [0]
         self.active: dict[int, bool] = {}
         self.motion = np.zeros(3), np.array([1.0]), np.array([0.0])
+        self.absolute_tolerances = np.zeros(len(state))
         self.p: list[float] = []
 
     def happened(self) -> list[int]:
