@@ -98,6 +98,8 @@ static int descend(const columns *e, int *chosen, int *count, double *factor, do
         }
         if (part == 1.0)
             return 1;
+        if (kept == *count) /* a step that overflows moves nothing */
+            return 0;
         *count = kept;
     }
     return 1;
