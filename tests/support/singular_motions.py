@@ -254,12 +254,6 @@ def stated_time(message: str) -> float:
 
 
 def stated_accuracy(message: str) -> float:
-    """Return the accuracy of this time that the message states, or means by the digits alone.
-
-    These are all known, to within one of the last, and rounded.
-    """
-    if found := re.search(r"\(to within (\S+) s", message):
-        return float(found[1])
-    time = re.search(r"singular configuration at t = \d+\.?(\d*) s", message)
-    assert time is not None, message
-    return float(1.5 * 10.0 ** -len(time[1]))
+    """Return the accuracy of this time that the message states, or means by the digits alone."""
+    found = re.search(r"\(to within (\S+) s", message)
+    return float(found[1]) if found else 1e-6 * abs(stated_time(message))
