@@ -76,17 +76,18 @@ def _ended_by_what_follows(time: Array, kinds: Indices, which: Indices) -> Array
     A contact whose λ is not unique as it comes to rest is so from then on.
     """
     ended = time.copy()
-    of_rows = np.flatnonzero(kinds != _EVENT)
-    of_rows = of_rows[np.argsort(which[of_rows], kind="stable")]
-    rests = np.flatnonzero(kinds[of_rows[:-1]] == _REST)
-    for place in rests[::-1]:
-        i = of_rows[place]
-        later = [k for k in of_rows[place + 1 : place + 3] if which[k] == which[i]]
-        notes = [k for k in later[:1] if kinds[k] == _REDUNDANT]
-        for k in later[len(notes) :][:1]:
-            ended[i] = min(ended[i], ended[k])
-        for k in notes:
-            ended[k] = max(ended[k], ended[i])
+    changes = np.flatnonzero((kinds != _EVENT) & (kinds != _REDUNDANT))
+    changes = changes[np.argsort(which[changes], kind="stable")]
+    rests = np.flatnonzero(kinds[changes[:-1]] == _REST)
+    for i, following in zip(changes[rests[::-1]], changes[rests[::-1] + 1], strict=True):
+        if which[i] == which[following]:
+            ended[i] = min(ended[i], ended[following])
+    at_rest: dict[int, float] = {}
+    for k in np.flatnonzero((kinds == _REST) | (kinds == _REDUNDANT)):
+        if kinds[k] == _REST:
+            at_rest[which[k]] = ended[k]
+        else:
+            ended[k] = max(ended[k], at_rest.get(which[k], ended[k]))
     return ended
 
 

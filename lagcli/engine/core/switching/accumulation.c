@@ -76,17 +76,6 @@ static patch prepare(const lag_run *run)
     return p;
 }
 
-/* Rows that may act: contacts that are closed or come to rest, their friction, and other rows. */
-static int may_act(const lag_run *run, int i, const int *rests)
-{
-    const lag_switching *sw = &run->switching;
-    if (!sw->active[i])
-        return 0;
-    if (sw->law[i] == LAG_UNILATERAL)
-        return rests[i] || lag_meets(run, i);
-    return sw->law[i] == LAG_FREE || sw->normal[i] < 0 || may_act(run, sw->normal[i], rests);
-}
-
 /* List the rows that move `row`, and each other; with all rows' A in p->part_matrix. Returns how many. */
 static int gather(lag_run *run, patch *p, int row, const int *rests, int *member)
 {
@@ -95,7 +84,7 @@ static int gather(lag_run *run, patch *p, int row, const int *rests, int *member
     int *all = p->part;
     for (int i = 0; i < sw->rows; ++i) {
         member[i] = i == row;
-        if (may_act(run, i, rests))
+        if (lag_may_act(run, i, rests))
             all[n++] = i;
     }
     lag_matrix_of(run, n, all, p->part_matrix);

@@ -24,6 +24,16 @@ int lag_meets(const lag_run *run, int row)
     return lag_is_closed(run, row) && sw->psi[row] <= lag_no_speed(sw, row);
 }
 
+int lag_may_act(const lag_run *run, int row, const int *rests)
+{
+    const lag_switching *sw = &run->switching;
+    if (!sw->active[row])
+        return 0;
+    if (sw->law[row] == LAG_UNILATERAL)
+        return rests[row] || lag_meets(run, row);
+    return sw->law[row] == LAG_FREE || sw->normal[row] < 0 || lag_may_act(run, sw->normal[row], rests);
+}
+
 /* Raise the scales of psi to what impulses of n listed rows do: their sum may be zero but for rounding. */
 static void measure_speeds(lag_run *run, int n, const int *rows, const double *impulse)
 {
@@ -178,19 +188,6 @@ int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report)
     return motions;
 }
 
-/* Whether a row has an impulse where contacts come to rest: these, closed ones, the friction of both, and what has a
- * given one. */
-static int takes_part_at_rest(const lag_run *run, int row, const int *rests, const double *friction)
-{
-    const lag_switching *sw = &run->switching;
-    if (!sw->active[row] || sw->law[row] == LAG_FREE)
-        return sw->active[row];
-    if (sw->law[row] == LAG_UNILATERAL)
-        return rests[row] || lag_meets(run, row);
-    return friction[row] != 0.0
-           || (friction_of(sw, row) > 0.0 && takes_part_at_rest(run, sw->normal[row], rests, friction));
-}
-
 int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, const double *friction, double *lost)
 {
     lag_switching *sw = &run->switching;
@@ -199,7 +196,7 @@ int lag_bring_to_rest(lag_run *run, double t, double *y, const int *rests, const
     if (evaluate(run, t, y))
         return -1;
     for (int i = 0; i < sw->rows; ++i) {
-        if (!takes_part_at_rest(run, i, rests, friction))
+        if (!lag_may_act(run, i, rests))
             continue;
         const int moves = fabs(sw->psi[i]) > lag_no_speed(sw, i);
         p.law[n] = sw->law[i] == LAG_UNILATERAL && !rests[i] ? LAG_UNILATERAL : LAG_FREE;

@@ -21,6 +21,10 @@ typedef struct {
 int lag_is_closed(const lag_run *run, int row);
 int lag_meets(const lag_run *run, int row);
 
+/* Whether a row may act while contacts come to rest, `rests`: these, closed ones, the friction of both, and rows that need
+ * no contact. */
+int lag_may_act(const lag_run *run, int row, const int *rests);
+
 /* The impact at (t, y) of rows that take part. Changes the velocities in y. Returns what lag_solve_contacts does, or
  * -1 where something is undefined. */
 int lag_collide(lag_run *run, double t, double *y, lag_impact_report *report);
