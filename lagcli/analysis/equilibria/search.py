@@ -153,26 +153,29 @@ def fold(state: SteadyState, angles: Flags) -> SteadyState:
 
 def _repeats(problem: SteadyProblem, point: Point, known: _Known) -> bool:
     """Whether a point is that of a known root, in all coordinates and multipliers."""
-    other = known.state.operating_point.point
-    scale = max(np.abs(x.multipliers).max(initial=0.0) for x in (point, other))
-    forces = np.abs(point.multipliers - other.multipliers).max(initial=0.0)
-    far = np.abs(_difference(problem, point.q, other.q) / problem.local.lengths)
-    return bool(far.max() < _SAME and forces <= _SAME * scale)
+    far, same_forces = _compared(problem, point, known.state.operating_point.point)
+    return bool(far.max() < _SAME) and same_forces
 
 
 def _alike(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
     compared = a.compared & b.compared
-    first, second = (x.state.operating_point.point for x in (a, b))
-    far = np.abs(_difference(problem, first.q, second.q) / problem.local.lengths)[compared]
-    scale = max(np.abs(x.multipliers).max(initial=0.0) for x in (first, second))
+    far, same_forces = _compared(problem, *(x.state.operating_point.point for x in (a, b)))
     if (a.state.neutral.shape[1] == 0) != (b.state.neutral.shape[1] == 0):
         return False
-    forces = np.abs(first.multipliers - second.multipliers).max(initial=0.0)
     if compared.any():
-        return bool(far.max() < _SAME) or (far.max() < _CLOSE and _balanced_between(problem, a, b))
+        farthest = far[compared].max()
+        return bool(farthest < _SAME) or (farthest < _CLOSE and _balanced_between(problem, a, b))
     if any(contact.state == "sticks" for contact in a.state.operating_point.contacts):
         return True  # λ varies along a set that friction holds
-    return bool(forces <= _SAME * scale)
+    return same_forces
+
+
+def _compared(problem: SteadyProblem, a: Point, b: Point) -> tuple[Array, bool]:
+    """Return the distances of coordinates over their lengths, and whether multipliers agree."""
+    far = np.abs(_difference(problem, a.q, b.q) / problem.local.lengths)
+    scale = max(np.abs(x.multipliers).max(initial=0.0) for x in (a, b))
+    forces = np.abs(a.multipliers - b.multipliers).max(initial=0.0)
+    return far, bool(forces <= _SAME * scale)
 
 
 def _balanced_between(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
