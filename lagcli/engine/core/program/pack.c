@@ -215,14 +215,14 @@ static void find_units(lag_packing *p, draft *d, const lag_node *nodes, int64_t 
         d->pool.failed = 1;
         return;
     }
-    const isomorphic alike = find_isomorphic(p, d, nodes, members, set_ends, sets);
+    const isomorphic groups = find_isomorphic(p, d, nodes, members, set_ends, sets);
     for (int64_t set = 0, begin = 0; set < sets && !d->pool.failed; begin = set_ends[set++]) {
         const int64_t first = d->unit_count;
         add_set(p, d, nodes, members + begin, set_ends[set] - begin, points, order, ends);
-        for (int64_t group = 0; group < alike.count; ++group)
-            if (alike.after[group] == set) {
-                const int32_t from = group ? alike.ends[group - 1] : 0;
-                add_moves(d, alike.own + from, alike.ends[group] - from);
+        for (int64_t group = 0; group < groups.count; ++group)
+            if (groups.after[group] == set) {
+                const int32_t from = group ? groups.ends[group - 1] : 0;
+                add_moves(d, groups.own + from, groups.ends[group] - from);
             }
         place_units(d, first);
     }
