@@ -6,6 +6,7 @@ pivots for implicit methods, which Python chooses during a run, are those of a r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from ctypes import c_double, c_int, c_int64
 from typing import Any
@@ -42,7 +43,7 @@ from lagcli.engine.core.structures import (
 )
 from lagcli.engine.core.switching import CHANGES, lag_switching_rules, rules_fields
 from lagcli.engine.integrate.engine import switches
-from lagcli.engine.integrate.prepared import STEPS_TO_UNROLL, unrolled
+from lagcli.engine.integrate.prepared import unrolled
 from lagcli.engine.integrate.run import Integration
 from lagcli.engine.integrate.switching_run import SwitchingIntegration
 from lagcli.engine.linear.sparse import matrix_pattern
@@ -117,7 +118,8 @@ def model_data(
         add(_JACOBIANS, *_jacobians(run, system, request, implicit))
     if isinstance(run, SwitchingIntegration):
         add(_SWITCHING, *_switching(run))
-    body = word_data(contents) + word_data(STEPS_TO_UNROLL) + b"".join(parts)
+    unroll_after = int(run.unroll_at) if math.isfinite(run.unroll_at) else 0
+    body = word_data(contents) + word_data(unroll_after) + b"".join(parts)
     return word_data(_MAGIC) + word_data(_VERSION) + word_data(3 + len(body) // 8) + body
 
 

@@ -1,9 +1,10 @@
 """Programs shared by the runs of a System, for any parameter values.
 
-Unrolling an elimination into the tape and assembling it takes some 50 µs of Python time for each
+Unrolling an elimination into the tape and assembling it takes some µs of Python time for each
 operation, and saves the core some nanoseconds at each evaluation. Therefore a short elimination is
-unrolled before the first step, a longer one when a run has taken many steps or when many runs are
-to come, and one with large fill never: its columns are long enough for the loop in C.
+unrolled before the first step, a longer one when a run has taken as many steps as pay for it or
+when many runs are to come, and one with large fill never: its columns are long enough for the loop
+in C.
 
 Steps are limited where functions depend on t explicitly, such as sin(ω t): an integrator sees them
 only at its stages, and a body at rest under a force of time, or before a short pulse, would allow
@@ -37,8 +38,6 @@ from lagcli.named_tuples import NamedTuple
 #: Largest number of operations of the dynamics and updates of an elimination that is unrolled
 #: immediately.
 SHORT = 1000
-#: Number of steps of a run after which unrolling pays off.
-STEPS_TO_UNROLL = 2500
 #: Average size of families, and number of operations, from which right sides of derivatives are
 #: vectorized.
 _MEMBERS, _LONG_OF_MEMBERS = 8, 500

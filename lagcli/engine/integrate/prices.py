@@ -11,37 +11,40 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
-from lagcli.engine.integrate.prepared import STEPS_TO_UNROLL, Prepared, may_unroll
+from lagcli.engine.integrate.prepared import Prepared, may_unroll
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.taylor.sizes import LONG
 
-#: What a step of DOP853, and one of Taylor's method, costs besides evaluations and series.
-_STEP, _STEP_OF_SERIES = 600.0, 300.0
+#: What a step costs besides evaluations and series: of DOP853, at least and for each constraint;
+#: of Taylor's method.
+_STEP, _ROW, _STEP_OF_SERIES = 640.0, 260.0, 370.0
 #: Evaluations in a step of DOP853; those of Taylor's method without rejected steps: at the start
 #: and the end, and in the middle if singular configurations are monitored.
 _STAGES = 12.3
 _ENDS, _WITH_MIDDLE = 2.0, 3.0
-#: An evaluation, by machine code: each number of a program's stream, and of the state.
-_WORD, _ENTRY = 0.12, 8.0
-#: The same if the elimination is a loop: each operation, update and entry of L, and number of the
-#: state. Updates of columns that are eliminated together are cheaper.
-_OPERATION, _UPDATE, _ENTRY_OF_LOOP = 0.8, 1.5, 13.0
-_UPDATE_TOGETHER = 0.25
-#: An operation once the elimination is unrolled, and its operations for each update, entry of L and
+#: An evaluation, by machine code: each number of a program's stream. If the elimination is a loop,
+#: each unknown, entry of L and update besides; updates of columns that are eliminated together are
+#: cheaper. Of the dense solution: each unknown and product.
+_WORD = 0.09
+_UNKNOWN, _ENTRY, _UPDATE, _UPDATE_TOGETHER = 15.0, 2.2, 1.5, 0.45
+_UNKNOWN_DENSE, _PRODUCT_DENSE = 100.0, 0.5
+#: An update once the elimination is unrolled, and the operations for each update, entry of L and
 #: unknown.
-_OPERATION_UNROLLED, _UNROLLED = 0.25, 2
+_UPDATE_UNROLLED, _UNROLLED = 0.75, 2
+#: Unrolling it and making the program: each operation of the dynamics, entry of L and update.
+_TO_UNROLL, _TO_UNROLL_ENTRY, _TO_UNROLL_UPDATE = 2.5e3, 50e3, 3e3
 #: The recursive form, for each coordinate: an evaluation, and making its program.
-_RECURSIVE, _FOR_RECURSIVE = 90.0, 2.8e6
-#: One order of the series: each product of series, sum of them, number of the state.
-_PRODUCT, _SUM, _ENTRY_OF_SERIES = 3.0, 0.3, 6.0
+_RECURSIVE, _FOR_RECURSIVE = 60.0, 2.8e6
+#: One order of the series: each product of series, number of the state. Sums cost little beside.
+_PRODUCT, _NUMBER = 3.0, 9.0
 #: Part of that which the series of families take, which are computed side by side: from an average
 #: number of members, and a number of products and sums.
-_IN_LAYERS, _MEMBERS = 0.6, 8
+_IN_LAYERS, _MEMBERS = 0.5, 8
 #: Making the program of the series: at least; each operation of the unrolled dynamics; each product
-#: of series. If the dynamics are not unrolled yet, each operation costs this much more.
-_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT, _FOR_UNROLLING = 4e6, 22e3, 18e3, 8e3
+#: of series.
+_PROGRAM, _FOR_OPERATION, _FOR_PRODUCT = 4e6, 22e3, 18e3
 #: Jacobians of an implicit method: at least; each operation of the dynamics. A step of it, in
 #: steps of DOP853.
 _JACOBIANS, _FOR_DERIVATIVE, _IMPLICIT = 5e6, 150e3, 1.5
@@ -66,41 +69,47 @@ class Prices:
 
     def __init__(self, system: System, prepared: Prepared, order: int):
         self.system, self.prepared, self.order = system, prepared, order
-        self._size = 2 * len(system.coordinates) + 1
 
     @cached_property
     def evaluation(self) -> float:
         """An evaluation of y′."""
-        program, elimination = self.prepared.dynamics, self.prepared.elimination
+        elimination, words = self.prepared.elimination, len(self.prepared.dynamics.main)
         if self.prepared.unrolled:
-            return _WORD * len(program.main) + _ENTRY * self._size
+            return _WORD * words
+        unknowns = self.system.counts.unknowns
         if elimination is None:
-            unknowns = self.system.counts.unknowns
-            solving = _UPDATE * unknowns**3 / 3
+            solving = unknowns * (_UNKNOWN_DENSE + _PRODUCT_DENSE * unknowns**2 / 3)
         else:
             update = _UPDATE if may_unroll(elimination) else _UPDATE_TOGETHER
-            solving = update * (elimination.updates + _entries(elimination))
-        return _OPERATION * program.size + solving + _ENTRY_OF_LOOP * self._size
+            solving = _UNKNOWN * unknowns + _ENTRY * _entries(elimination)
+            solving += update * elimination.updates
+        return _WORD * words + solving
 
     @cached_property
     def explicit(self) -> float:
         """A step of DOP853."""
-        return _STEP + _STAGES * self.evaluation
+        return self._step + _STAGES * self.evaluation
+
+    @property
+    def _step(self) -> float:
+        """What a step of DOP853 costs besides evaluations."""
+        return _STEP + _ROW * self.system.counts.nc
 
     @cached_property
     def evaluation_unrolled(self) -> float:
         """The same once the elimination, or that of the recursive form, is unrolled, if it may."""
         if self._recurs:
             return min(self.evaluation, _RECURSIVE * len(self.system.coordinates))
-        if self.prepared.unrolled or not may_unroll(self.prepared.elimination):
+        elimination = self.prepared.elimination
+        if self.prepared.unrolled or not may_unroll(elimination):
             return self.evaluation
-        unrolled = _OPERATION_UNROLLED * self._operations + _ENTRY * self._size
-        return min(self.evaluation, unrolled)
+        words = len(self.prepared.dynamics.main)
+        return _WORD * words + _UPDATE_UNROLLED * elimination.updates
 
     def steps(self, count: float) -> float:
         """So many further steps of DOP853, at some of which the elimination may be unrolled."""
-        soon = min(count, self.steps_to_recursion if self._recurs else STEPS_TO_UNROLL)
-        later = _STEP + _STAGES * self.evaluation_unrolled
+        soon = min(count, self.steps_to_unroll)
+        later = self._step + _STAGES * self.evaluation_unrolled
         return soon * self.explicit + (count - soon) * later
 
     @property
@@ -111,11 +120,23 @@ class Prices:
         return known and not self.prepared.unrolled and not may_unroll(elimination)
 
     @property
-    def steps_to_recursion(self) -> float:
-        """Number of steps which the recursive form shortens by as much as its program costs."""
-        nq = len(self.system.coordinates)
-        saved = _STAGES * (self.evaluation - _RECURSIVE * nq)
-        return math.ceil(_FOR_RECURSIVE * nq / saved) if saved > 0.0 else math.inf
+    def steps_to_unroll(self) -> float:
+        """Number of steps which the unrolled elimination, or that of the recursive form, shortens
+        by as much as its program costs."""
+        saved = _STAGES * (self.evaluation - self.evaluation_unrolled)
+        return math.ceil(self.unrolling / saved) if saved > 0.0 else math.inf
+
+    @property
+    def unrolling(self) -> float:
+        """The program of the unrolled elimination, or of that of the recursive form."""
+        if self._recurs:
+            return _FOR_RECURSIVE * len(self.system.coordinates)
+        elimination = self.prepared.elimination
+        if self.prepared.unrolled or elimination is None:
+            return 0.0
+        unrolling = _TO_UNROLL * self.prepared.dynamics.size
+        unrolling += _TO_UNROLL_ENTRY * _entries(elimination)
+        return unrolling + _TO_UNROLL_UPDATE * elimination.updates
 
     @cached_property
     def usual(self) -> float:
@@ -126,7 +147,7 @@ class Prices:
     def taylor(self) -> float:
         """A step of Taylor's method."""
         products, sums = self._counts
-        one = _PRODUCT * products + _SUM * sums + _ENTRY_OF_SERIES * self._size
+        one = _PRODUCT * products + _NUMBER * (2 * len(self.system.coordinates) + 1)
         if products + sums >= LONG and self._members >= _MEMBERS:
             one *= _IN_LAYERS
         return _STEP_OF_SERIES + self.order * one + self.usual * self.evaluation_unrolled
@@ -145,8 +166,8 @@ class Prices:
     @cached_property
     def expanding(self) -> float:
         """The program of the series."""
-        each = _FOR_OPERATION + (0.0 if self.prepared.unrolled else _FOR_UNROLLING)
-        return _PROGRAM + each * self._operations + _FOR_PRODUCT * self._counts[0]
+        making = _PROGRAM + _FOR_OPERATION * self._operations + _FOR_PRODUCT * self._counts[0]
+        return self.unrolling + making
 
     @property
     def _operations(self) -> int:

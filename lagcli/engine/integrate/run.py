@@ -34,7 +34,6 @@ from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.methods import Methods
 from lagcli.engine.integrate.prepared import (
-    STEPS_TO_UNROLL,
     Prepared,
     explicit_time,
     find_elimination,
@@ -208,10 +207,9 @@ class Integration:
         self.give_dynamics(prepared)
         # a number of steps, not a time, so that runs are reproducible
         self.unroll_at = math.inf
-        if prepared.worth_unrolling:
-            self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
-        elif self.may_recur and not prepared.unrolled and prepared.elimination is not None:
-            self.unroll_at = self.core.counts[0] + self.prices().steps_to_recursion
+        recurs = self.may_recur and not prepared.unrolled and prepared.elimination is not None
+        if prepared.worth_unrolling or recurs:
+            self.unroll_at = self.core.counts[0] + self.prices().steps_to_unroll
         self.no_series = self.expand(prepared) if self.series else ""
 
     def for_long_runs(self) -> Prepared:

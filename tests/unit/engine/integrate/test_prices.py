@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from pendulum_by_hand import pendulum_system
 from shipped import PATHS
 
 import lagcli
 from lagcli.engine.integrate.prepared import prepare
+from lagcli.engine.integrate.prepared import unrolled as unrolled_of
 from lagcli.engine.integrate.prices import Prices
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare as prepared_simulation
@@ -49,8 +52,29 @@ def test_long_models_are_priced_as_they_run_later() -> None:
     # examined by factors, whose number is proportional to that of the bodies
     assert long.examining < 10 * long.evaluation
     # the elimination is unrolled at some time; until then, each step costs the same
-    assert long.steps(1000) == pytest.approx(1000 * long.explicit)
-    assert long.steps(1e6) < 0.7 * 1e6 * long.explicit
+    change = long.steps_to_unroll
+    assert long.steps(change) == pytest.approx(change * long.explicit)
+    assert long.steps(1e6) < 0.5 * 1e6 * long.explicit
+
+
+def test_unrolling_waits_until_as_much_is_spent_in_the_loop_as_it_costs() -> None:
+    long = prices("chain", {"N": 100})
+    unrolled = Prices(long.system, unrolled_of(long.system, long.prepared), 17)
+    saved = long.explicit - unrolled.explicit
+    # the program itself is known then: its price is that which was foreseen, within a half
+    assert 0.5 * saved < long.unrolling / long.steps_to_unroll < 2 * saved
+    # a family of three times as many members gains three times as much, for three times the price
+    longer = prices("chain", {"N": 300})
+    assert longer.unrolling == pytest.approx(3 * long.unrolling, rel=0.05)
+    assert longer.steps_to_unroll == pytest.approx(long.steps_to_unroll, rel=0.05)
+
+
+def test_what_is_unrolled_or_solved_densely_is_never_unrolled() -> None:
+    short = prices("slider_crank")
+    dense = Prices(short.system, prepare(short.system, None), 17)
+    for found in (short, dense):
+        assert found.steps_to_unroll == math.inf
+        assert found.steps(1e6) == pytest.approx(1e6 * found.explicit)
 
 
 def test_dense_solutions_are_examined_by_orthogonalizing() -> None:

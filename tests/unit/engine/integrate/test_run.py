@@ -12,7 +12,7 @@ import pytest
 from oracle import motion
 
 import lagcli
-from lagcli.engine.integrate import run as single_runs
+from lagcli.engine.integrate.prices import Prices
 from lagcli.errors import UsageError
 from lagcli.simulations.simulation import prepare as prepare_simulation
 
@@ -184,7 +184,7 @@ def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
     model = lagcli.load(MODELS[0].parent / "andrews_squeezer.yaml")
     looped = lagcli.simulate(model, method="DOP853", samples=11)
     assert not counted["unroll"]
-    monkeypatch.setattr(single_runs, "STEPS_TO_UNROLL", 10)
+    monkeypatch.setattr(Prices, "steps_to_unroll", 10)
     changed = [lagcli.simulate(model, method="DOP853", samples=11) for _ in range(2)]
     assert counted["unroll"] == 2
     np.testing.assert_allclose(changed[0].q, looped.q, rtol=0, atol=1e-7)
