@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
+from lagcli.engine.lowering.right_sides import integrated, is_long, with_right_sides
 from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.tape import Tape
@@ -28,12 +29,10 @@ def lower(equations: Equations) -> System:
     -------
     System
     """
-    from lagcli.equations.derivation.column_expressions import power_free, reported
-    from lagcli.model.model import TIME
+    from lagcli.equations.derivation.column_expressions import reported
 
     eq, model = equations, equations.model
-    parameters = [se.Symbol(name) for name in model.parameters]
-    state = [TIME, *eq.q, *eq.v]
+    state, parameters = _inputs(eq)
     functions = input_functions(model)
     rows = [c.row for c in eq.constraints]
     holonomic = tuple(i for i, c in enumerate(eq.constraints) if c.position is not None)
@@ -55,18 +54,7 @@ def lower(equations: Equations) -> System:
         parameters=tuple(model.parameters),
         mass_pattern=mass_pattern,
         jacobian_pattern=jacobian_pattern,
-        dynamics=compile_tape(
-            [
-                *mass,
-                *eq.forcing,
-                *jacobian,
-                *(c.rhs for c in eq.constraints),
-                power_free(eq) + eq.time_power,
-            ],
-            state,
-            parameters,
-            functions,
-        ),
+        dynamics=_dynamics(eq, mass, jacobian, functions),
         constraint=compile_tape(
             [
                 *positions,
@@ -97,6 +85,35 @@ def lower(equations: Equations) -> System:
         functions=functions,
         recursive_form=partial(lower_recursive, eq, functions) if eq.recursive else None,
     )
+
+
+def _inputs(equations: Equations) -> tuple[list[se.Basic], list[se.Basic]]:
+    """Return the symbols of t, q, v, and of the parameters."""
+    from lagcli.model.model import TIME
+
+    parameters = [se.Symbol(name) for name in equations.model.parameters]
+    return [TIME, *equations.q, *equations.v], parameters
+
+
+def _dynamics(
+    equations: Equations,
+    mass: Sequence[se.Basic],
+    jacobian: Sequence[se.Basic],
+    functions: InputFunctions,
+) -> Tape:
+    """Compile M, f, B, γ, and the power of applied forces and of time."""
+    from lagcli.equations.derivation.column_expressions import power_free
+
+    eq, power = equations, power_free(equations) + equations.time_power
+    before = [*mass, *eq.forcing, *jacobian]
+    long = [is_long(c) for c in eq.constraints]
+    right = [integrated(c) if x else c.rhs for c, x in zip(eq.constraints, long, strict=True)]
+    tape = compile_tape([*before, *right, power], *_inputs(eq), functions)
+    places: tuple[list[int], list[int]] = [], []  # of φ and ψ
+    for i, (c, x) in enumerate(zip(eq.constraints, long, strict=True), len(before)):
+        if x:
+            places[c.position is None].append(i)
+    return with_right_sides(tape, len(eq.q), *places) if any(long) else tape
 
 
 def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:

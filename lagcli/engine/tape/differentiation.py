@@ -5,11 +5,11 @@ Griewank & Walther, Evaluating Derivatives, 2008, chapter 3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from lagcli.engine.tape.operations import ARITY, OPERATIONS, Op
+from lagcli.engine.tape.operations import OPERATIONS, Op
 from lagcli.engine.tape.tape import Arithmetic, Builder, Tape
 from lagcli.named_tuples import NamedTuple
 
@@ -149,25 +149,46 @@ def directional(tape: Tape) -> Tape:
     """
     assert not tape.rhs_inputs
     given = tape.inputs - tape.functions.size
-    new = _DerivativeRules(2 * given + tape.functions.size, tape.functions.size, 0, tape.functions)
-    place = {i: i if i < given else i + given for i in range(tape.inputs)}
-    slope = {i: given + i for i in range(given)}
-    for i, x in enumerate(tape.constants, tape.inputs):
-        place[i] = new.constant(x)
-    for op, to, *rest in tape.code:
-        operands = rest[: ARITY[op]]
-        values = [place[x] for x in operands]
-        slopes = [slope.get(x, new.zero) for x in operands]
-        place[to] = new.new((op, *values))
-        if any(x != new.zero for x in slopes):
-            slope[to] = new.slope(OPERATIONS[op], place[to], values, slopes)
-    whole = new.finish([slope.get(x, new.zero) for x in tape.outputs])
-    pruned = Builder(whole.inputs, whole.parameters, 0, whole.functions)
-    return pruned.finish(pruned.splice(whole, range(whole.inputs)))
+    new = DirectionalBuilder(
+        2 * given + tape.functions.size, tape.functions.size, 0, tape.functions
+    )
+    outputs = new.splice(tape, [*range(given), *range(2 * given, new.inputs)])
+    return pruned(new.finish(new.along(outputs, {i: given + i for i in range(given)})))
 
 
-class _DerivativeRules(Arithmetic):
-    """The derivative of each operation."""
+def pruned(tape: Tape) -> Tape:
+    """Return a tape with only the operations that its outputs need."""
+    builder = Builder(tape.inputs, tape.parameters, 0, tape.functions)
+    return builder.finish(builder.splice(tape, range(tape.inputs)))
+
+
+class DirectionalBuilder(Arithmetic):
+    """A builder that appends the derivatives of its registers along a direction."""
+
+    def along(self, registers: Sequence[int], inputs: Mapping[int, int]) -> list[int]:
+        """Return the registers of derivatives along a direction.
+
+        Parameters
+        ----------
+        registers : sequence of int
+        inputs : mapping of int to int
+            The direction: the registers of the derivatives of inputs; others are constant.
+
+        Returns
+        -------
+        list of int
+        """
+        code, needed = list(self.operations), set(registers)
+        for at in range(len(code) - 1, -1, -1):
+            if self.inputs + at in needed:
+                needed.update(code[at][1:])
+        slope = dict(inputs)
+        for result, (op, *operands) in enumerate(code, self.inputs):
+            if result in needed and not slope.keys().isdisjoint(operands):
+                slopes = [slope.get(x, self.zero) for x in operands]
+                if any(x != self.zero for x in slopes):
+                    slope[result] = self.slope(OPERATIONS[op], result, operands, slopes)
+        return [slope.get(x, self.zero) for x in registers]
 
     def slope(self, op: Op, result: int, x: list[int], dx: list[int]) -> int:
         """Return the derivative of an operation's result.

@@ -1,0 +1,139 @@
+"""Right sides of constraints by differentiation of the tape."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+from shipped import PATHS
+
+import lagcli
+from lagcli.engine.lowering import right_sides
+from lagcli.engine.lowering.lower import lower
+from lagcli.engine.system import System
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.model.model import Model
+
+FOUND = Path(__file__).parents[3] / "found"
+NAMES = ("x", "y", "z")
+
+
+def system_of(model: Model, monkeypatch: pytest.MonkeyPatch, longer: float) -> System:
+    """Return the System with the γ that are so many times as long as φ by differentiation."""
+    monkeypatch.setattr(right_sides, "_LONGER", longer)
+    return lower(derive(model))
+
+
+def right_side(system: System, state: list[float], p: list[float]) -> list[float]:
+    """Return γ at t, q, v."""
+    return ScalarTape(system.dynamics)([*state, *p])[system.dynamics_layout.rhs]
+
+
+def random_expression(draw: random.Random, depth: int) -> str:
+    """Return a smooth expression in x, y, z, t, a whose roots and logarithms are defined."""
+    if depth == 0:
+        return draw.choice((*NAMES, *NAMES, "t", "a", "0.7"))
+    a, b = (random_expression(draw, depth - 1) for _ in range(2))
+    return draw.choice(
+        (
+            f"({a} + {b})",
+            f"({a} - 0.6*{b})",
+            f"({a})*({b})",
+            f"({a})/(2 + ({b})^2)",
+            f"sqrt(1.5 + ({a})^2 + ({b})^2)",
+            f"sin({a})",
+            f"cos({a} - {b})",
+            f"exp(-({a})^2)",
+            f"log(2 + ({a})^2)",
+            f"({a})^3",
+            f"(1.3 + ({a})^2)^({b})",
+            f"atan({a})",
+            f"atan2({a}, 2 + ({b})^2)",
+            f"tanh({a})",
+        )
+    )
+
+
+def second_rate(expression: str, state: list[float], a: float) -> float:
+    """Return φ̈ without accelerations, by differences of 50 digits."""
+    symbols = sympy.symbols("x y z t a")
+    of = sympy.lambdify(symbols, sympy.sympify(expression.replace("^", "**")), "mpmath")
+    t, q, v = state[0], state[1:4], state[4:]
+    with mpmath.workdps(50):
+        path = lambda s: of(*[x + s * r for x, r in zip(q, v, strict=True)], t + s, mpmath.mpf(a))  # noqa: E731
+        return float(mpmath.diff(path, 0, 2))
+
+
+@pytest.mark.parametrize("seed", range(120))
+def test_random_constraints_against_differences_of_many_digits(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw = random.Random(seed)
+    expression = f"x*y + {random_expression(draw, 3)}"
+    model = lagcli.load_text(
+        f"""
+coordinates: [x, y, z]
+parameters: {{a: 0.4}}
+T: (x'^2 + y'^2 + z'^2)/2
+V: 0
+constraints: {{c: "{expression} = 0.3"}}
+initial: {{x: {{guess: 0.5}}, y: 0.5, z: 0.5, x': {{guess: 0}}, y': 0, z': 0}}
+"""
+    )
+    states = [[draw.uniform(-1, 1) for _ in range(7)] for _ in range(3)]
+    for longer in (0.0, 1e9):
+        system = system_of(model, monkeypatch, longer)
+        for state in states:
+            expected = -second_rate(expression, state, 0.4)
+            assert right_side(system, state, [0.4]) == [
+                pytest.approx(expected, rel=1e-10, abs=1e-11)
+            ]
+
+
+@pytest.mark.parametrize(
+    "path", [*PATHS.values(), *sorted(FOUND.glob("*.yaml"))], ids=lambda path: path.stem
+)
+def test_every_model_has_the_right_sides_that_are_written(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = lagcli.load(path)
+    found, written = (system_of(model, monkeypatch, longer) for longer in (0.0, 1e9))
+    if not found.constraints:
+        pytest.skip("no constraints")
+    p = list(model.parameter_values.values())
+    draw = np.random.default_rng(7)
+    for _ in range(5):
+        state = [draw.uniform(0, 1), *draw.uniform(-1, 1, 2 * len(found.coordinates))]
+        expected = np.array(right_side(written, state, p))
+        size = np.abs(expected[np.isfinite(expected)]).max(initial=1.0)
+        np.testing.assert_allclose(
+            right_side(found, state, p), expected, rtol=1e-10, atol=1e-11 * size
+        )
+
+
+def test_only_what_is_long_is_differentiated() -> None:
+    def operations(path: Path) -> int:
+        return len(lower(derive(lagcli.load(path))).dynamics.code)
+
+    assert operations(FOUND / "stewart.yaml") < 1100  # 6934 as they are written
+    assert operations(FOUND / "bricard_a04.yaml") < 1600  # 2637
+    assert operations(PATHS["chain"]) == 314  # the same
+
+
+def test_kinks_stay_with_their_branches() -> None:
+    model = lagcli.load_text(
+        """
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 0
+constraints: {c: "sqrt(1 + x^2)*sqrt(1 + y^2)*abs(x + y)*exp(x*y) + x = 3"}
+initial: {x: {guess: 1}, y: 1, x': {guess: 0}, y': 0}
+"""
+    )
+    (constraint,) = derive(model).constraints
+    assert not right_sides.is_long(constraint)
