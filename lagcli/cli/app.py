@@ -42,7 +42,8 @@ def command(name: str) -> Command:
     module = name.replace("-", "_")
     function = getattr(import_module(f"lagcli.cli.commands.{module}"), module)
     parameters = getattr(function, "parameters", None) or parameters_of(function)
-    lines = (line.strip() for line in function.__doc__.splitlines())
+    described = function.__doc__ or ""  # `python -OO` leaves docstrings out
+    lines = (line.strip() for line in described.splitlines())
     return Command(f"lagcli {name}", "\n".join(lines).strip(), parameters, function)
 
 

@@ -133,3 +133,9 @@ def test_what_is_visible() -> None:
     shown = visible_json(json.dumps(text, ensure_ascii=False))
     assert json.loads(shown) == text
     assert shown == r'"\u001b\u009b\u202e\u007fλ"'
+
+
+def test_python_may_leave_assertions_and_docstrings_out() -> None:
+    found = shell(f"simulate slider_crank {SHORT} -o -", PYTHONOPTIMIZE="2")
+    assert found.returncode == 0, found.stderr
+    assert found.stdout == shell(f"simulate slider_crank {SHORT} -o -").stdout
