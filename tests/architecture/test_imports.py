@@ -66,7 +66,8 @@ LOADERS = {"lagcli.engine.core.fingerprint", "lagcli.engine.core.library"}
 
 #: The modules of the engine that know symbols: a System can be written by hand for the others.
 SYMBOLIC = {
-    f"lagcli.engine.lowering.{name}" for name in ("compiler", "lower", "switching", "tangent")
+    f"lagcli.engine.lowering.{name}"
+    for name in ("compiler", "lower", "right_sides", "switching", "tangent")
 }
 
 #: What `lagcli simulate` may import from outside the standard library.
@@ -76,6 +77,7 @@ OF_SIMULATE = {"numpy", "symengine", "yaml"}
 NOT_OF_PLAIN_RUNS = {
     *("lagcli.engine.event_entries", "lagcli.engine.tape.series_operations"),
     *("lagcli.engine.taylor.series_nodes", "lagcli.equations.symmetry.conserved"),
+    "lagcli.engine.tape.differentiation",
     *("lagcli.model.expression.unit_table", "lagcli.results.csv.reader"),
     *("lagcli.results.csv.event_table", "lagcli.results.csv.sidecar"),
     *("lagcli.engine.core.contact_problem", "lagcli.engine.switching.switching"),

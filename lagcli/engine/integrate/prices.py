@@ -47,7 +47,7 @@ _IN_LAYERS, _MEMBERS = 0.5, 8
 _PROGRAM, _FOR_OPERATION, _FOR_PRODUCT = 4e6, 22e3, 18e3
 #: Jacobians of an implicit method: at least; each operation of the dynamics. A step of it, in
 #: steps of DOP853.
-_JACOBIANS, _FOR_DERIVATIVE, _IMPLICIT = 5e6, 150e3, 1.5
+_JACOBIANS, _FOR_DERIVATIVE, _IMPLICIT = 5e6, 70e3, 1.5
 #: A state in a step of Taylor's method that is examined: times an evaluation and the products in
 #: the orthogonalization of B's rows.
 _EXAMINING = 3.0

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
-from lagcli.engine.lowering.right_sides import integrated, is_long, with_right_sides
+from lagcli.engine.lowering.right_sides import (
+    gradients,
+    integrated,
+    is_long,
+    with_right_sides,
+)
 from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.tape import Tape
 
 if TYPE_CHECKING:
-    from lagcli.equations.derivation.lagrange import Equations, Row
+    from lagcli.equations.derivation.lagrange import Equations
 
 
 def lower(equations: Equations) -> System:
@@ -106,14 +111,14 @@ def _dynamics(
 
     eq, power = equations, power_free(equations) + equations.time_power
     before = [*mass, *eq.forcing, *jacobian]
-    long = [is_long(c) for c in eq.constraints]
-    right = [integrated(c) if x else c.rhs for c, x in zip(eq.constraints, long, strict=True)]
+    right, sources = [], {}
+    for place, c in enumerate(eq.constraints, len(before)):
+        long = is_long(c)
+        right.append(integrated(c) if long else c.rhs)
+        if long:
+            sources[place] = c.position is not None
     tape = compile_tape([*before, *right, power], *_inputs(eq), functions)
-    places: tuple[list[int], list[int]] = [], []  # of φ and ψ
-    for i, (c, x) in enumerate(zip(eq.constraints, long, strict=True), len(before)):
-        if x:
-            places[c.position is None].append(i)
-    return with_right_sides(tape, len(eq.q), *places) if any(long) else tape
+    return with_right_sides(tape, len(eq.q), sources) if sources else tape
 
 
 def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:
@@ -182,10 +187,11 @@ def lower_jacobians(
     JacobianTapes
     """
     from lagcli.equations.derivation.jacobians import differentiate
-    from lagcli.model.model import TIME
 
-    eq, jacobians = equations, differentiate(equations)
-    blocks = [
+    eq = equations
+    long = [i for i, c in enumerate(eq.constraints) if is_long(c)]
+    jacobians = differentiate(eq, without=long)
+    blocks: list[list[Mapping[int, Any]]] = [
         [g.position for g in jacobians.force],
         [g.velocity for g in jacobians.force],
         [g.position for g in jacobians.rhs],
@@ -193,15 +199,16 @@ def lower_jacobians(
         [jacobians.power.position],
         [jacobians.power.velocity],
     ]
-    parameters = [se.Symbol(name) for name in eq.model.parameters]
+    state, parameters = _inputs(eq)
     entries = [x for rows in blocks for row in rows for x in row.values()]
     times = [g.time for g in (*jacobians.force, *jacobians.rhs, jacobians.power)]
+    sources = [integrated(eq.constraints[i]) for i in long]
+    sources += [b for i in long for b in eq.constraints[i].row.values()]
     tape = compile_tape(
-        [*entries, *times],
-        [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-        parameters,
-        functions,
+        [*entries, *times, *sources], [*state, *eq.a, *eq.multipliers], parameters, functions
     )
+    if long:
+        tape = _with_gradients(eq, tape, blocks, long)
     force_position, force_velocity, rhs_position, rhs_velocity = map(_pattern, blocks[:4])
     return JacobianTapes(
         force_position=force_position,
@@ -212,6 +219,44 @@ def lower_jacobians(
         power_velocity=tuple(jacobians.power.velocity),
         tape=tape,
     )
+
+
+def _with_gradients(
+    eq: Equations, tape: Tape, blocks: list[list[Mapping[int, Any]]], long: Sequence[int]
+) -> Tape:
+    """Add the gradients of Γ of constraints with a long γ, which the tape has no entries of.
+
+    Parameters
+    ----------
+    eq : Equations
+    tape : Tape
+        Of the entries, the derivatives with respect to t, φ or ψ of these constraints, and their
+        rows of B.
+    blocks : lists of rows by column
+        Of the entries; rows of the gradients are added.
+    long : sequence of int
+        The constraints.
+    """
+    from lagcli.engine.tape.differentiation import DirectionalBuilder
+
+    nq, constraints = len(eq.q), [eq.constraints[i] for i in long]
+    builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
+    registers = iter(builder.extend(tape))
+    places = [[{j: next(registers) for j in row} for row in rows] for rows in blocks]
+    times = [next(registers) for _ in (*eq.q, *eq.constraints, eq.time_power)]
+    found = gradients(
+        builder,
+        nq,
+        [next(registers) for _ in constraints],
+        [c.position is not None for c in constraints],
+        [{j: next(registers) for j in c.row} for c in constraints],
+    )
+    for i, gradient in zip(long, found, strict=True):
+        blocks[2][i] = places[2][i] = {x - 1: r for x, r in gradient.items() if 1 <= x <= nq}
+        blocks[3][i] = places[3][i] = {x - 1 - nq: r for x, r in gradient.items() if x > nq}
+        times[nq + i] = gradient.get(0, builder.zero)
+    every = [x for rows in places for row in rows for x in row.values()]
+    return builder.finish([*every, *times])
 
 
 def lower_parameter_jacobians(
@@ -299,5 +344,5 @@ def magnitude(expression: se.Basic) -> se.Basic:
     return se.Abs(expression)
 
 
-def _pattern(rows: Iterable[Row]) -> Pattern:
+def _pattern(rows: Iterable[Mapping[int, Any]]) -> Pattern:
     return tuple((i, j) for i, row in enumerate(rows) for j in row)

@@ -1,12 +1,14 @@
-"""Directional derivatives of tapes, operation by operation (forward mode).
+"""Derivatives of tapes, operation by operation: along a direction (forward mode), and gradients
+(reverse mode).
 
 Griewank & Walther, Evaluating Derivatives, 2008, chapter 3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import partial
+from heapq import heappop, heappush
 from typing import Any
 
 from lagcli.engine.tape.operations import OPERATIONS, Op
@@ -189,6 +191,58 @@ class DirectionalBuilder(Arithmetic):
                 if any(x != self.zero for x in slopes):
                     slope[result] = self.slope(OPERATIONS[op], result, operands, slopes)
         return [slope.get(x, self.zero) for x in registers]
+
+    def gradients(self, registers: Sequence[int], inputs: Container[int]) -> list[dict[int, int]]:
+        """Return the gradients of registers.
+
+        Parameters
+        ----------
+        registers : sequence of int
+        inputs : container of int
+            Those with respect to which is differentiated.
+
+        Returns
+        -------
+        list of dicts of int to int
+            The registers of the nonzero derivatives, by input.
+        """
+        code = list(self.operations)
+        varying = set()
+        for result, (_, *operands) in enumerate(code, self.inputs):
+            if any(x in inputs or x in varying for x in operands):
+                varying.add(result)
+        return [self._gradient(code, varying, inputs, register) for register in registers]
+
+    def _gradient(
+        self,
+        code: Sequence[tuple[int, ...]],
+        varying: Container[int],
+        inputs: Container[int],
+        register: int,
+    ) -> dict[int, int]:
+        adjoint, left = {register: self.one}, [-register]  # the latest operation first
+        found: dict[int, int] = {}
+        while left:
+            result = -heappop(left)
+            sensitivity = adjoint.pop(result)
+            if result in inputs:
+                found[result] = sensitivity
+                continue
+            if sensitivity == self.zero or result not in varying:
+                continue
+            op, *operands = code[result - self.inputs]
+            for k, x in enumerate(operands):
+                if x not in inputs and x not in varying:
+                    continue
+                slopes = [self.zero] * len(operands)
+                slopes[k] = sensitivity
+                part = self.slope(OPERATIONS[op], result, operands, slopes)
+                if x in adjoint:
+                    adjoint[x] = self.plus(adjoint[x], part)
+                else:
+                    adjoint[x] = part
+                    heappush(left, -x)
+        return {x: found[x] for x in sorted(found) if found[x] != self.zero}
 
     def slope(self, op: Op, result: int, x: list[int], dx: list[int]) -> int:
         """Return the derivative of an operation's result.

@@ -10,7 +10,7 @@ Only nonzero derivatives are formed, so that the cost is linear in the number of
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -52,12 +52,14 @@ class Jacobians:
     power: Gradient
 
 
-def differentiate(equations: Equations) -> Jacobians:
+def differentiate(equations: Equations, without: Container[int] = ()) -> Jacobians:
     """Differentiate the equations of motion.
 
     Parameters
     ----------
     equations : Equations
+    without : container of int, optional
+        Constraints whose Γ is not differentiated: its gradient is left empty.
 
     Returns
     -------
@@ -71,7 +73,7 @@ def differentiate(equations: Equations) -> Jacobians:
     differ = partial(_gradient, Motion.of(eq.model), columns)
     return Jacobians(
         force=tuple(differ(parts) for parts in force),
-        rhs=tuple(differ(parts) for parts in rhs),
+        rhs=tuple(differ([] if i in without else parts) for i, parts in enumerate(rhs)),
         power=differ([*power, eq.time_power]),
     )
 

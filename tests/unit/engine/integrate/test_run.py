@@ -13,6 +13,7 @@ from oracle import motion
 
 import lagcli
 from lagcli.engine.integrate.prices import Prices
+from lagcli.engine.integrate.run import Integration
 from lagcli.errors import UsageError
 from lagcli.simulations.simulation import prepare as prepare_simulation
 
@@ -169,7 +170,7 @@ def test_a_net_of_rods_keeps_its_order(counted, monkeypatch):
     model = lagcli.load(FOUND / "net_rods.yaml", set={"N": 3})
     found = lagcli.simulate(model)
     assert found.status == "completed", found.message
-    assert counted == {"order_at": 1, "assemble": 2}
+    assert counted == {"order_at": 1, "assemble": 2, "unroll": 1}
     only_densely(monkeypatch)
     expected = lagcli.simulate(model, rtol=1e-10)
     np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-7)
@@ -190,6 +191,20 @@ def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
     np.testing.assert_allclose(changed[0].q, looped.q, rtol=0, atol=1e-7)
     # it is a number of steps that decides, not a time
     np.testing.assert_array_equal(changed[0].multipliers, changed[1].multipliers)
+
+
+def test_when_an_elimination_is_unrolled_depends_on_the_model():
+    def unrolling(path: Path, **values: str) -> tuple[float, Integration]:
+        simulation = prepare_simulation(lagcli.load(path, set=values))
+        run = Integration(simulation.system, simulation.request, lambda block: None, None)
+        return run.unroll_at, run
+
+    chain = MODELS[0].parent / "chain.yaml"
+    steps, run = unrolling(chain, N="100")
+    assert steps == run.prices().steps_to_unroll
+    assert 200 < steps < 1000  # measured: 601
+    assert unrolling(chain)[0] == math.inf  # unrolled from the start
+    assert unrolling(FOUND / "door_two_hinges.yaml")[0] == math.inf  # solved densely
 
 
 def test_a_new_order_takes_over_the_other_programs(counted):

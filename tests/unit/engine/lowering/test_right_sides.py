@@ -59,6 +59,20 @@ def random_expression(draw: random.Random, depth: int) -> str:
     )
 
 
+def of_constraint(expression: str) -> Model:
+    """Return the model of a point on a surface."""
+    return lagcli.load_text(
+        f"""
+coordinates: [x, y, z]
+parameters: {{a: 0.4}}
+T: (x'^2 + y'^2 + z'^2)/2
+V: 0
+constraints: {{c: "{expression} = 0.3"}}
+initial: {{x: {{guess: 0.5}}, y: 0.5, z: 0.5, x': {{guess: 0}}, y': 0, z': 0}}
+"""
+    )
+
+
 def second_rate(expression: str, state: list[float], a: float) -> float:
     """Return φ̈ without accelerations, by differences of 50 digits."""
     symbols = sympy.symbols("x y z t a")
@@ -75,16 +89,7 @@ def test_random_constraints_against_differences_of_many_digits(
 ) -> None:
     draw = random.Random(seed)
     expression = f"x*y + {random_expression(draw, 3)}"
-    model = lagcli.load_text(
-        f"""
-coordinates: [x, y, z]
-parameters: {{a: 0.4}}
-T: (x'^2 + y'^2 + z'^2)/2
-V: 0
-constraints: {{c: "{expression} = 0.3"}}
-initial: {{x: {{guess: 0.5}}, y: 0.5, z: 0.5, x': {{guess: 0}}, y': 0, z': 0}}
-"""
-    )
+    model = of_constraint(expression)
     states = [[draw.uniform(-1, 1) for _ in range(7)] for _ in range(3)]
     for longer in (0.0, 1e9):
         system = system_of(model, monkeypatch, longer)
@@ -114,6 +119,71 @@ def test_every_model_has_the_right_sides_that_are_written(
         np.testing.assert_allclose(
             right_side(found, state, p), expected, rtol=1e-10, atol=1e-11 * size
         )
+
+
+def jacobians_at(system: System, inputs: list[float]) -> list[np.ndarray]:
+    """Return the derivatives of Γ with respect to q and v as matrices, and to t."""
+    assert system.variation is not None
+    found = system.variation()
+    values = ScalarTape(found.tape)(inputs)
+    nq, nc = system.counts.nq, system.counts.nc
+    first, blocks = len(found.force_position) + len(found.force_velocity), []
+    for pattern in (found.rhs_position, found.rhs_velocity):
+        block = np.zeros((nc, nq))
+        for place, value in zip(pattern, values[first:], strict=False):
+            block[place] = value
+        blocks.append(block)
+        first += len(pattern)
+    return [*blocks, np.array(values[len(values) - 1 - nc : -1])]
+
+
+@pytest.mark.parametrize(
+    "path", [*PATHS.values(), *sorted(FOUND.glob("*.yaml"))], ids=lambda path: path.stem
+)
+def test_every_model_has_the_gradients_that_are_written(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if path.stem in ("net_rods", "ring100"):
+        pytest.skip("long to derive, and alike")
+    model = lagcli.load(path)
+    if not model.constraints:
+        pytest.skip("no constraints")
+    p = list(model.parameter_values.values())
+    results = []
+    for longer in (0.0, 1e9):
+        system = system_of(model, monkeypatch, longer)
+        state = np.random.default_rng(7).uniform(
+            -1, 1, 1 + 3 * system.counts.nq + len(system.constraints)
+        )
+        results.append(jacobians_at(system, [*state, *p]))
+    for found, written in zip(*results, strict=True):
+        size = np.abs(written[np.isfinite(written)]).max(initial=1.0)
+        np.testing.assert_allclose(found, written, rtol=1e-9, atol=1e-11 * size)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_gradients_of_random_constraints_against_differences(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw = random.Random(1000 + seed)
+    expression = f"x*y + {random_expression(draw, 3)}"
+    system = system_of(of_constraint(expression), monkeypatch, 0.0)
+    state = np.array([draw.uniform(-1, 1) for _ in range(7)])
+    a = [draw.uniform(-1, 1) for _ in range(3)]
+    by_position, by_velocity, by_time = jacobians_at(system, [*state, *a, 0.7, 0.4])
+    h = 1e-5
+
+    def gamma(state: np.ndarray) -> float:
+        values = ScalarTape(system.dynamics)([*state, 0.4])
+        row = dict.fromkeys(range(3), 0.0)
+        layout = system.dynamics_layout
+        for (_, j), b in zip(system.jacobian_pattern, values[layout.jacobian], strict=True):
+            row[j] = b
+        return values[layout.rhs][0] - sum(b * a[j] for j, b in row.items())
+
+    slopes = [(gamma(state + h * e) - gamma(state - h * e)) / (2 * h) for e in np.eye(7)]
+    found = [by_time[0], *by_position[0], *by_velocity[0]]
+    np.testing.assert_allclose(found, slopes, rtol=1e-6, atol=1e-6 * np.abs(slopes).max())
 
 
 def test_only_what_is_long_is_differentiated() -> None:
