@@ -10,7 +10,7 @@ import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.right_sides import (
-    gradients,
+    LongConstraints,
     integrated,
     is_long,
     with_right_sides,
@@ -188,9 +188,8 @@ def lower_jacobians(
     """
     from lagcli.equations.derivation.jacobians import differentiate
 
-    eq = equations
-    long = [i for i, c in enumerate(eq.constraints) if is_long(c)]
-    jacobians = differentiate(eq, without=long)
+    eq, long = equations, LongConstraints(equations)
+    jacobians = differentiate(eq, without=long.numbers)
     blocks: list[list[Mapping[int, Any]]] = [
         [g.position for g in jacobians.force],
         [g.velocity for g in jacobians.force],
@@ -202,10 +201,11 @@ def lower_jacobians(
     state, parameters = _inputs(eq)
     entries = [x for rows in blocks for row in rows for x in row.values()]
     times = [g.time for g in (*jacobians.force, *jacobians.rhs, jacobians.power)]
-    sources = [integrated(eq.constraints[i]) for i in long]
-    sources += [b for i in long for b in eq.constraints[i].row.values()]
     tape = compile_tape(
-        [*entries, *times, *sources], [*state, *eq.a, *eq.multipliers], parameters, functions
+        [*entries, *times, *long.expressions],
+        [*state, *eq.a, *eq.multipliers],
+        parameters,
+        functions,
     )
     if long:
         tape = _with_gradients(eq, tape, blocks, long)
@@ -222,7 +222,7 @@ def lower_jacobians(
 
 
 def _with_gradients(
-    eq: Equations, tape: Tape, blocks: list[list[Mapping[int, Any]]], long: Sequence[int]
+    eq: Equations, tape: Tape, blocks: list[list[Mapping[int, Any]]], long: LongConstraints
 ) -> Tape:
     """Add the gradients of Γ of constraints with a long γ, which the tape has no entries of.
 
@@ -230,28 +230,21 @@ def _with_gradients(
     ----------
     eq : Equations
     tape : Tape
-        Of the entries, the derivatives with respect to t, φ or ψ of these constraints, and their
-        rows of B.
+        Of the entries, the derivatives with respect to t, and the expressions of these constraints.
     blocks : lists of rows by column
         Of the entries; rows of the gradients are added.
-    long : sequence of int
-        The constraints.
+    long : LongConstraints
     """
     from lagcli.engine.tape.differentiation import DirectionalBuilder
 
-    nq, constraints = len(eq.q), [eq.constraints[i] for i in long]
+    nq = len(eq.q)
     builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
     registers = iter(builder.extend(tape))
     places = [[{j: next(registers) for j in row} for row in rows] for rows in blocks]
     times = [next(registers) for _ in (*eq.q, *eq.constraints, eq.time_power)]
-    found = gradients(
-        builder,
-        nq,
-        [next(registers) for _ in constraints],
-        [c.position is not None for c in constraints],
-        [{j: next(registers) for j in c.row} for c in constraints],
-    )
-    for i, gradient in zip(long, found, strict=True):
+    defects = long.defects(builder, registers, 1 + nq, 1 + 2 * nq)
+    gradients = builder.gradients(defects, range(1 + 2 * nq))
+    for i, gradient in zip(long.numbers, gradients, strict=True):
         blocks[2][i] = places[2][i] = {x - 1: r for x, r in gradient.items() if 1 <= x <= nq}
         blocks[3][i] = places[3][i] = {x - 1 - nq: r for x, r in gradient.items() if x > nq}
         times[nq + i] = gradient.get(0, builder.zero)

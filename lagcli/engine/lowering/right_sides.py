@@ -7,7 +7,7 @@ motion, twice from φ or once from ψ, they have a few times as many, some of wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import symengine as se
@@ -18,7 +18,7 @@ from lagcli.model.expression.functions import kinks_of, parts_of
 
 if TYPE_CHECKING:
     from lagcli.engine.tape.differentiation import DirectionalBuilder
-    from lagcli.equations.derivation.lagrange import ConstraintEquation
+    from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 
 #: How many times the operations of φ or ψ a γ has at least that is not compiled as it is written.
 _LONGER = 5
@@ -59,55 +59,82 @@ def with_right_sides(tape: Tape, nq: int, sources: Mapping[int, bool]) -> Tape:
 
     builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
     outputs = builder.extend(tape)
-    found = _right_sides(builder, nq, [outputs[i] for i in sources], [*sources.values()])
+    motion = {1 + i: 1 + nq + i for i in range(nq)}
+    found = _right_sides(builder, motion, [outputs[i] for i in sources], [*sources.values()])
     for i, register in zip(sources, found, strict=True):
         outputs[i] = register
     return pruned(builder.finish(outputs))
 
 
-def gradients(
-    builder: DirectionalBuilder,
-    nq: int,
-    sources: Sequence[int],
-    positions: Sequence[bool],
-    rows: Sequence[Mapping[int, int]],
-) -> list[dict[int, int]]:
-    """Return the gradients of Γ = γ − B a of some constraints at fixed a.
+class LongConstraints:
+    """The constraints with a long γ: what a tape has of them, and their Γ = γ − B a.
 
     Parameters
     ----------
-    builder : DirectionalBuilder
-        Of a tape of (t, q, v, a, …).
-    nq : int
-    sources : sequence of int
-        The registers of φ or ψ.
-    positions : sequence of bool
-        Which of them are φ.
-    rows : sequence of mappings of int to int
-        The registers of the rows of B by coordinate.
-
-    Returns
-    -------
-    list of dicts of int to int
-        The registers of the nonzero derivatives with respect to t, q and v, by their registers.
+    equations : Equations
     """
-    defects = []
-    right = _right_sides(builder, nq, sources, positions)
-    for register, row in zip(right, rows, strict=True):
-        for j, b in row.items():
-            register = builder.minus(register, builder.times(b, 1 + 2 * nq + j))
-        defects.append(register)
-    return builder.gradients(defects, range(1 + 2 * nq))
+
+    def __init__(self, equations: Equations):
+        self.numbers = [i for i, c in enumerate(equations.constraints) if is_long(c)]
+        self._constraints = [equations.constraints[i] for i in self.numbers]
+        self._nq = len(equations.q)
+
+    def __bool__(self) -> bool:
+        return bool(self.numbers)
+
+    @property
+    def expressions(self) -> list[Basic]:
+        """What a tape has of them: φ or ψ of each, and their rows of B."""
+        rows = [b for c in self._constraints for b in c.row.values()]
+        return [*map(integrated, self._constraints), *rows]
+
+    def defects(
+        self,
+        builder: DirectionalBuilder,
+        registers: Iterator[int],
+        velocity: int,
+        acceleration: int,
+    ) -> list[int]:
+        """Append Γ.
+
+        Parameters
+        ----------
+        builder : DirectionalBuilder
+            Of a tape of (t, q, …).
+        registers : iterator of int
+            Those of the expressions.
+        velocity, acceleration : int
+            The registers of the first v and a.
+
+        Returns
+        -------
+        list of int
+            The registers of Γ.
+        """
+        sources = [next(registers) for _ in self._constraints]
+        positions = [c.position is not None for c in self._constraints]
+        motion = {1 + i: velocity + i for i in range(self._nq)}
+        defects = []
+        right = _right_sides(builder, motion, sources, positions)
+        for register, c in zip(right, self._constraints, strict=True):
+            for j in c.row:
+                product = builder.times(next(registers), acceleration + j)
+                register = builder.minus(register, product)
+            defects.append(register)
+        return defects
 
 
 def _right_sides(
-    builder: DirectionalBuilder, nq: int, sources: Sequence[int], positions: Sequence[bool]
+    builder: DirectionalBuilder,
+    motion: Mapping[int, int],
+    sources: Sequence[int],
+    positions: Sequence[bool],
 ) -> list[int]:
-    """Return the registers of −φ̈ and −ψ̇ without accelerations."""
-    motion = {0: builder.one} | {1 + i: 1 + nq + i for i in range(nq)}
+    """Return the registers of −φ̈ and −ψ̇ without accelerations; `motion` has those of v by q."""
+    along = {0: builder.one, **motion}
     of_positions = [x for x, is_position in zip(sources, positions, strict=True) if is_position]
-    rates = iter(builder.along(of_positions, motion))
+    rates = iter(builder.along(of_positions, along))
     velocities = [
         next(rates) if is_position else x for x, is_position in zip(sources, positions, strict=True)
     ]
-    return [builder.negative(x) for x in builder.along(velocities, motion)]
+    return [builder.negative(x) for x in builder.along(velocities, along)]

@@ -11,12 +11,15 @@ import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.lower import magnitude
+from lagcli.engine.lowering.right_sides import LongConstraints
+from lagcli.engine.tape.differentiation import DirectionalBuilder, pruned
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.jacobians import (
     Rates,
     derivatives_of,
     variational_equations,
+    variations_of,
 )
 from lagcli.equations.derivation.lagrange import Equations
 
@@ -63,26 +66,29 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
     """
     from lagcli.model.model import TIME
 
-    eq = equations
-    variational = variational_equations(eq, directions)
+    eq, long = equations, LongConstraints(equations)
+    variations = variations_of(eq, len(directions))
+    variational = variational_equations(eq, variations, directions, without=long.numbers)
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     functions = input_functions(eq.model)
-    state = [TIME, *eq.q, *chain(*variational.positions), *eq.v, *chain(*variational.rates)]
+    state = [TIME, *eq.q, *chain(*variations.positions), *eq.v, *chain(*variations.rates)]
     velocity = [
         se.Add(*[b * u[j] for j, b in c.row.items()], drift)
-        for u, drifts in zip(variational.rates, variational.drift, strict=True)
+        for u, drifts in zip(variations.rates, variational.drift, strict=True)
         for c, drift in zip(eq.constraints, drifts, strict=True)
     ]
     positions, drifts = [*chain(*variational.position)], [*chain(*variational.drift)]
     pairs = zip(variational.force, variational.rhs, strict=True)
+    changes = [x for rates in directions for x in rates.values()] if long else []
+    dynamics = compile_tape(
+        [*(x for force, rhs in pairs for x in (*force, *rhs)), *long.expressions, *changes],
+        [*state, *eq.a, *eq.multipliers],
+        parameters,
+        functions,
+    )
     return TangentTapes(
         directions=len(directions),
-        dynamics=compile_tape(
-            [x for force, rhs in pairs for x in (*force, *rhs)],
-            [*state, *eq.a, *eq.multipliers],
-            parameters,
-            functions,
-        ),
+        dynamics=_with_derivatives(eq, dynamics, directions, long) if long else dynamics,
         constraint=compile_tape(
             [*positions, *drifts, *map(magnitude, positions), *map(magnitude, velocity)],
             state,
@@ -90,6 +96,37 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
             functions,
         ),
     )
+
+
+def _with_derivatives(
+    eq: Equations, tape: Tape, directions: Sequence[Rates], long: LongConstraints
+) -> Tape:
+    """Return the tape of the right sides with those of constraints with a long γ.
+
+    Parameters
+    ----------
+    eq : Equations
+    tape : Tape
+        Of the right sides, the expressions of these constraints, and all ∂p/∂θ.
+    directions : sequence of mappings of str to expression
+    long : LongConstraints
+    """
+    nq, nc, n = len(eq.q), len(eq.constraints), len(directions)
+    builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
+    outputs = builder.extend(tape)
+    registers = iter(outputs[n * (nq + nc) :])
+    velocity = 1 + nq + n * nq
+    acceleration = velocity + nq + n * nq
+    defects = long.defects(builder, registers, velocity, acceleration)
+    place = {name: acceleration + nq + nc + i for i, name in enumerate(eq.model.parameters)}
+    for k, rates in enumerate(directions):
+        along = {place[name]: next(registers) for name in rates}
+        for i in range(nq):
+            along[1 + i] = 1 + nq + k * nq + i
+            along[velocity + i] = velocity + nq + k * nq + i
+        for i, register in zip(long.numbers, builder.along(defects, along), strict=True):
+            outputs[k * (nq + nc) + nq + i] = register
+    return pruned(builder.finish(outputs[: n * (nq + nc)]))
 
 
 def lower_observed(
@@ -115,12 +152,11 @@ def lower_observed(
     from lagcli.model.model import TIME
 
     eq = equations
-    variations = variational_equations(eq, directions)
+    variations = variations_of(eq, len(directions))
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     functions = input_functions(eq.model)
     motion = [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers]
-    parts = variations.positions, variations.rates, variations.accelerations
-    changes = [x for part in (*parts, variations.multipliers) for x in chain(*part)]
+    changes = [x for part in variations for x in chain(*part)]
     slopes = chain(*derivatives_of(expressions, eq, variations, directions))
     return (
         compile_tape(expressions, motion, parameters, functions),

@@ -20,6 +20,7 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations, Row
 from lagcli.equations.derivation.motion import ZERO, Motion
 from lagcli.model.model import TIME
+from lagcli.named_tuples import NamedTuple
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,9 @@ class ParameterJacobians:
     outputs: dict[str, Row]
 
 
-def differentiate_parameters(equations: Equations, parameters: Sequence[str]) -> ParameterJacobians:
+def differentiate_parameters(
+    equations: Equations, parameters: Sequence[str], without: Container[int] = ()
+) -> ParameterJacobians:
     """Differentiate the equations of motion with respect to parameters.
 
     Parameters
@@ -150,6 +153,8 @@ def differentiate_parameters(equations: Equations, parameters: Sequence[str]) ->
     parameters : sequence of str
         Names of the model's parameters. Parameters that depend on others count as independent: the
         caller applies the chain rule (`lagcli.simulations.directions`).
+    without : container of int, optional
+        Constraints whose Γ is not differentiated: its row is left empty.
 
     Returns
     -------
@@ -170,7 +175,7 @@ def differentiate_parameters(equations: Equations, parameters: Sequence[str]) ->
     return ParameterJacobians(
         parameters=tuple(parameters),
         force=tuple(rows(parts) for parts in force),
-        rhs=tuple(rows(parts) for parts in rhs),
+        rhs=tuple(rows([] if i in without else parts) for i, parts in enumerate(rhs)),
         position=tuple(rows([c.position]) for c in eq.constraints if c.position is not None),
         velocity=tuple(rows([c.velocity]) for c in eq.constraints),
         outputs={name: rows([x]) for name, x in eq.outputs.items()},
@@ -178,6 +183,37 @@ def differentiate_parameters(equations: Equations, parameters: Sequence[str]) ->
 
 
 Rates = Mapping[str, Basic]  # ∂p/∂θ by parameter, in symbols of parameters
+
+
+class Variations(NamedTuple):
+    """The symbols of the derivatives of the motion, for each direction.
+
+    Parameters
+    ----------
+    positions, rates, accelerations : tuples of nq symbols, by direction
+        s, ṡ and s̈.
+    multipliers : tuples of nc symbols, by direction
+        λ_θ.
+    """
+
+    positions: tuple[tuple[Basic, ...], ...]
+    rates: tuple[tuple[Basic, ...], ...]
+    accelerations: tuple[tuple[Basic, ...], ...]
+    multipliers: tuple[tuple[Basic, ...], ...]
+
+
+def variations_of(equations: Equations, directions: int) -> Variations:
+    """Return the symbols of the derivatives in so many directions."""
+    eq = equations
+    return Variations(
+        *(
+            tuple(
+                tuple(se.Symbol(f"d{x.name}/d{number}") for x in symbols)
+                for number in range(directions)
+            )
+            for symbols in (eq.q, eq.v, eq.a, eq.multipliers)
+        )
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,10 +224,6 @@ class VariationalEquations:
 
     Parameters
     ----------
-    positions, rates : tuples of nq symbols, by direction
-        s and ṡ.
-    accelerations, multipliers : tuples of nq and nc symbols, by direction
-        s̈ and λ_θ.
     force : tuples of nq expressions, by direction
         G_q s + G_v ṡ + G_θ.
     rhs : tuples of nc expressions, by direction
@@ -202,10 +234,6 @@ class VariationalEquations:
         ψ_q s + ψ_θ.
     """
 
-    positions: tuple[tuple[Basic, ...], ...]
-    rates: tuple[tuple[Basic, ...], ...]
-    accelerations: tuple[tuple[Basic, ...], ...]
-    multipliers: tuple[tuple[Basic, ...], ...]
     force: tuple[tuple[Basic, ...], ...]
     rhs: tuple[tuple[Basic, ...], ...]
     position: tuple[tuple[Basic, ...], ...]
@@ -213,15 +241,22 @@ class VariationalEquations:
 
 
 def variational_equations(
-    equations: Equations, directions: Sequence[Rates]
+    equations: Equations,
+    variations: Variations,
+    directions: Sequence[Rates],
+    without: Container[int] = (),
 ) -> VariationalEquations:
     """Derive the variational equations.
 
     Parameters
     ----------
     equations : Equations
+    variations : Variations
+        The symbols in all directions.
     directions : sequence of mappings of str to expression
         ∂p/∂θ of the parameters that each direction changes.
+    without : container of int, optional
+        Constraints whose Γ is not differentiated: 0 stands in its place.
 
     Returns
     -------
@@ -229,19 +264,14 @@ def variational_equations(
     """
     eq, motion = equations, Motion.of(equations.model)
     changed = [p for p in eq.model.parameters if any(p in rates for rates in directions)]
-    partial = differentiate_parameters(eq, changed)
-    jacobians = differentiate(eq)
+    partial = differentiate_parameters(eq, changed, without)
+    jacobians = differentiate(eq, without)
     velocity = [motion.slopes(c.velocity).by_position for c in eq.constraints]
     holonomic = [c for c in eq.constraints if c.position is not None]
     blocks: dict[str, list[tuple[Basic, ...]]] = {
         name: [] for name in VariationalEquations.__dataclass_fields__
     }
-    for number, rates in enumerate(directions):
-        s, u, a = (
-            tuple(se.Symbol(f"d{x.name}/d{number}") for x in symbols)
-            for symbols in (eq.q, eq.v, eq.a)
-        )
-        multipliers = tuple(se.Symbol(f"d{x.name}/d{number}") for x in eq.multipliers)
+    for s, u, rates in zip(variations.positions, variations.rates, directions, strict=True):
         weights = {i: rates[name] for i, name in enumerate(changed) if name in rates}
 
         def along(
@@ -255,10 +285,6 @@ def variational_equations(
             terms += [x * u[j] for j, x in gradient.velocity.items()]
             return se.Add(*terms, *_explicit(explicit, weights))
 
-        blocks["positions"].append(s)
-        blocks["rates"].append(u)
-        blocks["accelerations"].append(a)
-        blocks["multipliers"].append(multipliers)
         blocks["force"].append(tuple(map(along, jacobians.force, partial.force)))
         blocks["rhs"].append(tuple(map(along, jacobians.rhs, partial.rhs)))
         blocks["position"].append(
@@ -279,7 +305,7 @@ def variational_equations(
 def derivatives_of(
     expressions: Sequence[Basic],
     equations: Equations,
-    variations: VariationalEquations,
+    variations: Variations,
     directions: Sequence[Rates],
 ) -> tuple[tuple[Basic, ...], ...]:
     """Return the derivatives of expressions along the motion, by direction.
@@ -289,7 +315,7 @@ def derivatives_of(
     expressions : sequence of expressions
         In t, q, v, a, λ and parameters.
     equations, variations, directions
-        Of one model; see `variational_equations`.
+        Of one model; see `variations_of` and `variational_equations`.
 
     Returns
     -------
@@ -299,14 +325,7 @@ def derivatives_of(
     eq, motion = equations, Motion.of(equations.model)
     symbols = (*eq.q, *eq.v, *eq.a, *eq.multipliers)
     slopes = []
-    for rates, *changes in zip(
-        directions,
-        variations.positions,
-        variations.rates,
-        variations.accelerations,
-        variations.multipliers,
-        strict=True,
-    ):
+    for rates, *changes in zip(directions, *variations, strict=True):
         weights = dict(zip(symbols, (x for part in changes for x in part), strict=True))
         weights |= {se.Symbol(name): rate for name, rate in rates.items()}
         slopes.append(

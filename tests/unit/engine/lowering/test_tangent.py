@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import symengine as se
+from shipped import PATHS
 
 import lagcli
+from lagcli.engine.lowering import right_sides
 from lagcli.engine.lowering.tangent import lower_observed, lower_tangent
 from lagcli.engine.tape.interpreter import ScalarTape
 
@@ -28,7 +31,11 @@ WHOLE = (*STATE[:3], *CHANGES[:4], *STATE[3:], *CHANGES[4:])  # t, q, s, v, ṡ
 P = (2.0, 3.0, 9.81)
 
 
-def test_the_right_sides_are_the_derivatives_along_each_direction() -> None:
+@pytest.mark.parametrize("longer", [0.0, 1e9])
+def test_the_right_sides_are_the_derivatives_along_each_direction(
+    longer: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(right_sides, "_LONGER", longer)  # by differentiation, and as written
     tapes = lower_tangent(ROD, DIRECTIONS)
     found = ScalarTape(tapes.dynamics)((*WHOLE, *MOTION, *P))
     expected = []
@@ -38,6 +45,30 @@ def test_the_right_sides_are_the_derivatives_along_each_direction() -> None:
         # Γ = −2 (x'² + y'²) − 2 (x x'' + y y'')
         expected.append(-4 * (0.3 * u[0] + 0.4 * u[1]) - 2 * (s[0] * 1.0 + s[1] * 2.0))
     np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "name", ["andrews_squeezer", "bead_on_rotating_hoop", "car_axis", "four_bar", "heavy_top"]
+)
+def test_models_have_the_derivatives_that_are_written(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    equations = lagcli.derive(lagcli.load(PATHS[name]))
+    names = list(equations.model.parameters)
+    symbols = [se.Symbol(x) for x in names]
+    directions = [{names[0]: se.Integer(1)}, {names[-1]: symbols[0] ** 2, names[1]: symbols[1]}, {}]
+    values = list(equations.model.parameter_values.values())
+    draw = np.random.default_rng(3)
+    tapes = []
+    for longer in (0.0, 1e9):
+        monkeypatch.setattr(right_sides, "_LONGER", longer)
+        tapes.append(ScalarTape(lower_tangent(equations, directions).dynamics))
+    nq, nc = len(equations.q), len(equations.constraints)
+    for _ in range(20):
+        inputs = [*draw.uniform(-1, 1, 1 + 2 * nq * 4 + nq + nc), *values]
+        found, written = (tape(inputs) for tape in tapes)
+        size = np.abs(written).max()
+        np.testing.assert_allclose(found, written, rtol=1e-10, atol=1e-12 * size)
 
 
 def test_constraints_are_linearized_with_their_scales() -> None:
