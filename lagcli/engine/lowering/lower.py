@@ -10,17 +10,18 @@ import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.right_sides import (
-    LongConstraints,
-    integrated,
-    is_long,
-    with_right_sides,
+    defects,
+    long_constraints,
+    right_sides,
+    rows_of,
+    sources_of,
 )
 from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.inputs import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.tape import Tape
 
 if TYPE_CHECKING:
-    from lagcli.equations.derivation.lagrange import Equations
+    from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 
 
 def lower(equations: Equations) -> System:
@@ -110,15 +111,24 @@ def _dynamics(
     from lagcli.equations.derivation.column_expressions import power_free
 
     eq, power = equations, power_free(equations) + equations.time_power
-    before = [*mass, *eq.forcing, *jacobian]
-    right, sources = [], {}
-    for place, c in enumerate(eq.constraints, len(before)):
-        long = is_long(c)
-        right.append(integrated(c) if long else c.rhs)
-        if long:
-            sources[place] = c.position is not None
-    tape = compile_tape([*before, *right, power], *_inputs(eq), functions)
-    return with_right_sides(tape, len(eq.q), sources) if sources else tape
+    long, before = long_constraints(eq), [*mass, *eq.forcing, *jacobian]
+    right = [se.Integer(0) if i in long else c.rhs for i, c in enumerate(eq.constraints)]
+    given = [*before, *right, power]
+    tape = compile_tape([*given, *sources_of(long)], *_inputs(eq), functions)
+    if not long:
+        return tape
+    from lagcli.engine.tape.differentiation import DerivativeBuilder, pruned
+
+    builder, outputs = DerivativeBuilder.of(tape)
+    found = right_sides(builder, long, iter(outputs[len(given) :]), _motion(len(eq.q)))
+    for i, register in zip(long, found, strict=True):
+        outputs[len(before) + i] = register
+    return pruned(builder.finish(outputs[: len(given)]))
+
+
+def _motion(nq: int) -> dict[int, int]:
+    """Return the registers of v by those of q, in tapes of (t, q, v, …)."""
+    return {1 + i: 1 + nq + i for i in range(nq)}
 
 
 def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:
@@ -135,8 +145,6 @@ def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIO
     System
         See `System.recursive`; it has no tapes besides the dynamics.
     """
-    from lagcli.model.model import TIME
-
     eq, recursive = equations, equations.recursive
     assert recursive is not None
     nq, velocities = len(eq.q), recursive.velocities
@@ -161,8 +169,7 @@ def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIO
         jacobian_pattern=tuple(jacobian),
         dynamics=compile_tape(
             [*mass.values(), *recursive.forcing, *zeros, *jacobian.values(), *rates, *zeros[:1]],
-            [TIME, *eq.q, *eq.v],
-            [se.Symbol(name) for name in eq.model.parameters],
+            *_inputs(eq),
             functions,
         ),
         constraint=nothing,
@@ -188,8 +195,8 @@ def lower_jacobians(
     """
     from lagcli.equations.derivation.jacobians import differentiate
 
-    eq, long = equations, LongConstraints(equations)
-    jacobians = differentiate(eq, without=long.numbers)
+    eq, long = equations, long_constraints(equations)
+    jacobians = differentiate(eq, without=long)
     blocks: list[list[Mapping[int, Any]]] = [
         [g.position for g in jacobians.force],
         [g.velocity for g in jacobians.force],
@@ -199,10 +206,10 @@ def lower_jacobians(
         [jacobians.power.velocity],
     ]
     state, parameters = _inputs(eq)
-    entries = [x for rows in blocks for row in rows for x in row.values()]
+    entries = [x for block in blocks for row in block for x in row.values()]
     times = [g.time for g in (*jacobians.force, *jacobians.rhs, jacobians.power)]
     tape = compile_tape(
-        [*entries, *times, *long.expressions],
+        [*entries, *times, *sources_of(long), *rows_of(long)],
         [*state, *eq.a, *eq.multipliers],
         parameters,
         functions,
@@ -222,7 +229,10 @@ def lower_jacobians(
 
 
 def _with_gradients(
-    eq: Equations, tape: Tape, blocks: list[list[Mapping[int, Any]]], long: LongConstraints
+    eq: Equations,
+    tape: Tape,
+    blocks: list[list[Mapping[int, Any]]],
+    long: Mapping[int, ConstraintEquation],
 ) -> Tape:
     """Add the gradients of Γ of constraints with a long γ, which the tape has no entries of.
 
@@ -230,25 +240,26 @@ def _with_gradients(
     ----------
     eq : Equations
     tape : Tape
-        Of the entries, the derivatives with respect to t, and the expressions of these constraints.
+        Of the entries, the derivatives with respect to t, and the `sources_of` and `rows_of` of these
+        constraints.
     blocks : lists of rows by column
         Of the entries; rows of the gradients are added.
-    long : LongConstraints
+    long : mapping of int to ConstraintEquation
     """
-    from lagcli.engine.tape.differentiation import DirectionalBuilder
+    from lagcli.engine.tape.differentiation import DerivativeBuilder
 
     nq = len(eq.q)
-    builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
-    registers = iter(builder.extend(tape))
-    places = [[{j: next(registers) for j in row} for row in rows] for rows in blocks]
+    builder, outputs = DerivativeBuilder.of(tape)
+    registers = iter(outputs)
+    places = [[{j: next(registers) for j in row} for row in block] for block in blocks]
     times = [next(registers) for _ in (*eq.q, *eq.constraints, eq.time_power)]
-    defects = long.defects(builder, registers, 1 + nq, 1 + 2 * nq)
-    gradients = builder.gradients(defects, range(1 + 2 * nq))
-    for i, gradient in zip(long.numbers, gradients, strict=True):
+    found = defects(builder, long, registers, _motion(nq), 1 + 2 * nq)
+    gradients = builder.gradients(found, range(1 + 2 * nq))
+    for i, gradient in zip(long, gradients, strict=True):
         blocks[2][i] = places[2][i] = {x - 1: r for x, r in gradient.items() if 1 <= x <= nq}
         blocks[3][i] = places[3][i] = {x - 1 - nq: r for x, r in gradient.items() if x > nq}
         times[nq + i] = gradient.get(0, builder.zero)
-    every = [x for rows in places for row in rows for x in row.values()]
+    every = [x for block in places for row in block for x in row.values()]
     return builder.finish([*every, *times])
 
 
@@ -275,7 +286,6 @@ def lower_parameter_jacobians(
         The model has no such parameter.
     """
     from lagcli.equations.derivation.jacobians import differentiate_parameters
-    from lagcli.model.model import TIME
 
     eq, derivatives = equations, differentiate_parameters(equations, names)
     blocks = [
@@ -286,10 +296,11 @@ def lower_parameter_jacobians(
         [*derivatives.outputs.values()],
     ]
     force, rhs, position, velocity, outputs = map(_pattern, blocks)
+    state, parameters = _inputs(eq)
     tape = compile_tape(
-        [x for rows in blocks for row in rows for x in row.values()],
-        [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
-        [se.Symbol(name) for name in eq.model.parameters],
+        [x for block in blocks for row in block for x in row.values()],
+        [*state, *eq.a, *eq.multipliers],
+        parameters,
         functions,
     )
     return ParameterTapes(derivatives.parameters, force, rhs, position, velocity, outputs, tape)

@@ -7,134 +7,109 @@ motion, twice from φ or once from ψ, they have a few times as many, some of wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.functions import kinks_of, parts_of
 
 if TYPE_CHECKING:
-    from lagcli.engine.tape.differentiation import DirectionalBuilder
+    from lagcli.engine.tape.differentiation import DerivativeBuilder
     from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 
 #: How many times the operations of φ or ψ a γ has at least that is not compiled as it is written.
 _LONGER = 5
 
 
-def is_long(constraint: ConstraintEquation) -> bool:
-    """Return whether γ is found by differentiating the tape.
+def long_constraints(equations: Equations) -> dict[int, ConstraintEquation]:
+    """Return the constraints with a long γ, by their numbers.
 
-    Not where jumps and kinks are, whose derivatives are those of branches.
+    Not those with jumps and kinks, whose derivatives are those of branches.
     """
-    source = integrated(constraint)
+    return {i: c for i, c in enumerate(equations.constraints) if _is_long(c)}
+
+
+def _is_long(constraint: ConstraintEquation) -> bool:
+    source = _source(constraint)
     if se.count_ops(constraint.rhs) <= _LONGER * se.count_ops(source):
         return False
     return not kinks_of(source) and not parts_of(source, se.Abs)
 
 
-def integrated(constraint: ConstraintEquation) -> Basic:
+def _source(constraint: ConstraintEquation) -> Basic:
     """Return φ of a holonomic constraint, ψ of another one."""
     return constraint.velocity if constraint.position is None else constraint.position
 
 
-def with_right_sides(tape: Tape, nq: int, sources: Mapping[int, bool]) -> Tape:
-    """Return a tape with γ in place of φ and ψ.
+def sources_of(constraints: Mapping[int, ConstraintEquation]) -> list[Basic]:
+    """Return φ of holonomic constraints, ψ of others."""
+    return [_source(c) for c in constraints.values()]
+
+
+def rows_of(constraints: Mapping[int, ConstraintEquation]) -> list[Basic]:
+    """Return the entries of B, by rows."""
+    return [b for c in constraints.values() for b in c.row.values()]
+
+
+def right_sides(
+    builder: DerivativeBuilder,
+    constraints: Mapping[int, ConstraintEquation],
+    registers: Iterator[int],
+    motion: Mapping[int, int],
+) -> list[int]:
+    """Append γ of constraints.
 
     Parameters
     ----------
-    tape : Tape
-        (t, q, v, parameters) → φ, ψ and other outputs.
-    nq : int
-    sources : mapping of int to bool
-        The outputs that are replaced, and whether each is φ; otherwise it is ψ.
+    builder : DerivativeBuilder
+        Of a tape of (t, …).
+    constraints : mapping of int to ConstraintEquation
+    registers : iterator of int
+        Those of `sources_of`.
+    motion : mapping of int to int
+        The registers of v, by those of q.
 
     Returns
     -------
-    Tape
+    list of int
+        The registers of −φ̈ and −ψ̇ without accelerations.
     """
-    from lagcli.engine.tape.differentiation import DirectionalBuilder, pruned
-
-    builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
-    outputs = builder.extend(tape)
-    motion = {1 + i: 1 + nq + i for i in range(nq)}
-    found = _right_sides(builder, motion, [outputs[i] for i in sources], [*sources.values()])
-    for i, register in zip(sources, found, strict=True):
-        outputs[i] = register
-    return pruned(builder.finish(outputs))
+    along = {0: builder.one, **motion}
+    given = [next(registers) for _ in constraints]
+    positions = [c.position is not None for c in constraints.values()]
+    rates = iter(builder.along([x for x, of in zip(given, positions, strict=True) if of], along))
+    velocities = [next(rates) if of else x for x, of in zip(given, positions, strict=True)]
+    return [builder.negative(x) for x in builder.along(velocities, along)]
 
 
-class LongConstraints:
-    """The constraints with a long γ: what a tape has of them, and their Γ = γ − B a.
+def defects(
+    builder: DerivativeBuilder,
+    constraints: Mapping[int, ConstraintEquation],
+    registers: Iterator[int],
+    motion: Mapping[int, int],
+    acceleration: int,
+) -> list[int]:
+    """Append Γ = γ − B a of constraints.
 
     Parameters
     ----------
-    equations : Equations
+    builder, constraints, motion
+        As for `right_sides`.
+    registers : iterator of int
+        Those of `sources_of` and `rows_of`.
+    acceleration : int
+        The register of the first a.
+
+    Returns
+    -------
+    list of int
+        The registers of Γ.
     """
-
-    def __init__(self, equations: Equations):
-        self.numbers = [i for i, c in enumerate(equations.constraints) if is_long(c)]
-        self._constraints = [equations.constraints[i] for i in self.numbers]
-        self._nq = len(equations.q)
-
-    def __bool__(self) -> bool:
-        return bool(self.numbers)
-
-    @property
-    def expressions(self) -> list[Basic]:
-        """What a tape has of them: φ or ψ of each, and their rows of B."""
-        rows = [b for c in self._constraints for b in c.row.values()]
-        return [*map(integrated, self._constraints), *rows]
-
-    def defects(
-        self,
-        builder: DirectionalBuilder,
-        registers: Iterator[int],
-        velocity: int,
-        acceleration: int,
-    ) -> list[int]:
-        """Append Γ.
-
-        Parameters
-        ----------
-        builder : DirectionalBuilder
-            Of a tape of (t, q, …).
-        registers : iterator of int
-            Those of the expressions.
-        velocity, acceleration : int
-            The registers of the first v and a.
-
-        Returns
-        -------
-        list of int
-            The registers of Γ.
-        """
-        sources = [next(registers) for _ in self._constraints]
-        positions = [c.position is not None for c in self._constraints]
-        motion = {1 + i: velocity + i for i in range(self._nq)}
-        defects = []
-        right = _right_sides(builder, motion, sources, positions)
-        for register, c in zip(right, self._constraints, strict=True):
-            for j in c.row:
-                product = builder.times(next(registers), acceleration + j)
-                register = builder.minus(register, product)
-            defects.append(register)
-        return defects
-
-
-def _right_sides(
-    builder: DirectionalBuilder,
-    motion: Mapping[int, int],
-    sources: Sequence[int],
-    positions: Sequence[bool],
-) -> list[int]:
-    """Return the registers of −φ̈ and −ψ̇ without accelerations; `motion` has those of v by q."""
-    along = {0: builder.one, **motion}
-    of_positions = [x for x, is_position in zip(sources, positions, strict=True) if is_position]
-    rates = iter(builder.along(of_positions, along))
-    velocities = [
-        next(rates) if is_position else x for x, is_position in zip(sources, positions, strict=True)
-    ]
-    return [builder.negative(x) for x in builder.along(velocities, along)]
+    found = right_sides(builder, constraints, registers, motion)
+    for k, c in enumerate(constraints.values()):
+        for j in c.row:
+            product = builder.times(next(registers), acceleration + j)
+            found[k] = builder.minus(found[k], product)
+    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -11,8 +11,8 @@ import symengine as se
 
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.lower import magnitude
-from lagcli.engine.lowering.right_sides import LongConstraints
-from lagcli.engine.tape.differentiation import DirectionalBuilder, pruned
+from lagcli.engine.lowering.right_sides import defects, long_constraints, rows_of, sources_of
+from lagcli.engine.tape.differentiation import DerivativeBuilder, pruned
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.jacobians import (
@@ -21,7 +21,7 @@ from lagcli.equations.derivation.jacobians import (
     variational_equations,
     variations_of,
 )
-from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +66,9 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
     """
     from lagcli.model.model import TIME
 
-    eq, long = equations, LongConstraints(equations)
+    eq, long = equations, long_constraints(equations)
     variations = variations_of(eq, len(directions))
-    variational = variational_equations(eq, variations, directions, without=long.numbers)
+    variational = variational_equations(eq, variations, directions, without=long)
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     functions = input_functions(eq.model)
     state = [TIME, *eq.q, *chain(*variations.positions), *eq.v, *chain(*variations.rates)]
@@ -81,7 +81,12 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
     pairs = zip(variational.force, variational.rhs, strict=True)
     changes = [x for rates in directions for x in rates.values()] if long else []
     dynamics = compile_tape(
-        [*(x for force, rhs in pairs for x in (*force, *rhs)), *long.expressions, *changes],
+        [
+            *(x for force, rhs in pairs for x in (*force, *rhs)),
+            *sources_of(long),
+            *rows_of(long),
+            *changes,
+        ],
         [*state, *eq.a, *eq.multipliers],
         parameters,
         functions,
@@ -99,7 +104,10 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
 
 
 def _with_derivatives(
-    eq: Equations, tape: Tape, directions: Sequence[Rates], long: LongConstraints
+    eq: Equations,
+    tape: Tape,
+    directions: Sequence[Rates],
+    long: Mapping[int, ConstraintEquation],
 ) -> Tape:
     """Return the tape of the right sides with those of constraints with a long γ.
 
@@ -107,26 +115,27 @@ def _with_derivatives(
     ----------
     eq : Equations
     tape : Tape
-        Of the right sides, the expressions of these constraints, and all ∂p/∂θ.
+        Of the right sides, the `sources_of` and `rows_of` of these constraints, and all ∂p/∂θ.
     directions : sequence of mappings of str to expression
-    long : LongConstraints
+    long : mapping of int to ConstraintEquation
     """
     nq, nc, n = len(eq.q), len(eq.constraints), len(directions)
-    builder = DirectionalBuilder(tape.inputs, tape.parameters, 0, tape.functions)
-    outputs = builder.extend(tape)
-    registers = iter(outputs[n * (nq + nc) :])
+    builder, outputs = DerivativeBuilder.of(tape)
+    right = n * (nq + nc)
+    registers = iter(outputs[right:])
     velocity = 1 + nq + n * nq
     acceleration = velocity + nq + n * nq
-    defects = long.defects(builder, registers, velocity, acceleration)
+    motion = {1 + i: velocity + i for i in range(nq)}
+    found = defects(builder, long, registers, motion, acceleration)
     place = {name: acceleration + nq + nc + i for i, name in enumerate(eq.model.parameters)}
     for k, rates in enumerate(directions):
         along = {place[name]: next(registers) for name in rates}
         for i in range(nq):
             along[1 + i] = 1 + nq + k * nq + i
             along[velocity + i] = velocity + nq + k * nq + i
-        for i, register in zip(long.numbers, builder.along(defects, along), strict=True):
+        for i, register in zip(long, builder.along(found, along), strict=True):
             outputs[k * (nq + nc) + nq + i] = register
-    return pruned(builder.finish(outputs[: n * (nq + nc)]))
+    return pruned(builder.finish(outputs[:right]))
 
 
 def lower_observed(

@@ -151,9 +151,7 @@ def directional(tape: Tape) -> Tape:
     """
     assert not tape.rhs_inputs
     given = tape.inputs - tape.functions.size
-    new = DirectionalBuilder(
-        2 * given + tape.functions.size, tape.functions.size, 0, tape.functions
-    )
+    new = DerivativeBuilder(2 * given + tape.functions.size, tape.functions.size, 0, tape.functions)
     outputs = new.splice(tape, [*range(given), *range(2 * given, new.inputs)])
     return pruned(new.finish(new.along(outputs, {i: given + i for i in range(given)})))
 
@@ -164,8 +162,14 @@ def pruned(tape: Tape) -> Tape:
     return builder.finish(builder.splice(tape, range(tape.inputs)))
 
 
-class DirectionalBuilder(Arithmetic):
-    """A builder that appends the derivatives of its registers along a direction."""
+class DerivativeBuilder(Arithmetic):
+    """A builder that appends derivatives of its registers."""
+
+    @classmethod
+    def of(cls, tape: Tape) -> tuple[DerivativeBuilder, list[int]]:
+        """Return a builder with the operations of a tape, and the registers of its outputs."""
+        builder = cls(tape.inputs, tape.parameters, 0, tape.functions)
+        return builder, builder.extend(tape)
 
     def along(self, registers: Sequence[int], inputs: Mapping[int, int]) -> list[int]:
         """Return the registers of derivatives along a direction.
