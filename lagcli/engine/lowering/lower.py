@@ -240,7 +240,7 @@ def _with_gradients(
     ----------
     eq : Equations
     tape : Tape
-        Of the entries, the derivatives with respect to t, and the `sources_of` and `rows_of` of these
+        Of the entries, the derivatives with respect to t, `sources_of` and `rows_of` these
         constraints.
     blocks : lists of rows by column
         Of the entries; rows of the gradients are added.

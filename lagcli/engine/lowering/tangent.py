@@ -115,7 +115,7 @@ def _with_derivatives(
     ----------
     eq : Equations
     tape : Tape
-        Of the right sides, the `sources_of` and `rows_of` of these constraints, and all ∂p/∂θ.
+        Of the right sides, `sources_of` and `rows_of` these constraints, and all ∂p/∂θ.
     directions : sequence of mappings of str to expression
     long : mapping of int to ConstraintEquation
     """
