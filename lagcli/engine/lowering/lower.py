@@ -117,13 +117,13 @@ def _dynamics(
     tape = compile_tape([*given, *sources_of(long)], *_inputs(eq), functions)
     if not long:
         return tape
-    from lagcli.engine.tape.differentiation import DerivativeBuilder, pruned
+    from lagcli.engine.tape.differentiation import DerivativeBuilder
 
     builder, outputs = DerivativeBuilder.of(tape)
     found = right_sides(builder, long, iter(outputs[len(given) :]), _motion(len(eq.q)))
     for i, register in zip(long, found, strict=True):
         outputs[len(before) + i] = register
-    return pruned(builder.finish(outputs[: len(given)]))
+    return builder.finish(outputs).selected(range(len(given)))
 
 
 def _motion(nq: int) -> dict[int, int]:

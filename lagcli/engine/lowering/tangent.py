@@ -12,7 +12,7 @@ import symengine as se
 from lagcli.engine.lowering.compiler import compile_tape, input_functions
 from lagcli.engine.lowering.lower import magnitude
 from lagcli.engine.lowering.right_sides import defects, long_constraints, rows_of, sources_of
-from lagcli.engine.tape.differentiation import DerivativeBuilder, pruned
+from lagcli.engine.tape.differentiation import DerivativeBuilder
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.jacobians import (
@@ -135,7 +135,7 @@ def _with_derivatives(
             along[velocity + i] = velocity + nq + k * nq + i
         for i, register in zip(long, builder.along(found, along), strict=True):
             outputs[k * (nq + nc) + nq + i] = register
-    return pruned(builder.finish(outputs[:right]))
+    return builder.finish(outputs).selected(range(right))
 
 
 def lower_observed(

@@ -153,13 +153,9 @@ def directional(tape: Tape) -> Tape:
     given = tape.inputs - tape.functions.size
     new = DerivativeBuilder(2 * given + tape.functions.size, tape.functions.size, 0, tape.functions)
     outputs = new.splice(tape, [*range(given), *range(2 * given, new.inputs)])
-    return pruned(new.finish(new.along(outputs, {i: given + i for i in range(given)})))
-
-
-def pruned(tape: Tape) -> Tape:
-    """Return a tape with only the operations that its outputs need."""
-    builder = Builder(tape.inputs, tape.parameters, 0, tape.functions)
-    return builder.finish(builder.splice(tape, range(tape.inputs)))
+    whole = new.finish(new.along(outputs, {i: given + i for i in range(given)}))
+    pruned = Builder(whole.inputs, whole.parameters, 0, whole.functions)
+    return pruned.finish(pruned.splice(whole, range(whole.inputs)))
 
 
 class DerivativeBuilder(Arithmetic):
