@@ -36,7 +36,7 @@ _UPDATE_UNROLLED, _UNROLLED = 0.75, 2
 #: Unrolling it and making the program: each operation of the dynamics, entry of L and update.
 _TO_UNROLL, _TO_UNROLL_ENTRY, _TO_UNROLL_UPDATE = 2.5e3, 50e3, 3e3
 #: The recursive form, for each coordinate: an evaluation, and making its program.
-_RECURSIVE, _FOR_RECURSIVE = 60.0, 2.8e6
+_RECURSIVE, _FOR_RECURSIVE = 60.0, 0.7e6
 #: One order of the series: each product of series, number of the state. Sums cost little beside.
 _PRODUCT, _NUMBER = 3.0, 9.0
 #: Part of that which the series of families take, which are computed side by side: from an average
