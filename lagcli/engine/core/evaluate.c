@@ -5,11 +5,6 @@
 
 #include "methods/implicit_data.h"
 
-int lag_size(const lag_system *s)
-{
-    return 2 * s->nq + 1 + s->carried;
-}
-
 /* Whether n numbers are bitwise equal. */
 static int same(int n, const double *x, const double *y)
 {

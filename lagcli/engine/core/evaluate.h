@@ -5,7 +5,10 @@
 #include "run.h"
 
 /* Size of the state y = (q, v, W). */
-int lag_size(const lag_system *system);
+static inline int lag_size(const lag_system *system)
+{
+    return 2 * system->nq + 1 + system->carried;
+}
 
 /* n numbers, and those up to a multiple of four: states and stages have room for them, which are zeros, so that sums
  * need not treat the last numbers apart. */

@@ -13,11 +13,6 @@ static int order_of(const lag_run *run)
     return run->system.nq + 2 * run->system.nc - run->rows.rank;
 }
 
-enum lag_solution lag_solving_by(const lag_run *run)
-{
-    return run->solver.dense_steps ? LAG_BY_LU : run->solver.by;
-}
-
 int lag_left_out(const lag_run *run)
 {
     return run->rows.left_out && lag_solving_by(run) != LAG_BY_LU ? run->system.nc - run->rows.rank : 0;

@@ -5,7 +5,10 @@
 #include "evaluate.h"
 
 /* How a and lambda are computed now: as run->solver.by says, or densely (0). */
-enum lag_solution lag_solving_by(const lag_run *run);
+static inline enum lag_solution lag_solving_by(const lag_run *run)
+{
+    return run->solver.dense_steps ? LAG_BY_LU : run->solver.by;
+}
 
 /* The number of rows of B that the solution in use leaves out, since they follow from the others: rows.left_out. */
 int lag_left_out(const lag_run *run);

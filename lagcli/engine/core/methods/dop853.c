@@ -56,10 +56,10 @@ static void add_stages(const lag_run *run, int n, const double *base, const dop_
 /* The sum of the squares of an error estimate over the tolerances. */
 static double error_by(lag_run *run, const dop_sum *sum)
 {
-    const int n = lag_size(&run->system);
+    const int n = lag_size(&run->system), whole = lag_whole_vectors(n);
     double *error = run->step.work;
-    memset(error, 0, (size_t)n * sizeof(double));
-    add_stages(run, n, error, sum, 1.0, error);
+    memset(error, 0, (size_t)whole * sizeof(double));
+    add_stages(run, whole, error, sum, 1.0, error);
     return run->system.vectors->scaled_square(n, error, run->step.y, run->step.y_new,
                                         run->tolerances.atol, run->settings.rtol);
 }

@@ -73,9 +73,10 @@ static double pick(int n, const double *x, const int32_t *places, double *y)
         *(four *)(y + i) = part;
         sum += part;
     }
+    double rest = 0.0;
     for (; i < n; ++i)
-        sum[0] += y[i] = x[places[i]];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+        rest += y[i] = x[places[i]];
+    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + rest;
 }
 
 INLINE four choose(mask_of_four m, four a, four b)
@@ -128,7 +129,7 @@ static double scaled_square(int n, const double *x, const double *y, const doubl
         sum += e * e;
     }
     for (; i < n; ++i) {
-        const double e = x[i] / (atol[i] + rtol * fmax(fabs(y[i]), fabs(z[i])));
+        const double a = fabs(y[i]), b = fabs(z[i]), e = x[i] / (atol[i] + rtol * (a > b ? a : b));
         sum[0] += e * e;
     }
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
