@@ -73,17 +73,21 @@ class Prices:
     @cached_property
     def evaluation(self) -> float:
         """An evaluation of y′."""
-        elimination, words = self.prepared.elimination, len(self.prepared.dynamics.main)
+        elimination, unknowns = self.prepared.elimination, self.system.counts.unknowns
         if self.prepared.unrolled:
-            return _WORD * words
-        unknowns = self.system.counts.unknowns
+            return self._program
         if elimination is None:
             solving = unknowns * (_UNKNOWN_DENSE + _PRODUCT_DENSE * unknowns**2 / 3)
         else:
             update = _UPDATE if may_unroll(elimination) else _UPDATE_TOGETHER
             solving = _UNKNOWN * unknowns + _ENTRY * _entries(elimination)
             solving += update * elimination.updates
-        return _WORD * words + solving
+        return self._program + solving
+
+    @property
+    def _program(self) -> float:
+        """The program of the dynamics, in an evaluation."""
+        return _WORD * len(self.prepared.dynamics.main)
 
     @cached_property
     def explicit(self) -> float:
@@ -103,8 +107,7 @@ class Prices:
         elimination = self.prepared.elimination
         if self.prepared.unrolled or not may_unroll(elimination):
             return self.evaluation
-        words = len(self.prepared.dynamics.main)
-        return _WORD * words + _UPDATE_UNROLLED * elimination.updates
+        return self._program + _UPDATE_UNROLLED * elimination.updates
 
     def steps(self, count: float) -> float:
         """So many further steps of DOP853, at some of which the elimination may be unrolled."""

@@ -119,16 +119,12 @@ def _dynamics(
         return tape
     from lagcli.engine.tape.differentiation import DerivativeBuilder
 
+    nq = len(eq.q)
     builder, outputs = DerivativeBuilder.of(tape)
-    found = right_sides(builder, long, iter(outputs[len(given) :]), _motion(len(eq.q)))
+    found = right_sides(builder, long, iter(outputs[len(given) :]), range(1 + nq, 1 + 2 * nq))
     for i, register in zip(long, found, strict=True):
         outputs[len(before) + i] = register
     return builder.finish(outputs).selected(range(len(given)))
-
-
-def _motion(nq: int) -> dict[int, int]:
-    """Return the registers of v by those of q, in tapes of (t, q, v, …)."""
-    return {1 + i: 1 + nq + i for i in range(nq)}
 
 
 def lower_recursive(equations: Equations, functions: InputFunctions = NO_FUNCTIONS) -> System:
@@ -252,9 +248,9 @@ def _with_gradients(
     builder, outputs = DerivativeBuilder.of(tape)
     registers = iter(outputs)
     places = [[{j: next(registers) for j in row} for row in block] for block in blocks]
-    times = [next(registers) for _ in (*eq.q, *eq.constraints, eq.time_power)]
-    found = defects(builder, long, registers, _motion(nq), 1 + 2 * nq)
-    gradients = builder.gradients(found, range(1 + 2 * nq))
+    times = [next(registers) for _ in range(nq + len(eq.constraints) + 1)]
+    v, a = range(1 + nq, 1 + 2 * nq), range(1 + 2 * nq, 1 + 3 * nq)
+    gradients = builder.gradients(defects(builder, long, registers, v, a), range(a.start))
     for i, gradient in zip(long, gradients, strict=True):
         blocks[2][i] = places[2][i] = {x - 1: r for x, r in gradient.items() if 1 <= x <= nq}
         blocks[3][i] = places[3][i] = {x - 1 - nq: r for x, r in gradient.items() if x > nq}

@@ -7,7 +7,7 @@ motion, twice from φ or once from ψ, they have a few times as many, some of wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import symengine as se
@@ -32,6 +32,7 @@ def long_constraints(equations: Equations) -> dict[int, ConstraintEquation]:
 
 
 def _is_long(constraint: ConstraintEquation) -> bool:
+    """Return whether γ has many times the operations of φ or ψ, and no kinks."""
     source = _source(constraint)
     if se.count_ops(constraint.rhs) <= _LONGER * se.count_ops(source):
         return False
@@ -57,26 +58,26 @@ def right_sides(
     builder: DerivativeBuilder,
     constraints: Mapping[int, ConstraintEquation],
     registers: Iterator[int],
-    motion: Mapping[int, int],
+    velocities: Sequence[int],
 ) -> list[int]:
     """Append γ of constraints.
 
     Parameters
     ----------
     builder : DerivativeBuilder
-        Of a tape of (t, …).
+        Of a tape of (t, q, …).
     constraints : mapping of int to ConstraintEquation
     registers : iterator of int
         Those of `sources_of`.
-    motion : mapping of int to int
-        The registers of v, by those of q.
+    velocities : sequence of int
+        The registers of v.
 
     Returns
     -------
     list of int
         The registers of −φ̈ and −ψ̇ without accelerations.
     """
-    along = {0: builder.one, **motion}
+    along = {0: builder.one, **dict(enumerate(velocities, 1))}
     given = [next(registers) for _ in constraints]
     positions = [c.position is not None for c in constraints.values()]
     rates = iter(builder.along([x for x, of in zip(given, positions, strict=True) if of], along))
@@ -88,28 +89,28 @@ def defects(
     builder: DerivativeBuilder,
     constraints: Mapping[int, ConstraintEquation],
     registers: Iterator[int],
-    motion: Mapping[int, int],
-    acceleration: int,
+    velocities: Sequence[int],
+    accelerations: Sequence[int],
 ) -> list[int]:
     """Append Γ = γ − B a of constraints.
 
     Parameters
     ----------
-    builder, constraints, motion
+    builder, constraints, velocities
         As for `right_sides`.
     registers : iterator of int
         Those of `sources_of` and `rows_of`.
-    acceleration : int
-        The register of the first a.
+    accelerations : sequence of int
+        The registers of a.
 
     Returns
     -------
     list of int
         The registers of Γ.
     """
-    found = right_sides(builder, constraints, registers, motion)
+    found = right_sides(builder, constraints, registers, velocities)
     for k, c in enumerate(constraints.values()):
         for j in c.row:
-            product = builder.times(next(registers), acceleration + j)
+            product = builder.times(next(registers), accelerations[j])
             found[k] = builder.minus(found[k], product)
     return found

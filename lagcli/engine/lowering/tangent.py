@@ -123,16 +123,15 @@ def _with_derivatives(
     builder, outputs = DerivativeBuilder.of(tape)
     right = n * (nq + nc)
     registers = iter(outputs[right:])
-    velocity = 1 + nq + n * nq
-    acceleration = velocity + nq + n * nq
-    motion = {1 + i: velocity + i for i in range(nq)}
-    found = defects(builder, long, registers, motion, acceleration)
-    place = {name: acceleration + nq + nc + i for i, name in enumerate(eq.model.parameters)}
+    q = range(1, 1 + nq)
+    v = range(q.stop + n * nq, q.stop + n * nq + nq)
+    a = range(v.stop + n * nq, v.stop + n * nq + nq)
+    found = defects(builder, long, registers, v, a)
+    place = {name: i for i, name in enumerate(eq.model.parameters, a.stop + nc)}
     for k, rates in enumerate(directions):
         along = {place[name]: next(registers) for name in rates}
-        for i in range(nq):
-            along[1 + i] = 1 + nq + k * nq + i
-            along[velocity + i] = velocity + nq + k * nq + i
+        for x in (*q, *v):
+            along[x] = x + (1 + k) * nq  # s and ṡ follow q and v
         for i, register in zip(long, builder.along(found, along), strict=True):
             outputs[k * (nq + nc) + nq + i] = register
     return builder.finish(outputs).selected(range(right))

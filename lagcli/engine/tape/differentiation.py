@@ -220,6 +220,7 @@ class DerivativeBuilder(Arithmetic):
         inputs: Container[int],
         register: int,
     ) -> dict[int, int]:
+        """Return the gradient of a register, given the operations and those that vary."""
         adjoint, left = {register: self.one}, [-register]  # the latest operation first
         found: dict[int, int] = {}
         while left:
