@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -26,7 +27,7 @@ MEMBERS = {"net_rods": {"N": "3"}, "ring100": {"N": "8"}}
 CONSTRAINED = [
     path
     for path in (*PATHS.values(), *sorted(FOUND.glob("*.yaml")))
-    if "\nconstraints:" in path.read_text(encoding="utf-8")
+    if re.search("constraints:|quaternion", path.read_text(encoding="utf-8"))
 ]
 Function = Callable[[Mapping[str, mpmath.mpf]], mpmath.mpf]
 #: Operations as a model file writes them, and as mpmath has them.
