@@ -25,6 +25,7 @@
 #define SHORTER 0.3         /* of a step that passed a singular configuration, or in which a contact closes unseen */
 #define SOUND 1e-4          /* largest residual of an elimination that refinement can correct */
 #define EXACT (100.0 * DBL_EPSILON) /* residual of the order of rounding errors */
+#define NOTICEABLE 0.1      /* error of a solution beside the tolerances of a step, which may have rejected it */
 #define ACCURATE_STEPS 20   /* consecutive accurate steps after which solutions are no longer refined */
 #define CONTRADICTION 5e-7  /* of the terms of B a = gamma: residual that is examined more closely */
 #define FORESEEN 16         /* steps after which, and after twice as many again and again, later calls are estimated ... */
@@ -165,20 +166,6 @@ static int finish(lag_run *run)
     return LAG_RUNNING;
 }
 
-/* The largest residual whose error in the velocities is below their tolerances in the last step. */
-static double tolerated_inaccuracy(const lag_run *run)
-{
-    const lag_tolerances *tolerances = &run->tolerances;
-    const int nq = run->system.nq;
-    double least = INFINITY;
-    for (int i = 0; i < nq / run->system.blocks; ++i) {
-        const double change = run->step.h_old * tolerances->acceleration_terms[i];
-        const double tolerance = tolerances->atol[nq + i] + run->settings.rtol * fabs(run->step.y_new[nq + i]);
-        least = change > 0.0 ? fmin(least, tolerance / change) : least;
-    }
-    return fmax(least, EXACT);
-}
-
 /* Whether refined solutions may replace plain ones. */
 static int may_refine(const lag_run *run)
 {
@@ -186,18 +173,29 @@ static int may_refine(const lag_run *run)
            && run->solver.inaccuracy <= SOUND;
 }
 
+/* Directly after lag_inaccuracy: the scaled norm of what refinement would change in the velocities of the last step. */
+static double solution_error(lag_run *run)
+{
+    const int nq = run->system.nq;
+    double *correction = run->step.work, *change = run->step.trial;
+    lag_correct(run, correction);
+    memset(change, 0, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        change[nq + i] = run->step.h_old * correction[i];
+    return lag_scaled_norm(run, change, run->step.y_new, run->step.y_new);
+}
+
 /* Whether y' is accurate enough after a step. If plain solutions of the linear system are not, but refined
  * ones are, y' uses these until plain ones have been accurate for ACCURATE_STEPS steps. After a rejected step,
- * whose cause may be the error of a solution, this error must also be below the tolerances. */
+ * whose cause may be the error of a solution, this error must also be negligible beside the tolerances. */
 static int accurate(lag_run *run)
 {
     const double allowed = lag_allowed_inaccuracy(run), *y = run->step.y_new;
     const double inaccuracy = run->solver.inaccuracy = lag_inaccuracy(run, run->step.t, y, 0);
     const int refining = run->solver.refining, rejected = run->step.rejected > run->solver.rejected;
+    const int suspected = inaccuracy > EXACT && (refining || (rejected && may_refine(run)));
     run->solver.rejected = run->step.rejected;
-    if (inaccuracy <= allowed
-        && (inaccuracy <= EXACT || !(refining || (rejected && may_refine(run)))
-            || inaccuracy <= tolerated_inaccuracy(run))) {
+    if (inaccuracy <= allowed && !(suspected && solution_error(run) > NOTICEABLE)) {
         if (refining && ++run->solver.accurate_steps == ACCURATE_STEPS)
             run->solver.refining = 0;
         return 1;

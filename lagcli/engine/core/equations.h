@@ -18,7 +18,8 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
 int lag_accelerate_on_branch(lag_run *run, double t, const double *y, int refined, double *power);
 
 /* How far the static elimination's a and lambda at a state, refined or not, are from satisfying
- * M a = f + B' lambda, B a = gamma, next to the terms of these; 0 where there is no elimination. */
+ * M a = f + B' lambda, B a = gamma, next to the terms of these; 0 where there is no elimination. The
+ * residual is left in run->step.work. */
 double lag_inaccuracy(lag_run *run, double t, const double *y, int refined);
 
 /* How far redundant constraints contradict each other in B a = gamma at a state, next to the terms of

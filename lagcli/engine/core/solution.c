@@ -285,6 +285,11 @@ static void refine_blocks(lag_run *run, int first, int end, const double *right,
     add_blocks(run, first, end, r, x);
 }
 
+void lag_correct(lag_run *run, double *residual)
+{
+    substitute(run, 0, run->system.blocks, residual);
+}
+
 double lag_solve_tangent(lag_run *run, double *x)
 {
     const lag_system *s = &run->system;

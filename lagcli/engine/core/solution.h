@@ -46,6 +46,9 @@ double lag_solve_tangent(lag_run *run, double *x);
 /* One step of iterative refinement of the motion's solution x; not of the dense one. */
 void lag_refine(lag_run *run, const double *right, double *x);
 
+/* What such a step adds to a solution, instead of the solution's residual. */
+void lag_correct(lag_run *run, double *residual);
+
 /* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */
 void lag_residual(const lag_run *run, const double *right, const double *x, double *r, double *size);
 
