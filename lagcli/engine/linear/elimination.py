@@ -65,6 +65,8 @@ _LEAST = 1e-6
 MOST_UNROLLED, MOST_FOR_EACH = 30_000, 100
 #: ... and number of unknowns from which a remaining matrix without zeros is treated as an array.
 _FULL = 16
+#: Most rows of a column with stored zeros, in parts of its own.
+_AMALGAMATED = 1.1
 #: Number of pivots whose product is in the range of numbers.
 _FACTORS = 8
 
@@ -109,10 +111,7 @@ class Elimination(NamedTuple):
         return sum(len(c) * (len(c) + 1) // 2 for c in self.columns)
 
     def in_postorder(self) -> Elimination:
-        """Return the same elimination with each pivot directly before what it is updated into.
-
-        Where its columns have the same rows, the core updates them together (`lag_supernodes`).
-        """
+        """Return the same elimination with each pivot directly before what it is updated into."""
         n = len(self.order)
         first = [k - 1 if k and self.paired[k - 1] else k for k in range(n)]  # of the pivot
         into: list[list[int]] = [[] for _ in range(n)]
@@ -138,6 +137,20 @@ class Elimination(NamedTuple):
             tuple(tuple(sorted(place[i] for i in self.columns[k])) for k in order),
             self.smallest,
         )
+
+    def amalgamated(self) -> Elimination:
+        """Return the same elimination with some zeros stored, so that more columns have the same
+        rows; these are updated together (`lag_supernodes`).
+
+        Ashcraft and Grimes' relaxed supernodes, doi:10.1145/76909.76910.
+        """
+        columns = list(self.columns)
+        starts = [k for k in range(len(columns)) if not (k and self.paired[k - 1])]
+        for k, after, end in reversed([*zip(starts, starts[1:], [*starts[2:], len(columns)])]):
+            own, rows = columns[k], (*range(after, end), *columns[after])
+            if own and own[0] < end and len(rows) <= _AMALGAMATED * len(own) + 2:
+                columns[k:after] = [rows] * (after - k)
+        return self._replace(columns=tuple(columns))
 
     def left_out(self, system: System) -> list[int]:
         """Return the rows of B without a position, ascending."""
@@ -229,7 +242,7 @@ def order_at(
     if elimination is None:
         raise NoElimination
     if elimination.updates > min(MOST_UNROLLED, MOST_FOR_EACH * len(elimination.order)):
-        return elimination.in_postorder()
+        return elimination.in_postorder().amalgamated()
     return elimination
 
 

@@ -44,10 +44,10 @@ def found(mass: np.ndarray, jacobian: np.ndarray) -> Elimination:
     return find_order(len(mass), len(jacobian), m, b, *columns)
 
 
-def random_parts(seed: int) -> tuple[np.ndarray, np.ndarray]:
+def random_parts(seed: int, nq: int = 8) -> tuple[np.ndarray, np.ndarray]:
     """Return a sparse M > 0 but for a coordinate without inertia, and a sparse B."""
     rng = np.random.default_rng(seed)
-    nq, nc = 8, 4
+    nc = nq // 2
     root = rng.normal(size=(nq, nq)) * (rng.random((nq, nq)) < 0.3) + np.eye(nq)
     mass = root.T @ root
     mass[0, :] = mass[:, 0] = 0.0
@@ -114,6 +114,24 @@ def test_the_postorder_is_the_same_elimination(seed: int) -> None:
         assert len({x.tobytes() for x in solutions}) == 1
         error = 1e-13 * np.linalg.cond(matrix) * np.abs(exact).max()
         np.testing.assert_allclose(solutions[0], exact, rtol=0, atol=error)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_stored_zeros_do_not_change_a_bit(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parts = random_parts(seed, nq=int(rng.integers(8, 40)))
+    plan = found(*parts).in_postorder()
+    more = plan.amalgamated()
+    assert more.order == plan.order
+    assert more.paired == plan.paired
+    assert all({*a} <= {*b} for a, b in zip(plan.columns, more.columns, strict=True))
+    assert more.updates > plan.updates
+    matrix = whole(*parts)
+    places = pattern(matrix)
+    values = [matrix[i, j] for i, j in places]
+    right = rng.normal(size=len(matrix))
+    solutions = [solve_ldl(x, places, values, right, k) for x in (plan, more) for k in KERNELS]
+    assert len({x.tobytes() for x in solutions}) == 1
 
 
 @pytest.mark.parametrize("seed", range(20))
