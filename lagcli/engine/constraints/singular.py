@@ -105,12 +105,15 @@ class SingularTime(NamedTuple):
             The time of the state that the path is extrapolated from, s.
         """
         size = math.log10(self.within)
-        if self.within <= _ACCURATE * abs(self.time):
-            return f"t = {round(self.time, -math.ceil(size)):.9g} s"
-        last = -math.floor(size)
-        within = math.ceil(self.within * 10.0**last) / 10.0**last
+        time = round(self.time, -math.ceil(size))
+        if self.within + abs(time - self.time) <= _ACCURATE * abs(self.time):
+            return f"t = {time:.9g} s"
+        time = round(self.time, -math.floor(size))
+        within = self.within + abs(time - self.time)
+        last = -math.floor(math.log10(within))
+        within = math.ceil(within * 10.0**last) / 10.0**last
         how = "" if since is None else f", extrapolated from t = {since:.9g} s"
-        return f"t = {round(self.time, last):.9g} s (to within {within:.1g} s{how})"
+        return f"t = {time:.9g} s (to within {within:.1g} s{how})"
 
 
 @dataclass(frozen=True)

@@ -257,7 +257,9 @@ int lag_advance(lag_run *run, int64_t slice)
             --run->solver.dense_steps;
         if (lag_check_left_out(run) && lag_take_all_rows(run, 1))
             return LAG_INACCURATE;
-        status = run->method->step(run);
+        status = lag_sizes_follow(run);
+        if (status == LAG_RUNNING)
+            status = run->method->step(run);
         if ((status == LAG_FLOOR || status == LAG_UNDEFINED) && lag_jams(run))
             return LAG_JAMMED;
         if (status != LAG_RUNNING)

@@ -44,6 +44,7 @@ typedef struct {
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */
     double *terms;                     /* 2 kinds and nq: scratch */
+    int64_t since, again;              /* the step since which A is amplified, and at which it is found again; 0: never */
 } lag_tolerances;
 
 /* dop853.c: whether stability, not the order's accuracy, limits the steps. */

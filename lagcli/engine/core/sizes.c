@@ -132,13 +132,28 @@ static void count_growth(lag_run *run)
 }
 
 /* Raise the sizes of accelerations of each kind, A, that do not show the forces, which balance: to the
- * largest sum of the magnitudes of f_i and M_ij a_j over the largest M_ii. */
-static void count_forces(lag_run *run, double *largest)
+ * largest sum of the magnitudes of f_i and M_ij a_j over the largest M_ii. Returns whether some are far larger than that:
+ * the equations amplify rounding errors, as next to a singular configuration. */
+static int count_forces(lag_run *run, double *largest)
 {
     const double *terms = terms_of(run, run->step.t, run->step.y, run->step.f + run->system.nq);
-    for (int kind = 0; kind < run->tolerances.kinds; ++kind)
+    int amplified = 0;
+    for (int kind = 0; kind < run->tolerances.kinds; ++kind) {
+        amplified |= terms[kind] > 0.0 && largest[kind] > AMPLIFIED * terms[kind];
         if (largest[kind] < HIDDEN * terms[kind])
             largest[kind] = terms[kind];
+    }
+    return amplified;
+}
+
+/* Find A again after 1, 2, 4, 8, ... steps while rounding errors are amplified. */
+static void find_again(lag_run *run, int amplified)
+{
+    lag_tolerances *tolerances = &run->tolerances;
+    if (!tolerances->again)
+        tolerances->since = run->step.steps;
+    const int64_t passed = run->step.steps - tolerances->since;
+    tolerances->again = amplified ? run->step.steps + (passed ? passed : 1) : 0;
 }
 
 /* y' with rounding errors of one side: all operations are rounded down, or up. Where a machine has no rounding modes,
@@ -180,7 +195,7 @@ void lag_sizes_start(lag_run *run)
         double *largest = run->tolerances.largest + run->tolerances.kind[i];
         *largest = fmax(*largest, run->tolerances.acceleration_terms[i]);
     }
-    count_forces(run, run->tolerances.largest);
+    find_again(run, count_forces(run, run->tolerances.largest));
     for (int i = 0; i < nq; ++i)
         run->tolerances.acceleration_terms[i] = run->tolerances.largest[run->tolerances.kind[i]];
     look_ahead(run);
@@ -291,4 +306,10 @@ void lag_first_step(lag_run *run, double order)
     lag_evaluate(&run->system.dynamics, &run->system, run->step.t, y, LAG_ALL);
     run->tolerances.size[n] = fmax(run->tolerances.size[n], kinetic_energy(run, y + nq, run->step.h));
     lag_sizes_update(run);
+}
+
+int lag_sizes_follow(lag_run *run)
+{
+    const int64_t again = run->tolerances.again;
+    return again && run->step.steps >= again ? lag_sizes_again(run) : LAG_RUNNING;
 }

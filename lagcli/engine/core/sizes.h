@@ -18,7 +18,8 @@
  *     rounding too (a coordinate that a constraint holds), it is the largest sum of the magnitudes of
  *     forces over the largest inertia among coordinates of the same kind. It is raised to that of later
  *     times where a coordinate at rest stays so, as a body that friction holds under a load that grows, and
- *     during the run where forces that rows hold have grown beyond it;
+ *     during the run where forces that rows hold have grown beyond it. Next to a singular configuration it is much
+ *     larger, and is found again as the run goes on;
  *   - TIMING times T R_i for a velocity, and h T R_i for its coordinate. T is the length of the run,
  *     R_i, of a coordinate at rest without acceleration, the largest acceleration at times to come: a
  *     load that is applied later, at a time that is known to a rounding.
@@ -40,6 +41,7 @@
 #define HIDDEN 1e-8         /* of the forces' size: a smaller A is a rounding error */
 #define VANISHED 1e-12      /* of the forces' size: an acceleration below it is all rounding */
 #define GROWN 0.1           /* of the forces' size: a smaller A, without a velocity, is too small for rows that hold */
+#define AMPLIFIED 1e3       /* of the forces' size: a larger A is that of rounding errors which the equations amplify */
 #define NO_SIZE 1e-100      /* tolerance of an entry without any size so far */
 #define LOOKS 64            /* number of later times at which accelerations are evaluated */
 
@@ -49,6 +51,10 @@ void lag_sizes_start(lag_run *run);
 /* Find A again where the linear system is solved in another way from here on. Returns LAG_RUNNING, or
  * LAG_UNDEFINED. */
 int lag_sizes_again(lag_run *run);
+
+/* Find A again if it was found next to a singular configuration, where it is large, and it is time to. Called before a
+ * step; the same results. */
+int lag_sizes_follow(lag_run *run);
 
 /* Before the step from (t, y, f) of size h: sizes, and the absolute tolerances of the step. */
 void lag_sizes_update(lag_run *run);

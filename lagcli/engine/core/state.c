@@ -120,6 +120,8 @@ static void tolerances(lag_archive *a, lag_run *run)
     lag_archive_reals(a, t->acceleration_terms, nq);
     lag_archive_reals(a, t->future_acceleration, nq);
     lag_archive_reals(a, t->largest, INT64_C(2) * t->kinds);
+    number(a, &t->since);
+    number(a, &t->again);
     real(a, &run->stiffness.rate);
     lag_archive_int(a, &run->stiffness.stiff, 0, INT32_MAX / 2);
     lag_archive_int(a, &run->stiffness.not_stiff, 0, INT32_MAX / 2);

@@ -9,6 +9,7 @@ import pytest
 from lowered import lowered
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from singular_motions import stated_accuracy, stated_time
 
 import lagcli
 from lagcli.engine.constraints.index1 import Index1
@@ -367,11 +368,11 @@ def test_a_path_that_is_nearer_than_its_time_is_known_is_not_examined(
     [
         (0.123456789012, 3e-10, None, "t = 0.123456789 s"),
         (0.123456789012, 3e-9, None, "t = 0.12345679 s"),
-        (0.123456789012, 1.2e-7, None, "t = 0.123457 s"),
+        (0.123456789012, 1.2e-7, None, "t = 0.1234568 s (to within 2e-07 s)"),
         (0.123456789012, 1.8e-7, None, "t = 0.1234568 s (to within 2e-07 s)"),
         (0.05185076, 4.1e-6, None, "t = 0.051851 s (to within 5e-06 s)"),
         (1.23e-3, 3e-8, 1e-3, "t = 0.00123 s (to within 3e-08 s, extrapolated from t = 0.001 s)"),
-        (1234.567, 2.0, 1200.0, "t = 1235 s (to within 2 s, extrapolated from t = 1200 s)"),
+        (1234.567, 2.0, 1200.0, "t = 1235 s (to within 3 s, extrapolated from t = 1200 s)"),
         (-0.5, 1e-9, None, "t = -0.5 s"),
     ],
 )
@@ -379,6 +380,15 @@ def test_times_have_the_digits_that_are_known(
     time: float, within: float, since: float | None, stated: str
 ) -> None:
     assert SingularTime(time, within, True).stated(since) == stated
+
+
+def test_stated_times_include_their_rounding() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        time, within = rng.uniform(0.1, 10), 10 ** rng.uniform(-9, -2)
+        text = "singular configuration at " + SingularTime(time, within, True).stated()
+        error = within + abs(stated_time(text) - time)
+        assert error <= stated_accuracy(text) * (1 + 1e-9), (time, within, text)
 
 
 def test_messages_name_constraints_and_ways_out(watch: RankWatch) -> None:

@@ -47,6 +47,29 @@ def test_every_shipped_model_moves_as_by_the_oracle(path):
         assert np.nanmax(relative, initial=0.0) <= 1e-12
 
 
+@pytest.mark.parametrize("beside", [1e-6, 1e-8])
+def test_sizes_of_accelerations_next_to_a_singular_configuration_do_not_last(beside):
+    """They are large, as are their rounding errors, and found anew while the run moves away."""
+    angle = math.pi / 2 + beside
+    model = lagcli.load_text(f"""
+coordinates: [a, b, x]
+T: (1.3*(a'^2 + b'^2) + 0.7*x'^2)/2
+constraints: {{crank: a^2 + b^2 = 1, rod: (x - a)^2 + b^2 = 1}}
+initial:
+  a: {math.cos(angle)!r}
+  b: {math.sin(angle)!r}
+  x: {2 * math.cos(angle)!r}
+  a': {-4 * math.sin(angle)!r}
+  b': {4 * math.cos(angle)!r}
+  x': {-8 * math.sin(angle)!r}
+""")
+
+    run = lagcli.simulate(model, t_end=0.3, samples=31, rtol=1e-10, method="Taylor")
+    assert run.status == "completed"
+    for i, name in enumerate(run.coordinates):
+        assert run.tolerances[name + "'"] < 2 * 0.1 * 1e-10 * np.abs(run.v[:, i]).max()
+
+
 def only_densely(monkeypatch):
     """Let no system have an order of elimination."""
     from lagcli.engine.constraints import initial
