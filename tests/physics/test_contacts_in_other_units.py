@@ -6,6 +6,8 @@ digits; only tolerances and decisions could differ.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -181,6 +183,38 @@ def test_friction_by_any_law_sticks_below_its_limit(law: str) -> None:
             moved = max(abs(force) - limit, 0) / 2 * np.sign(force)
             assert run.status == "completed", run.message
             assert run.q[-1, 0] == pytest.approx(moved, abs=1e-9)
+
+
+#: Laws of friction under two normal forces, of degree one like an affine law, with N = 2.
+LAWS_OF_TWO = {
+    "mu*sqrt(lambda.first^2 + lambda.second^2)": lambda u, w: 0.3 * math.hypot(u, w),
+    "mu*hypot(lambda.first, 2*lambda.second)": lambda u, w: 0.3 * math.hypot(u, 2 * w),
+    "mu*abs(lambda.first + lambda.second)": lambda u, w: 0.3 * abs(u + w),
+    "mu*max(abs(lambda.first), abs(lambda.second))": lambda u, w: 0.3 * max(abs(u), abs(w)),
+    "mu*max(3*abs(lambda.first), abs(lambda.second))": lambda u, w: 0.3 * max(3 * abs(u), abs(w)),
+    "mu*sqrt(abs(lambda.first*lambda.second))": lambda u, w: 0.3 * math.sqrt(abs(u * w)),
+}
+
+
+@pytest.mark.parametrize("law", LAWS_OF_TWO)
+def test_friction_by_two_forces_sticks_below_its_limit(law: str) -> None:
+    """A block in two guides sticks while |F| is below the limit, else F less this moves it."""
+    for u, w in ((3.0, 4.0), (-5.0, 1.0), (1.0, -5.0), (-2.0, -2.5), (0.25, 6.0)):
+        limit = LAWS_OF_TWO[law](u, w)
+        for force in (0.99 * limit, -0.99 * limit, 1.01 * limit, -limit - 1):
+            run = lagcli.simulate(
+                lagcli.load_text(
+                    "coordinates: [x, y, z]\n"
+                    f"parameters: {{u: {u}, w: {w}, F: {force!r}, mu: 0.3}}\n"
+                    "T: 1/2*(x'^2 + y'^2 + z'^2)\nQ: {x: F, y: -u, z: -w}\nconstraints:\n"
+                    f"  first: y = 0\n  second: z = 0\n  rub: {{expr: x' = 0, limit: {law}}}\n"
+                    "initial: {x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}\n"
+                    "simulation: {t_end: 1, samples: 3}"
+                )
+            )
+            assert run.status == "completed", run.message
+            expected = math.copysign(max(abs(force) - limit, 0.0), force) / 2
+            assert run.q[-1, 0] == pytest.approx(expected, abs=1e-9), (u, w, force)
 
 
 @pytest.mark.parametrize("part", [-0.8, 0.5, 2.5, 9.0])

@@ -17,6 +17,8 @@
 #define INERT_ERROR 1e-10   /* of the terms of the acceleration of a row that nothing moves */
 #define SECANTS 8           /* steps by secants of curved limits, before those by tangents */
 #define LIMIT_EXACT 1e-13   /* of a limit: convergence of those that are curved in multipliers */
+#define SMALL 0x1p-100      /* multipliers of which one is far larger than another, in any unit */
+#define LARGE 0x1p100
 #define LEAST_FORCE 1e-9    /* of the largest force: a smaller one, where slopes are asked for */
 
 double lag_no_gap(const lag_run *run, int row)
@@ -121,23 +123,35 @@ void lag_limits_of(lag_run *run, double t, const double *y, const double *a, int
     }
 }
 
+/* The multiplier of a row in a trial of limits, over the row's sign: 1 in the first; then, for each bit of the rows'
+ * numbers, two in which it tells rows with far larger ones from those with far smaller ones, and rows with the other
+ * sign, where they may have it. So any two rows differ in both orders and in their signs. */
+static double multiplier_of_trial(const lag_switching *sw, int row, int trial)
+{
+    if (!trial)
+        return 1.0;
+    const int set = (row + 1) >> (trial - 1) / 2 & 1;
+    return copysign(set == trial % 2 ? LARGE : SMALL, set && sw->law[row] != LAG_UNILATERAL ? -1.0 : 1.0);
+}
+
 /* Whether limits are more than constants and parts that are proportional to the multipliers' magnitudes: their slopes
- * at 1, at far smaller and larger ones, and with the other sign, differ. */
+ * with respect to these differ among the trials. */
 static int are_curved(lag_run *run, double t, const double *y, const double *a)
 {
-    static const double at[] = {0x1p-100, 1.0, 0x1p100, -1.0};
     lag_switching *sw = &run->switching;
     const int first = 2 * sw->nl, count = 2 * sw->pattern_count;
     double *slope = sw->work;
-    int curved = 0;
-    for (int k = 0; k < 4 && count; ++k) {
+    int curved = 0, trials = 1;
+    for (int bits = sw->rows; bits; bits >>= 1)
+        trials += 2;
+    for (int k = 0; k < trials && count && !curved; ++k) {
         memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
         for (int i = 0; i < sw->rows; ++i)
-            sw->multipliers[sw->constraint[i]] = sw->sign[i] * (sw->law[i] == LAG_UNILATERAL ? fabs(at[k]) : at[k]);
+            sw->multipliers[sw->constraint[i]] = sw->sign[i] * multiplier_of_trial(sw, i, k);
         lag_evaluate_laws(run, &sw->limits, t, y, a, sw->multipliers, LAG_OF_FORCES);
         for (int j = 0; j < count; ++j) {
             const int row = sw->pattern_row[j % sw->pattern_count];
-            const double now = OUT(&sw->limits, first + j) * (sw->law[row] == LAG_UNILATERAL || k < 3 ? 1.0 : -1.0);
+            const double now = copysign(1.0, multiplier_of_trial(sw, row, k)) * OUT(&sw->limits, first + j);
             curved |= k && !(now == slope[j]);
             slope[j] = now;
         }
