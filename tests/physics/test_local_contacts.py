@@ -119,6 +119,36 @@ def test_a_ladder_beyond_its_friction_is_found_where_friction_just_suffices() ->
         follow_equilibria(model, "mu", 0.2, 0.1)
 
 
+#: A block on a spring in two guides, with friction by the length of both forces.
+GUIDED = """
+name: guided
+coordinates: [x, y, z]
+parameters: {u: 3, w: 4, F: 1.6, mu: 0.3, k: 1}
+T: (x'^2 + y'^2 + z'^2)/2
+Q: {x: F - k*x, y: -u, z: -w}
+constraints:
+  first: y = 0
+  second: z = 0
+  rub: {expr: x' = 0, limit: mu*sqrt(lambda.first^2 + lambda.second^2)}
+initial: {x: 0, y: 0, z: 0, x': 0, y': 0, z': 0}
+"""
+
+
+@pytest.mark.parametrize(("force", "x"), [(1.4, 0.0), (1.6, 0.1), (-5.0, -3.5)])
+def test_a_limit_by_two_forces_that_is_not_smooth_without_them(force: float, x: float) -> None:
+    """It holds up to 0.3 * 5 = 1.5; the search starts from multipliers of 0."""
+    found = only(lagcli.load_text(GUIDED, set={"F": force}))
+    assert found.operating_point.point.q == pytest.approx([x, 0.0, 0.0], abs=1e-12)
+    friction = min(max(-force, -1.5), 1.5)
+    assert multipliers(found) == pytest.approx({"rub": friction}, rel=1e-12)
+    assert states(found)["rub"] == ("at its limit" if x else "sticks")
+
+
+def test_a_limit_that_is_not_smooth_at_the_equilibrium_is_an_error() -> None:
+    with pytest.raises(NumericalError, match="not smooth there"):
+        lagcli.equilibrium(lagcli.load_text(GUIDED, set={"u": 0, "w": 0}))
+
+
 def test_a_spring_presses_a_block_against_a_stop() -> None:
     model = lagcli.load_text(
         """

@@ -201,23 +201,32 @@ class LocalEquations(DerivedModel):
         return dynamics._replace(forcing=forcing, finite=bool(np.isfinite(forcing).all()))
 
     def reactions(self, point: Point, jacobian: Array) -> Array:
-        """Return the derivatives of the forces with respect to λ, (nq, nc): Bᵀ without friction."""
+        """Return the derivatives of the forces with respect to λ, (nq, nc): Bᵀ without friction.
+
+        Raises NumericalError if not finite.
+        """
         if self.reactive is None:
             return jacobian.T
-        return np.asarray(jacobian.T + self.reactive.slopes.at(point))
+        slopes = self.reactive.slopes.at(point)
+        self._require_finite(slopes)
+        return np.asarray(jacobian.T + slopes)
 
     def jacobians(self, point: Point) -> MotionJacobians:
         """Return the Jacobians of the equations of motion; raises NumericalError if not finite."""
         if self._last is not None and self._last[0] is point:
             return self._last[1]
         jacobians = self.jacobian_tape.at(point)
-        if not np.isfinite(np.concatenate(jacobians, axis=None)).all():
+        self._require_finite(*jacobians)
+        self._last = point, jacobians
+        return jacobians
+
+    def _require_finite(self, *derivatives: Array) -> None:
+        """Raise NumericalError if derivatives of the equations are not finite."""
+        if not np.isfinite(np.concatenate(derivatives, axis=None)).all():
             raise NumericalError(
                 f"the derivatives of the equations of {self.model.name} have no finite value at"
                 " this point: an expression is not smooth there; choose another point"
             )
-        self._last = point, jacobians
-        return jacobians
 
     def velocity_gradient(self, point: Point) -> Array:
         """Return ∂ψ/∂q, (nc, nq)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -332,14 +333,20 @@ class SteadyProblem:
         return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics, speeds)
 
     def multipliers(self, residual: Residual) -> Array:
-        """Return the λ of least norm that balance the forces best."""
+        """Return the λ of least norm that balance the forces best.
+
+        Forces that have no derivative by λ, as √(λ₁² + λ₂²) at 0, keep their values.
+        """
         if self.local.reactive is not None:
             sizes, scale = residual.decomposition.sizes, residual.decomposition.scale
-            reactions = self.local.reactions(residual.point, residual.dynamics.jacobian)
-            step, *_ = np.linalg.lstsq(
-                sizes[:, None] * reactions / scale, -sizes * residual.value[: self.nq], rcond=RANK
-            )
-            return np.asarray(residual.point.multipliers + step / scale)
+            with suppress(NumericalError):
+                reactions = self.local.reactions(residual.point, residual.dynamics.jacobian)
+                step, *_ = np.linalg.lstsq(
+                    sizes[:, None] * reactions / scale,
+                    -sizes * residual.value[: self.nq],
+                    rcond=RANK,
+                )
+                return np.asarray(residual.point.multipliers + step / scale)
         forces = (
             residual.dynamics.jacobian.T @ residual.point.multipliers - residual.value[: self.nq]
         )
